@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.setup.scenario import Agent
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats, Reals
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, number
 from deqmcl_gym.world.config import WORLDS, Driver, World
 from deqmcl_gym.world.course import Course, Point, Pose
 from deqmcl_gym.world.driver import GuidedPlan
@@ -24,6 +24,7 @@ _AHEAD = 8  # the start of a stale plan is an eighth of the plan ahead
 _LAP_HORIZON, _HORIZON = 40, 100  # actions planned on the estimate, of a lap and to a goal
 _STEP = 10.0  # px: 0.2 m
 _OFF = 25.0  # px: so far from its way a robot plans another one
+_LOOK_ROUND = np.array([0.0, math.radians(15)], np.float32)  # where nothing is believed
 _BACK_OFF = math.radians(120)  # turned on the spot after a contact, before it drives on
 
 
@@ -58,6 +59,60 @@ class Stale(OpenLoop):
         """Return the next action planned by the env, and what is left of the other plan."""
         self._rest = self._rest[1:]
         return info["planned_actions"][0], self._rest
+
+
+class Misplaced(OpenLoop):
+    """The plan that the env shows is carried out; the localizer is shown one from a wrong pose.
+
+    Its author sees the robot, shifted in one direction and turned by constant errors. In each lap
+    the direction is another one, and the turn left or right. The author plans the lap as the driver
+    of ``guided`` does, at every step, for the step after it.
+
+    Attributes:
+        sees_truth: True; see ``Agent``.
+        step, pose, arc, way: see ``Underway``.
+    """
+
+    sees_truth = True
+
+    def __init__(self, robot: RobotModel, *, shift: float = 0.0, turn: float = 0.0) -> None:
+        """Make it for a robot.
+
+        Args:
+            robot: its map and size.
+            shift: distance of the position seen from the true one, in the map's unit.
+            turn: angle of the heading seen to the true one, rad.
+        """
+        self._shift, self._turn = number("shift", shift, low=0), number("turn", turn, low=0)
+        self._plan = _lap(robot)
+        self.step, self.way = 0, 0.0
+
+    def plan_at_reset(self, info: dict[str, Any]) -> Reals:
+        """Return the plan from the pose seen at the start."""
+        if not np.isfinite(info["truth"]).all():
+            raise InputError("the agent must see the true pose: give a world that tells it.")
+        seed = np.abs(np.rint(1e6 * info["truth"])).astype(np.int64)
+        direction, side = np.random.default_rng(seed).random(2)
+        angle = 2 * math.pi * direction
+        self._apart = np.array(
+            [
+                self._shift * math.cos(angle),
+                self._shift * math.sin(angle),
+                self._turn if side < 0.5 else -self._turn,
+            ]
+        )
+        return self._seen_from(info["truth"])
+
+    def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
+        """Return the next action planned by the env, and the author's plan after it."""
+        return info["planned_actions"][0], self._seen_from(info["truth"])[1:]
+
+    def _seen_from(self, truth: Reals) -> Reals:
+        x, y, heading = (truth + self._apart).tolist()
+        self.pose: Pose = (x, y, heading)
+        self.arc = self._plan.course.path.arc(self.pose[:2])
+        planned, count = self._plan.after(self)
+        return planned[:count]
 
 
 class OldRoute(OpenLoop):
@@ -109,13 +164,10 @@ class OnEstimate:
     its plan is used up the episode ends.
     """
 
+    plan_author = "own"
+
     def __init__(self, robot: RobotModel) -> None:
-        world = WORLDS["guided"].changed(
-            floor_plan=robot.floor_plan, robot={"radius": robot.radius}
-        )
-        course = Course.of(world)
-        self._path = course.path
-        self._plan = GuidedPlan.of(world, world.driver or Driver(), course, _LAP_HORIZON)
+        self._plan = _lap(robot)
         self.step, self.way = 0, 0.0
         self.pose: Pose = (0.0, 0.0, 0.0)
         self.arc = 0.0
@@ -126,8 +178,10 @@ class OnEstimate:
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next action of a plan from the mean pose, and the rest of that plan."""
-        self.pose = mean_pose(*_points(belief))
-        self.arc = self._path.arc(self.pose[:2])
+        if (seen := _points(belief)) is None:
+            return _LOOK_ROUND, None
+        self.pose = mean_pose(*seen)
+        self.arc = self._plan.course.path.arc(self.pose[:2])
         planned, count = self._plan.after(self)
         return planned[0], planned[1 : max(count, 1)]
 
@@ -145,6 +199,8 @@ class ToGoal:
         goal: where it drives to; None before the start.
         step: see ``Underway``; so are pose, arc and way.
     """
+
+    plan_author = "own"
 
     def __init__(self, robot: RobotModel) -> None:
         self._map, self._px = robot.floor_plan, pixel(robot.floor_plan.unit)
@@ -167,7 +223,9 @@ class ToGoal:
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next action towards the goal, and those after it."""
-        self.pose = best_cluster(*_points(belief), unit=self._map.unit).mean
+        if (seen := _points(belief)) is None:
+            return _LOOK_ROUND, None
+        self.pose = best_cluster(*seen, unit=self._map.unit).mean
         if info["collided"]:
             turn, step = self._world.lap.turn, self._world.lap.step
             turns = [(0.0, self._side * turn)] * round(_BACK_OFF / turn)
@@ -222,6 +280,12 @@ class OnRoute(ToGoal):
         self.follow(Course.along(corners, (*corners[0].tolist(), 0.0), self._world))
 
 
+def _lap(robot: RobotModel) -> GuidedPlan:
+    """Plan the lap in mid-corridor of the robot's map, as the driver of ``guided`` does."""
+    world = WORLDS["guided"].changed(floor_plan=robot.floor_plan, robot={"radius": robot.radius})
+    return GuidedPlan.of(world, world.driver or Driver(), Course.of(world), _LAP_HORIZON)
+
+
 def _in_the_building(robot: RobotModel) -> World:
     """The world of a robot that plans routes on its map."""
     return WORLDS["paper"].changed(
@@ -233,16 +297,17 @@ def _in_the_building(robot: RobotModel) -> World:
     )
 
 
-def _points(belief: Belief) -> tuple[Reals, Floats]:
+def _points(belief: Belief) -> tuple[Reals, Floats] | None:
+    """Return the poses and weights of the present; None if there is nothing to plan from."""
     points = belief.points()
-    assert points is not None, "a belief has points of the present"
-    return points
+    return None if points is None or len(points[0]) == 0 else points
 
 
-AGENTS: Mapping[str, Callable[[RobotModel], Agent]] = MappingProxyType(
+AGENTS: Mapping[str, Callable[..., Agent]] = MappingProxyType(
     {
         "open-loop": OpenLoop,
         "stale": Stale,
+        "misplaced": Misplaced,
         "old-route": OldRoute,
         "other-route": OtherRoute,
         "on-estimate": OnEstimate,

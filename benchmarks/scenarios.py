@@ -10,7 +10,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.changes import Changes, Named
 from benchmarks.setup.scenario import Gaussian, Scenario, Thresholds, Uniform
 from deqmcl_gym.world.config import WORLDS, MotionNoise, Start, World
 from localizers import CensoredGaussianUniform, OdometryMotion
@@ -34,7 +34,8 @@ def _known(world: World) -> dict[str, Any]:
 
 def _as(base: Scenario, words: str, agent: str | None = None, **env: Any) -> Scenario:
     """Another scenario, with another agent or other arguments of its env."""
-    return replace(base, words=words, agent=agent or base.agent, env={**base.env, **env})
+    driven = Named(agent) if agent else base.agent
+    return replace(base, words=words, agent=driven, env={**base.env, **env})
 
 
 _GUIDED = Scenario(

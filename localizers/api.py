@@ -61,7 +61,11 @@ class Belief(Protocol):
 
 @runtime_checkable
 class Localizer(Protocol):
-    """Estimates a robot's pose from commands, scans and plans. Plug-ins need not inherit it."""
+    """Estimates a robot's pose from commands, scans and plans. Plug-ins need not inherit it.
+
+    An optional attribute ``own_plans`` is False if a plan that the robot has made from this
+    localizer's belief is not to be shown to it: in its place the plan is empty.
+    """
 
     def reset(self, prior: Prior, plan: Reals, rng: np.random.Generator) -> Belief:
         """Start anew and return the belief at t = 0.

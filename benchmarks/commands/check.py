@@ -1,4 +1,4 @@
-"""Check a localizer against named laws on a short random drive.
+"""Check a localizer, or an agent, against named laws on a short drive.
 
 One line per law: ok, FAILED or skipped, with the reason. Exit code 3 if a law fails.
 """
@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING
 from benchmarks.console import doing
 
 if TYPE_CHECKING:  # loaded when needed
-    from localizers.checks.laws import Law
+    from collections.abc import Sequence
+
+    from localizers.checks.laws import Law, Verdict
 
 _BEFORE_ANY = ("answers in time", "makes a localizer", "answers with beliefs")
 
 
 class LawsBrokenError(RuntimeError):
-    """A localizer breaks laws, which have been printed."""
+    """A localizer or an agent breaks laws, which have been printed."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,17 +34,26 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MAP.yaml",
         help="try it on this map, in m, instead of a small room of polygons",
     )
+    add("--agent", action="store_true", help="NAME is of an agent")
+    add("--scenario", metavar="NAME", help="where an agent drives (guided; with a goal, driving)")
     add("--timeout", type=float, default=60.0, metavar="S", help="seconds allowed per law (60)")
 
 
 def run(options: argparse.Namespace) -> str:
     """Run the command, printing each law as it is tried; return the last lines."""
     from deqmcl_gym.maps import GridMap
+    from deqmcl_gym.validation import InputError
     from localizers.checks.laws import LAWS
     from localizers.checks.run import examined
     from localizers.checks.subject import robot_on
     from localizers.naming.registry import complete
 
+    if options.agent:
+        if options.map is not None:
+            raise InputError("--map is for localizers: with --agent give --scenario.")
+        return _of_agent(options)
+    if options.scenario is not None:
+        raise InputError("--scenario is for agents: give --agent, or --map for a localizer.")
     name = complete(options.name)
     robot = None if options.map is None else robot_on(GridMap.load(options.map))
     with doing(f"loading {name}"):
@@ -55,17 +66,34 @@ def run(options: argparse.Namespace) -> str:
             if robot is None and tried[-1].status == "FAILED":
                 _refuse_if_cells_are_needed(name, law, tried[-1].note, options.timeout)
             print(tried[-1], flush=True)
-        failed = [verdict for verdict in tried if verdict.status == "FAILED"]
-        if failed:
-            words = f"{len(failed)} of {len(tried)} laws failed"
-            named = ", ".join(repr(verdict.law) for verdict in failed)
-            raise LawsBrokenError(f"{words}: {named}.") from failed[0].error
+        _refuse_broken(tried)
         milliseconds = examination.milliseconds_per_step()
     skipped = sum(verdict.status == "skipped" for verdict in tried)
     return (
         f"time per step: {milliseconds:.3g} ms, the median of a short drive\n"
         f"{name} keeps all laws" + (f" ({skipped} skipped)." if skipped else ".")
     )
+
+
+def _of_agent(options: argparse.Namespace) -> str:
+    """Check an agent."""
+    from benchmarks.studies.agent_laws import verdicts
+
+    tried = []
+    with doing(f"trying the laws of agents on {options.name}"):
+        for verdict in verdicts(options.name, options.scenario, timeout=options.timeout):
+            print(verdict, flush=True)
+            tried.append(verdict)
+    _refuse_broken(tried)
+    return f"{options.name} keeps all laws of agents."
+
+
+def _refuse_broken(tried: "Sequence[Verdict]") -> None:
+    failed = [verdict for verdict in tried if verdict.status == "FAILED"]
+    if failed:
+        words = f"{len(failed)} of {len(tried)} laws failed"
+        named = ", ".join(repr(verdict.law) for verdict in failed)
+        raise LawsBrokenError(f"{words}: {named}.") from failed[0].error
 
 
 def _refuse_if_cells_are_needed(name: str, law: "Law", why: str, timeout: float) -> None:

@@ -15,6 +15,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_setting(parser)
     add("--localizer", required=True, metavar="NAME", help="the method")
     shared.add_params(parser)
+    add("--agent", metavar="NAME", help="who drives (as in the scenario)")
     add(
         "--log",
         type=shared.file,
@@ -32,7 +33,8 @@ def run(options: argparse.Namespace) -> str:
 
     named = (complete(options.localizer),)
     own = shared.params_named(options.param, named)
-    trials = shared.sweep_of(options, named, own=own).distinct()
+    sweep = shared.sweep_of(options, named, own=own, agent=options.agent)
+    trials = sweep.distinct()
     log = None if options.log is None else options.log.absolute()
     with doing(f"running and drawing a lap of {trials[0].localizer}"):
         return where_safe(trials, run_lap, *trials, options.out.absolute(), log)

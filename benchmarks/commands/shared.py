@@ -180,6 +180,7 @@ def sweep_of(
     localizers: Sequence[str],
     trials: int = 1,
     own: Mapping[str, Mapping[str, Any]] | None = None,
+    agent: str | None = None,
 ) -> "Sweep":
     """Return the localizers on the worlds of the setting, every one of them checked.
 
@@ -188,12 +189,13 @@ def sweep_of(
         localizers: by name.
         trials: number of worlds.
         own: parameters of single localizers, by name.
+        agent: who drives; None: the scenario's agent.
 
     Raises:
         InputError: something of it is refused; nothing was run or written.
     """
     from benchmarks.execution.apart import parameters
-    from benchmarks.setup.changes import Changes
+    from benchmarks.setup.changes import Changes, Named
     from benchmarks.sweeps.running import check
     from benchmarks.sweeps.suites import paper_sweep
     from benchmarks.trials.spec import Method
@@ -217,9 +219,36 @@ def sweep_of(
     if own:
         methods = (Method(name=name, params=Changes(own.get(name, {}))) for name in localizers)
         sweep = replace(sweep, localizers=tuple(methods))
+    if agent is not None:
+        sweep = replace(sweep, agent=Named(agent))
     with checking():
         check(sweep)
     return sweep
+
+
+def with_agents(sweep: "Sweep", listed: str | None) -> "Sweep":
+    """Return a sweep driven by each of the agents in ``a,b,c`` in turn; None: as it says itself.
+
+    Raises:
+        InputError: the sweep varies the parameters of its agent, or a name is refused.
+    """
+    from benchmarks.setup.changes import Changes
+    from benchmarks.sweeps.design import Axis
+    from deqmcl_gym.validation import InputError
+
+    if listed is None:
+        return sweep
+    names = tuple(dict.fromkeys(name for part in listed.split(",") if (name := part.strip())))
+    if not names:
+        raise InputError(
+            "--agents names no agent: give one or more, as in --agents stale,misplaced."
+        )
+    varied = [name for axis in sweep.vary for name in axis.values]
+    if taken := [name for name in varied if name.partition(".")[0] == "agent"]:
+        raise InputError(f"the sweep varies {taken[0]} itself: leave out --agents.")
+    axis = Axis(values=Changes({"agent": names}))
+    baseline = "" if len(names) > 1 else sweep.baseline
+    return replace(sweep, agent=None, vary=(*sweep.vary, axis), baseline=baseline)
 
 
 def changed(options: argparse.Namespace, sweeps: Mapping[str, "Sweep"]) -> dict[str, "Sweep"]:

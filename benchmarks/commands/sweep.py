@@ -28,6 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="LOCALIZER[,…]",
         help="localizers to add",
     )
+    add("--agents", metavar="A,B,…", help="who drives, each in turn; the first is the baseline")
     shared.add_trials(parser)
     shared.add_seed(parser, None)
     shared.add_params(parser)
@@ -141,7 +142,9 @@ def _swept(options: argparse.Namespace) -> str:
     )
     how.where.check()
     with shared.checking():
-        sweeps = stopping(options, shared.changed(options, sweeps_named(options.suite, added)))
+        named = sweeps_named(options.suite, added)
+        driven = {part: shared.with_agents(own, options.agents) for part, own in named.items()}
+        sweeps = stopping(options, shared.changed(options, driven))
         for name in added:
             parameters(name)
         for sweep in sweeps.values():

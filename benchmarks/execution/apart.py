@@ -6,7 +6,7 @@ The exceptions are what was registered in this very process, and a ``module:fact
 runs here.
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -18,7 +18,7 @@ from typing import TypeVar
 import localizers
 from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
 from benchmarks.setup.names import plug_ins_of, scenario_digest
-from benchmarks.trials.plugins import guest_of, provenance_of
+from benchmarks.trials.plugins import guest_of, provenance_of, setup_guests
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -102,7 +102,9 @@ def provenance(trials: Iterable[Trial]) -> Provenance:
     Raises:
         InputError: a scenario cannot be read, or is refused.
     """
-    return provenance_of(trials, lambda name: _asked_setup(name, scenario_digest, name))
+    return provenance_of(
+        trials, lambda name: _asked_setup(plug_ins_of(name), scenario_digest, name)
+    )
 
 
 def check_settings(trials: Iterable[Trial]) -> None:
@@ -111,11 +113,11 @@ def check_settings(trials: Iterable[Trial]) -> None:
     Raises:
         InputError: something of it is refused, or a plug-in fails at it.
     """
-    by_scenario: dict[str, list[Trial]] = {}
+    by_guests: dict[tuple[str, tuple[str, ...]], list[Trial]] = {}
     for trial in trials:
-        by_scenario.setdefault(trial.scenario, []).append(trial)
-    for name, own in by_scenario.items():
-        _asked_setup(name, _check_settings, own)
+        by_guests.setdefault((trial.scenario, setup_guests(trial)), []).append(trial)
+    for (_, guests), own in by_guests.items():
+        _asked_setup(guests, _check_settings, own)
 
 
 def check_methods(trials: Collection[Trial]) -> None:
@@ -151,9 +153,9 @@ def _check_settings(trials: Collection[Trial]) -> None:
         Stage.of(trial).check()
 
 
-def _asked_setup(scenario: str, function: Callable[..., T], *arguments: object) -> T:
+def _asked_setup(plug_ins: Sequence[str], function: Callable[..., T], *arguments: object) -> T:
     """Return ``function(*arguments)``, which sets up a scenario; apart if it has plug-ins."""
-    guests = " with ".join(map(repr, plug_ins_of(scenario)))
+    guests = " with ".join(map(repr, plug_ins))
     if not guests:
         return function(*arguments)
     try:

@@ -224,7 +224,8 @@ def _words(key: str) -> tuple[str, str]:
     """What a coordinate is called, and its unit; one without words by its name."""
     group, _, name = key.partition(".")
     if group == "params":
-        return name, ""
+        own = name.removeprefix("agent.")
+        return own if own == name else f"{own} of the agent", ""
     words, unit = _WORDS.get(name or group, (name.replace(".", " ").replace("_", " "), ""))
     return f"assumed {words}" if group == "assumed" else words, unit
 

@@ -175,7 +175,7 @@ def _refuse_incomplete(source: Source) -> None:
             f"{source.folder} has {results.missing} trials that were not run and "
             f"{len(results.failures)} that failed, of {results.planned}: finish its sweep first."
         )
-    if results.baseline not in {record.trial.localizer for record in results.records}:
+    if not any(record.trial.method.is_named(results.baseline) for record in results.records):
         raise InputError(
             f"{source.folder} has no trial of the baseline {results.baseline}, by which folders "
             "are compared: run the sweep with it."
@@ -216,5 +216,5 @@ def _of_baseline(source: Source) -> dict[tuple[Setting, Method, Run], object]:
     return {
         (record.trial.setting, record.trial.method, record.trial.run): record.scores
         for record in source.results.records
-        if record.trial.localizer == source.results.baseline
+        if record.trial.method.is_named(source.results.baseline)
     }

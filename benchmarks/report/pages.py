@@ -13,8 +13,8 @@ from benchmarks.report.animations import animation_files
 from benchmarks.report.story import PICTURED, Block, Section, Story
 from benchmarks.report.svg import LOOKS, Picture
 from benchmarks.report.tables import Table
-from benchmarks.report.words import Said
-from benchmarks.tables.text import capital, short_name
+from benchmarks.report.words import Said, baseline_name
+from benchmarks.tables.text import capital
 from deqmcl_gym.files import command_line
 
 
@@ -26,7 +26,7 @@ def html(story: Story) -> str:
         title=results.title,
         story=story,
         sections=story.sections,
-        baseline=short_name(results.baseline),
+        baseline=baseline_name(results),
         partial=bool(results.missing or results.failures),
         command=command_line(results.command),
         environment=json.dumps(results.environment, indent=2),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from benchmarks.report.decisions import BESIDE, ahead
+from benchmarks.setup.names import plug_ins_of_agent
 from benchmarks.sweeps.results import Results
 from benchmarks.tables import stats
 from benchmarks.tables.comparison import Comparison
@@ -20,6 +21,7 @@ from benchmarks.tables.text import (
     p_value,
     percent,
     short_name,
+    short_names,
     significant,
 )
 from benchmarks.tables.verdict import BLIND, Verdict
@@ -55,12 +57,38 @@ def overview(results: Results, panels: Sequence[Panel]) -> str:
     seeds = {record.trial.filter_seed for record in results.records}
     several = f", each with {len(seeds)} filter seeds" if len(seeds) > 1 else ""
     settings = counted({len(panels)}, "setting")
-    return (
-        f"{counted({len(methods)}, 'localizer')} on {settings}, {counted(worlds, 'world')} per "
-        f"setting{several}: {listed or 'none'}. On the same world all methods see the same true "
-        "path and the same scans, and filters start from the same cloud: differences are taken "
-        f"world by world, with {short_name(results.baseline)} as the baseline."
+    what = counted({len(methods)}, "localizer")
+    agents = dict.fromkeys(agent for panel in panels for agent in panel.agents if agent)
+    if len(agents) > 1:
+        names = short_names({agent.name for agent in agents})
+        driving = ", ".join(dict.fromkeys(names[agent.name] for agent in agents))
+        what = f"{counted({len(names)}, 'agent')} ({driving}) with {what}"
+    said = f"{what} on {settings}, {counted(worlds, 'world')} per setting{several}: "
+    said += f"{listed or 'none'}. "
+    if all(row.is_baseline for panel in panels for row in panel.present):
+        return f"{said}There is nothing to compare."
+    start = (
+        "On the same world all agents start from the same place with the same sensor noise, and "
+        "filters from the same cloud"
+        if len(agents) > 1
+        else "On the same world all methods see the same true path and the same scans, and filters "
+        "start from the same cloud"
     )
+    return (
+        f"{said}{start}: differences are taken world by world, with {baseline_name(results)} as "
+        "the baseline."
+    )
+
+
+def baseline_name(results: Results) -> str:
+    """What the methods are compared with, in a word."""
+    found = {
+        panel.called(row.baseline)
+        for panel in results.panels
+        for row in panel.present
+        if not row.is_baseline
+    }
+    return found.pop() if len(found) == 1 else short_name(results.baseline)
 
 
 def progress(results: Results) -> str:
@@ -84,11 +112,12 @@ def conclusion(results: Results) -> Said:
     found = [(panel, one) for panel in results.panels if (one := panel.verdict) is not None]
     if not found:
         return Said("No trial is finished")
-    settings, baseline = counted({len(found)}, "setting"), short_name(results.baseline)
-    if all(len(panel.records) == 1 for panel, _ in found):
+    settings, baseline = counted({len(found)}, "setting"), baseline_name(results)
+    if all(row.is_baseline for panel, _ in found for row in panel.present):
         ends = sorted(found, key=lambda one: one[1].first.worse)
         told = (
-            f"{_brief(panel, one.first)} in {where(panel)}" for panel, one in ends[:: len(ends) - 1]
+            f"{_brief(panel, one.first)} in {where(panel)}"
+            for panel, one in ends[:: max(len(ends) - 1, 1)]
         )
         return Said(f"{settings}, nothing to compare in them", " to ".join(told))
     best = Counter(p.labels[one.best.method] for p, one in found if one.best is not None)
@@ -125,8 +154,9 @@ def _plug_ins(found: Sequence[tuple[Panel, Verdict]]) -> str:
     outcomes: dict[str, list[str]] = {}
     for panel, one in found:
         for row in panel.ranked:
-            if row.method.name not in WORDS and not row.is_baseline and row is not one.winner:
-                what = _outcome(row)
+            ours = row.method.name in WORDS and not plug_ins_of_agent(row.method.agent)
+            if not ours and not row.is_baseline and row is not one.winner:
+                what = _outcome(panel, row)
                 what = what[0].lower() + what[1:]
                 brief = what if len(found) > 1 else f"{_brief(panel, row)}, {what}"
                 outcomes.setdefault(panel.labels[row.method], []).append(brief)
@@ -192,10 +222,11 @@ def _verdict(panel: Panel, found: Verdict) -> Said:
             more = f"{panel.labels[found.first.method]} has {_brief(panel, found.first)}"
             aside = f" ({more}, which is not confirmed)"
         apart = _against(row, f" {panel.labels[panel.baseline_of(row).method]}")
-        price = "" if math.isnan(row.cost) else f"; costs {significant(row.cost, 2)} × the time"
+        free = math.isnan(row.cost) or row.method.agent != row.baseline.agent
+        price = "" if free else f"; costs {significant(row.cost, 2)} × the time"
         return Said(f"{name} is best", f"{reached}, {apart}{price}{aside}")
     if row.is_baseline:
-        if panel.tests == 0:
+        if all(one.is_baseline for one in panel.present):
             return Said(f"{name} alone, nothing to compare it with", reached)
         return Said(f"No method is better than the baseline, {name}", reached)
     base, own = panel.baseline_of(row), row.standing
@@ -271,14 +302,14 @@ def findings(panel: Panel) -> list[str]:
     outcomes: dict[str, list[str]] = {}
     for row in panel.ranked:
         if not row.is_baseline:
-            outcomes.setdefault(_outcome(row), []).append(panel.labels[row.method])
+            outcomes.setdefault(_outcome(panel, row), []).append(panel.labels[row.method])
     sentences = [f"{outcome}: {', '.join(names)}." for outcome, names in outcomes.items()]
     return [*sentences, *filter(None, (_few(panel.present), reading(panel.rows)))]
 
 
-def _outcome(row: Comparison) -> str:
+def _outcome(panel: Panel, row: Comparison) -> str:
     """What is known of a method beside its baseline."""
-    other = short_name(row.baseline.name)
+    other = panel.called(row.baseline)
     if row.decision is not None:
         return f"{BESIDE[row.decision.verdict]} {other}"
     return _tested(row, other)

@@ -12,6 +12,7 @@ import tomllib
 import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from typing import Any, Self
@@ -250,6 +251,46 @@ class Changes(Mapping[str, Any]):
 NOTHING = Changes()
 
 
+@dataclass(frozen=True)
+class Named:
+    """What is made by a name and parameters: a localizer, or an agent.
+
+    Attributes:
+        name: of it.
+        params: its parameters.
+    """
+
+    name: str
+    params: Changes = NOTHING
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "params", Changes(self.params))
+
+    @classmethod
+    def told(cls, what: str, given: Any) -> Self:
+        """Return what a TOML document names: "name", or {name = …, params = {…}}.
+
+        Raises:
+            InputError: it is neither, or has no name.
+        """
+        if isinstance(given, str):
+            return cls(text(what, given))
+        known = table(what, given, "a name, or {name = …, params = {…}}")
+        for key in known:
+            one_of(f"key of {what}", key, ("name", "params"))
+        if "name" not in known:
+            raise InputError(f"{what} has no name: write {{name = …, params = {{…}}}}.")
+        params = table(f"params of {what}", known.get("params", {}), "a table")
+        return cls(text(f"name of {what}", known["name"]), Changes(params))
+
+    def __str__(self) -> str:
+        return " ".join([self.name, *(f"{name}={value}" for name, value in self.params.items())])
+
+    def json(self) -> dict[str, Any]:
+        """Return it as JSON-able values."""
+        return {"name": jsonable(self.name), "params": self.params.json()}
+
+
 def file_digest(path: str) -> str:
     """Digest of a file of a world; that of a map covers its image, that of a folder all its files.
 
@@ -273,7 +314,7 @@ def jsonable(value: Any) -> Any:
     """Return a value of a trial as JSON has it: no tuples, and infinity as a word."""
     if isinstance(value, tuple):
         return list(map(jsonable, value))
-    if isinstance(value, Changes):
+    if isinstance(value, Changes | Named):
         return value.json()
     if isinstance(value, str) and value.lstrip("'") in _WORDS:
         return f"'{value}"

@@ -70,9 +70,9 @@ class LogScenario(Scenario):
         check_inside(log, floor_plan)
         given = {name: value for name, value in _arguments(self.env).items() if name in _EPISODES}
         shown = given.get("plan", "odometry")
-        if shown != "odometry" and self.agent != "open-loop":
+        if shown != "odometry" and self.agent.name != "open-loop":
             raise InputError(
-                f"the agent is {self.agent!r} and plan is {shown!r}, but an agent other than "
+                f"the agent is {self.agent.name!r} and plan is {shown!r}, but an agent other than "
                 'open-loop needs the recorded actions: leave it out, or write plan = "odometry".'
             )
         mismatch = "error" if shown == "odometry" else "ignore"

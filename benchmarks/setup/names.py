@@ -3,26 +3,36 @@
 docs/scenarios.md has the table of a scenario file's keys.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 from benchmarks.agents import AGENTS
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup import changes
-from benchmarks.setup.changes import Changes, file_digest, from_folder
+from benchmarks.setup.changes import Changes, Named, file_digest, from_folder
 from benchmarks.setup.scenario import Agent, Scenario, Thresholds
 from deqmcl_gym.validation import InputError, one_of, part
 from localizers import RobotModel, absolute_name
 from localizers.naming.digests import content_digest
-from localizers.naming.plugins import is_ctrl_c, is_reference, load, raised, reference_digest
+from localizers.naming.plugins import (
+    is_ctrl_c,
+    is_file,
+    is_reference,
+    load,
+    raised,
+    reference_digest,
+)
+from localizers.naming.registry import complete, installed, parameters_of
 
 _KEYS = ("words", "base", "env", "assumed", "prior", "agent", "buildings", "thresholds")
 _OF_LOGS = ("log", "replay")  # loaded when asked for: a trial in a room needs no readers of logs
 _DEEPEST = 8  # files, each the base of the next
 _VERBS = ("plan_at_reset", "act")
+_AGENTS = "deqmcl.agents"  # group of entry points
 
 
 def scenario_names() -> tuple[str, ...]:
@@ -54,28 +64,66 @@ def scenario(name: str) -> Scenario:
     return _scenario(absolute_scenario(name), ())
 
 
-def make_agent(name: str, robot: RobotModel) -> Agent:
-    """Return the agent of a name, made for a robot.
+def absolute_agent(agent: Named, folder: Path = Path()) -> Named:
+    """Return an agent with a name by which any process finds it; ``file.py`` is its only agent.
+
+    Args:
+        agent: by name, with its parameters.
+        folder: that a path in the name is relative to.
 
     Raises:
-        InputError: there is none, it cannot be made, or it is no agent.
+        InputError: the file holds no agent or several, or cannot be read.
     """
-    _check("agent", name, AGENTS, "file.py:NAME")
-    factory = load(absolute_name(name), name, "agent") if is_reference(name) else AGENTS[name]
+    name = agent.name
+    if is_file(name):
+        name = complete(from_folder(folder, name), "agent", _VERBS)
+    return replace(agent, name=_absolute(name, folder))
+
+
+def agent_names() -> tuple[str, ...]:
+    """Names of the agents that are built in or installed; none is loaded."""
+    return tuple(dict.fromkeys((*AGENTS, *installed(_AGENTS))))
+
+
+def agent_digest(name: str) -> str:
+    """Return a digest of the source of an agent from elsewhere; "" for our own."""
+    if name in AGENTS:
+        return ""
+    return reference_digest(installed(_AGENTS).get(name, name)) or ""
+
+
+def make_agent(agent: Named | str, robot: RobotModel) -> Agent:
+    """Return the agent of a name and parameters, made for a robot.
+
+    Raises:
+        InputError: there is none, it refuses its parameters, it cannot be made, or it is no agent.
+    """
+    agent = Named(agent) if isinstance(agent, str) else agent
+    name = agent.name
+    _check("agent", name, agent_names(), "file.py:NAME")
+    reference = name if is_reference(name) else installed(_AGENTS).get(name, "")
+    place = absolute_name(reference)
+    factory = AGENTS[name] if name in AGENTS else load(place, name, "agent")
+    known = parameters_of(factory) if callable(factory) else ()
+    for param in agent.params:
+        if known is not None:
+            one_of(f"parameter of agent {name!r}", param, known)
     try:
-        made = factory(robot) if callable(factory) else factory
+        made = factory(robot, **agent.params) if callable(factory) else factory
         lacking = [verb for verb in _VERBS if not callable(getattr(made, verb, None))]
+    except InputError:
+        raise
     except BaseException as error:  # whatever a plug-in raises
         if is_ctrl_c(error):
             raise
-        file = absolute_name(name).rpartition(":")[0]
+        file = place.rpartition(":")[0]
         raise InputError(
             f"the agent {name!r} cannot be made: its own code raised {raised(error, file)}."
         ) from error
     if lacking:
         raise InputError(
             f"the agent {name!r} is of type {type(made).__name__}, without "
-            f"{' and '.join(lacking)}: an agent is made by NAME(robot) and has "
+            f"{' and '.join(lacking)}: an agent is made by NAME(robot, **params) and has "
             "plan_at_reset(info) and act(belief, info)."
         )
     return made
@@ -99,10 +147,19 @@ def plug_ins_of(name: str) -> tuple[str, ...]:
             found[other] = None
         elif other.endswith(".toml") and other not in seen:
             seen.add(other)
-            given = changes.read(Path(other), "scenario")
-            named = [given[key] for key in ("base", "agent") if isinstance(given.get(key), str)]
-            waiting += [_absolute(each, Path(other).parent) for each in named]
+            given, folder = changes.read(Path(other), "scenario"), Path(other).parent
+            agent = given.get("agent")
+            agent = agent.get("name") if isinstance(agent, Mapping) else agent
+            if isinstance(agent, str):
+                found |= dict.fromkeys(plug_ins_of_agent(absolute_agent(Named(agent), folder)))
+            if isinstance(given.get("base"), str):
+                waiting.append(_absolute(given["base"], folder))
     return tuple(found)
+
+
+def plug_ins_of_agent(agent: Named | None) -> tuple[str, ...]:
+    """Return the name of an agent if its code is not ours."""
+    return (agent.name,) if agent is not None and agent.name not in AGENTS else ()
 
 
 def scenario_digest(name: str) -> str:
@@ -112,8 +169,7 @@ def scenario_digest(name: str) -> str:
         InputError: as ``scenario``.
     """
     found = scenario(name)
-    agent = reference_digest(found.agent) if is_reference(found.agent) else None
-    return found.source + (agent or "")
+    return found.source + agent_digest(found.agent.name)
 
 
 def _check(kind: str, name: str, built_in: Iterable[str], own: str) -> None:
@@ -146,7 +202,7 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
         return LOG if name == "log" else REPLAY
     else:
         return SCENARIOS[name]
-    return replace(found, agent=_absolute(found.agent, folder))
+    return replace(found, agent=absolute_agent(found.agent, folder))
 
 
 def _read(path: Path, within: tuple[str, ...]) -> Scenario:
@@ -164,11 +220,19 @@ def _read(path: Path, within: tuple[str, ...]) -> Scenario:
         return replace(
             changed,
             words=changes.text("words", given.get("words", path.stem)),
-            agent=changes.text("agent", given.get("agent", base.agent)),
+            agent=_agent(given.get("agent", {}), base.agent),
             buildings=given.get("buildings", base.buildings),
             thresholds=part("thresholds", Thresholds, given.get("thresholds"), changed.thresholds),
             source=sha256("".join(own).encode()).hexdigest(),
         )
+
+
+def _agent(given: Any, base: Named) -> Named:
+    """Return the agent that a scenario file says, as changes to that of its base."""
+    if not isinstance(given, Mapping) or "name" in given:
+        return Named.told("agent", given)
+    own = Named.told("agent", {"name": base.name, **given})
+    return Named(own.name, base.params | own.params)
 
 
 def _absolute(name: str, folder: Path) -> str:

@@ -11,7 +11,7 @@ from typing import Any, Protocol, Self, TypeVar
 
 import gymnasium as gym
 
-from benchmarks.setup.changes import NOTHING, Changes
+from benchmarks.setup.changes import NOTHING, Changes, Named
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.map import LENGTH, POSE, pixel, scaled
@@ -83,7 +83,15 @@ class TrialEnv(Protocol):
 
 
 class Agent(Protocol):
-    """Chooses actions. Made anew for every episode, by ``AGENT(robot)`` with a ``RobotModel``."""
+    """Chooses actions.
+
+    Made anew for every episode, by ``AGENT(robot, **params)`` with a ``RobotModel``. The ``info``
+    that it gets has, beside what the env shows, the latest scan under ``ranges``.
+
+    Two attributes are optional. ``sees_truth`` = True: ``info`` has the true pose under ``truth``,
+    for authors of plans who see the robot. ``plan_author`` = "own": its plans are made from the
+    belief, so they are no evidence; localizers with ``own_plans`` = False are not shown them.
+    """
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals | None:
         """Return the plan that the localizer is reset with, (h, 2); None: the one the env shows.
@@ -152,6 +160,7 @@ _KINDS: Mapping[str, Mapping[str, Any]] = {
 }  # fmt: skip
 _PARTS = tuple(own.name for own in fields(World))
 _ASSUMED = ("motion", "scan", "prior")
+OPEN_LOOP = Named("open-loop")
 AS_WORLD = "world"  # what is assumed is what the world is
 
 
@@ -165,7 +174,7 @@ class Scenario:
         motion: p(x_t | x_{t-1}, a_t), as the filters assume it.
         scan: p(o | ô) of a beam, as the filters assume it.
         prior: p(x_0), as the filters assume it.
-        agent: who drives, by name.
+        agent: who drives, by name, with its parameters.
         disturbance: wrappers around the world, innermost first: {"kind": "kidnap", …}.
         buildings: trial k takes place in the office of seed k modulo this, if the floor plan is one
             without a seed of its own.
@@ -178,7 +187,7 @@ class Scenario:
     motion: MotionModel = field(default_factory=OdometryMotion)
     scan: BeamDensity = field(default_factory=GaussianUniform)
     prior: Gaussian | Uniform = field(default_factory=Gaussian)
-    agent: str = "open-loop"
+    agent: Named = OPEN_LOOP
     disturbance: tuple[Mapping[str, Any], ...] = ()
     buildings: int = 1
     thresholds: Thresholds = field(default_factory=Thresholds)
@@ -186,6 +195,8 @@ class Scenario:
 
     def __post_init__(self) -> None:
         integer("buildings", self.buildings, low=1)
+        if isinstance(self.agent, str):
+            object.__setattr__(self, "agent", Named(self.agent))
 
     @cached_property
     def world(self) -> World:

@@ -9,14 +9,14 @@ from functools import cache
 from typing import Any
 
 from benchmarks.execution.apart import takes
-from benchmarks.setup.changes import NOTHING, Changes, jsonable
-from benchmarks.setup.names import absolute_scenario
+from benchmarks.setup.changes import NOTHING, Changes, Named, jsonable
+from benchmarks.setup.names import absolute_agent, absolute_scenario
 from benchmarks.tables.pairing import BASELINE
 from benchmarks.trials.spec import Method, Run, Trial, changes_of
 from deqmcl_gym.validation import InputError, integer, number, one_of
 
-GROUPS = ("world", "assumed", "params")  # of dotted names
-SCALARS = ("scenario", "lag", "disturbance")
+GROUPS = ("world", "assumed", "params")  # of dotted names; agent.… are the agent's parameters
+SCALARS = ("scenario", "lag", "disturbance", "agent")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,7 +51,8 @@ class Axis:
     """What is varied together: k values for each of one or more names.
 
     Attributes:
-        values: by name: "scenario", "lag", "disturbance", "world.…", "assumed.…" or "params.…".
+        values: by name: "scenario", "lag", "disturbance", "agent", "world.…", "assumed.…",
+            "params.…" or "agent.…".
     """
 
     values: Changes
@@ -61,8 +62,9 @@ class Axis:
         lengths = {name: len(values) for name, values in self.values.items()}
         for name, length in lengths.items():
             group, _, rest = name.partition(".")
-            if not (group in GROUPS and rest):
-                one_of("name in [[vary]]", name, (*SCALARS, *(f"{g}.…" for g in GROUPS)))
+            if not (group in (*GROUPS, "agent") and rest):
+                allowed = (*SCALARS, *(f"{g}.…" for g in (*GROUPS, "agent")))
+                one_of("name in [[vary]]", name, allowed)
             if length == 0:
                 raise InputError(f"[[vary]] {name} is empty: give one value or more.")
         if len(set(lengths.values())) > 1:
@@ -123,12 +125,15 @@ class Sweep:
         world: changes to the world.
         assumed: changes to what the filters assume.
         disturbance: wrappers around the world, innermost first.
+        agent: who drives; None: each scenario's own agent.
         params: parameters of each localizer that has a use for them.
         seed: root of all randomness.
         trials: worlds per setting.
         filter_seeds: runs of each method on each world.
         vary: axes; the last one turns fastest.
-        baseline: localizer that the report compares the others with.
+        baseline: localizer that the report compares the others with, or agent. If it is an agent,
+            agents are compared that drive on the same localizer, else localizers with the same
+            agent. "" is the first agent if there are several, else ``BASELINE``.
         limits: what optimality gaps are measured from, each for the methods of its target.
         until_decided: None: all worlds are run; else ``trials`` are the most.
         takes: names of the parameters that a localizer of a name takes; None: any.
@@ -141,12 +146,13 @@ class Sweep:
     world: Changes = NOTHING
     assumed: Changes = NOTHING
     disturbance: tuple[Changes, ...] = ()
+    agent: Named | None = None
     params: Changes = NOTHING
     seed: int = 0
     trials: int = 10
     filter_seeds: int = 1
     vary: tuple[Axis, ...] = field(default=())
-    baseline: str = BASELINE
+    baseline: str = ""
     limits: tuple[Limit, ...] = ()
     until_decided: UntilDecided | None = None
     takes: Takes = field(default=takes, compare=False, repr=False)
@@ -155,6 +161,9 @@ class Sweep:
         changes_of(self)
         object.__setattr__(self, "scenario", _scenario(self.scenario))
         object.__setattr__(self, "vary", tuple(map(_absolute, self.vary)))
+        if self.agent is not None:
+            object.__setattr__(self, "agent", _agent(self.agent))
+        _refuse_no_agent(self.vary, self.agent)
         integer("lag", self.lag)
         integer("seed", self.seed)
         integer("trials", self.trials, low=1, high=100_000)
@@ -170,8 +179,11 @@ class Sweep:
                 integer("lag", value)
         for name in self.names:
             self.takes(_label("localizer", name))
-        if self.baseline != BASELINE:
-            one_of("baseline", self.baseline, [method.name for method in self.localizers])
+        if not self.baseline:
+            object.__setattr__(self, "baseline", self._usual_baseline)
+        if self.baseline not in (BASELINE, self._usual_baseline):
+            known = [method.name for method in self.localizers]
+            one_of("baseline", self.baseline, [*known, *self.agents])
         _refuse_two_limits(self.limits)
         if self.combinations > MOST:
             raise InputError(
@@ -205,6 +217,18 @@ class Sweep:
         limits = [name for limit in self.limits for name in (limit.method.name, *limit.of)]
         return list(dict.fromkeys([*(method.name for method in self.localizers), *limits]))
 
+    @property
+    def agents(self) -> list[str]:
+        """Names of the agents that it names."""
+        varied = (one for axis in self.vary for one in axis.values.get("agent", ()))
+        own = [] if self.agent is None else [self.agent]
+        told = [*map(_told, varied)] or own
+        return list(dict.fromkeys(agent.name for agent in told))
+
+    @property
+    def _usual_baseline(self) -> str:
+        return self.agents[0] if len(self.agents) > 1 else BASELINE
+
     def compared(self) -> Iterator[Trial]:
         """Yield the trials of the methods: by setting, then method, world, filter seed."""
         for base in self._points():
@@ -235,7 +259,9 @@ class Sweep:
         said = {name: jsonable(getattr(self, name)) for name in _SAID}
         said["localizers"] = [method.json() for method in self.localizers]
         said["vary"] = [axis.values.json() for axis in self.vary]
-        if self.baseline != BASELINE:
+        if self.agent is not None:
+            said["agent"] = self.agent.json()
+        if self.baseline != self._usual_baseline:
             said["baseline"] = jsonable(self.baseline)
         if self.limits:
             said["limit"] = [limit.json() for limit in self.limits]
@@ -251,14 +277,21 @@ class Sweep:
         """Yield the base with the values of each point of the design."""
         for point in itertools.product(*(axis.points() for axis in self.vary)):
             base: dict[str, Any] = {name: getattr(self, name) for name in (*SCALARS, *GROUPS)}
+            tuned: dict[str, Any] = {}  # of the agent, whichever it is
             for name, value in itertools.chain.from_iterable(part.items() for part in point):
                 group, _, rest = name.partition(".")
-                if not rest:
+                if name == "agent":
+                    base[name] = _told(value)
+                elif group == "agent":
+                    tuned[rest] = value
+                elif not rest:
                     base[name] = value
                 elif isinstance(value, Changes):  # a part beside "none": {look_ahead = 25.0}
                     base[group] |= {f"{rest}.{key}": inner for key, inner in value.items()}
                 else:
                     base[group] |= {rest: value}
+            if tuned:
+                base["agent"] = replace(base["agent"], params=base["agent"].params | tuned)
             yield base
 
     def _runs(
@@ -282,10 +315,31 @@ def _runs_within(sizes: frozenset[Run]) -> int:
 
 
 def _absolute(axis: Axis) -> Axis:
-    names = axis.values.get("scenario", ())
-    if not names:
-        return axis
-    return Axis(values=axis.values | {"scenario": tuple(map(_scenario, names))})
+    """Return an axis with the names of scenarios and agents absolute."""
+    own: dict[str, Any] = {}
+    if names := axis.values.get("scenario"):
+        own["scenario"] = tuple(map(_scenario, names))
+    if agents := axis.values.get("agent"):
+        own["agent"] = tuple(_agent(_told(one)).json() for one in agents)
+    return Axis(values=axis.values | own) if own else axis
+
+
+def _told(agent: Any) -> Named:
+    return Named.told("agent", agent)
+
+
+def _agent(agent: Named) -> Named:
+    found = absolute_agent(agent)
+    _label("agent", found.name)
+    return found
+
+
+def _refuse_no_agent(vary: Sequence[Axis], agent: Named | None) -> None:
+    """Refuse parameters of an agent that nobody names."""
+    varied = [name for axis in vary for name in axis.values]
+    tuned = [name for name in varied if name.startswith("agent.")]
+    if tuned and agent is None and "agent" not in varied:
+        raise InputError(f"{tuned[0]} is varied, but no agent is named: write agent = … beside it.")
 
 
 def _scenario(name: str) -> str:

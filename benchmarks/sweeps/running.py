@@ -149,7 +149,7 @@ def check(sweep: Sweep) -> None:
     methods: dict[str, Trial] = {}
     for trial in sweep.cells():
         setting = repr((trial.scenario, trial.world, trial.assumed, trial.disturbance))
-        settings.setdefault(setting, trial)
+        settings.setdefault(setting + repr(trial.agent), trial)
         methods.setdefault(setting + repr((trial.localizer, trial.params)), trial)
     check_settings(settings.values())
     check_methods(methods.values())

@@ -8,8 +8,8 @@ from typing import Any
 
 from benchmarks.execution.apart import takes
 from benchmarks.setup import changes
-from benchmarks.setup.changes import Changes, from_folder
-from benchmarks.setup.names import absolute_scenario
+from benchmarks.setup.changes import Changes, Named, from_folder
+from benchmarks.setup.names import absolute_agent, absolute_scenario
 from benchmarks.sweeps.design import Axis, Limit, Sweep, Takes, UntilDecided
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
@@ -20,8 +20,8 @@ from localizers.naming.registry import complete
 
 _KEYS = (
     *("title", "scenario", "lag", "seed", "trials", "filter_seeds"),
-    *("localizers", "world", "assumed", "disturbance", "params", "vary", "baseline", "limit"),
-    "until_decided",
+    *("localizers", "world", "assumed", "disturbance", "agent", "params", "vary", "baseline"),
+    *("limit", "until_decided"),
 )
 _SUITES = Path(__file__).with_name("suites")  # a sweep file each
 
@@ -110,6 +110,8 @@ def sweep_of(
         plain["scenario"] = absolute_scenario(plain["scenario"], folder or Path())
     if "baseline" in plain:
         plain["baseline"] = _localizer("baseline", plain["baseline"], folder)
+    if "agent" in given:
+        plain["agent"] = absolute_agent(Named.told("agent", given["agent"]), folder or Path())
     world = Changes.told("world", given.get("world", {}))
     limits = given.get("limit", [])
     limits = limits if isinstance(limits, list) else [limits]  # [[limit]], or one [limit]
@@ -142,13 +144,10 @@ def _refuse_idle(sweep: Sweep) -> None:
         one_of("parameter of these localizers", name, {n for own in known for n in own or ()})
 
 
-def _method(entry: Any, folder: Path | None) -> Method:
-    if isinstance(entry, str):
-        return Method(name=_localizer("name of a localizer", entry, folder))
-    table = changes.table("an entry of localizers", entry, "a name, or {name = …, params = {…}}")
-    for key in table:
-        one_of("key in localizers", key, ("name", "params"))
-    return _named("an entry of localizers", table, folder)
+def _method(entry: Any, folder: Path | None, what: str = "an entry of localizers") -> Method:
+    named = Named.told(what, entry)
+    name = _localizer("name of a localizer", named.name, folder)
+    return Method(name=name, params=_params(named.params, folder))
 
 
 def _limit(entry: Any, folder: Path | None) -> Limit:
@@ -160,7 +159,9 @@ def _limit(entry: Any, folder: Path | None) -> Limit:
     listed = _list("of in limit", table.get("of", []))
     of = tuple(_localizer("of in limit", name, folder) for name in listed)
     runs = {key: table[key] for key in ("trials", "filter_seeds") if key in table}
-    return Limit(method=_named("limit", table, folder), of=of, **runs)
+    own = {key: table[key] for key in ("name", "params") if key in table}
+    method = _method(own, folder, "limit")
+    return Limit(method=method, of=of, **runs)
 
 
 def _until_decided(table: Any) -> UntilDecided | None:
@@ -170,15 +171,6 @@ def _until_decided(table: Any) -> UntilDecided | None:
     for key in known:
         one_of("key in until_decided", key, ("margin",))
     return UntilDecided(**known)
-
-
-def _named(what: str, table: Mapping[str, Any], folder: Path | None) -> Method:
-    if "name" not in table:
-        raise InputError(f"{what} has no name: write {{name = …, params = {{…}}}}.")
-    given = changes.table("params of a localizer", table.get("params", {}), "a table")
-    params = _params(Changes(given), folder)
-    name = _localizer("name of a localizer", table["name"], folder)
-    return Method(name=name, params=params)
 
 
 def _params(given: Changes, folder: Path | None) -> Changes:
@@ -206,7 +198,9 @@ def _axis(table: Any, folder: Path | None) -> Axis:
             return _wrappers(name, value)
         if name == "scenario":
             return absolute_scenario(value, folder or Path())
-        if folder is None:
+        if name == "agent":
+            return absolute_agent(Named.told(name, value), folder or Path()).json()
+        if folder is None or name.startswith("agent."):
             return value
         if name.startswith("params."):
             key = name.removeprefix("params.")

@@ -126,7 +126,7 @@ def compared(
 
     Args:
         methods: their finished trials.
-        baseline: localizer that the others are compared with.
+        baseline: localizer or agent that the others are compared with.
         whole: their whole runs, with those that failed.
         rule: when comparisons are decided; None: all worlds are run, whatever they show.
     """
@@ -166,13 +166,19 @@ def compared(
 
 
 def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
-    """Return the panel's baseline: the localizer of that name; else the first method.
+    """Return what a method is compared with: the localizer or the agent of that name.
 
-    Of several variants it is the one whose parameters agree with the method's, else the first.
+    A localizer with the same agent, an agent with the same localizer; else the first method. Of
+    several variants it is the one whose parameters agree with the method's, else the first.
     """
     listed = list(methods)
-    variants = [other for other in listed if other.name == name] or listed[:1]
-    return next((one for one in variants if pairing.agree(one.params, method.params)), variants[0])
+    variants = [other for other in listed if other.is_named(name)] or listed[:1]
+    if variants[0].name == name:
+        same = [one for one in variants if one.agent == method.agent]
+    else:
+        same = [one for one in variants if one.name == method.name]
+    variants = same or variants
+    return next((one for one in variants if pairing.agree(one.values, method.values)), variants[0])
 
 
 def _score(records: Sequence[Finished], name: str, offset: int) -> Estimate:

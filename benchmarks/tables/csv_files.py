@@ -142,7 +142,8 @@ def _setting(setting: Setting) -> list[Any]:
 
 
 def _method(method: Method) -> list[str]:
-    return [method.name, _json(method.params.json())]
+    agent = {"agent": method.agent.name} if method.agent else {}
+    return [method.name, _json(agent | method.values.json())]
 
 
 def _run(trial: Trial) -> list[Any]:
@@ -185,7 +186,7 @@ _COLUMNS = {  # where they are to be read in a ``Comparison``
     "error_sd": "error_sd",
     **{name: f"scores.{name}.mean" for name in AVERAGED},
     **_ends("lost", "lost", "lost_rate"),
-    "baseline": "baseline.name",
+    "baseline": "baseline.reference",
     "paired_worlds": "paired_worlds",
     **_ends("diff", "diff"),
     **{name: name for name in ("win_rate", "p", "p_holm")},

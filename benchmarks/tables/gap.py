@@ -79,6 +79,7 @@ def gaps(
 
 def limit_of(swept: Changes, method: Method, limits: Sequence[Method]) -> Method | None:
     """Return the limit with the panel's and the method's value of all in which limits differ."""
+    limits = [limit for limit in limits if limit.agent == method.agent]
     told = [limit.params for limit in limits]
     names = {name for params in told for name in params}
     differing = {name for name in names if len({params.get(name) for params in told}) > 1}

@@ -7,14 +7,14 @@ from functools import cached_property
 from itertools import chain
 from typing import Any, NamedTuple
 
-from benchmarks.setup.changes import Changes, spelt
+from benchmarks.setup.changes import Changes, Named, spelt
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.comparison import Comparison, baseline_of, compared
 from benchmarks.tables.deciding import Rule
 from benchmarks.tables.gap import Gap, LimitRuns, gaps
 from benchmarks.tables.journeys import Outcomes, longest_ways
 from benchmarks.tables.pairing import BASELINE, agree
-from benchmarks.tables.text import short_name
+from benchmarks.tables.text import short_name, short_names
 from benchmarks.tables.verdict import BLIND, Rivals, Verdict, rivals, verdict
 from benchmarks.trials.journeys import Score
 from benchmarks.trials.scoring import Finished
@@ -90,6 +90,15 @@ class Panel:
         own = (p for row in self.present for p in (row.p, *(s.p for s in row.journey.values())))
         return sum(not math.isnan(p) for p in own)
 
+    @property
+    def agents(self) -> list[Named | None]:
+        """Who drives, the scenario's agent as None; several are compared with one another."""
+        return list(dict.fromkeys(method.agent for method in self.labels))
+
+    def called(self, method: Method) -> str:
+        """What a method is called beside others: by its label if agents are compared."""
+        return self.labels[method] if len(self.agents) > 1 else short_name(method.name)
+
     def baseline_of(self, row: Comparison) -> Comparison:
         """The row of a method's baseline at x_t."""
         return next(one for one in self.present if one.method == row.baseline)
@@ -109,7 +118,7 @@ class Group(NamedTuple):
     methods: list[Method]
 
     def pairs(self, baseline: str) -> list[tuple[Method, Method]]:
-        """Return each method that is compared, and what with: that localizer, if it is there."""
+        """Return each method that is compared, and what with; see ``baseline_of``."""
         found = ((one, baseline_of(one, self.methods, baseline)) for one in self.methods)
         return [(method, reference) for method, reference in found if method != reference]
 
@@ -128,7 +137,7 @@ def groups(cells: Iterable[tuple[Setting, Method]]) -> list[Group]:
         named = list(dict.fromkeys(method.name for method in methods))
         listed = sorted(methods, key=lambda method: named.index(method.name))
         found += [
-            Group(setting, swept, [one for one in listed if agree(one.params, swept)])
+            Group(setting, swept, [one for one in listed if agree(one.values, swept)])
             for swept in _swept(listed)
         ]
     return found
@@ -174,7 +183,7 @@ def panels(
 
     Args:
         records: the finished trials.
-        baseline: localizer that the others are compared with.
+        baseline: localizer or agent that the others are compared with.
         limits: what gaps are measured from.
         failures: the trials that failed.
         rule: when comparisons are decided; None: all worlds are run, whatever they show.
@@ -232,12 +241,12 @@ def _swept(methods: Sequence[Method]) -> list[Changes]:
     """
     seen: dict[tuple[str, str], set[Any]] = {}
     for method in methods:
-        for name, value in method.params.items():
+        for name, value in method.values.items():
             if is_number(value):
-                seen.setdefault((method.name, name), set()).add(spelt(value))
+                seen.setdefault((_owner(method, name), name), set()).add(spelt(value))
     names = {name for (_, name), values in seen.items() if len(values) > 1}
     taken = dict.fromkeys(
-        Changes({name: value for name, value in method.params.items() if name in names})
+        Changes({name: value for name, value in method.values.items() if name in names})
         for method in methods
     )
     # what says less than another one, and nothing else, is no panel of its own
@@ -248,11 +257,28 @@ def _swept(methods: Sequence[Method]) -> list[Changes]:
     ]
 
 
+def _owner(method: Method, name: str) -> str:
+    """The localizer or the agent that has a parameter."""
+    agent = method.agent if name.startswith("agent.") else None
+    return agent.name if agent else method.name
+
+
 def _labels(methods: Sequence[Method]) -> dict[Method, str]:
-    names = {method: short_name(method.name) for method in methods}
-    if len(set(names.values())) < len({method.name for method in methods}):
-        names = {method: method.name for method in methods}
-    return {method: " ".join([name, *_variant(method, methods)]) for method, name in names.items()}
+    """Localizer, agent or both, as far as they tell methods apart, with what else does."""
+    names = short_names({method.name for method in methods})
+    drivers = short_names({method.agent.name for method in methods if method.agent})
+    several = len({method.agent for method in methods}) > 1
+    labels = {}
+    for method in methods:
+        localizer = " ".join([names[method.name], *_variant(method, methods)])
+        own = Method(method.agent.name, method.agent.params) if method.agent else None
+        agent = "the scenario's agent"
+        if own is not None:
+            rivals = [Method(m.agent.name, m.agent.params) for m in methods if m.agent]
+            agent = " ".join([drivers[own.name], *_variant(own, rivals)])
+        both = f"{agent} with {localizer}" if len(names) > 1 else agent
+        labels[method] = both if several else localizer
+    return labels
 
 
 def _variant(method: Method, methods: Sequence[Method]) -> list[str]:
@@ -274,13 +300,12 @@ def _has(params: Changes, name: str, value: Any) -> bool:
 
 def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
     """The scenario and what differs from it; lag and seed where settings differ in them."""
-    scenarios = {setting.scenario for setting in settings}
-    alike = len(set(map(short_name, scenarios))) < len(scenarios)
+    names = short_names({setting.scenario for setting in settings})
     several_lags = len({setting.lag for setting in settings}) > 1
     several_seeds = len({setting.seed for setting in settings}) > 1
     titles = {}
     for setting in settings:
-        words = [f"scenario {setting.scenario if alike else short_name(setting.scenario)}"]
+        words = [f"scenario {names[setting.scenario]}"]
         words += [f"{name} {value}" for name, value in setting.world.short().items()]
         words += _assumed(setting)
         words += map(disturbance_words, setting.disturbance)

@@ -87,6 +87,8 @@ def reading(rows: Iterable[Comparison]) -> str:
         rows: of one panel.
     """
     present = [row for row in rows if row.offset == 0]
+    if len({row.method.agent for row in present}) > 1:  # not on the same paths
+        return ""
     filters = [row for row in present if row.method.name != "dead-reckoning"]
     blind = next((row for row in present if row not in filters), None)
     if blind is None or not filters:

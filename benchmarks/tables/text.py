@@ -3,7 +3,8 @@
 import csv
 import io
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from itertools import count
 from typing import Any
 
 from benchmarks.tables.stats import Estimate
@@ -29,6 +30,18 @@ WORDS = {  # what the names of methods mean; the first four as in the paper's Ta
 def short_name(name: str) -> str:
     """A name for readers: a plug-in's class, or the file of a scenario, without the way to it."""
     return name.rsplit(":", 1)[-1].replace("\\", "/").rsplit("/", 1)[-1].removesuffix(".toml")
+
+
+def short_names(names: Collection[str]) -> dict[str, str]:
+    """Names for readers; of those of one short name as much of the way as tells them apart."""
+    short = {name: short_name(name) for name in names}
+    ways = {name: name.replace("\\", "/").split("/") for name in names}
+    for name, way in ways.items():
+        rivals = [ways[one] for one in names if one != name and short_name(one) == short[name]]
+        if rivals:
+            parts = next(n for n in count(1) if all(one[-n:] != way[-n:] for one in rivals))
+            short[name] = "/".join(way[-parts:])
+    return short
 
 
 def state_name(offset: int) -> str:

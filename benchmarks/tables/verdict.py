@@ -81,6 +81,8 @@ def rivals(methods: Mapping[Method, Sequence[Finished]], lag: int) -> dict[int, 
     Each is the mean over worlds of error - the rival's at the same offset, with its interval.
     Offsets without a rival are left out.
     """
+    if len({method.agent for method in methods}) > 1:  # they differ by who drives
+        return {}
     offsets = {0: _NOW} | ({-lag: _PAST} if lag else {})
     found = {}
     for offset, names in offsets.items():

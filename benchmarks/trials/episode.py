@@ -18,6 +18,7 @@ from deqmcl_gym.numerics.types import Reals
 from localizers import Belief, Localizer, Prior
 
 _UNKNOWN = np.full(3, np.nan)
+_NONE = np.empty((0, 2), np.float32)
 
 
 @dataclass(frozen=True)
@@ -63,15 +64,17 @@ def moments(
     Args:
         env: a ``TrialEnv``, or wrappers around one.
         agent: chooses the actions.
-        localizer: fed with the env's scans and commands, and with the plan of whoever drives.
+        localizer: fed with the env's scans and commands, and with the plan of whoever drives; if
+            its ``own_plans`` is False, not with those that the driver makes from the belief.
         prior: p(x_0), for the localizer; asked when the episode has begun, as it may be around the
             start drawn there.
         rng: the localizer's only randomness.
         seed: for ``env.reset``.
     """
     ranges, info = env.reset(seed=seed)
-    truth, own = info.pop("truth", _UNKNOWN), agent.plan_at_reset(info)
-    ahead = _shown_plan(info) if own is None else own
+    truth = info.pop("truth", _UNKNOWN)
+    own = agent.plan_at_reset(_seen_by(agent, info, ranges, truth))
+    ahead = _plan_of(agent, localizer, own, info)
     given_prior, given_plan = prior(), np.array(ahead)
     started = time.perf_counter()
     belief = localizer.reset(given_prior, given_plan, rng)
@@ -81,10 +84,10 @@ def moments(
     )
     step, ended = 0, False
     while not ended:
-        action, plan = agent.act(belief, info)
+        action, plan = agent.act(belief, _seen_by(agent, info, ranges, truth))
         ranges, _, terminated, truncated, info = env.step(action)
         truth, step, ended = info.pop("truth", _UNKNOWN), step + 1, terminated or truncated
-        ahead = _shown_plan(info) if plan is None else plan
+        ahead = _plan_of(agent, localizer, plan, info)
         given = ranges.copy(), info["action"].copy(), np.array(ahead)
         started = time.perf_counter()
         belief = localizer.update(*given)
@@ -95,6 +98,16 @@ def moments(
         )  # fmt: skip
 
 
-def _shown_plan(info: dict[str, Any]) -> Reals:
-    planned: Reals = info["planned_actions"][: info["planned_count"]]
-    return planned
+def _seen_by(agent: Agent, info: dict[str, Any], ranges: Reals, truth: Reals) -> dict[str, Any]:
+    """Return what an agent sees of a step."""
+    seen = {**info, "ranges": ranges.copy()}
+    return seen | {"truth": truth.copy()} if getattr(agent, "sees_truth", False) else seen
+
+
+def _plan_of(agent: Agent, localizer: Localizer, plan: Reals | None, info: dict[str, Any]) -> Reals:
+    """Return the plan that a localizer is shown: the agent's, else the env's."""
+    author = info.get("plan_author") if plan is None else getattr(agent, "plan_author", None)
+    if author == "own" and not getattr(localizer, "own_plans", True):
+        return _NONE
+    shown: Reals = info["planned_actions"][: info["planned_count"]] if plan is None else plan
+    return shown

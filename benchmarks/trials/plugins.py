@@ -5,7 +5,12 @@ from functools import cache
 
 import localizers
 from benchmarks.setup.changes import file_digest
-from benchmarks.setup.names import plug_ins_of, scenario_digest
+from benchmarks.setup.names import (
+    agent_digest,
+    plug_ins_of,
+    plug_ins_of_agent,
+    scenario_digest,
+)
 from benchmarks.trials.provenance import Provenance, code_digest, versions
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
@@ -39,15 +44,22 @@ def provenance_of(
     for trial in trials:
         digests[trial.localizer] = localizer(trial.localizer)
         digests[trial.scenario] = setup(trial.scenario)
+        if trial.agent is not None:
+            digests[trial.agent.name] = agent_digest(trial.agent.name)
         digests |= {path: file_digest(path) for path in trial.files}
     plug_ins = {name: digest for name, digest in digests.items() if digest}
     return Provenance(code_digest(), versions(), plug_ins)
 
 
+def setup_guests(trial: Trial) -> tuple[str, ...]:
+    """Return the names of a trial's plug-ins but its localizer: scenario and agent."""
+    return (*plug_ins_of(trial.scenario), *plug_ins_of_agent(trial.agent))
+
+
 def guest_of(trial: Trial) -> str:
     """Return the names of a trial's plug-ins: localizer, scenario, agent; "" if all is ours."""
     localizer = (trial.localizer,) if is_plug_in(trial.localizer) else ()
-    return " ".join((*localizer, *plug_ins_of(trial.scenario)))
+    return " ".join((*localizer, *setup_guests(trial)))
 
 
 def source_digest(name: str) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.setup.changes import NOTHING, OF_LOCALIZERS, Changes, jsonable
+from benchmarks.setup.changes import NOTHING, OF_LOCALIZERS, Changes, Named, jsonable
 
 _WORLD, _FILTER = 0, 1  # children of a trial's seed
 
@@ -36,21 +36,33 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Method:
-    """A localizer by name, with its parameters."""
+class Method(Named):
+    """What is compared: a localizer by name, with its parameters, and who drives.
 
-    name: str
-    params: Changes = NOTHING
+    Attributes:
+        agent: who drives; None: the scenario's agent.
+    """
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "params", Changes(self.params))
+    agent: Named | None = None
+
+    @property
+    def values(self) -> Changes:
+        """All parameters by name, those of the agent as "agent.…"."""
+        own = self.agent.params if self.agent else NOTHING
+        return self.params | {f"agent.{name}": value for name, value in own.items()}
+
+    @property
+    def reference(self) -> str:
+        """The names of localizer and agent."""
+        return f"{self.agent.name} with {self.name}" if self.agent else self.name
 
     def __str__(self) -> str:
-        return " ".join([self.name, *(f"{name}={value}" for name, value in self.params.items())])
+        own = super().__str__()
+        return f"{self.agent} with {own}" if self.agent else own
 
-    def json(self) -> dict[str, Any]:
-        """Return it as JSON-able values."""
-        return {"name": jsonable(self.name), "params": self.params.json()}
+    def is_named(self, name: str) -> bool:
+        """Whether a name is that of its localizer or of its agent."""
+        return name == self.name or (self.agent is not None and name == self.agent.name)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +76,7 @@ class Trial:
         disturbance: wrappers around the world, innermost first: {"kind": "kidnap", …}.
         localizer: name of the localizer.
         params: its parameters.
+        agent: who drives; None: the scenario's agent.
         lag: L, the offsets scored are -L, 0 and L.
         seed: root of all randomness.
         trial: number of the world; trials of the same number are paired.
@@ -76,6 +89,7 @@ class Trial:
     disturbance: tuple[Changes, ...] = ()
     localizer: str
     params: Changes
+    agent: Named | None = None
     lag: int
     seed: int
     trial: int
@@ -93,7 +107,7 @@ class Trial:
     @property
     def method(self) -> Method:
         """What is compared."""
-        return Method(self.localizer, self.params)
+        return Method(self.localizer, self.params, self.agent)
 
     @property
     def run(self) -> Run:
@@ -126,8 +140,9 @@ class Trial:
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
 
     def canonical(self) -> dict[str, Any]:
-        """Return the trial as JSON-able values in a fixed order."""
-        return {own.name: jsonable(getattr(self, own.name)) for own in fields(self)}
+        """Return the trial as JSON-able values in a fixed order; an agent only if it has one."""
+        said = {own.name: jsonable(getattr(self, own.name)) for own in fields(self)}
+        return {name: value for name, value in said.items() if name != "agent" or value}
 
     def cell(self) -> str:
         """Return its setting and method in words: what trials are counted by."""

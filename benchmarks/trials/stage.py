@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
@@ -61,6 +61,8 @@ class Stage:
         """
         changed = scenario(trial.scenario).changed(trial.world, trial.assumed)
         found = changed.in_building(trial.trial)
+        if trial.agent is not None:
+            found = replace(found, agent=trial.agent)
         with _errors_name(trial.scenario):
             room = found.room()
         return cls(

@@ -1,6 +1,7 @@
 """The tables of the hedge, and what the page of the plan as a sensor says of it."""
 
 import json
+import math
 from collections.abc import Iterable, Mapping
 
 from docs.numbers.reading import (
@@ -25,6 +26,18 @@ AUTHORS = {
     "guided-estimate": "from the localizer's estimate (`guided-estimate`)",
     "guided-stale": "for another start (`guided-stale`)",
 }
+
+
+ENDS: Mapping[str, tuple[str, dict[str, object]]] = {
+    "`mcl-plan-hedged`": ("mcl-plan-hedged", {}),
+    "`mcl-plan`": ("mcl-plan", {}),
+    "`mcl-plan`, `keep` = 0": ("mcl-plan", {"keep": 0.0}),
+    "`deq-mcl`": ("deq-mcl", {}),
+    "`deq-mcl-rejuvenated`": ("deq-mcl-rejuvenated", {}),
+    "`mcl-h`": ("mcl-h", {}),
+    "`mcl-pilots`": ("mcl-pilots", {}),
+}
+CORRIDOR = 100.0  # px: how wide those of the room are
 
 
 def _in_world(report: str, beams: int, sigma: float, noise: float) -> list[dict[str, str]]:
@@ -109,15 +122,6 @@ def _signals() -> str:
 
 
 def _ends() -> str:
-    labels = {
-        "`mcl-plan-hedged`": ("mcl-plan-hedged", {}),
-        "`mcl-plan`": ("mcl-plan", {}),
-        "`mcl-plan`, `keep` = 0": ("mcl-plan", {"keep": 0.0}),
-        "`deq-mcl`": ("deq-mcl", {}),
-        "`deq-mcl-rejuvenated`": ("deq-mcl-rejuvenated", {}),
-        "`mcl-h`": ("mcl-h", {}),
-        "`mcl-pilots`": ("mcl-pilots", {}),
-    }
     rows = [
         [
             label,
@@ -126,9 +130,41 @@ def _ends() -> str:
                 for scenario in ("guided", "guided-stale")
             ),
         ]
-        for label, (method, params) in labels.items()
+        for label, (method, params) in ENDS.items()
     ]
     return table("method | the plan is right (`guided`): | for another start:", rows)
+
+
+def _smooth() -> str:
+    methods = ("mcl-plan", "mcl-plan-hedged")
+    by: dict[float, dict[str, dict[str, str]]] = {}
+    for found in read("hedge/smooth"):
+        if found["offset"] == "0":
+            shift = json.loads(found["swept"])["agent.shift"]
+            by.setdefault(shift, {})[found["method"]] = found
+    rows = [
+        [
+            f"{shift / CORRIDOR:g}",
+            f"{math.degrees(json.loads(own['mcl-plan']['swept'])['agent.turn']):.0f}°",
+            *(_shown(own[method]) for method in methods),
+        ]
+        for shift, own in by.items()
+    ]
+    return table("shift, corridor widths: | turn: | `mcl-plan`: | `mcl-plan-hedged`:", rows)
+
+
+def _own() -> str:
+    rows = []
+    for beams, sigma, sensor in SENSORS:
+        for noise, size in NOISES:
+            by = {
+                json.loads(r["params"]).get("own_plans", r["method"]): r
+                for r in _in_world("hedge/own", beams, sigma, noise)
+            }
+            cells = [_shown(by[kind]) for kind in ("mcl-plan-hedged", False)]
+            rows.append([f"{sensor}, {size}", filled("{error:.1f}", by["mcl-map"]), *cells])
+    head = "sensor, noise | `mcl-map`, px: | `mcl-plan-hedged`: | `own_plans` = false:"
+    return table(head, rows)
 
 
 def _variants() -> str:
@@ -210,6 +246,8 @@ TABLES = {
     "hedge, equal time": _equal_time,
     "hedge, signals": _signals,
     "hedge, ends": _ends,
+    "hedge, smooth": _smooth,
+    "hedge, own": _own,
     "hedge, variants": _variants,
     "hedge, lost": _hedged_lost,
     "hedge, driving": _hedged_driving,

@@ -133,9 +133,9 @@ def global_rng_untouched(subject: Subject) -> None:
     try:
         np.random.seed(2_718_281)  # noqa: NPY002
         random.seed(2_718_281)
-        before = _global_states()
+        before = global_states()
         subject.history()
-        touched = [name for name, state in _global_states().items() if state != before[name]]
+        touched = [name for name, state in global_states().items() if state != before[name]]
     finally:
         np.random.set_state(held[0])  # noqa: NPY002
         random.setstate(held[1])
@@ -146,7 +146,8 @@ def global_rng_untouched(subject: Subject) -> None:
         )
 
 
-def _global_states() -> dict[str, Any]:
+def global_states() -> dict[str, Any]:
+    """Return the states of the global generators by name."""
     legacy: Any = np.random.get_state(legacy=False)  # noqa: NPY002
     numpy_state = legacy["state"]["pos"], legacy["state"]["key"].tobytes(), legacy["has_gauss"]
     return {"numpy.random": numpy_state, "random": random.getstate()}

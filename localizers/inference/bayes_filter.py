@@ -56,6 +56,11 @@ class FilterLocalizer(Generic[B]):
         self.filter = bayes_filter
         self._running: tuple[B, np.random.Generator] | None = None
 
+    @property
+    def own_plans(self) -> bool:
+        """Whether it is to be shown plans made from its own belief; see ``Localizer``."""
+        return bool(getattr(self.filter, "own_plans", True))
+
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> B:
         """Start a new run; see ``Localizer.reset``."""
         known = checked_prior(prior, self.robot)

@@ -116,6 +116,8 @@ class Hedge:
         switching: s, the probability per step that A's picture becomes right or wrong.
         trust: q₀.
         mutual: whether B takes over from A as well: the exact two-mode model.
+        own_plans: whether a plan that the robot has made from this belief is shown to A; it is no
+            evidence.
     """
 
     advised: Filter[Any]
@@ -123,8 +125,10 @@ class Hedge:
     switching: float = 0.001
     trust: float = 0.5
     mutual: bool = False
+    own_plans: bool = True
 
     def __post_init__(self) -> None:
+        boolean("own_plans", self.own_plans)
         number("switching", self.switching, low=0, high=0.5)
         number("trust", self.trust, low=0, high=1)
         boolean("mutual", self.mutual)
@@ -291,6 +295,7 @@ def hedged(
     switching: float = 0.001,
     trust: float = 0.5,
     mutual: bool = False,
+    own_plans: bool = True,
 ) -> FilterLocalizer[HedgedBelief]:
     """Return q A + (1 - q) B of two localizers for one robot: a plan that misleads A costs little.
 
@@ -302,7 +307,7 @@ def hedged(
         robot: which both were made for.
         advised: A, which is shown the plans.
         protected: B, which is not.
-        switching, trust, mutual: see ``Hedge``.
+        switching, trust, mutual, own_plans: see ``Hedge``.
     """
     members = [
         judging(one.filter) if isinstance(one, FilterLocalizer) else Plugged(one)
@@ -316,5 +321,6 @@ def hedged(
             switching=switching,
             trust=trust,
             mutual=mutual,
+            own_plans=own_plans,
         ),
     )

@@ -121,12 +121,13 @@ def mcl_plan_hedged(
     trust: float = 0.5,
     mutual: bool = False,
     plans: str = "all",
+    own_plans: bool = True,
 ) -> Hedge:
     """Return a hedge of ``mcl_plan``, exact, and ``mcl_map``, each with half of the particles.
 
     Args:
         robot, shared: see ``Shared``; ``start_draws`` is for the half that is shown plans.
-        switching, trust, mutual: see ``Hedge``.
+        switching, trust, mutual, own_plans: see ``Hedge``.
         plans: "all": each is evidence; "first": they only choose poses, by ``start_draws``.
 
     Raises:
@@ -152,4 +153,5 @@ def mcl_plan_hedged(
         switching=switching,
         trust=trust,
         mutual=mutual,
+        own_plans=own_plans,
     )

@@ -22,7 +22,7 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
@@ -163,8 +163,8 @@ def is_file(name: str) -> bool:
     return name.endswith(".py")
 
 
-def localizers_in(file: str) -> list[str]:
-    """Return the names of the public classes in a file that have ``reset`` and ``update``.
+def classes_in(file: str, verbs: Collection[str]) -> list[str]:
+    """Return the names of the public classes in a file that have these methods.
 
     Raises:
         InputError: the file cannot be read, or is not Python.
@@ -179,9 +179,7 @@ def localizers_in(file: str) -> list[str]:
         raise InputError(f"the file {file} cannot be parsed as Python: {error}.") from None
     classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
     return [
-        name
-        for name in classes
-        if not name.startswith("_") and {"reset", "update"} <= _methods(name, classes)
+        name for name in classes if not name.startswith("_") and {*verbs} <= _methods(name, classes)
     ]
 
 

@@ -6,7 +6,7 @@ Installed packages offer theirs by entry points of the group ``deqmcl.localizers
 import inspect
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache, partial
 from importlib.metadata import Distribution, distributions
@@ -30,19 +30,20 @@ from localizers.methods.plan_aware import mcl_h, mcl_pilots, mcl_plan, mcl_plan_
 from localizers.models.robot import RobotModel
 from localizers.naming import plugins
 from localizers.naming.digests import file_digest
-from localizers.naming.plugins import is_file, localizers_in
+from localizers.naming.plugins import classes_in, is_file
 
 GROUP = "deqmcl.localizers"
+_VERBS = ("reset", "update")
 
 
-def installed() -> dict[str, str]:
-    """References by name of the entry points of our group; none is loaded.
+def installed(group: str = GROUP) -> dict[str, str]:
+    """References by name of the entry points of a group; none is loaded.
 
     A name that several packages offer differently has all their references, joined by " and ".
     """
     found: dict[str, set[str]] = {}
     for distribution in _first_of_each_name():
-        for name, reference in _offered(distribution) or ():
+        for name, reference in _offered(distribution, group) or ():
             found.setdefault(name, set()).add(reference)
     return {name: " and ".join(sorted(references)) for name, references in sorted(found.items())}
 
@@ -69,8 +70,8 @@ def _name(distribution: Distribution) -> str:
         return repr(distribution)
 
 
-def _offered(distribution: Distribution) -> list[tuple[str, str]] | None:
-    """Return a package's localizers as (name, reference); None if its list cannot be read.
+def _offered(distribution: Distribution, group: str = GROUP) -> list[tuple[str, str]] | None:
+    """Return a package's entry points of a group, (name, reference); None if they cannot be read.
 
     One package at a time: another one's mistake in a file of its own must not stop us.
     """
@@ -78,7 +79,7 @@ def _offered(distribution: Distribution) -> list[tuple[str, str]] | None:
         return [
             (entry.name, entry.value.partition("[")[0].strip())
             for entry in distribution.entry_points
-            if entry.group == GROUP and entry.name
+            if entry.group == group and entry.name
         ]
     except Exception:  # a file that is malformed, no UTF-8, no file
         return None
@@ -196,7 +197,7 @@ def make(name: str, robot: RobotModel, **params: Any) -> Localizer:
 def made_by(factory: Factory, name: str, robot: RobotModel, **params: Any) -> Localizer:
     """Return what a factory makes if it is a localizer, else raise; ``name`` is for the error."""
     made = factory(robot, **params)
-    lacking = [verb for verb in ("reset", "update") if not callable(getattr(made, verb, None))]
+    lacking = [verb for verb in _VERBS if not callable(getattr(made, verb, None))]
     if lacking:
         raise RuntimeError(
             f"the localizer {name!r} is {_a(made)} without {' and '.join(lacking)}: a localizer "
@@ -215,7 +216,7 @@ def _parameters_of_ours(name: str) -> tuple[str, ...] | None:
     return parameters_of(_FACTORIES[name])
 
 
-def parameters_of(factory: Factory) -> tuple[str, ...] | None:
+def parameters_of(factory: Callable[..., Any]) -> tuple[str, ...] | None:
     """Names of a factory's parameters beside the robot; None if it takes any."""
     try:
         given = list(inspect.signature(factory).parameters.values())
@@ -251,19 +252,25 @@ def source_digest(name: str) -> str | None:
     return plugins.reference_digest(f"{home}:{name}")
 
 
-def complete(name: str) -> str:
-    """Return ``file.py:NAME`` for a ``file.py`` that holds one localizer, any other name as it is.
+def complete(name: str, kind: str = "localizer", verbs: Sequence[str] = _VERBS) -> str:
+    """Return ``file.py:NAME`` for a ``file.py`` that holds one localizer, else the name as it is.
+
+    Args:
+        name: as given.
+        kind: of what it names, for the error message.
+        verbs: the methods that one has.
 
     Raises:
         InputError: the file holds none or several, or cannot be read.
     """
     if not is_file(name):
         return name
-    found = localizers_in(name)
+    found = classes_in(name, verbs)
     if len(found) != 1:
-        several = f"has {', '.join(found)}" if found else "has no class with reset and update"
+        none = f"has no class with {' and '.join(verbs)}"
+        several = f"has {', '.join(found)}" if found else none
         raise InputError(
-            f"the file {name} {several}: say which one is the localizer, as in "
+            f"the file {name} {several}: say which one is the {kind}, as in "
             f"{name}:{found[0] if found else 'NAME'}."
         )
     return f"{name}:{found[0]}"

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import localizers
+from benchmarks.setup.changes import Named
 from benchmarks.setup.names import make_agent, scenario, scenario_names
 from benchmarks.setup.scenario import Uniform
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
@@ -26,7 +27,7 @@ BLINDLY_DRIVEN = [
     name
     for name in scenario_names()
     if name not in ("log", "replay")  # they need files
-    and scenario(name).agent in ("open-loop", "stale")
+    and scenario(name).agent.name in ("open-loop", "stale")
     and not name.startswith(("lost-", "driving-"))
 ]
 
@@ -241,9 +242,70 @@ def test_the_localizer_is_told_the_plan_of_whoever_drives_and_the_agent_not_the_
     assert np.array_equal(localizer.plans[0], room.plan)  # nobody has believed anything yet
     for step, plan in enumerate(localizer.plans[1:], 1):
         assert np.array_equal(plan, np.full((step, 2), [0.0, 0.1]))
-    assert agent.told == [["action", "collided", "planned_actions", "planned_count"]] * steps
+    told = ["action", "collided", "planned_actions", "planned_count", "ranges"]
+    assert agent.told == [told] * steps
     turned = np.unwrap([moment.truth[2] for moment in seen])
     assert turned[-1] - turned[0] == pytest.approx(0.1 * steps, rel=0.01)  # noise: 2 % of a step
+
+
+class Watcher(Planner):
+    """Notes the scans and true poses that it sees, and plans by itself."""
+
+    plan_author = "own"
+
+    def act(self, belief, info):
+        self.told.append((info["ranges"], info.get("truth")))
+        return np.array([0.0, 0.1], np.float32), np.full((3, 2), [0.0, 0.1])
+
+
+@pytest.mark.parametrize("sees", [False, True])
+def test_an_agent_sees_the_latest_scan_and_the_truth_only_if_it_says_so(sees):
+    ours = scenario("paper")
+    room, agent = ours.room(), Watcher()
+    agent.sees_truth = sees
+    prior = partial(ours.prior_in, room)
+    seen = list(moments(room, agent, Listener(), prior, RNG, seed=SEED))
+    for moment, (ranges, truth) in zip(seen, agent.told, strict=False):
+        assert np.array_equal(ranges, moment.ranges)
+        assert np.array_equal(truth, moment.truth) if sees else truth is None
+
+
+@pytest.mark.parametrize("own_plans", [False, True])
+def test_a_localizer_may_leave_out_plans_made_from_its_own_belief(own_plans):
+    ours = scenario("paper")
+    room, localizer = ours.room(), Listener()
+    localizer.own_plans = own_plans
+    list(moments(room, Watcher(), localizer, partial(ours.prior_in, room), RNG, seed=SEED))
+    assert len(localizer.plans[0]) == len(room.plan)  # of the env, at reset
+    assert {len(plan) for plan in localizer.plans[1:]} == ({3} if own_plans else {0})
+
+
+def test_a_hedge_without_own_plans_believes_what_it_does_without_any():
+    law = trials(["mcl-plan-hedged"], "guided-estimate")[0]
+    blind = replace(law, params=law.params | {"own_plans": False})
+    for moment in Stage.of(blind).moments():
+        assert moment.belief.plan_reading.shown.size == 0
+        assert 0.0 < moment.belief.trusted < 1.0
+    guided = replace(blind, scenario="guided")  # the plan of another: charged as ever
+    theirs = Stage.of(replace(guided, params=law.params)).trace()
+    assert np.array_equal(Stage.of(guided).trace().offsets[0].means, theirs.offsets[0].means)
+
+
+def test_an_author_who_sees_the_true_pose_shows_the_plan_from_there():
+    (law,) = trials(["mcl-plan"], "guided")
+    exact = replace(law, agent=Named("misplaced"))
+    first, *others = Stage.of(exact).moments()
+    env = Stage.of(law).moments()
+    assert np.array_equal(first.plan, next(env).plan[: len(first.plan)])
+    # the env plans after the noise of the step, the author before it
+    apart = [
+        np.abs(m.plan[0] - theirs.plan[0]).max()
+        for m, theirs in zip(others, env, strict=False)
+        if len(m.plan) and len(theirs.plan)
+    ]
+    assert np.median(apart) < 0.3
+    shifted = replace(law, agent=Named("misplaced", {"shift": 100.0, "turn": 0.3}))
+    assert not np.array_equal(next(Stage.of(shifted).moments()).plan[:5], first.plan[:5])
 
 
 def test_in_open_loop_the_plan_of_the_env_is_carried_out_and_told():

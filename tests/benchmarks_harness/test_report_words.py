@@ -247,7 +247,7 @@ def test_scenarios_of_files_are_named_by_their_stems_where_these_differ():
 
     assert titles("/far/hall.toml", "/far/own.py:Room") == ["scenario hall", "scenario Room"]
     assert titles("/a/hall.toml", "/b/hall.toml") == [
-        "scenario /a/hall.toml", "scenario /b/hall.toml",
+        "scenario a/hall.toml", "scenario b/hall.toml",
     ]  # fmt: skip
 
 

@@ -240,7 +240,7 @@ BAD_FILES = [
     ("[assumed.scan]\nsigm = 3", ["did you mean 'scan.sigma'?"]),
     ("prior.sd_position = nan", ["prior.sd_position", "nan"]),
     ("[thresholds]\nfar = 0", ["thresholds.far", "0"]),
-    ("agent = 3", ["agent", "3", "text"]),
+    ("agent = 3", ["agent", "3", "a name, or"]),
     ("words = 'x", ["not valid TOML"]),
 ]
 

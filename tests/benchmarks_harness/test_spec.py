@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from refusals import refused
 
-from benchmarks.setup.changes import Changes, of_json
+from benchmarks.setup.changes import Changes, Named, of_json
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
 from benchmarks.trials.spec import Method, Trial
@@ -22,6 +22,7 @@ CHANGED = {
     "disturbance": ({"kind": "kidnap", "step": 100},),
     "localizer": "mcl",
     "params": {"lag": 20, "particles": 1001},
+    "agent": Named("stale"),
     "lag": 21,
     "seed": 1,
     "trial": 4,

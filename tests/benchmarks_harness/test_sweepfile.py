@@ -175,7 +175,7 @@ BAD = [  # a file, and what the sentence must name
     ('localizers = "mcl"', ["localizers", "'mcl'", "list"]),
     ("localizers = [{ nam = 'mcl' }]", ["'nam'", "did you mean 'name'?"]),
     ("localizers = [{ params = {} }]", ["no name"]),
-    ("localizers = [{ name = 3 }]", ["name of a localizer", "3"]),
+    ("localizers = [{ name = 3 }]", ["name of an entry of localizers", "3"]),
     ('localizers = ["dec-mcl"]', ["'dec-mcl'", "did you mean 'deq-mcl'?"]),
     ('localizers = ["mcl"]\ntrials = 0', ["trials", "0"]),
     ('localizers = ["mcl"]\ntrials = 1.5', ["trials", "1.5", "whole"]),

@@ -1,0 +1,183 @@
+"""Agents as methods: named with parameters, compared on the same worlds, and their laws."""
+
+from dataclasses import replace
+
+import pytest
+from refusals import refused
+from report_cases import results, trials
+
+from benchmarks.agents import AGENTS
+from benchmarks.report.words import conclusion, overview
+from benchmarks.setup.changes import Named
+from benchmarks.setup.names import make_agent, scenario
+from benchmarks.studies.agent_laws import verdicts
+from benchmarks.sweeps.sweepfile import read_sweep, sweep_of
+from benchmarks.tables.comparison import baseline_of
+from benchmarks.tables.panels import panels
+from benchmarks.trials.plugins import key_of
+from benchmarks.trials.spec import Method, Trial
+from benchmarks.trials.stage import Stage
+
+TRIAL = Trial(scenario="guided", localizer="mcl", params=(), lag=0, seed=0, trial=0)
+AGENT = """
+import numpy as np
+
+class Turner:
+    def __init__(self, robot, *, by=0.1):
+        self.by = by
+    def plan_at_reset(self, info):
+        return None
+    def act(self, belief, info):
+        return np.array([0.0, self.by], np.float32), None
+"""
+SWEEP = {"localizers": ["mcl-map", "mcl"], "scenario": "guided", "trials": 2}
+
+
+def driven(errors, agent, localizer="mcl", **params):
+    return trials(localizer, errors, agent=Named(agent, params))
+
+
+def test_agents_are_compared_on_the_same_worlds_with_the_same_localizer():
+    rising = [float(e) for e in range(10, 22)]
+    records = []
+    for localizer, more in (("mcl", 0.0), ("mcl-map", 1.0)):
+        records += driven([e + more for e in rising], "still", localizer)
+        records += driven([e + more - 5 for e in rising], "/far/mine.py:Seeker", localizer)
+    (panel,) = panels(records, "still")
+    rows = {panel.labels[row.method]: row for row in panel.present}
+    assert list(rows) == [
+        "still with mcl", "Seeker with mcl", "still with mcl-map", "Seeker with mcl-map",
+    ]  # fmt: skip
+    assert [row.is_baseline for row in rows.values()] == [True, False, True, False]
+    for localizer in ("mcl", "mcl-map"):
+        row = rows[f"Seeker with {localizer}"]
+        assert (row.diff.mean, row.paired_worlds) == (-5.0, 12)
+        assert panel.labels[row.baseline] == f"still with {localizer}"
+    told = results(records, baseline="still")
+    assert conclusion(told).short == "Seeker with mcl is best"
+    assert "2 agents (still, Seeker) with 2 localizers on 1 setting" in overview(told, told.panels)
+    assert "/far" not in conclusion(told).text + overview(told, told.panels)
+
+
+def test_a_baseline_that_is_a_localizer_is_compared_with_those_of_the_same_agent():
+    one, other = Named("a"), Named("b")
+    methods = [Method(name, agent=agent) for agent in (one, other) for name in ("mcl", "mcl-map")]
+    against = [baseline_of(method, methods, "mcl") for method in methods]
+    assert against == [methods[0], methods[0], methods[2], methods[2]]
+    assert [baseline_of(m, methods, "a") for m in methods] == [*methods[:2], *methods[:2]]
+
+
+def test_a_number_of_an_agent_that_is_swept_has_a_panel_for_each_value():
+    records = []
+    for shift in (0.0, 50.0):
+        for localizer in ("mcl", "mcl-map"):
+            records += driven([1.0, 2.0], "misplaced", localizer, shift=shift)
+    found = panels(records)
+    assert [panel.title for panel in found] == [
+        "scenario paper, agent.shift 0.0", "scenario paper, agent.shift 50.0",
+    ]  # fmt: skip
+    assert [list(panel.labels.values()) for panel in found] == [["mcl", "mcl-map"]] * 2
+
+
+def test_a_report_with_one_method_compares_it_with_nothing():
+    records = trials("mcl-map", [3.0, 4.0]) + trials("mcl-map", [5.0, 6.0], scenario="sharp")
+    told = results(records)
+    assert conclusion(told).short == "2 settings, nothing to compare in them"
+    assert overview(told, told.panels).endswith("There is nothing to compare.")
+    assert conclusion(results(records[:2])).short == "mcl-map alone, nothing to compare it with"
+
+
+def test_a_sweep_names_agents_and_their_parameters_and_trials_without_one_are_as_before(tmp_path):
+    (tmp_path / "mine.py").write_text(AGENT)
+    (tmp_path / "sweep.toml").write_text(
+        'localizers = ["mcl"]\n[[vary]]\n'
+        'agent = ["stale", "mine.py", { name = "mine.py:Turner", params = { by = 0.2 } }]\n'
+    )
+    sweep = read_sweep(tmp_path / "sweep.toml")
+    mine = f"{tmp_path}/mine.py:Turner"
+    agents = [trial.agent for trial in sweep.cells()]
+    assert agents == [Named("stale"), Named(mine), Named(mine, {"by": 0.2})]
+    assert sweep.baseline == "stale"
+    again = sweep_of(sweep.canonical(), title="a", takes=sweep.takes)
+    assert [t.canonical() for t in again.distinct()] == [t.canonical() for t in sweep.distinct()]
+    tuned = sweep_of(
+        SWEEP | {"agent": "misplaced", "vary": [{"agent": {"shift": [0.0, 9.0]}}]}, title="a"
+    )
+    assert {trial.agent.params["shift"] for trial in tuned.cells()} == {0.0, 9.0}
+    paper = {"scenario": "paper", "params": {"lag": 20, "particles": 1000}, "lag": 20, "trial": 3}
+    plain = replace(TRIAL, localizer="deq-mcl", **paper)
+    assert "agent" not in plain.canonical()
+    assert plain.key("p") == "fedcf55a1f035e4dd81be01d88cddbce"  # of the version without agents
+
+
+def test_a_scenario_gives_its_agent_parameters_and_another_one_changes_them(tmp_path):
+    (tmp_path / "a.toml").write_text('base = "guided"\nagent = { name = "misplaced" }\n')
+    (tmp_path / "b.toml").write_text('base = "a.toml"\nagent.params.shift = 25.0\n')
+    assert scenario(f"{tmp_path}/b.toml").agent == Named("misplaced", {"shift": 25.0})
+    (tmp_path / "c.toml").write_text('base = "b.toml"\nagent = "stale"\n')
+    assert scenario(f"{tmp_path}/c.toml").agent == Named("stale")
+
+
+def test_an_agent_of_a_trial_drives_and_its_code_is_in_the_key(tmp_path):
+    (tmp_path / "mine.py").write_text(AGENT)
+    ours = replace(TRIAL, agent=Named(f"{tmp_path}/mine.py:Turner", {"by": 0.3}))
+    moments = Stage.of(ours).moments()
+    next(moments)
+    assert next(moments).action == pytest.approx([0.0, 0.3])
+    before = key_of(ours)
+    (tmp_path / "mine.py").write_text(AGENT + "# edited")
+    assert key_of(ours) != before
+
+
+@pytest.mark.parametrize(
+    ("said", "named"),
+    [
+        ({"agent": {"params": {}}}, ["agent has no name"]),
+        ({"agent": 3}, ["agent is 3", "a name, or {name"]),
+        ({"vary": [{"agent": {"shift": [1.0]}}]}, ["agent.shift", "no agent is named"]),
+        ({"agent": "stale", "baseline": "mcl-plan"}, ["baseline", "stale"]),
+        ({"vary": [{"agents": ["stale"]}]}, ["'agents'", "did you mean 'agent'"]),
+    ],
+)
+def test_a_sweep_with_a_bad_agent_is_refused(said, named):
+    with refused(*named):
+        sweep_of(SWEEP | said, title="a")
+
+
+@pytest.mark.parametrize(
+    ("agent", "named"),
+    [
+        (Named("stale", {"shift": 1.0}), ["parameter of agent 'stale'", "shift"]),
+        (Named("misplaced", {"shfit": 1.0}), ["did you mean 'shift'"]),
+        (Named("misplaced", {"shift": -1.0}), ["shift is -1"]),
+    ],
+)
+def test_parameters_that_an_agent_does_not_take_are_refused(agent, named):
+    with refused(*named):
+        make_agent(agent, Stage.of(TRIAL).robot)
+
+
+@pytest.mark.parametrize("name", AGENTS)
+def test_our_agents_keep_all_laws(name):
+    assert [str(v) for v in verdicts(name) if v.status == "FAILED"] == []
+
+
+BAD = AGENT.replace("        return np.array", "        {}\n        return np.array")
+
+
+@pytest.mark.parametrize(
+    ("law", "code"),
+    [
+        ("answers in time", "raise ValueError('no')"),
+        ("answers with actions", "return [0.0], None"),
+        ("same rng same result", "import os; self.by = os.urandom(1)[0] / 1e3"),
+        ("inputs not changed", "info['collided'] = 3"),
+        ("global rng untouched", "np.random.random()"),
+        ("survives an empty belief", "belief.points()[0][0]"),
+    ],
+)
+def test_each_law_is_broken_by_an_agent(tmp_path, monkeypatch, law, code):
+    monkeypatch.setattr("benchmarks.studies.agent_laws.apart", lambda f, *given, timeout: f(*given))
+    (tmp_path / "mine.py").write_text(BAD.format(code))
+    failed = [v.law for v in verdicts(f"{tmp_path}/mine.py") if v.status == "FAILED"]
+    assert law in failed
