@@ -201,8 +201,7 @@ def _pooled(errors: Sequence[tuple[PoseErrors, Any]]) -> tuple[Floats, Floats]:
 
 
 def _known(values: Sequence[float]) -> Floats:
-    given = np.array(values)
-    return given[~np.isnan(given)]
+    return np.array([value for value in values if not math.isnan(value)])
 
 
 def _compared(row: Comparison | None, score: str, end: str) -> Any:
