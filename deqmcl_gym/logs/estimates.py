@@ -75,8 +75,8 @@ def with_covariances(estimate: Trajectory, path: str | PathLike[str]) -> Traject
                 "as many in every line."
             )
         rows.append(row)
-    table = np.array(rows).reshape(len(rows), -1)
-    if table.size == 0 or not np.array_equal(table[:, 0], estimate.times):
+    table = np.array(rows or [[math.nan]])
+    if not np.array_equal(table[:, 0], estimate.times):
         raise InputError(
             f"{path} has {len(rows):,} lines of covariances, but must have one at each time of the "
             f"{estimate.times.size:,} poses of {estimate.source}."
