@@ -31,6 +31,7 @@ from localizers.naming.registry import (
     resolve,
     source_digest,
 )
+from localizers.tracker import Estimate, Tracker
 
 __all__ = [
     "BeamModel",
@@ -38,6 +39,7 @@ __all__ = [
     "CensoredGaussianUniform",
     "Cluster",
     "DifferentialMotion",
+    "Estimate",
     "GaussianPrior",
     "GaussianUniform",
     "LatentShare",
@@ -49,6 +51,7 @@ __all__ = [
     "PoseBelief",
     "Prior",
     "RobotModel",
+    "Tracker",
     "UniformPrior",
     "absolute_name",
     "best_cluster",
