@@ -229,7 +229,7 @@ class Places:
     def where(self) -> str:
         """Where they are, in words."""
         total = sum(place.weight for place in self.places)
-        each = (f"{p.weight / total:.0%} {p.prior.where}" for p in self.places)
+        each = (f"{100 * p.weight / total:.0f} % {p.prior.where}" for p in self.places)
         return f"one of {len(self.places)} places: {'; '.join(each)}"
 
 
