@@ -53,6 +53,11 @@ class LogScenario(Scenario):
         """False: a log goes where it went."""
         return False
 
+    @property
+    def may_be_lost(self) -> bool:
+        """Whether no pose is expected of it."""
+        return not isinstance(self.prior, Gaussian)
+
     def room(self) -> LogEnv:
         """Return the log as an env.
 

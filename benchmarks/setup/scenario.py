@@ -317,6 +317,16 @@ class Scenario:
         return self.world.route is not None
 
     @property
+    def may_be_lost(self) -> bool:
+        """Whether the question is where the robot is: no pose is expected, or the map is wrong.
+
+        A robot that drives on what it believes, on a wrong map, is to arrive.
+        """
+        if not isinstance(self.prior, Gaussian):
+            return True
+        return self.world.differs_from_map and self.agent == type(self).agent
+
+    @property
     def judged(self) -> int | None:
         """Of a whole log, the first record by which beliefs are judged; None of other worlds."""
         return None

@@ -4,6 +4,8 @@ Contact of the driving disc with walls is by pymunk for polygons, exact for cell
 """
 
 import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pymunk
@@ -15,8 +17,13 @@ from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import Point, Pose
 from deqmcl_gym.world.driver import GuidedPlan
 from deqmcl_gym.world.path_kernels import drawn, judged
+from deqmcl_gym.world.people import Crowded
+from deqmcl_gym.world.reality import Reality
 from deqmcl_gym.world.rules import RoomRules
 from deqmcl_gym.world.sensor import LidarSensor, Stream, episode_stream
+
+if TYPE_CHECKING:  # OpenCV is only loaded for pictures
+    from deqmcl_gym.world.drawing import Drawing, View
 
 _WALLS = pymunk.ShapeFilter()  # the space has nothing but walls
 
@@ -77,7 +84,7 @@ class Walls:
         return None if contact is None else contact.alpha
 
 
-Contacts = Cells | Walls  # what a disc can touch
+Contacts = Cells | Walls | Crowded  # what a disc can touch
 
 
 def contacts_of(world: World) -> Contacts:
@@ -148,6 +155,7 @@ class Episode:
     """All state that changes between two resets.
 
     Attributes:
+        there: the rules, in the world as it is in this episode.
         course: the path, and the actions planned for it.
         plan: the actions to come.
         step: steps carried out.
@@ -166,18 +174,41 @@ class Episode:
         Raises:
             InputError: no drawn start is free, or no route was found.
         """
-        world = rules.world
         self._rules = rules
         self.course, self.plan = rules.begun(seed, number)
         self._seed, self._number = seed, number
         self._motion = self.stream(Stream.MOTION)
-        self._sensor = LidarSensor(world.floor_plan, world.lidar, self.stream(Stream.SENSOR))
-        self.pose = rules.start(self.course, seed, number)
-        self._physics = Physics(walls, self.pose[:2])
+        self._reality = Reality.drawn(rules.world, self.course, self.plan, self.stream)
+        world = self._reality.world
+        self.there = rules if world is rules.world else replace(rules, world=world)
+        self.pose = self.there.start(self.course, seed, number)
+        if isinstance(self.plan, GuidedPlan) and self.there is not rules:
+            self._drive_what_is_there(self.plan)
+        self._crowd = self._reality.crowd(self.pose[:2], self.stream)
+        caster = self._reality.caster(self._crowd, self.stream)
+        datum, noise = world.floor_plan.datum, self.stream(Stream.SENSOR)
+        self._sensor = LidarSensor(caster, datum, world.lidar, noise)
+        solid = walls if self.there is rules else contacts_of(world)
+        if self._crowd is not None:
+            solid = Crowded(solid, self._crowd, world.body)
+        self._physics = Physics(solid, self.pose[:2])
         self.arc = rules.first_arc(self.course, self.pose[:2])
         self.way = self.progress = 0.0
         self.step, self.done, self.ended = 0, False, False
         self.scan = self._sensor.scan(self.pose)
+
+    def picture(self, view: "View") -> "Drawing":
+        """Draw what is there, without the robot."""
+        return self._reality.picture(view, self._crowd)
+
+    def _drive_what_is_there(self, plan: GuidedPlan) -> None:
+        """Let a driver who has planned on the map see what is there, and plan anew if he must."""
+        journeys, goal = self.there.journeys, self.course.goal
+        if self._reality.keeps_route or journeys is None or goal is None:
+            self.plan = replace(plan, world=self.there.world)
+        else:
+            self.course = journeys.onwards(goal, self.pose)
+            self.plan = self.there.plan_for(self.course)
 
     def stream(self, stream: Stream, twin: int = 0) -> np.random.Generator:
         """Return the random stream of one source in this episode, from its beginning."""
@@ -193,7 +224,7 @@ class Episode:
         Raises:
             InputError: a driver on a route is already at its goal there.
         """
-        journeys, goal, onwards = self._rules.journeys, self.course.goal, None
+        journeys, goal, onwards = self.there.journeys, self.course.goal, None
         if isinstance(self.plan, GuidedPlan):
             if not noticed:
                 self.plan = self.plan.left_as_it_is(self)
@@ -203,7 +234,7 @@ class Episode:
         self._physics.place(pose[:2])
         if onwards is not None:
             self.course = onwards
-            self.plan = self._rules.plan_for(self.course, self.step)
+            self.plan = self.there.plan_for(self.course, self.step)
             self.arc = self.way = 0.0
             return
         path = self.course.path
@@ -233,6 +264,9 @@ class Episode:
         self.progress += gained
         if self._is_at_goal():
             reward, self.done = reward + rules.rewards[1], True
+        if self._crowd is not None:
+            self._crowd.walk(self.pose[:2])
+            self._physics.place(self.pose[:2])  # who walks may be in the way now
         self.scan = self._sensor.scan(self.pose)
         return reward, collided
 
