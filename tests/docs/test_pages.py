@@ -131,7 +131,7 @@ def test_the_page_on_scoring_works_from_top_to_bottom(lap, capsys):
 
 def test_the_loop_of_a_robot_works_from_a_bag_as_the_page_says(lap, monkeypatch, capsys):
     monkeypatch.syspath_prepend(os.getcwd())
-    node, feed = blocks(ROBOT, "python notest")
+    node, _, feed = blocks(ROBOT, "python notest")
     Path("localization.py").write_text(node)
     names = {}
     exec(compile(feed, "feed", "exec"), names)
