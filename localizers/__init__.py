@@ -19,7 +19,13 @@ from localizers.models.beams import BeamModel, CensoredGaussianUniform, Gaussian
 from localizers.models.motion import OdometryMotion
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
 from localizers.models.plan_sensor import PlanSensor
-from localizers.models.prior import GaussianPrior, UniformPrior
+from localizers.models.prior import (
+    AnnulusRegion,
+    GaussianPrior,
+    MixturePrior,
+    PolygonRegion,
+    UniformPrior,
+)
 from localizers.models.robot import RobotModel
 from localizers.naming.plugins import absolute_name
 from localizers.naming.registry import (
@@ -31,24 +37,30 @@ from localizers.naming.registry import (
     resolve,
     source_digest,
 )
+from localizers.tracker import Estimate, Tracker
 
 __all__ = [
+    "AnnulusRegion",
     "BeamModel",
     "Belief",
     "CensoredGaussianUniform",
     "Cluster",
     "DifferentialMotion",
+    "Estimate",
     "GaussianPrior",
     "GaussianUniform",
     "LatentShare",
     "Localizer",
+    "MixturePrior",
     "OdometryMotion",
     "OmniMotion",
     "PlanSensor",
     "PointsBelief",
+    "PolygonRegion",
     "PoseBelief",
     "Prior",
     "RobotModel",
+    "Tracker",
     "UniformPrior",
     "absolute_name",
     "best_cluster",

@@ -53,8 +53,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--start",
         metavar="S",
-        help="where the robot starts: reference, global or x,y,θ in m and rad, as in --start=1,2,0 "
-        "(reference, if there is one)",
+        help="where the robot starts: reference, global, x,y,θ in m and rad, as in --start=1,2,0, "
+        "room=x,y,x,y,…, near=x,y,within[,beyond], or a .toml file (reference, if there is one)",
     )
     add(
         "--every",

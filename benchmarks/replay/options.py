@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.setup import changes
 from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise
 from benchmarks.setup.names import scenario
-from benchmarks.setup.scenario import Uniform
+from benchmarks.setup.scenario import Gaussian
 from benchmarks.trials.fixes import metre
 from benchmarks.trials.tracks import absolute
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
@@ -136,8 +137,8 @@ class Replay:
     @property
     def _start(self) -> str:
         prior = self.scenario.prior
-        if isinstance(prior, Uniform):
-            return "Start: anywhere on the map."
+        if not isinstance(prior, Gaussian):
+            return f"Start: {prior.where}."
         x, y, heading = prior.mean or self.scenario.room().log[0].reference or (0.0, 0.0, 0.0)
         return (
             f"Start: known to 0.2 m and 0.1 rad, around ({x:z.2f}, {y:z.2f}, {heading:z.2f} rad)."
@@ -167,7 +168,8 @@ def replay_of(
         floor_plan: path of the map's yaml.
         reference: path of a TUM file.
         reading: further arguments of ``logs.read``.
-        start: "reference", "global" or "x,y,θ" of the robot; None is the reference if there is one.
+        start: "reference", "global", "x,y,θ" of the robot, "room=x,y,x,y,…", "near=x,y,within" or
+            the path of a TOML file with a table [prior]; None is the reference if there is one.
         otherwise: the start of a log without a reference, if none is said.
         every, max_beams, unknown: see ``LogEnv``.
         motion: "kind=differential,alpha1=…"; what is not given is estimated from the reference, if
@@ -218,8 +220,8 @@ def replay_of(
         if played.reference is not None:
             estimated = vars(motion_noise(played, kind_of(noise)))
             assumed = {f"motion.{name}": value for name, value in estimated.items()} | assumed
-    if start == "global":
-        assumed["prior.kind"] = "uniform"
+    if (prior := _prior_of(start)) is not None:
+        assumed |= prior
     elif start != "reference":
         at = _pose_of(start)
         if not ground.free(np.array([at]))[0]:
@@ -262,12 +264,37 @@ def _replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) ->
     return found
 
 
+def _prior_of(start: str) -> dict[str, Any] | None:
+    """Return a start that is no single pose, as assumptions; None of a pose."""
+    if start.endswith(".toml"):
+        given = changes.read(Path(start), "prior")
+        with changes.errors_name(Path(start)):
+            changes.check(given, ["prior"])
+            return dict(Changes.told("prior", {"prior": given.get("prior", {})}))
+    word, _, text = start.partition("=")
+    if word not in ("global", "room", "near"):
+        return None
+    found: dict[str, Any] = {"prior.kind": "uniform"}
+    numbers = _numbers(text) or []
+    if word == "room" and len(numbers) >= 6 and len(numbers) % 2 == 0:
+        found["prior.polygon"] = tuple(zip(numbers[::2], numbers[1::2], strict=True))
+    elif word == "near" and len(numbers) in (3, 4):
+        found |= {"prior.near": tuple(numbers[:2]), "prior.within": numbers[2]}
+        found |= {"prior.beyond": numbers[3]} if len(numbers) == 4 else {}
+    elif start != "global":
+        raise InputError(
+            f"--start is {start!r}, but must be room=x,y,x,y,x,y,… with the corners of a polygon, "
+            "or near=x,y,within or near=x,y,within,beyond, all in m."
+        )
+    return found
+
+
 def _pose_of(start: str) -> tuple[float, float, float]:
     given = _numbers(start)
     if given is None or len(given) != 3:
         raise InputError(
-            f"--start is {start!r}, but must be reference, global, or a pose x,y,θ in m and rad, "
-            "as in --start=-1.5,2,0.3."
+            f"--start is {start!r}, but must be reference, global, a pose x,y,θ in m and rad, as "
+            "in --start=-1.5,2,0.3, room=x,y,x,y,…, near=x,y,within, or a .toml file."
         )
     x, y, heading = pose("--start", given)
     return float(x), float(y), float(heading)

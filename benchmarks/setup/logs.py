@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from benchmarks.setup.changes import NOTHING, Changes, file_digest
-from benchmarks.setup.scenario import Gaussian, Scenario, Thresholds, TrialEnv, Uniform
+from benchmarks.setup.scenario import Gaussian, Scenario, Thresholds, TrialEnv
 from deqmcl_gym.envs.log import LogEnv, log_of
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import increments_of, lengths_of
@@ -55,8 +55,8 @@ class LogScenario(Scenario):
 
     @property
     def may_be_lost(self) -> bool:
-        """Whether it may be anywhere."""
-        return isinstance(self.prior, Uniform)
+        """Whether no pose is expected of it."""
+        return not isinstance(self.prior, Gaussian)
 
     def room(self) -> LogEnv:
         """Return the log as an env.

@@ -19,10 +19,13 @@ from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError, integer, number, one_of, pose
 from deqmcl_gym.world.config import WORLDS, World
 from localizers import (
+    AnnulusRegion,
     Belief,
     GaussianPrior,
     GaussianUniform,
+    MixturePrior,
     OdometryMotion,
+    PolygonRegion,
     Prior,
     RobotModel,
     UniformPrior,
@@ -135,6 +138,13 @@ class Gaussian:
         number("prior.sd_position", self.sd_position, low=0)
         number("prior.sd_heading", self.sd_heading, low=0)
 
+    @property
+    def where(self) -> str:
+        """Where it is, in words."""
+        if self.mean is None:
+            return "around the planned start"
+        return "around ({:g}, {:g}, {:.2f} rad)".format(*self.mean)
+
     def of(self, room: TrialEnv) -> Prior:
         """Return p(x_0) in the episode that a room has begun last."""
         mean = room.expected_start if self.mean is None else self.mean
@@ -143,14 +153,113 @@ class Gaussian:
 
 @dataclass(frozen=True, kw_only=True)
 class Uniform:
-    """x_0 is anywhere in free space, in any heading: global localization."""
+    """x_0 is anywhere in free space, or in that of a polygon or annulus, in any heading.
+
+    Attributes:
+        polygon: corners (x, y) of a room, px; None: no polygon.
+        near: centre (x, y) of an annulus, px; None: no annulus.
+        within, beyond: distances from there, px.
+    """
+
+    polygon: tuple[tuple[float, float], ...] | None = field(default=None, metadata=LENGTH)
+    near: tuple[float, float] | None = field(default=None, metadata=LENGTH)
+    within: float | None = field(default=None, metadata=LENGTH)
+    beyond: float = field(default=0.0, metadata=LENGTH)
+
+    def __post_init__(self) -> None:
+        if self.polygon is not None and self.near is not None:
+            raise InputError("the prior has both polygon and near: give one of them.")
+        if (self.near is None) != (self.within is None) or (self.near is None and self.beyond):
+            raise InputError(
+                "the prior has only some of near and within: give both, as in near = [3.2, 1.5] "
+                "and within = 2.0, and beyond only with them."
+            )
+        self._region()  # refuses what is none
 
     def of(self, room: TrialEnv) -> Prior:
         """Return p(x_0) in a room."""
-        return UniformPrior(floor_plan=room.floor_plan, radius=room.radius)
+        region = self._region()
+        return UniformPrior(floor_plan=room.floor_plan, radius=room.radius, region=region)
+
+    @property
+    def where(self) -> str:
+        """Where it is, in words."""
+        if self.polygon is not None:
+            return f"anywhere in the polygon of {len(self.polygon)} corners, in any heading"
+        if self.near is None:
+            return "anywhere on the map"
+        x, y = self.near
+        at_least = f"{self.beyond:g} to " if self.beyond else "up to "
+        return f"{at_least}{self.within:g} from ({x:g}, {y:g}), in any heading"
+
+    def _region(self) -> PolygonRegion | AnnulusRegion | None:
+        if self.polygon is not None:
+            return PolygonRegion(corners=self.polygon)
+        if self.near is None or self.within is None:
+            return None
+        return AnnulusRegion(centre=self.near, within=self.within, beyond=self.beyond)
 
 
-PRIORS = MappingProxyType({"gaussian": Gaussian, "uniform": Uniform})
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """One of several places: a prior and its weight."""
+
+    prior: "Gaussian | Uniform"
+    weight: float
+
+    def __post_init__(self) -> None:
+        number("weight of a place", self.weight, low=0, above=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Places:
+    """x_0 is at one of several places.
+
+    Attributes:
+        places: a table for each: its ``weight`` (1), and the keys of another kind of prior.
+    """
+
+    places: tuple[Place, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.places, tuple | list):
+            raise InputError(f"prior.places is {self.places!r}, but must be a list of tables.")
+        object.__setattr__(self, "places", tuple(map(_place, self.places)))
+
+    def of(self, room: TrialEnv) -> Prior:
+        """Return p(x_0) in the episode that a room has begun last."""
+        if not self.places:
+            raise InputError("the prior has kind places, but no place: add [[prior.places]].")
+        parts = tuple(place.prior.of(room) for place in self.places)
+        return MixturePrior(parts=parts, weights=tuple(place.weight for place in self.places))
+
+    @property
+    def where(self) -> str:
+        """Where they are, in words."""
+        total = sum(place.weight for place in self.places)
+        each = (f"{100 * p.weight / total:.0f} % {p.prior.where}" for p in self.places)
+        return f"one of {len(self.places)} places: {'; '.join(each)}"
+
+
+def _place(given: Any) -> Place:
+    """Return a place, of the table of a scenario file."""
+    if isinstance(given, Place):
+        return given
+    if not isinstance(given, Mapping):
+        raise InputError(f"a place of the prior is {given!r}, but must be a table.")
+    keys = dict(given)
+    weight = keys.pop("weight", 1.0)
+    if keys.get("kind") == "places":
+        raise InputError("a place of the prior is of kind places: name the places side by side.")
+    if "kind" not in keys:
+        one_of("kind of a place", keys.get("kind"), ("gaussian", "uniform"))
+    prior = _changed("prior", Gaussian(), keys, "px")  # lengths as they are told
+    if isinstance(prior, Gaussian) and (prior.mean is None or "sd_position" not in keys):
+        raise InputError("a gaussian place of the prior needs mean and sd_position: give both.")
+    return Place(prior=prior, weight=weight)
+
+
+PRIORS = MappingProxyType({"gaussian": Gaussian, "uniform": Uniform, "places": Places})
 
 
 T = TypeVar("T")
@@ -186,7 +295,7 @@ class Scenario:
     env: Mapping[str, Any]
     motion: MotionModel = field(default_factory=OdometryMotion)
     scan: BeamDensity = field(default_factory=GaussianUniform)
-    prior: Gaussian | Uniform = field(default_factory=Gaussian)
+    prior: Gaussian | Uniform | Places = field(default_factory=Gaussian)
     agent: Named = OPEN_LOOP
     disturbance: tuple[Mapping[str, Any], ...] = ()
     buildings: int = 1
@@ -220,11 +329,11 @@ class Scenario:
 
     @property
     def may_be_lost(self) -> bool:
-        """Whether the question is where the robot is: it may be anywhere, or the map is wrong.
+        """Whether the question is where the robot is: no pose is expected, or the map is wrong.
 
         A robot that drives on what it believes, on a wrong map, is to arrive.
         """
-        if isinstance(self.prior, Uniform):
+        if not isinstance(self.prior, Gaussian):
             return True
         return self.world.differs_from_map and self.agent == type(self).agent
 

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import attrgetter
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import wilson
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.fixes import FOUND, NEAR
-from benchmarks.trials.journeys import JOURNEY_SCORES, RecordedTrack
+from benchmarks.trials.journeys import JOURNEY_SCORES, RecordedTrack, scores_of
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.tracks import PoseErrors, Track, middle
 from deqmcl_gym.logs import Log
@@ -32,30 +32,40 @@ RESULTS = (
     "coverage_95", "nees", "ape_rmse", "rpe_rmse", "agreement_01", "agreement_03", "ms_per_step",
 )  # fmt: skip
 _TRIALS = tuple(name for name in RESULTS if not name.endswith(("_low", "_high")))
+_OF_RUNS = [score for name, score in JOURNEY_SCORES.items() if name in _TRIALS]
 _COMPARED = ("success_1m", "metres_to_localize", "position_median")
 _ENDS = {"diff": "diff.mean", "diff_low": "diff.low", "diff_high": "diff.high", "p_holm": "p_holm"}
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run that has come to its end: its record, and its track on the log."""
+    """A run that has come to its end.
 
-    record: Finished
+    Attributes:
+        seed: which run of the localizer it is.
+        track: on the log.
+        scores: its numbers by column; NaN is not available.
+    """
+
+    seed: int
     track: Track
+    scores: Mapping[str, float]
 
-    @property
-    def seed(self) -> int:
-        """Which run of the localizer it is."""
-        return self.record.trial.trial
+    @classmethod
+    def of(cls, record: Finished, log: Log) -> Self:
+        """Return the run of a record on a log."""
+        own = recorded(record)
+        found = {name: math.nan if value is None else value for name, value in own.scores.items()}
+        found |= {score.name: value_in(record, score) for score in _OF_RUNS}
+        found |= {"ms_per_step": milliseconds_per_step([record])}
+        return cls(record.trial.trial, Track(log, np.array(own.best).T), found)
 
-    @cached_property
-    def scores(self) -> dict[str, float]:
-        """Its numbers by column; NaN is not available."""
-        own = recorded(self.record).scores
-        found = {name: math.nan if value is None else value for name, value in own.items()}
-        journey = [score for name, score in JOURNEY_SCORES.items() if name in _TRIALS]
-        found |= {score.name: value_in(self.record, score) for score in journey}
-        return found | {"ms_per_step": milliseconds_per_step([self.record])}
+    @classmethod
+    def of_track(cls, track: Track, scores: Mapping[str, float]) -> Self:
+        """Return the run of somebody else's track, of which no time is known."""
+        whole = {} if not track.known.size else scores_of(track.journey(), track.GROUPS)
+        found = {score.name: whole.get(score.name, math.nan) for score in _OF_RUNS}
+        return cls(0, track, {**scores, **found, "ms_per_step": math.nan})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +118,7 @@ class Row:
             f"success_{FOUND}_low": low,
             f"success_{FOUND}_high": high,
             "metres_to_localize": median(metres),
-            "ms_per_step": milliseconds_per_step([run.record for run in self.runs]),
+            "ms_per_step": middle(_known([scores["ms_per_step"] for scores in each])),
         }
 
     @property
@@ -145,12 +155,8 @@ def rows_of(
         failed: number of those that failed by label.
         log: that they were run on.
     """
-
-    def run(record: Finished) -> Run:
-        return Run(record, Track(log, np.array(recorded(record).best).T))
-
     return [
-        Row(label=label, runs=list(map(run, own)), failed=failed.get(label, 0))
+        Row(label=label, runs=[Run.of(one, log) for one in own], failed=failed.get(label, 0))
         for label, own in records.items()
     ]
 
@@ -192,6 +198,10 @@ def _pooled(errors: Sequence[tuple[PoseErrors, Any]]) -> tuple[Floats, Floats]:
         np.concatenate([own.translation[chosen] for own, chosen in errors]),
         np.concatenate([own.rotation[chosen] for own, chosen in errors]),
     )
+
+
+def _known(values: Sequence[float]) -> Floats:
+    return np.array([value for value in values if not math.isnan(value)])
 
 
 def _compared(row: Comparison | None, score: str, end: str) -> Any:

@@ -8,11 +8,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.clouds import calibration, cloud_of, joined, moments
+from benchmarks.trials.clouds import calibration, cloud_of, covariance_floor, joined, moments
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.fixes import NEAR, Fixes, metre
 from benchmarks.trials.journeys import (
@@ -98,6 +99,7 @@ class Track:
 
     log: Log
     best: Floats
+    GROUPS: ClassVar = groups_named(["lost", "log"])
 
     @cached_property
     def known(self) -> Indices:
@@ -141,6 +143,10 @@ class Track:
             angle=self.errors.rotation,
             quality=(unrated if quality is None else quality)[self.known],
         )
+
+    def journey(self, quality: Floats | None = None) -> Journey:
+        """Return the whole run, which ``GROUPS`` score; ``quality`` as of ``fixes``."""
+        return Journey(fixes=self.fixes(quality), driven=self.way, truth=self.best)
 
     @property
     def lost(self) -> tuple[int, float] | None:
@@ -189,30 +195,10 @@ class TrackLog:
 
     def scores(self) -> dict[str, float]:
         """Return the scores by records that no journey has; NaN is not available."""
-        track = self.track
-        errors, own = track.errors, track.at_stamps
-        judged = np.array(self._rows)[self._judged :]
-        ranks, nees = (known[np.isfinite(known)] for known in judged.T[:2])
-        last = errors.translation[-self._thresholds.lost_steps :]
-        limit = self._thresholds.lost / metre(self._log.unit)
-        played = self._log.segment(0, len(track.best))
-        fixes = track.fixes()
-        return {
-            **{f"within_{near}": mean(fixes.localized(near).astype(np.float64)) for near in NEAR},
-            "position_median": middle(errors.translation),
-            "position_p95": float(np.quantile(errors.translation, 0.95))
-            if track.known.size
-            else math.nan,
-            "heading_median": middle(errors.rotation),
-            "position_median_stamps": middle(errors.translation[own]),
-            "heading_median_stamps": middle(errors.rotation[own]),
-            "lost": float(last.mean() > limit) if last.size else math.nan,
-            **{f"coverage_{p}": mean((ranks <= p / 100).astype(np.float64)) for p in LEVELS},
-            "nees": mean(nees),
-            "ape_rmse": errors.rmse,
-            "rpe_rmse": track.relative.rmse,
-            **dict(zip(AGREEMENTS, agreement(played, self._map, track.best), strict=True)),
-        }
+        calibrated = np.array(self._rows)[:, :2]
+        return track_scores(
+            self.track, calibrated, self._thresholds, self._map, judged=self._judged
+        )
 
     def kept(self) -> tuple[WholeRun | None, RecordedTrack]:
         """Return the parts of a record about this run: a journey, with a reference, and a track."""
@@ -221,9 +207,82 @@ class TrackLog:
         recorded = RecordedTrack(best=(x, y, heading), scores=finite(self.scores()))
         if not track.known.size:
             return None, recorded
-        fixes = track.fixes(np.array(self._rows)[:, 2])
-        run = Journey(fixes=fixes, driven=track.way, truth=track.best)
-        return whole_run(run, groups_named(["lost", "log"])), recorded
+        run = track.journey(np.array(self._rows)[:, 2])
+        return whole_run(run, Track.GROUPS), recorded
+
+
+def track_scores(
+    track: Track,
+    calibrated: Floats,
+    thresholds: Thresholds,
+    floor_plan: Map | None,
+    *,
+    judged: int = 0,
+) -> dict[str, float]:
+    """Return the scores of a track by records; NaN is not available.
+
+    Args:
+        track: of n records.
+        calibrated: rank of the reference and NEES at each record, (n, 2); NaN is unknown.
+        thresholds: what counts as lost.
+        floor_plan: the map; None: agreement is not available.
+        judged: first record by which beliefs are judged.
+    """
+    errors, own = track.errors, track.at_stamps
+    ranks, nees = (known[np.isfinite(known)] for known in calibrated[judged:].T)
+    last = errors.translation[-thresholds.lost_steps :]
+    limit = thresholds.lost / metre(track.log.unit)
+    fixes, agreed = track.fixes(), (math.nan,) * len(AGREE)
+    if floor_plan is not None:
+        agreed = agreement(track.log.segment(0, len(track.best)), floor_plan, track.best)
+    return {
+        **{f"within_{near}": mean(fixes.localized(near).astype(np.float64)) for near in NEAR},
+        "position_median": middle(errors.translation),
+        "position_p95": float(np.quantile(errors.translation, 0.95))
+        if track.known.size
+        else math.nan,
+        "heading_median": middle(errors.rotation),
+        "position_median_stamps": middle(errors.translation[own]),
+        "heading_median_stamps": middle(errors.rotation[own]),
+        "lost": float(last.mean() > limit) if last.size else math.nan,
+        **{f"coverage_{p}": mean((ranks <= p / 100).astype(np.float64)) for p in LEVELS},
+        "nees": mean(nees),
+        "ape_rmse": errors.rmse,
+        "rpe_rmse": track.relative.rmse,
+        **dict(zip(AGREEMENTS, agreed, strict=True)),
+    }
+
+
+def calibration_of_gaussians(
+    poses: Floats, covariances: Floats, truth: Floats, unit: str
+) -> Floats:
+    """Rank of the truth and NEES of N(pose, P), as ``clouds.calibration`` has them, (n, 2).
+
+    The rank is P(D(X) < D(z)) in (x, y), 1 - exp(-D²/2); NEES is dᵀ P⁻¹ d in (x, y, θ). NaN where
+    pose, covariance or truth is.
+
+    Args:
+        poses: means, (n, 3).
+        covariances: P, (n, 3, 3).
+        truth: z, (n, 3).
+        unit: of lengths.
+    """
+    off = truth - poses
+    known = np.isfinite(off).all(axis=1) & np.isfinite(covariances).all(axis=(1, 2))
+    found = np.full((len(poses), 2), math.nan)
+    p = covariances[known] + np.diag(covariance_floor(unit))
+    dx, dy, turned = off[known].T
+    g00 = np.sqrt(p[:, 0, 0])  # Cholesky, P = G Gᵀ, G u = d
+    g10, g20 = p[:, 1, 0] / g00, p[:, 2, 0] / g00
+    g11 = np.sqrt(p[:, 1, 1] - g10 * g10)
+    g21 = (p[:, 2, 1] - g20 * g10) / g11
+    g22 = np.sqrt(p[:, 2, 2] - g20 * g20 - g21 * g21)
+    u0 = dx / g00
+    u1 = (dy - g10 * u0) / g11
+    u2 = (arrays.wrapped(turned) - g20 * u0 - g21 * u1) / g22
+    distance = u0 * u0 + u1 * u1
+    found[known] = np.column_stack([1 - arrays.exp(-distance / 2), distance + u2 * u2])
+    return found
 
 
 def middle(values: Floats) -> float:

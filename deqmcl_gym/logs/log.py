@@ -10,7 +10,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.logs.motion import dead_reckoned, increments_of, lengths_of, sideways_of
+from deqmcl_gym.logs.motion import dead_reckoned, has_moved, increments_of, lengths_of, sideways_of
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import LENGTH, PIXELS
 from deqmcl_gym.numerics import arrays
@@ -321,12 +321,11 @@ class Log:
         """
         far = number("the distance of every", distance, low=0, finite=False)
         turned = number("the angle of every", angle, low=0, finite=False)
-        kept, (x, y, heading) = [0], self.odometry[0].tolist()
-        for index, pose in enumerate(self.odometry.tolist()):
-            turn = abs(math.remainder(pose[2] - heading, 2 * math.pi))
-            if index and (math.hypot(pose[0] - x, pose[1] - y) >= far or turn >= turned):
+        poses = self.odometry.tolist()
+        kept = [0]
+        for index, pose in enumerate(poses[1:], 1):
+            if has_moved(poses[kept[-1]], pose, far, turned):
                 kept.append(index)
-                x, y, heading = pose
         return self.of_records(np.array(kept))
 
     def with_beams(self, max_beams: int) -> "Log":

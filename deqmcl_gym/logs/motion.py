@@ -4,6 +4,9 @@ Two consecutive poses have three numbers between them, and an increment keeps al
 the frame after the turn, so that (d, 0, φ) is a room's action (d, φ): turn by φ, drive d ahead.
 """
 
+import math
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -21,6 +24,15 @@ def increments_of(poses: Floats) -> Floats:
     found = np.column_stack([forward, left, arrays.wrapped(turn)])
     found[~(known[1:] & known[:-1])] = np.nan
     return found
+
+
+def has_moved(last: Sequence[float], pose: Sequence[float], distance: float, angle: float) -> bool:
+    """Whether a pose is at least so far from the last one, or turned by so much: either is enough.
+
+    Like AMCL's update_min_d and update_min_a.
+    """
+    turn = abs(math.remainder(pose[2] - last[2], 2 * math.pi))
+    return math.hypot(pose[0] - last[0], pose[1] - last[1]) >= distance or turn >= angle
 
 
 def lengths_of(increments: Floats) -> Floats:

@@ -31,6 +31,7 @@ POSES: dict[str, Callable[[Any], Any]] = {
 }
 _TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 UNIT_TOPIC, REFERENCE_TOPIC = "/deqmcl_unit", "/reference"
+ESTIMATE_TOPIC = "/amcl_pose"  # of Nav2's AMCL
 _GAP = 1.0  # s without odometry beyond which the pose in between is unknown
 _ODOMETRY_FRAME, _ROBOT = "odom", "base_link"
 _UPRIGHT = 0.99  # cosine of the largest tilt that is ignored: 8°
@@ -202,6 +203,49 @@ def read_bag(
     return messages.log(None if base_frame is None else _name(base_frame), max_gap, max_range)
 
 
+def read_pose_topic(path: Path, topic: str | None = None) -> tuple[Floats, Floats | None]:
+    """Read the poses that a stack has published in a bag.
+
+    Args:
+        path: of the bag.
+        topic: of type ``POSES``; None: ``/amcl_pose``, or the only one.
+
+    Returns:
+        Rows t, x, y, θ by the messages' headers, (n, 4), NaN where they are; and the covariances of
+        (x, y, θ), (n, 3, 3), NaN where a message has zeros instead, None if all have or the type
+        has none.
+
+    Raises:
+        InputError: the bag cannot be read, or the topic is missing or has to be chosen.
+    """
+    require_rosbags()
+    if not os.path.exists(path):
+        raise InputError(f"{path} does not exist: give the path of a bag.")
+    rows: list[list[float]] = []
+    spreads: list[Any] = []
+    with _opened(path) as bag:
+        if topic is None and ESTIMATE_TOPIC in bag.topics:
+            topic = ESTIMATE_TOPIC
+        asked = _topic(path, bag, tuple(POSES), "the topic in FILE:TOPIC", topic)
+        chosen = [one for one in bag.connections if one.topic == asked]
+        for connection, _, raw in bag.messages(connections=chosen):
+            message = bag.deserialize(raw, connection.msgtype)
+            rows.append(_row(connection.msgtype, message))
+            spreads.append(getattr(message.pose, "covariance", np.zeros(36)))
+    moments = np.array(spreads, np.float64).reshape(-1, 6, 6)[:, [[0], [1], [5]], [0, 1, 5]]
+    moments[(moments == 0).all(axis=(1, 2))] = np.nan
+    told = np.isfinite(moments).all(axis=(1, 2)).any()
+    return _poses(np.array(rows).reshape(-1, 7)), moments if told else None
+
+
+def _row(kind: str, message: Any) -> list[float]:
+    """Return t, x, y, qx, qy, qz, qw of a message of ``POSES``."""
+    pose = POSES[kind](message)
+    at, turned = pose.position, pose.orientation
+    time = _seconds(message.header.stamp)
+    return [time, at.x, at.y, turned.x, turned.y, turned.z, turned.w]
+
+
 class _Messages:
     """The messages of a bag that a log is made of."""
 
@@ -240,9 +284,7 @@ class _Messages:
             geometry = (_name(message.header.frame_id), *same)
             self.scanned.add(_seconds(message.header.stamp), (0, 0, 0), message.ranges, geometry)
         else:
-            time, pose = _seconds(message.header.stamp), POSES[connection.msgtype](message)
-            at, turned = pose.position, pose.orientation
-            row = [time, at.x, at.y, turned.x, turned.y, turned.z, turned.w]
+            row = _row(connection.msgtype, message)
             if connection.topic == self.reference:
                 self.truth.append(row)
             if connection.topic == self.odometry:  # it may be both

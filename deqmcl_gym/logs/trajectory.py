@@ -18,9 +18,10 @@ from deqmcl_gym.logs.raw_records import NOT_FINITE, UNREADABLE, in_order, usable
 from deqmcl_gym.maps.map import PIXELS
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
-from deqmcl_gym.validation import InputError, LogWarning, array, number, shown
+from deqmcl_gym.validation import InputError, LogWarning, array, number, real, shown
 
 MAX_GAP = 2.0  # m
+_ROUNDING = 1e-6  # of covariances: float32 of some stacks
 
 
 @final
@@ -32,21 +33,49 @@ class Trajectory:
         times: s, (n,), not decreasing.
         poses: (x, y, θ), (n, 3).
         source: name of the trajectory in messages, such as its file.
+        covariances: of (x, y, θ) at each pose, (n, 3, 3), NaN where unknown; None: none is known.
     """
 
     times: Floats
     poses: Floats
     source: str = "the trajectory"
+    covariances: Floats | None = None
 
     def __post_init__(self) -> None:
         times = array(f"times of {self.source}", self.times, (None,))
         poses = array(f"poses of {self.source}", self.poses, (times.size, 3))
         if not times.size:
             raise InputError(f"{self.source} has no pose.")
-        if (np.diff(times) < 0).any():
-            raise InputError(f"times of {self.source} run backwards.")
+        if (back := np.diff(times) < 0).any():
+            raise InputError(
+                f"times of {self.source} run backwards after {times[back.argmax()]:.6f} s: give "
+                "poses in the order of their times."
+            )
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "poses", poses)
+        if self.covariances is not None:
+            object.__setattr__(self, "covariances", self._sound_covariances(self.covariances))
+
+    def _sound_covariances(self, given: ArrayLike) -> Floats:
+        """Return covariances (n, 3, 3); refuse those that no distribution has."""
+        n = self.times.size
+        found = np.array(real(f"covariances of {self.source}", given), dtype=np.float64)
+        if found.shape != (n, 3, 3):
+            raise InputError(
+                f"covariances of {self.source} have shape {found.shape}, but must be {(n, 3, 3)}."
+            )
+        known = np.isfinite(found).all(axis=(1, 2))
+        found[~known] = np.nan
+        size = np.abs(found[known]).max(axis=(1, 2), initial=0.0)
+        apart = np.abs(found[known] - found[known].transpose(0, 2, 1)).max(axis=(1, 2), initial=0)
+        least = np.linalg.eigvalsh(found[known])[:, 0]
+        wrong = (apart > _ROUNDING * size) | (least < -_ROUNDING * size)
+        if wrong.any():
+            raise InputError(
+                f"the covariance of {self.source} at {self.times[known][wrong.argmax()]:.6f} s is "
+                "not symmetric with eigenvalues of 0 or more: give that of (x, y, θ) in m and rad."
+            )
+        return found
 
     @property
     def tum(self) -> bytes:
@@ -72,9 +101,17 @@ def read_tum(path: str | PathLike[str]) -> Trajectory:
     """
     if not isinstance(path, str | PathLike):
         raise InputError(f"the reference is {shown(path)}, but must be the path of a TUM file.")
-    file = Path(path)
+    rows, unreadable = tum_rows(Path(path))
+    return _sound(rows, str(path), Counter({UNREADABLE: unreadable} if unreadable else {}))
+
+
+def tum_rows(file: Path) -> tuple[Floats, int]:
+    """Return t, x, y, θ of the lines of a TUM file, (n, 4), and how many are none.
+
+    NaN is where a number or the quaternion of a line is no pose.
+    """
     rows: list[list[float]] = []
-    damage: Counter[str] = Counter()
+    unreadable = 0
     for line in text_of(file).splitlines():
         if not (words := line.replace(",", " ").split()) or words[0].startswith("#"):
             continue
@@ -83,14 +120,14 @@ def read_tum(path: str | PathLike[str]) -> Trajectory:
         except ValueError:
             quaternion = []
         if len(quaternion) != 4:
-            damage[UNREADABLE] += 1
+            unreadable += 1
         else:
             rows.append([time, x, y, *quaternion])
     table = np.array(rows).reshape(-1, 7)
     known = usable(table)
     headings = np.full(len(table), np.nan)
     headings[known] = heading_of(table[known, 3:])
-    return _sound(np.column_stack([table[:, :3], headings]), str(file), damage)
+    return np.column_stack([table[:, :3], headings]), unreadable
 
 
 def _sound(rows: Floats, source: str, damage: Counter[str]) -> Trajectory:

@@ -179,6 +179,8 @@ def scaled(part: T, factor: float) -> T:
         value = getattr(part, own.name)
         if dataclasses.is_dataclass(value):
             changes[own.name] = scaled(value, factor)
+        elif isinstance(value, tuple) and all(map(dataclasses.is_dataclass, value)):
+            changes[own.name] = tuple(scaled(one, factor) for one in value)
         elif value is not None and (power := own.metadata.get("length")):
             changes[own.name] = _times(value, power, factor)
     return dataclasses.replace(part, **changes)  # type: ignore[type-var]

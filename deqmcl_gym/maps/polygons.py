@@ -127,7 +127,7 @@ def parse_polygon(
             f"{name} is {shown(polygon)}, but must be a list of (x, y) corners."
         ) from None
     if len(corners) < 3:
-        raise InputError(f"{name} has {len(corners)} corners, but a wall needs 3 or more.")
+        raise InputError(f"{name} has {len(corners)} corners, but a polygon needs 3 or more.")
     if (far := np.flatnonzero(np.abs(corners).max(axis=1) > farthest)).size:
         raise InputError(
             f"{name} has the corner {_point(corners[far[0]])}, but coordinates of more than "

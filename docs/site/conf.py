@@ -119,6 +119,8 @@ CONTENTS = {
         "docs/sweeps",
         "docs/reports",
         "docs/your-map-your-log",
+        "docs/score-your-stack",
+        "docs/run-on-your-robot",
         "docs/gallery/index",
         "docs/learning",
         "docs/faq",

@@ -13,7 +13,7 @@ from deqmcl_gym.validation import InputError, array, shown
 from localizers.api import Prior
 from localizers.inference.belief import Events
 from localizers.models.motion import increments
-from localizers.models.prior import GaussianPrior
+from localizers.models.prior import GaussianPrior, MixturePrior
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
 
@@ -83,7 +83,7 @@ def checked_prior(prior: Prior, robot: RobotModel) -> Prior:
     """Return a prior; refuse what is none, or is not in the unit of the robot's map."""
     if not hasattr(prior, "mean"):
         raise InputError(f"the prior is {shown(prior)}, but must be a Prior, as GaussianPrior.")
-    if isinstance(prior, GaussianPrior):
+    if isinstance(prior, GaussianPrior | MixturePrior):
         prior.check_unit(robot.floor_plan.unit)
     return prior
 

@@ -1,19 +1,21 @@
-"""p(x_0): where the robot may start; poses in free space, evenly spread or drawn."""
+"""p(x_0): where the robot may start; regions; poses in free space, evenly spread or drawn."""
 
 import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TypeGuard
+from typing import Protocol, TypeGuard
 
 import numpy as np
 
 from deqmcl_gym.maps import GridMap, Map
-from deqmcl_gym.maps.map import LENGTH, POSE
+from deqmcl_gym.maps.map import LENGTH, POSE, Box
+from deqmcl_gym.maps.polygons import edges_of, parse_polygon, signed_area
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Singles
-from deqmcl_gym.validation import InputError, number, pose
+from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.validation import LARGEST, InputError, array, number, pose
+from localizers.api import Prior
 
 _BLOCK = 1024
 _COUNTED = 16 * _BLOCK  # points at which free space is measured
@@ -26,6 +28,98 @@ _STEPS = np.array(
 )  # written out, as NumPy's powers differ between processors
 
 
+class Region(Protocol):
+    """A part of the plane."""
+
+    @property
+    def bounds(self) -> Box:
+        """The rectangle (x0, y0, x1, y1) around it."""
+
+    @property
+    def area(self) -> float:
+        """Its area."""
+
+    def contains(self, points: Floats) -> Bools:
+        """Whether points (n, 2 or more) lie in it, (n,)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolygonRegion:
+    """The inside of a simple polygon, as of a room.
+
+    Attributes:
+        corners: (x, y) in order, (k, 2), in the map's unit; the last is joined to the first.
+    """
+
+    corners: tuple[tuple[float, float], ...] = field(metadata=LENGTH)
+
+    def __post_init__(self) -> None:
+        found = parse_polygon("the prior's polygon", self.corners, 1e-9, LARGEST)
+        object.__setattr__(self, "corners", found)
+        if not self.area > 0:
+            raise InputError("the prior's polygon has no area: give corners around a room.")
+
+    @cached_property
+    def bounds(self) -> Box:
+        """See ``Region.bounds``."""
+        (x0, y0), (x1, y1) = (end(self._corners, axis=0).tolist() for end in (np.min, np.max))
+        return x0, y0, x1, y1
+
+    @cached_property
+    def area(self) -> float:
+        """See ``Region.area``."""
+        return abs(signed_area(self._corners))
+
+    def contains(self, points: Floats) -> Bools:
+        """See ``Region.contains``: a ray from each point crosses an odd number of edges."""
+        x, y = points[:, 0], points[:, 1]
+        inside = np.zeros(len(points), np.bool_)
+        for x0, y0, x1, y1 in edges_of(self._corners).tolist():
+            spans = (y0 > y) != (y1 > y)
+            inside[spans] ^= x[spans] < x0 + (y[spans] - y0) * (x1 - x0) / (y1 - y0)
+        return inside
+
+    @property
+    def _corners(self) -> Floats:
+        return np.array(self.corners)
+
+
+@dataclass(frozen=True, kw_only=True)
+class AnnulusRegion:
+    """Points at a distance of ``beyond`` to ``within`` from a point: near a door, say.
+
+    Attributes:
+        centre: (x, y) in the map's unit.
+        within, beyond: distances, in the map's unit; beyond = 0 is a disc.
+    """
+
+    centre: tuple[float, float] = field(metadata=LENGTH)
+    within: float = field(metadata=LENGTH)
+    beyond: float = field(default=0.0, metadata=LENGTH)
+
+    def __post_init__(self) -> None:
+        x, y = array("the prior's centre", self.centre, (2,)).tolist()
+        object.__setattr__(self, "centre", (x, y))
+        number("prior.beyond", self.beyond, low=0)
+        number("prior.within", self.within, low=self.beyond, above=True)
+
+    @property
+    def bounds(self) -> Box:
+        """See ``Region.bounds``."""
+        (x, y), most = self.centre, self.within
+        return x - most, y - most, x + most, y + most
+
+    @property
+    def area(self) -> float:
+        """See ``Region.area``."""
+        return math.pi * (self.within**2 - self.beyond**2)
+
+    def contains(self, points: Floats) -> Bools:
+        """See ``Region.contains``."""
+        square = ((points[:, :2] - np.array(self.centre)) ** 2).sum(axis=1)
+        return np.asarray((square >= self.beyond**2) & (square <= self.within**2))
+
+
 def even_poses(floor_plan: Map, count: int) -> Singles:
     """Return poses spread evenly over free space and headings, always the same, (3, count)."""
     starts = itertools.count(step=_BLOCK)
@@ -33,14 +127,24 @@ def even_poses(floor_plan: Map, count: int) -> Singles:
 
 
 def random_poses(
-    floor_plan: Map, count: int, rng: np.random.Generator, radius: float = 0.0
+    floor_plan: Map,
+    count: int,
+    rng: np.random.Generator,
+    radius: float = 0.0,
+    region: Region | None = None,
 ) -> Singles:
-    """Draw poses uniformly over all headings and where a disc fits, (3, count)."""
+    """Draw poses uniformly over all headings and where a disc fits in a region, (3, count)."""
     drawn = (rng.random((max(2 * count, 16), 3)) for _ in itertools.repeat(None))
-    return _first(count, floor_plan, drawn, radius)
+    return _first(count, floor_plan, drawn, radius, region)
 
 
-def _first(count: int, floor_plan: Map, shares: Iterator[Floats], radius: float) -> Singles:
+def _first(
+    count: int,
+    floor_plan: Map,
+    shares: Iterator[Floats],
+    radius: float,
+    region: Region | None = None,
+) -> Singles:
     """Return the first ``count`` free poses at shares, (3, count).
 
     Raises:
@@ -48,7 +152,7 @@ def _first(count: int, floor_plan: Map, shares: Iterator[Floats], radius: float)
     """
     found, tried = [np.empty((0, 3))], 0
     while sum(map(len, found)) < count:
-        found.append(_free(floor_plan, drawn := next(shares), radius))
+        found.append(_free(floor_plan, drawn := next(shares), radius, region))
         tried += len(drawn)
         if tried > _MOST and not any(map(len, found)):
             raise InputError(
@@ -63,20 +167,31 @@ def _even_shares(start: int, count: int) -> Floats:
     return shares
 
 
-def _free(floor_plan: Map, shares: Floats, radius: float = 0.0) -> Floats:
+def _free(
+    floor_plan: Map, shares: Floats, radius: float = 0.0, region: Region | None = None
+) -> Floats:
     """Those of the poses at ``shares`` of the ground and of a turn where a disc fits, (k, 3).
 
-    The ground is the map's bounds, or the open cells of a grid that has few.
+    The ground is the map's bounds, or the open cells of a grid that has few, or a region.
     """
-    x0, y0, x1, y1 = floor_plan.bounds
-    low, high = np.array([x0, y0, -np.pi]), np.array([x1, y1, np.pi])
-    poses: Floats = low + (high - low) * shares
+    if region is not None:
+        poses = _within(region.bounds, shares)
+        poses = poses[region.contains(poses)]
+        return poses[floor_plan.free(poses, radius)]
+    poses = _within(floor_plan.bounds, shares)
     if _is_rare(floor_plan):
         cells, place = floor_plan.open_cells, shares[:, 0] * len(floor_plan.open_cells)
         chosen = cells[np.minimum(place.astype(np.intp), len(cells) - 1)]
         points = floor_plan.placed(chosen + np.column_stack([place % 1.0, shares[:, 1]]))
         poses[:, :2] = points.astype(np.float32)  # as they are returned
     return poses[floor_plan.free(poses, radius)]
+
+
+def _within(bounds: Box, shares: Floats) -> Floats:
+    x0, y0, x1, y1 = bounds
+    low, high = np.array([x0, y0, -np.pi]), np.array([x1, y1, np.pi])
+    poses: Floats = low + (high - low) * shares
+    return poses
 
 
 def _is_rare(floor_plan: Map) -> TypeGuard[GridMap]:
@@ -146,23 +261,31 @@ class GaussianPrior:
 
 @dataclass(frozen=True, kw_only=True)
 class UniformPrior:
-    """x_0 is anywhere in free space, with any heading: the robot must be found.
+    """x_0 is anywhere in the free space of a region, with any heading: the robot must be found.
 
     Attributes:
         floor_plan: the map m.
         radius: of a disc that must fit at x_0, in the map's unit.
+        region: ``PolygonRegion`` or ``AnnulusRegion``; None is the whole map.
     """
 
     floor_plan: Map
     radius: float = field(default=0.0, metadata=LENGTH)
+    region: Region | None = None
 
     def __post_init__(self) -> None:
         number("prior.radius", self.radius, low=0)
-        if self._share == 0:
+        if self._share > 0:
+            return
+        if self.region is None:
             raise InputError(
                 f"prior.radius is {self.radius:g}, but a disc that wide does not fit into the "
                 "floor plan: give a smaller radius."
             )
+        raise InputError(
+            f"no robot of radius {self.radius:g} fits into the prior's {self.region}: give a place "
+            "that has free space on the map."
+        )
 
     @property
     def mean(self) -> None:
@@ -171,19 +294,85 @@ class UniformPrior:
 
     def sample(self, n: int, rng: np.random.Generator) -> Floats:
         """Draw n poses, (n, 3)."""
-        return random_poses(self.floor_plan, n, rng, self.radius).T.astype(np.float64)
+        drawn = random_poses(self.floor_plan, n, rng, self.radius, self.region)
+        return drawn.T.astype(np.float64)
 
     def log_density(self, poses: Floats) -> Floats:
         """Log p(x_0) of poses (n, 3): one number in free space, -inf elsewhere, (n,).
 
-        The area of free space is counted at even points, to about one percent.
+        Exact for a region that is free all over. Else the share of its area that is free is counted
+        at even points, to about one percent.
         """
-        width, height = _sides(self.floor_plan)
-        density = 1 / (self._share * width * height * 2 * math.pi)
+        if self.region is None:
+            width, height = _sides(self.floor_plan)
+            density = 1 / (self._share * width * height * 2 * math.pi)
+        else:
+            density = 1 / (self._share * self.region.area * 2 * math.pi)
         free = self.floor_plan.free(poses, self.radius)
+        if self.region is not None:
+            free &= self.region.contains(np.asarray(poses, dtype=np.float64))
         return np.where(free, arrays.log(np.array([density]))[0], -np.inf)
 
     @cached_property
     def _share(self) -> float:
-        """Share of the ground of ``_free`` where the disc fits."""
-        return len(_free(self.floor_plan, _even_shares(0, _COUNTED), self.radius)) / _COUNTED
+        """Share of the region, or else of the ground of ``_free``, where the disc fits."""
+        shares = _even_shares(0, _COUNTED)
+        free = len(_free(self.floor_plan, shares, self.radius, self.region))
+        if self.region is None:
+            return free / _COUNTED
+        inside = int(self.region.contains(_within(self.region.bounds, shares)).sum())
+        return free / inside if inside else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class MixturePrior:
+    """p(x_0) = Σ w_k p_k(x_0): one of several places.
+
+    Attributes:
+        parts: p_k.
+        weights: w_k, above 0 with any sum; None: all equal.
+    """
+
+    parts: tuple[Prior, ...]
+    weights: tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        parts = tuple(self.parts)
+        if not parts:
+            raise InputError("a mixture of priors has no part: give one or more.")
+        given = np.ones(len(parts))
+        if self.weights is not None:
+            given = array("weights of priors", self.weights, (len(parts),))
+        if not (given > 0).all():
+            raise InputError(f"weights of priors are {tuple(given.tolist())}, but must be above 0.")
+        object.__setattr__(self, "parts", parts)
+        object.__setattr__(self, "weights", tuple((given / given.sum()).tolist()))
+
+    @property
+    def mean(self) -> tuple[float, float, float] | None:
+        """That of a single part; None: no single pose is representative."""
+        return self.parts[0].mean if len(self.parts) == 1 else None
+
+    def sample(self, n: int, rng: np.random.Generator) -> Floats:
+        """Draw n poses, (n, 3), in random order of the parts."""
+        chosen = rng.choice(len(self.parts), n, p=self.weights)
+        poses = np.empty((n, 3))
+        for index, part in enumerate(self.parts):
+            own = chosen == index
+            poses[own] = part.sample(int(own.sum()), rng)
+        return poses
+
+    def log_density(self, poses: Floats) -> Floats:
+        """Log p(x_0) of poses (n, 3), (n,)."""
+        each = np.array([part.log_density(poses) for part in self.parts])
+        each += arrays.log(np.array(self.weights))[:, None]
+        top = each.max(axis=0)
+        safe = np.where(np.isneginf(top), 0.0, top)
+        with np.errstate(divide="ignore"):
+            return np.asarray(safe + arrays.log(arrays.exp(each - safe).sum(axis=0)))
+
+    def check_unit(self, unit: str) -> None:
+        """Refuse a map in another unit than that of the parts."""
+        for part in self.parts:
+            if isinstance(part, GaussianPrior | MixturePrior):
+                part.check_unit(unit)

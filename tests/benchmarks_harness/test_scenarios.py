@@ -1,5 +1,6 @@
 """Scenarios: ours and users', what a trial changes of them, and how they are refused."""
 
+import math
 from dataclasses import replace
 from functools import partial
 
@@ -9,7 +10,7 @@ from refusals import refused
 
 from benchmarks.pictures.figures import camera_of
 from benchmarks.setup.names import absolute_scenario, make_agent, scenario, scenario_names
-from benchmarks.setup.scenario import Thresholds
+from benchmarks.setup.scenario import Places, Thresholds
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -95,6 +96,54 @@ def test_a_uniform_prior_is_over_free_space_and_has_no_mean():
     assert prior.mean is None
 
 
+PLACES = """
+[prior]
+kind = "places"
+[[prior.places]]
+weight = 3
+kind = "uniform"
+polygon = [[1, 1], [3, 1], [3, 2], [1, 2]]
+[[prior.places]]
+kind = "uniform"
+near = [6, 4]
+within = 1.0
+beyond = 0.4
+[[prior.places]]
+kind = "gaussian"
+mean = [6.5, 1.5, 3.0]
+sd_position = 0.2
+"""
+
+
+def test_places_of_a_file_have_their_weights_and_are_scored_as_of_the_lost(tmp_path):
+    path = tmp_path / "office.toml"
+    hall = "outer = [[0, 0], [8, 0], [8, 6], [0, 6]]"
+    path.write_text(f'base = "paper"\n[env.floor_plan]\nunit = "m"\n{hall}\n{PLACES}')
+    found = scenario(str(path))
+    prior = found.prior_in(found.room())
+    assert prior.weights == pytest.approx((0.6, 0.2, 0.2))
+    at = np.array([[2.0, 1.5, 1.0], [6.0, 4.1, 1.0], [6.0, 4.7, -3.0], [4.0, 3.0, 0.0]])
+    ring = math.pi * (1.0**2 - 0.4**2)
+    expected = [0.6 / 2.0 / (2 * math.pi), 0.0, 0.2 / ring / (2 * math.pi), 0.0]
+    np.testing.assert_allclose(np.exp(prior.log_density(at)), expected, rtol=1e-9, atol=1e-30)
+    stage = Stage.of(trial(scenario=str(path), localizer="mcl"))
+    assert "lost" in [group.name for group in stage.groups]
+    copy = tmp_path / "same.toml"
+    copy.write_text(f'base = "{path.name}"')
+    assert scenario(str(copy)).prior == found.prior
+
+
+def test_places_keep_their_size_when_the_unit_changes():
+    told = {"prior.kind": "uniform", "prior.near": (100.0, 200.0), "prior.within": 50.0}
+    own = Places(places=({"kind": "uniform", "near": (100.0, 200.0), "within": 50.0},))
+    hall = {"floor_plan.unit": "m", "floor_plan.outer": [[0, 0], [8, 0], [8, 6], [0, 6]]}
+    base = scenario("paper").changed(assumed=told)
+    for before in (base, replace(base, prior=own)):
+        prior = before.changed(hall).prior
+        near = prior.places[0].prior if isinstance(prior, Places) else prior
+        assert (near.near, near.within) == (pytest.approx((2.0, 4.0)), pytest.approx(1.0))
+
+
 def test_disturbances_are_stacked():
     both = ((("kind", "kidnap"), ("step", 5)), (("kind", "dropout"), ("probability", 1.0)))
     moments = list(Stage.of(trial(disturbance=both)).moments())
@@ -119,6 +168,22 @@ BAD = [
     ({"assumed": (("motion.kind", "omni"), ("motion.alpha5", -1))}, ["alpha5", "-1"]),
     ({"assumed": (("prior.kind", "gauss"),)}, ["'gauss'", "did you mean 'gaussian'?"]),
     ({"assumed": (("prior.kind", "uniform"), ("prior.mean", 3))}, ["'prior.mean'", "prior.kind"]),
+    ({"assumed": {"prior.kind": "uniform", "prior.near": (1, 2)}}, ["near and within"]),
+    (
+        {"assumed": {"prior.kind": "uniform", "prior.polygon": ((0, 0), (9, 9))}},
+        ["2 corners", "polygon"],
+    ),
+    ({"assumed": {"prior.kind": "places"}}, ["no place", "[[prior.places]]"]),
+    (
+        {"assumed": {"prior.kind": "places", "prior.places": ({"kind": "gausian"},)}},
+        ["did you mean 'gaussian'?"],
+    ),
+    (
+        {"assumed": {"prior.kind": "places", "prior.places": ({"kind": "gaussian"},)}},
+        ["needs mean and sd_position"],
+    ),
+    ({"assumed": {"prior.kind": "places", "prior.places": ({},)}}, ["kind of a place"]),
+    ({"assumed": {"prior.kind": "places", "prior.places": (3,)}}, ["a place", "table"]),
     ({"assumed": (("prior.sd_position", -1),)}, ["prior.sd_position", "-1"]),
     ({"disturbance": ((("step", 3),),)}, ["no kind", "kidnap"]),
     ({"disturbance": ((("kind", "kidnapp"),),)}, ["did you mean 'kidnap'?"]),

@@ -391,6 +391,10 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--motion", "alpha1=0.1,alpha1=0.2"), "--motion gives alpha1 twice"),
         (("--read", "max_range=9", "--read", "max_range=8"), "--read gives max_range twice"),
         (("--jobs", "0"), "--jobs"),
+        (("--start", "room=1,1,2,2"), "room=x,y,x,y,x,y,"),
+        (("--start", "near=1,1,1,1"), "prior.within"),
+        (("--start", "near=40,40,1"), "AnnulusRegion"),
+        (("--start", "none.toml"), "none.toml"),
         (("--localizers", "mlc"), "'mcl'"),
         (("--localizers", "mcl,mcl"), "named twice"),
         (("--localizers", ","), "names none"),
@@ -409,6 +413,19 @@ def test_bad_input_is_refused_in_a_sentence_and_nothing_is_written(recorded, cap
     assert told.count("\n") == 1
     assert said in told
     assert not (recorded / "o").exists()
+
+
+@pytest.mark.parametrize("start", ["room=0.5,0.5,2,0.5,2,2,0.5,2", "near=1.2,1,0.8", "prior.toml"])
+def test_a_start_may_be_what_a_person_knows(recorded, capsys, start):
+    (recorded / "prior.toml").write_text(
+        "[prior]\nkind = 'places'\n"
+        "[[prior.places]]\nkind = 'uniform'\nnear = [1.2, 1.0]\nwithin = 0.5\n"
+        "[[prior.places]]\nkind = 'gaussian'\nmean = [3.0, 2.4, 3.0]\nsd_position = 0.1\n"
+    )
+    words = ("--particles", "50", "--seeds", "1", "--start", start, "--localizers", "mcl-map")
+    assert replay(*KNOWN, *words, "--out", "o") == 0
+    said = {"p": "one of 2 places: 50 % up to 0.5 from (1.2, 1)", "n": "up to 0.8 from (1.2, 1)"}
+    assert said.get(start[0], "in the polygon of 4 corners") in capsys.readouterr().out
 
 
 def test_params_reach_their_localizer_and_no_other(recorded):

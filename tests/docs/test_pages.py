@@ -4,6 +4,7 @@ import math
 import os
 import re
 import shlex
+import sys
 import sysconfig
 import tomllib
 from pathlib import Path
@@ -22,8 +23,10 @@ from localizers.checks import LAWS, check_localizer
 
 FEWER = ("--particles 3000 --seeds 2", "--particles 300 --seeds 1")  # global: whether it runs
 NAMED = "./my_localizer.py:MyLocalizer"
-LOCALIZER, LOG = ((ROOT / "docs" / f"{name}.md").read_text() for name in
-                  ("write-a-localizer", "your-map-your-log"))  # fmt: skip
+LOCALIZER, LOG, SCORE, ROBOT = (
+    (ROOT / "docs" / f"{name}.md").read_text()
+    for name in ("write-a-localizer", "your-map-your-log", "score-your-stack", "run-on-your-robot")
+)
 
 
 def blocks(page, language):
@@ -83,9 +86,14 @@ def test_the_localizer_that_follows_the_plan_keeps_all_laws(tmp_path):
     assert report.passed, str(report)
 
 
-def test_the_page_on_ones_own_log_works_from_top_to_bottom(tmp_path, monkeypatch, capsys):
+@pytest.fixture
+def lap(tmp_path, monkeypatch):
+    """A folder with the log to begin with, its map and its reference."""
     monkeypatch.chdir(tmp_path)
     exec(compile(RECORD, "record", "exec"), {})
+
+
+def test_the_page_on_ones_own_log_works_from_top_to_bottom(lap, capsys):
     (commands,) = blocks(LOG, "sh")
     assert FEWER[0] in commands
     for command in commands.replace(*FEWER).splitlines():
@@ -104,6 +112,35 @@ def test_the_page_on_ones_own_log_works_from_top_to_bottom(tmp_path, monkeypatch
     estimate = np.array(re.findall(r"-?\d+\.\d+", capsys.readouterr().out), float)
     true = logs.read_tum("lap.tum").poses[-1]
     assert np.hypot(*(estimate - true)[:2]) < 0.2
+
+
+def test_the_page_on_scoring_works_from_top_to_bottom(lap, capsys):
+    log = logs.read("lap.log.gz")
+    poses = logs.read_tum("lap.tum").poses
+    logs.Trajectory(log.times, poses + 0.1).write("theirs.tum")
+    rows = [f"{t!r},{x!r},{y!r},{h!r}" for t, (x, y, h) in
+            zip(log.times.tolist(), poses.tolist(), strict=True)]  # fmt: skip
+    Path("theirs.csv").write_text("\n".join(["time,x,y,heading", *rows]))
+    (commands,) = blocks(SCORE, "sh")
+    for command in commands.splitlines():
+        assert exit_code(*shlex.split(command)[1:]) == 0, capsys.readouterr().err
+    rows = {row["localizer"]: row for row in lines(Path("results/beside"), "results.csv")}
+    assert set(rows) == {"mcl", "amcl", "theirs"}
+    assert float(rows["theirs"]["position_median"]) == pytest.approx(math.hypot(0.1, 0.1), abs=1e-6)
+
+
+def test_the_loop_of_a_robot_works_from_a_bag_as_the_page_says(lap, monkeypatch, capsys):
+    monkeypatch.syspath_prepend(os.getcwd())
+    node, _, feed = blocks(ROBOT, "python notest")
+    Path("localization.py").write_text(node)
+    names = {}
+    exec(compile(feed, "feed", "exec"), names)
+    sys.modules.pop("localization")
+    estimates, counts = names["estimates"], names["loop"].tracker.counts
+    assert len(estimates) == counts.updates > 50
+    assert counts.unusable + counts.late_scans + counts.scans_without_odometry == 0
+    true = logs.read_tum("lap.tum").poses[-1]
+    assert np.hypot(*(np.array(names["loop"].tracker.at().pose) - true)[:2]) < 0.2
 
 
 def test_the_changes_for_the_two_buildings_make_a_sweep_of_the_one_above():

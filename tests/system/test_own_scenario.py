@@ -4,16 +4,19 @@ import json
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from deqmcl_command import exit_code, files, lines
 from sweep_command import sweep, without_report
 
+from benchmarks.setup.names import scenario
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps.office import Office
 
 PAGE = Path(__file__).parents[2] / "docs" / "scenarios.md"
-ROOM, OFFICE, AS_WORLD = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
+BLOCKS = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
+ROOM, OFFICE, IN_A_ROOM, PLACES, AS_WORLD = BLOCKS
 FEW = ("--scenario", "room.toml", "--particles", "20", "--lag", "3")
 
 
@@ -60,6 +63,16 @@ def test_sweeps_take_it_beside_ours_and_parts_can_be_taken_away(room):
     rows = [row for row in lines(Path("out")) if row["offset"] == "0"]
     assert [Path(row["scenario"]).name for row in rows] == ["room.toml", "room.toml", "paper"]
     assert rows[0]["error"] != rows[1]["error"]
+
+
+@pytest.mark.parametrize("prior", [IN_A_ROOM, PLACES])
+def test_a_start_of_the_page_is_free_and_what_it_says(room, prior):
+    Path("known.toml").write_text(f'base = "room.toml"\n{prior}')
+    known = scenario("known.toml")
+    at = known.prior_in(known.room()).sample(200, np.random.default_rng(0))
+    assert known.room().floor_plan.free(at[at[:, 0] > 2.4]).all()  # not of the Gaussian place
+    if prior is IN_A_ROOM:
+        assert ((at[:, :2] >= 1.0) & (at[:, :2] <= (4.0, 3.0))).all()
 
 
 def test_in_the_sweep_of_the_page_filters_assume_the_noise_of_each_world(tmp_path):

@@ -1,0 +1,348 @@
+"""Tracker: a localizer in the loop of a robot, fed with messages as they come.
+
+Odometry poses and scans have rates and delays of their own; a localizer takes one scan and the
+increment since the last one. What is remembered is bounded, so a tracker runs for good.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deqmcl_gym.logs.motion import composed, has_moved, increments_of, relative
+from deqmcl_gym.maps.map import PIXELS, pixel
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.validation import InputError, number, one_of
+from localizers.api import Belief, Localizer, Prior
+from localizers.beliefs import best_cluster, quality_of
+
+Pose = tuple[float, float, float]
+
+_EVERY = 10.0, math.radians(5)  # px (0.2 m), rad
+_FASTEST = 250.0, 2 * math.pi  # px/s (5 m/s), rad/s
+_SLACK = 25.0, 0.5  # px (0.5 m), rad: of a step, whatever its duration
+_GAP = 1.0  # s without odometry beyond which the pose in between is unknown
+_BACK = 1.0  # s by which a stamp may be late; beyond, the clock was set back
+_WAITING = 10  # scans that may wait for their odometry
+_MOST = 10_000  # odometry messages or updates that are remembered
+_NO_PLAN = np.empty((0, 3))
+_NOTHING = np.zeros((1, 3))
+
+
+@dataclass
+class Counts:
+    """What has become of a tracker's messages.
+
+    Attributes:
+        updates: scans that the localizer was given.
+        still: scans that it was not, as the robot had hardly moved since the last one.
+        late_odometry: messages up to 1 s older than the newest, or doubled: left out.
+        odometry_jumps: steps faster than the robot can go: taken as no motion.
+        clock_resets: odometry more than 1 s older than the newest: all stamps begin anew.
+        late_scans: not newer than the last one whose odometry was there, or doubled: left out.
+        crowded_scans: more than 10 waited for odometry: the one that came first is left out.
+        scans_without_odometry: before the first odometry, or where it has a gap of more than 1 s.
+        scans_before_start: not newer than the start, or no start was told.
+        unusable: odometry or stamps that are not finite: left out.
+    """
+
+    updates: int = 0
+    still: int = 0
+    late_odometry: int = 0
+    odometry_jumps: int = 0
+    clock_resets: int = 0
+    late_scans: int = 0
+    crowded_scans: int = 0
+    scans_without_odometry: int = 0
+    scans_before_start: int = 0
+    unusable: int = 0
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Where a tracker believes the robot to be at a time.
+
+    Attributes:
+        time: s, of the odometry that it was carried on to.
+        poses: the cloud, (x, y, θ) in the map, (n, 3).
+        weights: its weights, with sum 1, (n,).
+        quality: P(not lost), in [0, 1]; None: the localizer gives none.
+        odometry: the pose by odometry at that time.
+        unit: of lengths.
+    """
+
+    time: float
+    poses: Floats
+    weights: Floats
+    quality: float | None
+    odometry: Pose
+    unit: str
+
+    @cached_property
+    def pose(self) -> Pose:
+        """Mean of the best cluster (x, y, θ): see ``best_cluster``."""
+        return best_cluster(self.poses, self.weights, unit=self.unit).mean
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Second moments of the whole cloud about ``pose``, (3, 3); NaN of a single point.
+
+        So a second place far away makes it large.
+        """
+        if len(self.weights) == 1:
+            return np.full((3, 3), math.nan)
+        off = self.poses - np.array(self.pose)
+        off[:, 2] = arrays.wrapped(off[:, 2])
+        found: Floats = (off.T * self.weights) @ off
+        return found
+
+    @property
+    def map_to_odom(self) -> Pose:
+        """The frame of the odometry in the map: ``map_to_odom`` ⊕ odometry = ``pose``."""
+        back = relative(np.array([self.odometry]), _NOTHING)
+        return _tuple(composed(np.array([self.pose]), back))
+
+
+@dataclass(frozen=True)
+class _Update:
+    """A belief, its time, and the odometry then, without jumps."""
+
+    time: float
+    odometry: Pose
+    belief: Belief
+
+
+@dataclass
+class Tracker:
+    """A localizer that is fed with odometry poses and scans as they come.
+
+    The first message may be of any kind. A scan is used when the odometry has reached its stamp,
+    between whose messages it is interpolated, and when the robot has moved far enough since the
+    last scan used. Scans of ``initialpose``'s own stamp are not used: p(x_0) is of that time.
+
+    Attributes:
+        localizer: made for the robot's map and lidar.
+        rng: its only source of randomness.
+        unit: of all lengths, "m" or "px".
+        every: distance and angle (rad) of which one must be reached between two updates; None is
+            0.2 m and 5°, (0, 0) uses every scan.
+        fastest: speeds, per s and rad/s, above which odometry jumps; None is 5 m/s and 2π rad/s.
+        memory: s of odometry and beliefs that ``at`` can look back.
+        counts: what has become of the messages.
+    """
+
+    localizer: Localizer
+    rng: np.random.Generator
+    unit: str = "m"
+    every: tuple[float, float] | None = None
+    fastest: tuple[float, float] | None = None
+    memory: float = 10.0
+    counts: Counts = field(default_factory=Counts, init=False)
+
+    def __post_init__(self) -> None:
+        size = pixel(one_of("unit of length", self.unit, PIXELS))
+        every = (_EVERY[0] * size, _EVERY[1]) if self.every is None else self.every
+        fastest = (_FASTEST[0] * size, _FASTEST[1]) if self.fastest is None else self.fastest
+        self.every = _pair("every", every)
+        self.fastest = _pair("fastest", fastest)
+        self._slack = _SLACK[0] * size, _SLACK[1]
+        number("memory", self.memory, low=0, above=True)
+        self._odometry: deque[tuple[float, Pose]] = deque(maxlen=_MOST)  # without jumps
+        self._frame: Pose | None = None  # of the latest odometry, in that without jumps
+        self._raw: Pose | None = None  # the latest odometry as it came
+        self._waiting: dict[float, Reals] = {}  # by stamp, in the order in which they came
+        self._updates: deque[_Update] = deque(maxlen=_MOST)
+        self._looked_at = -math.inf  # stamp of the last scan that waited no longer
+        self._start: tuple[Prior, float | None] | None = None
+
+    def initialpose(self, prior: Prior, time: float | None = None) -> bool:
+        """Start anew from a prior; return whether the belief has begun.
+
+        Args:
+            prior: p(x) at that time.
+            time: its stamp, s. The belief begins when the odometry has reached it; at a stamp whose
+                odometry is not known any more, and of None, with the latest odometry.
+        """
+        self._start = prior, time
+        self._updates.clear()
+        return self._begun()
+
+    def odometry(self, time: float, pose: ArrayLike) -> bool:
+        """Take a pose by odometry (x, y, θ) with its stamp, s; return whether there was an update.
+
+        Raises:
+            InputError: not three numbers, or the localizer refuses a scan that waited for it.
+        """
+        given = np.asarray(pose, dtype=np.float64)
+        if given.shape != (3,):
+            raise InputError(f"the odometry has shape {given.shape}, but must be a pose (x, y, θ).")
+        if not (math.isfinite(time) and np.isfinite(given).all()):
+            self.counts.unusable += 1
+            return False
+        raw = _tuple(given[None])
+        if self._odometry and self._raw is not None:
+            last, there = self._odometry[-1]
+            if last - _BACK <= time <= last:
+                self.counts.late_odometry += 1
+                return False
+            if time < last:
+                self.counts.clock_resets += 1
+                self._set_back(time)
+                self._frame = _frame(there, raw)
+            elif self._has_jumped(time - last, raw):
+                self.counts.odometry_jumps += 1
+                self._frame = _frame(there, raw)
+        here = raw
+        if self._frame is not None:
+            here = _tuple(composed(np.array([self._frame]), np.array(raw)))
+        self._raw = raw
+        self._odometry.append((time, here))
+        while self._odometry[0][0] < time - self.memory:
+            self._odometry.popleft()
+        self._begun()
+        return self._updated()
+
+    def scan(self, time: float, ranges: Reals) -> bool:
+        """Take a scan with its stamp, s; return whether there was an update.
+
+        Raises:
+            InputError: the localizer refuses the ranges.
+        """
+        if not math.isfinite(time):
+            self.counts.unusable += 1
+            return False
+        if time <= self._looked_at or time in self._waiting:
+            self.counts.late_scans += 1
+            return False
+        self._waiting[time] = np.array(ranges)
+        updated = self._updated()
+        if len(self._waiting) > _WAITING:
+            del self._waiting[next(iter(self._waiting))]
+            self.counts.crowded_scans += 1
+        return updated
+
+    def at(self, time: float | None = None) -> Estimate | None:
+        """Return the estimate at a time, s; None of time is the latest odometry's.
+
+        That is the belief after the last scan used until then, carried on by the odometry without
+        its noise. After the latest odometry, the robot stands where it was. None is returned
+        before the start, and where odometry or belief are older than ``memory`` or in a gap.
+        """
+        if not self._odometry:
+            return None
+        newest = self._odometry[-1][0]
+        when = newest if time is None else min(time, newest)
+        update = next((one for one in reversed(self._updates) if one.time <= when), None)
+        here = self._odometry_at(when)
+        points = None if update is None else update.belief.points()
+        if update is None or here is None or points is None:
+            return None
+        moved = relative(np.array([update.odometry]), np.array([here]))
+        poses = composed(np.asarray(points[0], np.float64), moved)
+        frame = self._frame
+        told = here if frame is None else _tuple(relative(np.array([frame]), np.array([here])))
+        return Estimate(when, poses, points[1], quality_of(update.belief), told, self.unit)
+
+    def _begun(self) -> bool:
+        """Begin the belief if its odometry is there."""
+        if self._start is None or not self._odometry:
+            return False
+        prior, time = self._start
+        newest, here = self._odometry[-1]
+        if time is not None and time > newest:
+            return False
+        known = None if time is None else self._odometry_at(time)
+        at, pose = (newest, here) if time is None or known is None else (time, known)
+        self._start = None
+        belief = self.localizer.reset(prior, _NO_PLAN, self.rng)
+        self._updates.append(_Update(at, pose, belief))
+        return True
+
+    def _updated(self) -> bool:
+        """Give the localizer the scans whose odometry is there."""
+        if not self._waiting or not self._odometry:
+            return False
+        updated = False
+        for time in sorted(one for one in self._waiting if one <= self._odometry[-1][0]):
+            self._looked_at = time
+            updated |= self._used(time, self._waiting.pop(time))
+        return updated
+
+    def _used(self, time: float, ranges: Reals) -> bool:
+        if not self._updates or time <= self._updates[-1].time:
+            self.counts.scans_before_start += 1
+            return False
+        if (here := self._odometry_at(time)) is None:
+            self.counts.scans_without_odometry += 1
+            return False
+        assert self.every is not None
+        last = self._updates[-1].odometry
+        if not has_moved(last, here, *self.every):
+            self.counts.still += 1
+            return False
+        (moved,) = increments_of(np.array([last, here])).astype(np.float32)
+        belief = self.localizer.update(ranges, moved, _NO_PLAN)
+        self.counts.updates += 1
+        self._updates.append(_Update(time, here, belief))
+        while self._updates[0].time < time - self.memory:
+            self._updates.popleft()
+        return True
+
+    def _odometry_at(self, time: float) -> Pose | None:
+        """Return the pose by odometry at a time, without jumps; None if it is not known."""
+        after: tuple[float, Pose] | None = None
+        for at, pose in reversed(self._odometry):
+            if at == time:
+                return pose
+            if at < time:
+                if after is None or after[0] - at > _GAP:
+                    return None
+                share = (time - at) / (after[0] - at)
+                (x, y, turn), (x1, y1, turn1) = pose, after[1]
+                turned = math.remainder(turn1 - turn, 2 * math.pi)
+                heading = math.remainder(turn + share * turned, 2 * math.pi)
+                return x + share * (x1 - x), y + share * (y1 - y), heading
+            after = at, pose
+        return None
+
+    def _has_jumped(self, seconds: float, raw: Pose) -> bool:
+        assert self.fastest is not None
+        assert self._raw is not None
+        (far, turned), (slack, more) = self.fastest, self._slack
+        return has_moved(self._raw, raw, far * seconds + slack, turned * seconds + more)
+
+    def _set_back(self, time: float) -> None:
+        """Let all stamps begin anew: the belief stays, as if it were of this time."""
+        self._odometry.clear()
+        self._waiting.clear()
+        self._looked_at = -math.inf
+        if self._updates:
+            last = self._updates[-1]
+            self._updates.clear()
+            self._updates.append(_Update(time, last.odometry, last.belief))
+
+
+def _pair(what: str, given: tuple[float, float]) -> tuple[float, float]:
+    try:
+        first, second = given
+    except (TypeError, ValueError):
+        raise InputError(f"{what} is {given!r}, but must be two numbers, as (0.2, 0.1).") from None
+    return (
+        number(f"the first of {what}", first, low=0, finite=False),
+        number(f"the second of {what}", second, low=0, finite=False),
+    )
+
+
+def _frame(there: Pose, raw: Pose) -> Pose:
+    """Return the frame in which odometry that reads ``raw`` is ``there``."""
+    back = relative(np.array([raw]), _NOTHING)
+    return _tuple(composed(np.array([there]), back))
+
+
+def _tuple(poses: Floats) -> Pose:
+    x, y, heading = poses[0].tolist()
+    return x, y, heading

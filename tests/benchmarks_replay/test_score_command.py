@@ -1,0 +1,175 @@
+"""``deqmcl score``: somebody else's estimates have the numbers that our own would have."""
+
+import csv
+import math
+
+import numpy as np
+import pytest
+from deqmcl_command import exit_code
+from hall import recorded_in_a_hall
+from scipy.stats import chi2
+
+from benchmarks.replay.theirs import Yardstick
+from benchmarks.trials.tracks import calibration_of_gaussians
+from deqmcl_gym import logs
+from deqmcl_gym.logs.motion import composed, relative
+
+REPLAY = ("replay", "lap.csv", "--map", "hall.yaml", "--reference", "lap.tum", "--max-beams", "20")
+REPLAY += ("--localizers", "mcl", "--particles", "100", "--seeds", "2", "--jobs", "1")
+WHOLE = ("--reference", "lap.tum", "--log", "lap.csv", "--map", "hall.yaml")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a hall, a lap in it and a replay of it."""
+    at = tmp_path_factory.mktemp("score")
+    hall, log = recorded_in_a_hall(steps=40)
+    hall.save(at / "hall.yaml")
+    logs.Trajectory(log.times, log.reference).write(at / "lap.tum")
+    bare = logs.Log(log.scanner, log.times, log.odometry, log.ranges, None, "m")
+    logs.write(bare, at / "lap.csv")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(at)
+        assert exit_code(*REPLAY, "--out", "mcl") == 0
+    return at
+
+
+@pytest.fixture
+def here(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def table(path):
+    with open(path, newline="") as file:
+        return {row["localizer"]: row for row in csv.DictReader(file)}
+
+
+def test_our_own_tracks_have_the_numbers_of_the_replay_but_for_time_and_beliefs(here, tmp_path):
+    tracks = [f"mcl/tracks/mcl-{seed}.tum" for seed in range(2)]
+    assert exit_code("score", *tracks, "--beside", "mcl", "--out", tmp_path / "s") == 0
+    with open("mcl/trials.csv", newline="") as file:
+        ours = {f"mcl-{row['seed']}": row for row in csv.DictReader(file)}
+    theirs = table(tmp_path / "s" / "trials.csv")
+    unknown = {"localizer", "seed", "ms_per_step", "nees"} | {f"coverage_{p}" for p in (50, 80, 95)}
+    for label, row in ours.items():
+        known = row.keys() - unknown
+        assert {name: theirs[label][name] for name in known} == {name: row[name] for name in known}
+        assert {theirs[label][name] for name in unknown - {"localizer", "seed"}} == {""}
+    assert table(tmp_path / "s" / "results.csv")["mcl"]["seeds"] == "2"
+
+
+def test_between_its_poses_an_estimate_is_carried_on_by_the_odometry(here):
+    log = logs.read("lap.csv", reference="lap.tum")
+    rng = np.random.default_rng(0)
+    at = np.arange(0, len(log), 7)
+    estimate = logs.Trajectory(log.times[at] + 1e-4, rng.uniform(1, 2, (at.size, 3)))
+    yardstick = Yardstick.of_log("lap.csv", "lap.tum", {}, None, "0m,0deg")
+    track, _ = yardstick.track(estimate)
+    assert track.log.times[0] == log.times[1]
+    x, y, heading = log.odometry.T
+    for time, best in zip(track.log.times, track.best, strict=True):
+        last = np.flatnonzero(estimate.times <= time)[-1]
+        then = [np.interp(estimate.times[last], log.times, row) for row in
+                (x, y, np.unwrap(heading))]  # fmt: skip
+        now = log.odometry[log.times == time]
+        moved = relative(np.array([then]), now)
+        expected = composed(estimate.poses[[last]], moved)[0]
+        assert best[:2] == pytest.approx(expected[:2], abs=1e-9)
+        assert math.remainder(best[2] - expected[2], 2 * math.pi) == pytest.approx(0, abs=1e-9)
+
+
+def test_without_a_log_errors_are_those_at_the_estimates_own_times(here, tmp_path):
+    reference = logs.Trajectory([0.0, 10.0], [[0, 0, 3.0], [1, 2, -3.0]])  # across ±π, 0.28 rad
+    reference.write(tmp_path / "reference.tum")
+    times = np.array([-1.0, 0.0, 2.5, 10.0, 11.0])
+    poses = np.array([[9, 9, 0], [0.3, 0, 3.0], [0.25, 0.5, 3.0], [1, 2.4, -3.0], [9, 9, 0]])
+    logs.Trajectory(times, poses).write(tmp_path / "theirs.tum")
+    words = ("score", tmp_path / "theirs.tum", "--reference", tmp_path / "reference.tum")
+    assert exit_code(*words, "--out", tmp_path / "s") == 0  # 2.2 m apart: at its own times only
+    row = table(tmp_path / "s" / "trials.csv")["theirs"]
+    assert float(row["position_median"]) == pytest.approx((0.3 + 0.4) / 2)
+    logs.Trajectory([0.0, 10.0], [[0, 0, 3.0], [0.5, 1, -3.0]]).write(tmp_path / "reference.tum")
+    assert exit_code(*words, "--out", tmp_path / "s") == 0
+    row = table(tmp_path / "s" / "trials.csv")["theirs"]
+    off = [0.3, math.hypot(0.125, 0.25), math.hypot(0.5, 1.4)]
+    assert float(row["ape_rmse"]) == pytest.approx(math.sqrt(np.square(off).mean()), rel=1e-6)
+    assert float(row["position_median"]) == pytest.approx(sorted(off)[1], rel=1e-6)
+    assert float(row["position_median_stamps"]) == pytest.approx(np.median([off[0], off[2]]))
+    assert float(row["heading_median"]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_gaussians_are_calibrated_by_the_chi_squared_distribution():
+    rng = np.random.default_rng(1)
+    n = 4000
+    roots = rng.normal(0, 0.3, (n, 3, 3))
+    spread = roots @ roots.transpose(0, 2, 1) + 0.01 * np.eye(3)
+    poses = rng.uniform(-3, 3, (n, 3))
+    truth = poses + (np.linalg.cholesky(spread) @ rng.normal(size=(n, 3, 1)))[:, :, 0]
+    rank, nees = calibration_of_gaussians(poses, spread, truth, "m").T
+    off = truth - poses
+    off[:, 2] = (off[:, 2] + math.pi) % (2 * math.pi) - math.pi
+    floored = spread + np.diag([4e-6, 4e-6, 1e-6])  # (0.1 px)², 1e-6
+    by_numpy = np.einsum("ni,nij,nj->n", off, np.linalg.inv(floored), off)
+    np.testing.assert_allclose(nees, by_numpy, rtol=1e-9)
+    flat = np.einsum("ni,nij,nj->n", off[:, :2], np.linalg.inv(floored[:, :2, :2]), off[:, :2])
+    np.testing.assert_allclose(rank, chi2.cdf(flat, 2), rtol=1e-9, atol=1e-12)
+    # NEES has mean 3 and variance 6, a share p of ranks variance p(1-p): 4 sigma, once in 16,000
+    assert abs(nees.mean() - 3) < 4 * math.sqrt(6 / n)
+    for p in (0.5, 0.8, 0.95):
+        assert abs((rank <= p).mean() - p) < 4 * math.sqrt(p * (1 - p) / n)
+
+
+def test_a_covariance_gives_the_columns_of_calibration(here, tmp_path):
+    reference = logs.read_tum("lap.tum")
+    names = "time,x,y,heading,var_x,cov_xy,cov_x_heading,var_y,cov_y_heading,var_heading"
+    spread = [0.04, 0, 0, 0.04, 0, 0.01]
+    rows = [[t, x + 0.2, y, h, *spread] for t, (x, y, h) in
+            zip(reference.times.tolist(), reference.poses.tolist(), strict=True)]  # fmt: skip
+    lines = [names, *(",".join(map(repr, row)) for row in rows)]
+    (tmp_path / "theirs.csv").write_text("\n".join(lines))
+    words = (f"slam={tmp_path / 'theirs.csv'}", *WHOLE, "--out", tmp_path / "s")
+    assert exit_code("score", *words) == 0
+    row = table(tmp_path / "s" / "results.csv")["slam"]
+    # one SD off: χ² = 1, which 39 % of draws are below
+    assert float(row["nees"]) == pytest.approx(1, rel=1e-3)
+    assert [float(row[f"coverage_{p}"]) for p in (50, 80, 95)] == [1, 1, 1]
+    assert float(row["position_median"]) == pytest.approx(0.2)
+    assert 0 < float(row["agreement_03"]) <= 1
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("lap.tum",), "give --reference, --log or --beside"),
+        (("lap.tum", "--reference", "lap.tum", "--map", "hall.yaml"), "--map is given without"),
+        (("lap.tum", "--beside", "mcl", "--reference", "lap.tum"), "--reference is given with"),
+        (("lap.tum", "--beside", "."), "deqmcl"),
+        (("lap.tum", "--log", "lap.csv"), "has no reference"),
+        (("late.tum", "--reference", "lap.tum"), "no record has a reference pose"),
+        (("late.tum", *WHOLE), "with the same clock"),
+        (("lap.tum", "lap.tum", "--reference", "lap.tum"), "two estimates are called lap"),
+        (("mcl=lap.tum", "--beside", "mcl"), "mcl is a localizer of the replay"),
+        (("a=lap.tum", "lap.tum", "--reference", "lap.tum", "--covariance", "x"), "one estimate"),
+        (("none.tum", "--reference", "lap.tum"), "none.tum does not exist"),
+        (("lap.tum:/amcl_pose", "--reference", "lap.tum"), "no topic /amcl_pose"),
+    ],
+)
+def test_what_cannot_be_scored_is_refused_and_nothing_is_written(
+    here, tmp_path, capsys, words, said
+):
+    reference = logs.read_tum("lap.tum")
+    logs.Trajectory(reference.times + 1e4, reference.poses).write("late.tum")
+    assert exit_code("score", *words, "--out", tmp_path / "s") == 2
+    sentence = capsys.readouterr().err.splitlines()[-1]
+    assert said in sentence
+    assert sentence.endswith(".")
+    assert not (tmp_path / "s").exists()
+
+
+def test_records_that_an_estimate_misses_are_told(here, tmp_path, capsys):
+    reference = logs.read_tum("lap.tum")
+    half = reference.times.size // 2
+    logs.Trajectory(reference.times[:half], reference.poses[:half]).write(tmp_path / "half.tum")
+    assert exit_code("score", tmp_path / "half.tum", *WHOLE, "--out", tmp_path / "s") == 0
+    assert "half covers" in capsys.readouterr().err

@@ -1,0 +1,133 @@
+"""What another stack has estimated: the same poses and covariances from every format."""
+
+import math
+
+import numpy as np
+import pytest
+from refusals import refused
+from test_bags import ODOMETRY, bag, header, make, odometry, quaternion
+
+from deqmcl_gym import logs
+from deqmcl_gym.logs.estimates import read_estimate, with_covariances
+from deqmcl_gym.validation import LogWarning
+
+POSE, COVARIANT = (f"geometry_msgs/msg/Pose{word}Stamped" for word in ("", "WithCovariance"))
+TIMES = np.array([0.5, 1.25, 2.0])
+POSES = np.array([[1.0, 2.0, 3.1], [1.5, 2.25, -3.1], [2.0, 2.5, -2.5]])
+UPPER = ("var_x", "cov_xy", "cov_x_heading", "var_y", "cov_y_heading", "var_heading")
+
+
+def covariances(n=3):
+    roots = np.random.default_rng(0).normal(0, 0.3, (n, 3, 3))
+    return roots @ roots.transpose(0, 2, 1)
+
+
+def posed(time, pose, covariance=None):
+    x, y, heading = pose
+    at = make("geometry_msgs/msg/Point", x, y, 0.0)
+    found = make("geometry_msgs/msg/Pose", at, quaternion(yaw=heading))
+    if covariance is None:
+        return make(POSE, header(time, "map"), found)
+    six = np.zeros((6, 6))
+    six[np.ix_([0, 1, 5], [0, 1, 5])] = covariance
+    six[[2, 3, 4], [2, 3, 4]] = 9.0  # z, roll and pitch are nothing of ours
+    spread = make("geometry_msgs/msg/PoseWithCovariance", found, six.ravel())
+    return make(COVARIANT, header(time, "map"), spread)
+
+
+def amcl_pose(path, given):
+    rows = zip(TIMES, POSES, given, strict=True)
+    return bag(path, *(("/amcl_pose", COVARIANT, posed(*row)) for row in rows))
+
+
+def test_a_bag_a_csv_and_a_tum_file_say_the_same(tmp_path):
+    given = covariances()
+    upper = given[:, *np.triu_indices(3)]
+    table = np.column_stack([TIMES, POSES, upper])
+    header_ = ",".join(("time", "x", "y", "heading", *UPPER))
+    lines = [",".join(map(repr, row)) for row in table.tolist()]
+    (tmp_path / "x.csv").write_text("\n".join([header_, *lines]) + "\n")
+    logs.Trajectory(TIMES, POSES).write(tmp_path / "x.tum")
+    tum = read_estimate(tmp_path / "x.tum")
+    whole = np.zeros((3, 6, 6))
+    whole[:, [[0], [1], [5]], [0, 1, 5]] = given
+    found = [read_estimate(amcl_pose(tmp_path / "x", given)), read_estimate(tmp_path / "x.csv")]
+    for form in (upper, given.reshape(3, 9), whole.reshape(3, 36)):
+        np.savetxt(tmp_path / "c.txt", np.column_stack([TIMES, form]), fmt="%.17g")
+        found.append(with_covariances(tum, tmp_path / "c.txt"))
+    for one in found:
+        np.testing.assert_array_equal(one.times, TIMES)
+        np.testing.assert_allclose(one.poses, POSES, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(one.covariances, given, rtol=1e-14)
+
+
+def test_a_topic_is_asked_for_by_name_and_zeros_are_no_covariance(tmp_path):
+    zeros = [("/amcl_pose", COVARIANT, posed(t, POSES[0], np.zeros((3, 3)))) for t in (1.0, 2.0)]
+    other = [("/slam", POSE, posed(3.0, POSES[1])), ("/odom", ODOMETRY, odometry(0.0, 7.0))]
+    path = bag(tmp_path / "x", *zeros, *other)
+    assert read_estimate(path).times.tolist() == [1.0, 2.0]
+    assert read_estimate(path).covariances is None
+    assert read_estimate(path, "/slam").poses[0] == pytest.approx(POSES[1])
+    assert read_estimate(path, "/odom").poses[0] == pytest.approx([7.0, 0.0, 0.0])
+    with refused("/scan", "/slam (geometry_msgs/msg/PoseStamped)"):
+        read_estimate(path, "/scan")
+    with refused("2 topics", "FILE:TOPIC"):
+        read_estimate(bag(tmp_path / "y", *other))
+
+
+def test_poses_that_are_not_finite_are_left_out_and_counted(tmp_path):
+    (tmp_path / "x.csv").write_text("time,x,y,heading\n1,0,0,0\n2,nan,0,0\n3,,0,0\n4,1,0,0\n")
+    with pytest.warns(LogWarning, match="2 of 4 poses are left out"):
+        assert read_estimate(tmp_path / "x.csv").times.tolist() == [1.0, 4.0]
+    (tmp_path / "x.tum").write_text("1 0 0 0 0 0 0 1\nno\n2 0 0 0 0 0 0 0\n")
+    with pytest.warns(LogWarning, match="2 of 3"):
+        assert read_estimate(tmp_path / "x.tum").times.tolist() == [1.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("x.tum", "2 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n", "run backwards after 2.000000 s"),
+        ("x.tum", "# nothing\n", "has no pose"),
+        ("x.csv", "time,x,y\n1,2,3\n", "'heading' 0 times"),
+        ("x.csv", "time,x,y,heading,var_x\n", "'cov_xy' 0 times"),
+        ("x.csv", "time,x,y,heading\n1,2,3,4\n1,2\n", "line 3 of"),
+        ("x.csv", "time,x,y,heading\n1,2,3,left\n", "line 2 of"),
+        ("x.csv", f"time,x,y,heading,{','.join(UPPER)}\n1,0,0,0,1,2,0,1,0,1\n", "eigenvalues"),
+    ],
+)
+def test_an_estimate_that_is_none_is_refused(tmp_path, name, text, words):
+    (tmp_path / name).write_text(text)
+    with refused(name, words):
+        read_estimate(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("1 1 0 0\n", "line 1 of"),
+        ("1 1 0 0 1 0 1\n2 1 0 0 0 1 0 0 0 1\n", "line 2 of"),
+        ("1 1 0 0 1 0 1\n", "1 lines of covariances"),
+        ("", "0 lines of covariances"),
+    ],
+)
+def test_covariances_that_are_not_those_of_the_poses_are_refused(tmp_path, text, words):
+    (tmp_path / "c.txt").write_text(text)
+    with refused("c.txt", words):
+        with_covariances(logs.Trajectory([1.0, 2.0], np.zeros((2, 3))), tmp_path / "c.txt")
+
+
+def test_a_file_that_is_no_bag_has_no_topic(tmp_path):
+    with refused("no topic /amcl_pose"):
+        read_estimate(tmp_path / "x.tum", "/amcl_pose")
+
+
+@pytest.mark.parametrize("shape", [(3, 3), (2, 3, 2)])
+def test_covariances_of_another_shape_are_refused(shape):
+    with refused(str(shape), "(2, 3, 3)"):
+        logs.Trajectory([1.0, 2.0], np.zeros((2, 3)), covariances=np.zeros(shape))
+    assert math.isnan(
+        logs.Trajectory(
+            [1.0], np.zeros((1, 3)), covariances=[np.full((3, 3), math.nan)]
+        ).covariances[0, 0, 0]
+    )
