@@ -19,6 +19,7 @@ from deqmcl_gym.world.config import WORLDS
 ENV_ID = "deqmcl_gym/Room-v0"
 JOURNEY_ENV_ID = "deqmcl_gym/Journey-v0"
 LOG_ENV_ID = "deqmcl_gym/Log-v0"
+TASKS = {"deqmcl_gym/Localize-v0": "localize", "deqmcl_gym/Track-v0": "track"}
 # Twice the 204 steps of the planned lap in the paper's room (a test checks this)
 MAX_EPISODE_STEPS = 408
 _ROOM = "deqmcl_gym.envs.room:RoomEnv"
@@ -46,6 +47,8 @@ def _register(registry: ModuleType) -> None:
         id=JOURNEY_ENV_ID, entry_point=_ROOM, kwargs={"floor_plan": {"office": {}}, "route": {}}
     )
     registry.register(id=LOG_ENV_ID, entry_point="deqmcl_gym.envs.log:LogEnv")
+    for name, task in TASKS.items():  # localizers are imported when one is made
+        registry.register(id=name, entry_point=f"benchmarks.tasks:{task}")
 
 
 def _register_room(registry: ModuleType, name: str, kwargs: dict[str, Any]) -> None:

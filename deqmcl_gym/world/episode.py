@@ -144,20 +144,67 @@ def _corners_into_the_room(edges: Floats) -> list[Point]:
     return [(x, y) for x, y in edges[right, :2].tolist()]
 
 
-class Episode:
+class Body:
+    """A robot in a world: it moves with noise, stops at walls, and takes scans.
+
+    Attributes:
+        pose: the true one (x, y, θ).
+        scan: the last one, (B,).
+    """
+
+    def __init__(
+        self,
+        world: World,
+        walls: Contacts,
+        pose: Pose,
+        motion: np.random.Generator,
+        sensor: np.random.Generator,
+    ) -> None:
+        """Put the robot at a pose, and take its first scan.
+
+        Args:
+            world: its parts.
+            walls: of the world.
+            pose: (x, y, θ), θ in [-π, π).
+            motion: two normal numbers per move are drawn from it.
+            sensor: one normal number per beam and scan.
+        """
+        noise = world.noise
+        self._noise = float(noise.drive), float(noise.turn), float(noise.drift)
+        self._motion = motion
+        self._sensor = LidarSensor(world.floor_plan, world.lidar, sensor)
+        self._physics = Physics(walls, pose[:2])
+        self.pose = pose
+        self.look()
+
+    def move(self, distance: float, turn: float) -> bool:
+        """Turn, then drive, with noise; return whether a wall stopped the robot."""
+        physics, heading = self._physics, self.pose[2]
+        of_drive, of_turn = self._motion.standard_normal(2).tolist()
+        heading, *drive = drawn(
+            heading, distance, turn, (of_drive, of_turn), self._noise, physics.walls.reach
+        )
+        collided = physics.drive(*drive)
+        self.pose = (*physics.position, heading)
+        return collided
+
+    def look(self) -> None:
+        """Take a scan."""
+        self.scan = self._sensor.scan(self.pose)
+
+
+class Episode(Body):
     """All state that changes between two resets.
 
     Attributes:
         course: the path, and the actions planned for it.
         plan: the actions to come.
         step: steps carried out.
-        pose: the true one (x, y, θ).
         arc: arc length at which the robot is on the path.
         way: distance along the path since reset, jumps included.
         progress: the same without jumps.
         done: whether the task is done.
         ended: whether the episode has ended.
-        scan: the last one, (B,).
     """
 
     def __init__(self, rules: RoomRules, walls: Contacts, *, seed: int, number: int) -> None:
@@ -166,18 +213,15 @@ class Episode:
         Raises:
             InputError: no drawn start is free, or no route was found.
         """
-        world = rules.world
         self._rules = rules
         self.course, self.plan = rules.begun(seed, number)
         self._seed, self._number = seed, number
-        self._motion = self.stream(Stream.MOTION)
-        self._sensor = LidarSensor(world.floor_plan, world.lidar, self.stream(Stream.SENSOR))
-        self.pose = rules.start(self.course, seed, number)
-        self._physics = Physics(walls, self.pose[:2])
-        self.arc = rules.first_arc(self.course, self.pose[:2])
+        start = rules.start(self.course, seed, number)
+        streams = self.stream(Stream.MOTION), self.stream(Stream.SENSOR)
+        super().__init__(rules.world, walls, start, *streams)
+        self.arc = rules.first_arc(self.course, start[:2])
         self.way = self.progress = 0.0
         self.step, self.done, self.ended = 0, False, False
-        self.scan = self._sensor.scan(self.pose)
 
     def stream(self, stream: Stream, twin: int = 0) -> np.random.Generator:
         """Return the random stream of one source in this episode, from its beginning."""
@@ -216,24 +260,19 @@ class Episode:
         Returns:
             The reward; whether a wall stopped the robot.
         """
-        rules, physics, path = self._rules, self._physics, self.course.path
-        x, y, heading = self.pose
-        of_drive, of_turn = self._motion.standard_normal(2).tolist()
-        heading, *drive = drawn(
-            heading, distance, turn, (of_drive, of_turn), rules.noise, physics.walls.reach
-        )
-        collided = physics.drive(*drive)
-        self.pose = (*physics.position, heading)
+        rules, path = self._rules, self.course.path
+        before = self.pose[:2]
+        collided = self.move(distance, turn)
         self.step += 1
         self.arc, gained, reward, self.done = judged(
-            (x, y, *physics.position), self.arc, self.progress, collided,
+            (*before, *self.pose[:2]), self.arc, self.progress, collided,
             path.edges, path.period, rules.rewards,
         )  # fmt: skip
         self.way += gained
         self.progress += gained
         if self._is_at_goal():
             reward, self.done = reward + rules.rewards[1], True
-        self.scan = self._sensor.scan(self.pose)
+        self.look()
         return reward, collided
 
     def _is_at_goal(self) -> bool:

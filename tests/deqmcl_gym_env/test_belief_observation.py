@@ -9,7 +9,7 @@ from checked import has_nothing_to_say
 from room_trace import ROOM_ID
 
 import deqmcl_gym  # noqa: F401
-from deqmcl_gym.envs.belief import BeliefObservation, LocalizationReward
+from deqmcl_gym.envs.belief import BeliefObservation
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, RecordLog
 from deqmcl_gym.validation import InputError
 from localizers import GaussianPrior, PointsBelief, RobotModel, make
