@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.maps.clusters import Cluster, best_cluster, mean_pose
-from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, array, digits, number
 from localizers.api import Belief, Points
 
