@@ -7,7 +7,6 @@ belief is within the tolerance of the goal.
 
 import argparse
 import math
-import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -30,6 +29,7 @@ from localizers import RobotModel
 _BUILDINGS = 20  # of Localize-v0: episode k takes place in that of seed k modulo this
 _SURE = 0.9
 _VAGUE = 0.25  # of the tolerance: standard deviation from which on a scan is worth its cost
+_BASELINE = "spin"
 _PLAIN = ("still", "spin", "random")
 _SENSING = {
     **dict.fromkeys(_PLAIN, "never"),
@@ -136,27 +136,30 @@ def _acted(room: Any, agent: Agent, sensing: str, seen: Any, info: dict[str, Any
     return np.array([*move, *heads], np.float32)
 
 
-def table(task: str, policies: list[str], episodes: int, jobs: int) -> Iterator[str]:
+def table(played: dict[str, list[Played]]) -> Iterator[str]:
     """Yield the lines of a table, a policy each, best first; ± is two standard errors."""
-    with ProcessPoolExecutor(jobs) as pool:
-        jobs_done = {
-            policy: list(pool.map(play, repeat(task), repeat(policy), range(episodes)))
-            for policy in policies
-        }
-    yield "| policy | return | done | wrong | steps | metres | contacts | scans |"
-    yield "|---|---:|---:|---:|---:|---:|---:|---:|"
-    rows = {policy: np.array([list(vars(p).values()) for p in done], float)
-            for policy, done in jobs_done.items()}  # fmt: skip
+    rows = {
+        policy: np.array([list(vars(each).values()) for each in episodes], float)
+        for policy, episodes in played.items()
+    }
+    yield "| policy | return | less that of `spin` | done | wrong | steps | metres | contacts | scans |"
+    yield "|---|---:|---:|---:|---:|---:|---:|---:|---:|"
     for policy, row in sorted(rows.items(), key=lambda item: -item[1][:, 0].mean()):
-        score, done, wrong, *_ = mean = row.mean(axis=0)
-        error = 2 * row[:, 0].std(ddof=min(1, len(row) - 1)) / math.sqrt(len(row))
+        _, done, wrong, _, *mean = row.mean(axis=0)
         low, high = wilson(done, len(row))
         steps = np.median(np.where(row[:, 1] > 0, row[:, 3], np.inf))
         middle = f"{steps:.0f}" if math.isfinite(steps) else "–"
+        apart = _mean(row[:, 0] - rows[_BASELINE][:, 0]) if _BASELINE in rows else "–"
         yield (
-            f"| `{policy}` | {score:.1f} ± {error:.1f} | {done:.0%} ({low:.0%} to {high:.0%}) "
-            f"| {wrong:.0%} | {middle} | {mean[4]:.1f} | {mean[5]:.1f} | {mean[6]:.0f} |"
+            f"| `{policy}` | {_mean(row[:, 0])} | {'–' if policy == _BASELINE else apart} "
+            f"| {done:.0%} ({low:.0%} to {high:.0%}) | {wrong:.0%} | {middle} | {mean[0]:.1f} "
+            f"| {mean[1]:.1f} | {mean[2]:.0f} |"
         )
+
+
+def _mean(values: Floats) -> str:
+    error = 2 * values.std(ddof=min(1, len(values) - 1)) / math.sqrt(len(values))
+    return f"{values.mean():.1f} ± {error:.1f}"
 
 
 def main() -> None:
@@ -181,9 +184,11 @@ def main() -> None:
                 known = ", ".join(SCORED[task])
                 parser.error(f"unknown policy {policy!r} of {task}: choose from {known}")
         print(f"\n{task}, {given.episodes} episodes\n")
-        for line in table(task, policies, given.episodes, given.jobs):
-            print(line)
-            sys.stdout.flush()
+        with ProcessPoolExecutor(given.jobs) as pool:
+            seeds = range(given.episodes)
+            waiting = {name: pool.map(play, repeat(task), repeat(name), seeds) for name in policies}
+            played = {name: list(episodes) for name, episodes in waiting.items()}
+        print("\n".join(table(played)), flush=True)
 
 
 if __name__ == "__main__":

@@ -165,7 +165,7 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
         localizer = copy.deepcopy(localizer)
         self._localizer, self._prior = localizer, prior
         self.belief = localizer.reset(prior, np.empty((0, 2)), np.random.default_rng(0))
-        self._rng = np.random.default_rng(0)
+        self._rng, self._shows_particles = np.random.default_rng(0), particles > 0
         has_quality = getattr(self.belief, "quality", None) is not None
         self._view = BeliefView(
             room.floor_plan, has_quality=has_quality, particles=particles, cell=cell
@@ -186,7 +186,8 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
         """Reset env and localizer."""
         seen, info = self.env.reset(seed=seed, options=options)
         (rng,) = self.unwrapped.np_random.spawn(1)
-        (self._rng,) = rng.spawn(1)
+        if self._shows_particles:
+            (self._rng,) = self.unwrapped.np_random.spawn(1)
         self.belief = self._localizer.reset(self._prior, _plan(info), rng)
         return self._with(seen), info
 

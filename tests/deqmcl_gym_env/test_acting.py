@@ -227,9 +227,9 @@ def test_the_prior_of_a_drive_is_where_the_start_is_drawn_from():
 @pytest.mark.parametrize(
     ("action", "said"),
     [
-        ([0, 0], "the action has shape"),
+        ([0, 0], "must be 3 finite numbers"),
         ([0, 0, 1.5], "the action's declare is 1.5"),
-        ([0, 0, math.nan], "the action has"),
+        ([0, 0, math.nan], "must be 3 finite numbers"),
         ([11, 0, 0], "a distance from 0 to 10 px"),
     ],
 )
