@@ -142,7 +142,8 @@ def table(played: dict[str, list[Played]]) -> Iterator[str]:
         policy: np.array([list(vars(each).values()) for each in episodes], float)
         for policy, episodes in played.items()
     }
-    yield "| policy | return | less that of `spin` | done | wrong | steps | metres | contacts | scans |"
+    columns = f"less that of `{_BASELINE}` | done | wrong | steps | metres | contacts | scans"
+    yield f"| policy | return | {columns} |"
     yield "|---|---:|---:|---:|---:|---:|---:|---:|---:|"
     for policy, row in sorted(rows.items(), key=lambda item: -item[1][:, 0].mean()):
         _, done, wrong, _, *mean = row.mean(axis=0)
