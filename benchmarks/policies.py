@@ -181,10 +181,13 @@ class LookAhead(Still):
 
     def _turns(self, rng: np.random.Generator) -> Floats:
         """Turns before each drive of the motions that are compared, (m, depth)."""
-        all_round = (np.arange(_HEADINGS) * (2 * np.pi / _HEADINGS) + np.pi) % (2 * np.pi) - np.pi
+        all_round: Floats = (np.arange(_HEADINGS) * (2 * np.pi / _HEADINGS) + np.pi) % (
+            2 * np.pi
+        ) - np.pi
         if self._depth == 1:
             return all_round[:, None]
-        return rng.choice(all_round, (_SEQUENCES, self._depth))
+        drawn: Floats = rng.choice(all_round, (_SEQUENCES, self._depth))
+        return drawn
 
     def _motion(self, turn: float) -> list[tuple[float, float]]:
         """Return the actions of a turn and a drive."""

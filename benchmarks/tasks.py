@@ -82,9 +82,9 @@ def track(
     found, px = _localizer(localizer, robot_model(world), particles=500), world.pixel
     clearance = world.body + 4 * px
     anywhere = UniformPrior(floor_plan=world.floor_plan, radius=clearance)
-    sds = {"sd_position": _SD_POSITION * px, "sd_heading": _SD_HEADING}
+    around = partial(GaussianPrior, sd_position=_SD_POSITION * px, sd_heading=_SD_HEADING)
     lengths = {"tolerance": 40.0 * px, "least": 150.0 * px}
-    return TrackEnv(world, found, anywhere, partial(GaussianPrior, **sds), **{**lengths, **task})
+    return TrackEnv(world, found, anywhere, around, **{**lengths, **task})
 
 
 def _world(base: dict[str, Any], **parts: Any) -> World:
@@ -115,5 +115,5 @@ def _localizer(given: str | dict[str, Any], robot: RobotModel, **defaults: Any) 
             f"localizer is {shown(given)}, but must be a name, or a mapping with a name and "
             'parameters, such as {"name": "mcl-map", "particles": 5000}.'
         )
-    known = parameters(name)
+    known = parameters(name) or ()
     return make(name, robot, **{k: v for k, v in defaults.items() if k in known} | params)

@@ -56,7 +56,7 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 30}
-    _heads = ("declare",)
+    _heads: tuple[str, ...] = ("declare",)
 
     def __init__(
         self,
@@ -118,7 +118,7 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         """Declare, or move, take a scan and update the belief."""
         if self._ended:
             raise RuntimeError("the episode has not begun, or has ended: call reset().")
-        given = array("the action", action, self.action_space.shape)
+        given = array("the action", action, (2 + len(self._heads),))
         command, heads = self._commands.checked(given[:2]), given[2:]
         for name, value in zip(self._heads, heads.tolist(), strict=True):
             number(f"the action's {name}", value, low=0, high=1)

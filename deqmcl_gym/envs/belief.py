@@ -102,16 +102,16 @@ class BeliefView:
         if self._particles:
             seen["particles"] = poses[rng.choice(len(poses), self._particles, p=weights)]
         if self._cell is not None:
-            seen["occupancy"] = self._occupancy(poses, weights)
+            seen["occupancy"] = self._occupancy(poses, weights, self._cell)
         return {name: np.array(value, np.float32) for name, value in seen.items()}
 
-    def _occupancy(self, poses: Reals, weights: Floats) -> Floats:
+    def _occupancy(self, poses: Reals, weights: Floats, cell: float) -> Floats:
         rows, columns = self._grid
         x0, y0, _, _ = self._bounds
-        column, row = np.floor((np.asarray(poses)[:, :2].T - [[x0], [y0]]) / self._cell)
+        column, row = np.floor((np.asarray(poses)[:, :2].T - [[x0], [y0]]) / cell)
         inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
-        cell = (row * columns + column)[inside].astype(np.intp)
-        counted = np.bincount(cell, weights[inside], rows * columns)
+        number_of = (row * columns + column)[inside].astype(np.intp)
+        counted = np.bincount(number_of, weights[inside], rows * columns)
         image: Floats = np.minimum(counted, 1.0).reshape(rows, columns)
         return image
 

@@ -270,7 +270,9 @@ class RoomRules:
         if self.observation == "scan":
             return scans
         actions, shape = self.commands.space, (self.horizon or self.plan.horizon, 1)
-        goal = {} if self.world.route is None else {"goal": gym.spaces.Box(-LARGEST, LARGEST, (2,))}
+        goal: dict[str, Any] = {}
+        if self.world.route is not None:
+            goal["goal"] = gym.spaces.Box(-LARGEST, LARGEST, (2,))
         return gym.spaces.Dict(
             scan=scans,
             **goal,
