@@ -89,6 +89,11 @@ _DRIVING = replace(
     ),
     prior=_around(_START),
 )
+_WRONG: dict[str, Any] = {
+    "clutter": {"number": 20},
+    "changed_walls": {"share": 0.2},
+    "people": {"number": 10},
+}
 
 SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
     {
@@ -145,6 +150,18 @@ SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
             _KIDNAPPED,
             "as kidnapped, driven alike; but the localizer is shown what is left of the old plan",
             agent="old-route",
+        ),
+        "wrong-map": replace(
+            _as(
+                _LOST,
+                "the start is known, but not 20 things, a fifth of the inner walls and 10 people",
+                start=_START,
+                **_WRONG,
+            ),
+            prior=_around(_START),
+        ),
+        "wrong-map-lost": _as(
+            _LOST, "as lost, where the map lacks the same as in wrong-map", **_WRONG
         ),
         "driving": _DRIVING,
         "driving-route": _as(

@@ -9,7 +9,7 @@ from pathlib import Path
 from benchmarks.commands import shared
 from benchmarks.console import doing
 
-_SAID = ("start", "every", "max_beams", "motion", "scan", "radius", "unknown")  # of a replay
+_SAID = ("start", "every", "max_beams", "motion", "scan", "radius", "unknown", "changed_walls")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,6 +23,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default="obstacle",
         help="what unknown cells of the map are: in the way of beams and of the robot, of the "
         "robot alone, or of neither (obstacle)",
+    )
+    add(
+        "--changed-walls",
+        metavar="share=…,seed=…,…",
+        help="what if the map were out of date: change this share of its inner walls, which are "
+        "removed, added or shifted (distance=0.5, in m; kinds=removed+added+shifted; seed=0)",
     )
     add(
         "--reference",

@@ -23,10 +23,11 @@ from benchmarks.trials.plugins import keyed
 from benchmarks.trials.provenance import source_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
+from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.drawing import View
+from deqmcl_gym.world.drawing import Drawing, View
 from localizers import Belief
 
 if TYPE_CHECKING:  # it may not be installed
@@ -111,7 +112,8 @@ def camera_of(stage: Stage, scale: float = 1.6) -> Camera:
     size = scale * min(longest / pixel(room.floor_plan.unit), _LONGEST)
     small = View(room.floor_plan, scale * _LEAST_SCALE)  # a map of cells has a scale of its own
     view = View(room.floor_plan, small.scale * size / (longest * small.per_length))
-    return Camera(view, room.radius, stage.trial.lag)
+    ground = room.picture if isinstance(room, RoomEnv) else Drawing
+    return Camera(view, room.radius, stage.trial.lag, ground)
 
 
 def paper_figures(shown: Sequence[Trial], folder: Path) -> list[Path]:

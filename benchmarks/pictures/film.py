@@ -2,7 +2,7 @@
 
 import io
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import cv2
@@ -48,11 +48,13 @@ class Camera:
         view: the room, and how large.
         radius: of the robot, px.
         lag: L, the offset of the past and future shown, steps.
+        ground: draws the room as it is now, below all else.
     """
 
     view: View
     radius: float
     lag: int
+    ground: Callable[[View], Drawing] = Drawing
 
     def frame(self, moment: Moment, words: Sequence[str], past: Reals | None = None) -> Image:
         """Draw one moment: clouds, robot, plan and estimate; below it lines of words, a legend.
@@ -88,7 +90,7 @@ class Camera:
 
     def scene(self, moment: Moment) -> tuple[Drawing, list[tuple[str, Color]]]:
         """Draw the map, the clouds and the step number; return what is in the colours, too."""
-        drawing = Drawing(self.view)
+        drawing = self.ground(self.view)
         legend: list[tuple[str, Color]] = []
         for sign, color, words in _LAYERS:
             offset = sign * self.lag

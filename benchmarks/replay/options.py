@@ -93,6 +93,7 @@ class Replay:
             self.beams,
             self.calibration,
             f"Unknown cells of the map: {_UNKNOWN[self.world['unknown']]}.",
+            self._changed,
             self._start,
             "Poses are of the robot's base (ROS: base_link): the start, the reference and "
             f"tracks/*.tum.{mounted if x or y else ''}",
@@ -112,6 +113,19 @@ class Replay:
             "can move so, add --motion kind=omni; for one that cannot, its odometry is not of the "
             "point between its wheels, or the wheels slip."
         )
+
+    @property
+    def _changed(self) -> str:
+        """What is changed of the map, in words; "" if nothing is."""
+        of_it = {
+            name.partition(".")[2]: value
+            for name, value in self.world.items()
+            if name.startswith("changed_walls.")
+        }
+        if not of_it:
+            return ""
+        told = ", ".join(f"{name} {value}" for name, value in of_it.items())
+        return f"The map's walls are changed on purpose ({told})."
 
     @property
     def _start(self) -> str:
@@ -138,6 +152,7 @@ def replay_of(
     scan: str = "",
     radius: float | None = None,
     unknown: str = "obstacle",
+    changed_walls: str = "",
 ) -> Replay:
     """Return what is to be replayed.
 
@@ -153,6 +168,7 @@ def replay_of(
             there is one.
         scan: values of a beam model, as in "kind=beam-model,sigma=0.2,power=0.5".
         radius: of the robot, m; None is 0.16 m.
+        changed_walls: of the map that localizers are given, as in "share=0.3,seed=1".
 
     Raises:
         InputError: something of it is refused.
@@ -165,6 +181,7 @@ def replay_of(
         "unknown": unknown,
         "every": every,
         "max_beams": max_beams,
+        **_changes(changed_walls),
     }
     whole = _replayed(world).whole
     if radius is not None:
@@ -313,6 +330,25 @@ def _assumed(part: str, given: str) -> dict[str, Any]:
         if f"{part}.{name}" in found:
             raise InputError(f"--{part} gives {name} twice: give it once.")
         found[f"{part}.{name}"] = value if numbers is None else numbers[0]
+    return found
+
+
+def _changes(given: str) -> dict[str, Any]:
+    """Return "share=…,distance=…,kinds=removed+added,seed=…" as changes of a map's walls."""
+    found: dict[str, Any] = {}
+    for word in filter(None, map(str.strip, given.split(","))):
+        name, equals, value = map(str.strip, word.partition("="))
+        if not equals:
+            raise InputError(f"--changed-walls has {word}, but must be name=value.")
+        numbers = _numbers(value)
+        known: Any = value if numbers is None else numbers[0]
+        if name == "kinds":
+            known = value.split("+")
+        elif name == "seed" and isinstance(known, float) and known.is_integer():
+            known = int(known)
+        if f"changed_walls.{name}" in found:
+            raise InputError(f"--changed-walls gives {name} twice: give it once.")
+        found[f"changed_walls.{name}"] = known
     return found
 
 

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 
 from benchmarks.setup.changes import NOTHING, Changes, file_digest
-from benchmarks.setup.scenario import Gaussian, Scenario, Thresholds, TrialEnv
+from benchmarks.setup.scenario import Gaussian, Scenario, Thresholds, TrialEnv, Uniform
 from deqmcl_gym.envs.log import LogEnv, log_of
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import increments_of, lengths_of
@@ -52,6 +52,11 @@ class LogScenario(Scenario):
     def has_goal(self) -> bool:
         """False: a log goes where it went."""
         return False
+
+    @property
+    def may_be_lost(self) -> bool:
+        """Whether it may be anywhere."""
+        return isinstance(self.prior, Uniform)
 
     def room(self) -> LogEnv:
         """Return the log as an env.

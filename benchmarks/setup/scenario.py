@@ -208,6 +208,16 @@ class Scenario:
         return self.world.route is not None
 
     @property
+    def may_be_lost(self) -> bool:
+        """Whether the question is where the robot is: it may be anywhere, or the map is wrong.
+
+        A robot that drives on what it believes, on a wrong map, is to arrive.
+        """
+        if isinstance(self.prior, Uniform):
+            return True
+        return self.world.differs_from_map and self.agent == type(self).agent
+
+    @property
     def judged(self) -> int | None:
         """Of a whole log, the first record by which beliefs are judged; None of other worlds."""
         return None

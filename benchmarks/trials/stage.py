@@ -16,7 +16,7 @@ import numpy as np
 
 from benchmarks.setup.changes import errors_name
 from benchmarks.setup.names import make_agent, scenario
-from benchmarks.setup.scenario import Agent, Scenario, TrialEnv, Uniform
+from benchmarks.setup.scenario import Agent, Scenario, TrialEnv
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.episode import Moment, moments
 from benchmarks.trials.journey_log import JourneyLog
@@ -83,11 +83,11 @@ class Stage:
     def groups(self) -> tuple[Group, ...]:
         """The groups of scores that the trial is about, by the parts that it is made of.
 
-        A robot that may be anywhere is lost; where a half turn gives the same map, two places fit.
-        One that is carried off is to be found again. One that knows where it starts is to arrive
-        where its route ends.
+        A robot that may be anywhere, or has a wrong map, may be lost; where a half turn gives the
+        same map, two places fit. One that is carried off is to be found again. Any other that knows
+        where it starts is to arrive where its route ends.
         """
-        lost = isinstance(self.scenario.prior, Uniform)
+        lost = self.scenario.may_be_lost
         wrappers = (*self.scenario.disturbance, *self.trial.disturbance)
         about = {
             "lost": lost,

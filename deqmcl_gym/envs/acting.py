@@ -20,8 +20,9 @@ from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import LARGEST, InputError, array, integer, number, one_of
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import Point, Pose, wrapped
-from deqmcl_gym.world.episode import Body, contacts_of
+from deqmcl_gym.world.episode import Body, Physics, contacts_of
 from deqmcl_gym.world.rules import Commands, check_no_options, scan_space
+from deqmcl_gym.world.sensor import LidarSensor
 
 _NO_PLAN = np.empty((0, 2), np.float32)
 _METRE = 50.0  # px
@@ -107,7 +108,10 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         start, motion, sensor, own, self._shown = self.np_random.spawn(5)
         (x, y, heading), prior = self._begun(start)
         pose = x, y, wrapped(heading)
-        self._body = Body(self.world, self._walls, pose, motion, sensor)
+        floor_plan, noise = self.floor_plan, self.world.noise
+        lidar = LidarSensor(floor_plan.local.caster, floor_plan.datum, self.lidar, sensor)
+        sds = float(noise.drive), float(noise.turn), float(noise.drift)
+        self._body = Body(pose, Physics(self._walls, (x, y)), lidar, sds, motion)
         self._scan = self._body.scan
         self.belief = self._localizer.reset(prior, _NO_PLAN, own)
         self.steps, self._ended = 0, False

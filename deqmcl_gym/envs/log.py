@@ -19,6 +19,7 @@ from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, array, integer, number, one_of, shown
 from deqmcl_gym.world.config import WORLDS
+from deqmcl_gym.world.differences import map_changed
 from deqmcl_gym.world.rules import check_no_options
 
 PLANS = ("odometry", "reference", "none")
@@ -225,6 +226,9 @@ class LogEnv(gym.Env[Singles, Singles]):
             "obstacle" (as None), "transparent" (beams pass, robots do not), "free", or an occupancy
             from 0 to 1; see `deqmcl_gym.GridMap`.
         radius: of the robot, for localizers, as logs do not contain it; None is 0.16 m.
+        changed_walls: what if the map were out of date: inner walls of it are changed, as the
+            argument of this name says of `Room-v0`'s world, with a `seed` (0) for what is drawn:
+            `{"share": 0.3, "seed": 1}`. Walls shifted and added keep off the reference.
         others: any other argument is refused, with the nearest name.
 
     Raises:
@@ -257,6 +261,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         render_mode: str | None = None,
         unknown: str | float | None = None,
         radius: float | None = None,
+        changed_walls: Mapping[str, Any] | None = None,
         **others: Any,
     ) -> None:
         for name in others:
@@ -278,6 +283,8 @@ class LogEnv(gym.Env[Singles, Singles]):
                 "segment), but needs 2 or more: choose a longer segment or a smaller every."
             )
         self._map = map_of(map, unknown, self.log)
+        if changed_walls is not None:
+            self._map = self._out_of_date(changed_walls)
         self.lidar, self.radius = self.log.scanner, _RADIUS * pixel(self.log.unit)
         if radius is not None:
             self.radius = number("radius", radius, low=0)
@@ -292,6 +299,11 @@ class LogEnv(gym.Env[Singles, Singles]):
         self._scans = np.where(np.isinf(self.log.ranges), none, self.log.ranges)
         self.observation_space = gym.spaces.Box(0.0, none, (self.lidar.beams,), np.float32)
         self._first = self._last = self._step = -1
+
+    def _out_of_date(self, changes: Mapping[str, Any]) -> Map:
+        known = self.log.referenced
+        driven = np.empty((0, 2)) if self.log.reference is None else self.log.reference[known, :2]
+        return map_changed(self.floor_plan, changes, driven, _RADIUS * pixel(self.log.unit))
 
     @property
     def floor_plan(self) -> Map:

@@ -1,7 +1,7 @@
 """RoomEnv: the Gymnasium environment, wired from the parts in ``deqmcl_gym.world``."""
 
 from collections.abc import Callable, Hashable
-from typing import Any, SupportsFloat, cast
+from typing import TYPE_CHECKING, Any, SupportsFloat, cast
 
 import gymnasium as gym
 import numpy as np
@@ -12,10 +12,15 @@ from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError, integer, one_of, pose
 from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start
 from deqmcl_gym.world.course import MAX_STEPS, Course, Pose, check_free
+from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
 from deqmcl_gym.world.driver import FixedPlan
 from deqmcl_gym.world.episode import Episode, contacts_of
+from deqmcl_gym.world.people import People
 from deqmcl_gym.world.rules import RoomInfo, RoomRules, check_no_options
 from deqmcl_gym.world.sensor import Stream
+
+if TYPE_CHECKING:  # OpenCV is only loaded for pictures
+    from deqmcl_gym.world.drawing import Drawing, View
 
 
 class RoomEnv(gym.Env[Any, Singles]):
@@ -71,6 +76,12 @@ class RoomEnv(gym.Env[Any, Singles]):
         driver: follows that path from the true pose and replans at every step; "none" removes the
             preset's.
         route: a start and a goal, drawn in each episode, instead of the lap.
+        clutter: boxes and pillars that are not on the map. This and the following three are drawn
+            anew in each episode; scans, contacts and a driver meet what is there, and
+            ``floor_plan`` stays the map.
+        changed_walls: inner walls removed, added or shifted.
+        people: who walk about.
+        glass: inner walls that do not reflect all beams.
         horizon: number of planned actions shown; None shows all that are left. Routes differ in
             length, so several envs with routes in one ``gym.make_vec`` need a number.
         ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
@@ -99,6 +110,10 @@ class RoomEnv(gym.Env[Any, Singles]):
         lap: Lap | dict[str, Any] | None = None,
         driver: Driver | dict[str, Any] | str | None = None,
         route: Route | dict[str, Any] | str | None = None,
+        clutter: Clutter | dict[str, Any] | str | None = None,
+        changed_walls: ChangedWalls | dict[str, Any] | str | None = None,
+        people: People | dict[str, Any] | str | None = None,
+        glass: Glass | dict[str, Any] | str | None = None,
         horizon: int | None = None,
         ends_at_goal: bool = True,
         observation: str = "scan",
@@ -108,14 +123,15 @@ class RoomEnv(gym.Env[Any, Singles]):
         self._rules = rules = RoomRules.of(
             preset=preset, horizon=horizon, ends_at_goal=ends_at_goal,
             floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise, start=start, lap=lap,
-            driver=driver, route=route, observation=observation, **unknown,
+            driver=driver, route=route, clutter=clutter, changed_walls=changed_walls,
+            people=people, glass=glass, observation=observation, **unknown,
         )  # fmt: skip
         self.world = rules.world
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
         self._walls = contacts_of(self.world)
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
-            rules.drawing()  # refuses a room too large for a picture
+            _ = rules.view  # refuses a room too large for a picture
         self.render_mode = render_mode
         self.observation_space = rules.observation_space
         self.action_space = rules.commands.space
@@ -233,7 +249,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         Raises:
             InputError: no free pose was found.
         """
-        return self._rules.elsewhere(self.course, rng)
+        return self._episode.there.elsewhere(self.course, rng)
 
     def replace_plan(self, actions: Singles) -> None:
         """Let ``actions`` (k, 2) follow the next step, instead of what was planned after it.
@@ -250,7 +266,7 @@ class RoomEnv(gym.Env[Any, Singles]):
     def checked_pose(self, what: str, at: Pose) -> Pose:
         """Return a pose where the robot is clear of the walls, else refuse it."""
         given = pose(what, at)
-        check_free(what, given, self.world)
+        check_free(what, given, self.world if self._begun is None else self._begun.there.world)
         return given
 
     def checked_plan(self, what: str, actions: ArrayLike) -> Singles:
@@ -270,7 +286,12 @@ class RoomEnv(gym.Env[Any, Singles]):
         if self._begun is None:
             raise RuntimeError("there is nothing to render yet: call reset() before render().")
         episode = self._begun
-        return self._rules.picture(episode.course, episode.pose, episode.scan, episode.step)
+        ground, course = self.picture(self._rules.view), episode.course
+        return self._rules.picture(ground, course, episode.pose, episode.scan, episode.step)
+
+    def picture(self, view: "View") -> "Drawing":
+        """Draw what is there, without the robot, as in ``render``."""
+        return self._episode.picture(view)
 
     @property
     def _is_lap_ahead(self) -> bool:

@@ -2,7 +2,9 @@
 
 import secrets
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
@@ -11,14 +13,19 @@ from gymnasium.vector.utils import batch_space, iterate
 from numpy.typing import NDArray
 
 from deqmcl_gym.envs import vector_kernels as kernels
-from deqmcl_gym.maps import GridMap
+from deqmcl_gym.maps import GridMap, Map
 from deqmcl_gym.maps.grid_kernels import NO_CELLS
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.registration import MAX_EPISODE_STEPS
 from deqmcl_gym.validation import InputError, integer, one_of, shown
+from deqmcl_gym.world.config import World
 from deqmcl_gym.world.driver import FixedPlan
+from deqmcl_gym.world.reality import Reality
 from deqmcl_gym.world.rules import RoomInfo, RoomRules
 from deqmcl_gym.world.sensor import LidarSensors, NormalTable, Stream, episode_stream
+
+if TYPE_CHECKING:  # OpenCV is only loaded for pictures
+    from deqmcl_gym.world.drawing import Drawing
 
 
 class Rooms:
@@ -35,13 +42,11 @@ class Rooms:
         """Make ``number`` rooms, with at most ``limit`` steps; :meth:`begin` starts episodes."""
         world, course = rules.world, rules.course
         self._rules = rules
-        ground = world.floor_plan
-        cells = ground.cells if isinstance(ground, GridMap) else NO_CELLS
         most = len(course.actions)
+        walls, cells = _obstacles(world.floor_plan)
         numbers = kernels.Rules(
-            noise=rules.noise,
-            walls=kernels.sides(np.empty((0, 4)) if cells is not NO_CELLS else ground.walls),
-            cells=cells, radius=world.body, skin=world.skin, reach=world.reach,
+            noise=rules.noise, walls=walls, cells=cells,
+            radius=world.body, skin=world.skin, reach=world.reach,
             edges=course.path.edges, length=course.path.length, rewards=rules.rewards, most=most,
             limit=limit,
         )  # fmt: skip
@@ -52,7 +57,11 @@ class Rooms:
         self._robots = kernels.Robots(poses, gaps, arcs, progress, steps)
         self.poses, self.steps, self.progress = poses, steps, progress
         self.scans = self._lidars.scans
+        self._numbers = numbers
         self._fixed = tuple(self._robots), tuple(numbers)  # as the kernel takes them
+        # in a world that differs from its map, each room's own, as the kernel takes them
+        self._own: dict[int, tuple[tuple[Any, ...], tuple[Any, ...]]] = {}
+        self.realities: dict[int, Reality] = {}
         self._every = np.arange(number)
 
     @staticmethod
@@ -61,6 +70,9 @@ class Rooms:
         beams, steps = rules.world.lidar.beams, len(rules.course.actions)
         rows = NormalTable.rows(2, steps), NormalTable.rows(beams, steps + 1)
         numbers = 2 * rows[0] + beams * (rows[1] + 2) + 2 * rules.plan.horizon + 64
+        ground = rules.world.floor_plan
+        if isinstance(ground, GridMap) and _differs(rules.world):  # each room has cells of its own
+            numbers += ground.occupancy.size
         return 8 * numbers
 
     def begin(self, rooms: Indices, episodes: list[tuple[int, int]]) -> None:
@@ -70,7 +82,19 @@ class Rooms:
             InputError: no drawn start is free. All rooms are then unchanged.
         """
         rules = self._rules
-        starts = [rules.start(rules.course, *episode) for episode in episodes]
+        if _differs(rules.world):
+            drawn = [
+                Reality.drawn(
+                    rules.world, rules.course, rules.plan, partial(episode_stream, *episode)
+                )
+                for episode in episodes
+            ]
+            there = [replace(rules, world=real.world) for real in drawn]
+        else:
+            drawn, there = [], [rules] * len(episodes)
+        starts = [
+            own.start(rules.course, *episode) for own, episode in zip(there, episodes, strict=True)
+        ]
         arcs = [rules.first_arc(rules.course, (x, y)) for x, y, _ in starts]
         self.poses[rooms], self._robots.arcs[rooms] = np.array(starts), np.array(arcs)
         self._robots.gaps[rooms] = self.progress[rooms] = 0.0
@@ -78,6 +102,17 @@ class Rooms:
         for room, episode in zip(rooms.tolist(), episodes, strict=True):
             self._motion.renew(room, episode_stream(*episode, Stream.MOTION))
             self._lidars.renew(room, episode_stream(*episode, Stream.SENSOR))
+        for room, real in zip(rooms.tolist(), drawn, strict=False):
+            self._become_real(room, real)
+
+    def _become_real(self, room: int, real: Reality) -> None:
+        """Let a room have walls of its own."""
+        ground, one = real.world.floor_plan, slice(room, room + 1)
+        self.realities[room] = real
+        self._lidars.own[room] = ground.local.caster
+        walls, cells = _obstacles(ground)
+        robots = tuple(values[one] for values in self._robots)
+        self._own[room] = robots, tuple(self._numbers._replace(walls=walls, cells=cells))
 
     def move(self, commands: Singles, resting: Bools) -> tuple[Floats, Bools, Bools, Bools]:
         """Turn and drive the robots that are not ``resting``: one step of noisy motion.
@@ -89,8 +124,21 @@ class Rooms:
         moved = np.empty(n), np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.bool_)
         noise = self._motion
         noise.fill()
-        kernels.step(*self._fixed, commands, noise.drawn, noise.at, resting, moved)
+        if not self._own:
+            kernels.step(*self._fixed, commands, noise.drawn, noise.at, resting, moved)
+        for room, own in self._own.items():
+            one = slice(room, room + 1)
+            said = tuple(values[one] for values in moved)
+            drawn, at = noise.drawn[one], noise.at[one]
+            kernels.step(*own, commands[one], drawn, at, resting[one], said)
         return moved
+
+    def picture(self, room: int) -> "Drawing":
+        """Draw what is in a room, without its robot."""
+        from deqmcl_gym.world.drawing import Drawing
+
+        view, real = self._rules.view, self.realities.get(room)
+        return Drawing(view) if real is None else real.picture(view, None)
 
     def observe(self, rooms: Indices | None = None) -> None:
         """Take a scan in each of ``rooms``; None: in all."""
@@ -98,6 +146,18 @@ class Rooms:
             self._lidars.scan(self._every, self.poses)
         else:
             self._lidars.scan(rooms, self.poses[rooms])
+
+
+def _differs(world: World) -> bool:
+    """Whether each room has walls of its own."""
+    return world.clutter is not None or world.changed_walls is not None
+
+
+def _obstacles(ground: Map) -> tuple[Floats, tuple[Any, ...]]:
+    """Return the walls and the cells of a map, as ``kernels.Rules`` has them: one is empty."""
+    if isinstance(ground, GridMap):
+        return kernels.sides(np.empty((0, 4))), ground.cells
+    return kernels.sides(ground.walls), NO_CELLS
 
 
 Actions = Singles
@@ -156,7 +216,7 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
         }
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
-            rules.drawing()  # refuses a room too large for a picture
+            _ = rules.view  # refuses a room too large for a picture
         self.render_mode = render_mode
         self.single_observation_space = rules.observation_space
         self.single_action_space = rules.commands.space
@@ -237,7 +297,10 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
         self._check_begun("render")
         rooms = self._rooms
         seen = zip(rooms.poses.tolist(), rooms.scans, rooms.steps.tolist(), strict=True)
-        return tuple(self._rules.picture(self.course, *room) for room in seen)
+        return tuple(
+            self._rules.picture(rooms.picture(room), self.course, *told)
+            for room, told in enumerate(seen)
+        )
 
     def _begin(self, rooms: Indices, seeds: Sequence[int | None] | None = None) -> None:
         """Begin an episode in each of ``rooms``, with ``seeds`` (n,) or as the room's next one."""
@@ -358,12 +421,18 @@ def _number(rooms: int, rules: RoomRules) -> int:
 
 
 def _same_for_all(rules: RoomRules) -> FixedPlan:
-    part, others = "a driver", ""
+    world, others = rules.world, ""
     if rules.journeys is not None:
-        part, others = "a route", ", horizon=50"
-    elif isinstance(rules.plan, FixedPlan):
+        part, others = "a route have plans", ", horizon=50"
+    elif not isinstance(rules.plan, FixedPlan):
+        part = "a driver have plans"
+    elif world.people is not None:
+        part = "people have crowds"
+    elif world.glass is not None:
+        part = "glass have walls of glass"
+    else:
         return rules.plan
     raise InputError(
-        f"the rooms of a world with {part} have plans of their own, so they run one by one: "
+        f"the rooms of a world with {part} of their own, so they run one by one: "
         f'give gym.make_vec(..., vectorization_mode="sync"{others}).'
     )

@@ -19,7 +19,7 @@ from deqmcl_gym.numerics.types import Bools, Ints, Singles
 
 Single = Any  # a float32
 LANES = 64
-BLOCK = 512
+BLOCK = 2048
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -34,11 +34,13 @@ class Clearance(NamedTuple):
         per_side: squares per length.
         bounds: least distance of any point of a square to a wall, negative outside free space, 0
             where there may be a wall, (rows, columns).
+        slack: by how much a point of a square may be farther from the walls than its bound.
     """
 
     corner: Singles
     per_side: np.float32
     bounds: Singles
+    slack: np.float32
 
 
 @compiled
@@ -185,96 +187,6 @@ def look_up(points: Singles, grid: Clearance, squares: Ints, out: Singles) -> No
 
 
 @compiled
-def feasible(
-    starts: Singles,
-    ends: Singles,
-    walls: Singles,
-    radius: np.float32,
-    clearance: tuple[Any, ...],
-    out: Bools,
-) -> None:
-    """Fill in whether a disc swept along each path stays clear of walls and ends in free space.
-
-    Free space is what the walls wind around once. On a path of length d between places a and b away
-    from all walls, no point is nearer to them than (a + b - d) / 2: only paths for which the bounds
-    do not decide are compared with the walls.
-
-    Args:
-        starts, ends, walls: as ``sweep``.
-        radius: of the disc.
-        clearance: a :class:`Clearance`, as a plain tuple: numba takes it faster.
-        out: (n,).
-    """
-    n = starts.shape[1]
-    from_x, from_y, to_x, to_y = starts[0], starts[1], ends[0], ends[1]
-    before, after = np.empty(n, np.float32), np.empty(n, np.float32)
-    unsure = np.empty(n, np.int32)
-    grid = Clearance(*clearance)
-    look_up(starts, grid, unsure, before)
-    look_up(ends, grid, unsure, after)
-    for i in range(n):
-        dx, dy = to_x[i] - from_x[i], to_y[i] - from_y[i]
-        spare = before[i] + after[i] - (radius + radius)
-        out[i] = (spare > _ZERO) & (spare * spare > dx * dx + dy * dy)
-    count = 0
-    for i in range(n):
-        unsure[count] = i
-        count += not (out[i] | (after[i] < _ZERO))
-    if count == 0:
-        return
-    some_starts, some_ends = np.empty((2, count), np.float32), np.empty((2, count), np.float32)
-    for k in range(count):
-        i = unsure[k]
-        some_starts[0, k], some_starts[1, k] = from_x[i], from_y[i]
-        some_ends[0, k], some_ends[1, k] = to_x[i], to_y[i]
-    square = np.empty(count, np.float32)
-    windings = np.empty(count, np.int32)
-    sweep(some_starts, some_ends, walls, square)
-    wind(some_ends, walls, windings)
-    limit = radius * radius
-    for k in range(count):
-        out[unsure[k]] = (square[k] > limit) & (windings[k] == 1)
-
-
-@compiled
-def roll_out(
-    poses: Singles,
-    moves: Singles,
-    walls: Singles,
-    radius: np.float32,
-    clearance: tuple[Any, ...],
-    collisions: Ints,
-    out: Singles,
-) -> None:
-    """Drive poses through several moves; fill in the poses reached and the steps that collide.
-
-    Each block of poses does all moves before the next one, to stay in the processor's cache.
-
-    Args:
-        poses: rows x, y, θ, (3, n).
-        moves: increments, (F, 3, n); as ``drive``.
-        walls, radius, clearance: as ``feasible``.
-        collisions: number of steps of each that collide, (n,).
-        out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).
-    """
-    n = poses.shape[1]
-    for start in range(0, n, BLOCK):
-        end = min(start + BLOCK, n)
-        before, after = poses[:, start:end].copy(), np.empty((3, end - start), np.float32)
-        clear = np.empty(end - start, np.bool_)
-        hits = collisions[start:end]
-        hits[:] = 0
-        for step in range(len(moves)):
-            drive(before, moves[step, :, start:end], after)
-            feasible(before, after, walls, radius, clearance, clear)
-            for i in range(end - start):
-                hits[i] += not clear[i]
-            if len(out) > 1 or step == len(moves) - 1:
-                out[step if len(out) > 1 else 0, :, start:end] = after
-            before, after = after, before
-
-
-@compiled
 def put(rows: Singles, point: Singles, out: Singles) -> None:
     """Fill in (x, y) + R(θ) p, (2+, n), for rows x, y, cos θ, sin θ, (4, n)."""
     px, py = point[0], point[1]
@@ -308,16 +220,171 @@ def laid(poses: Singles, path: Singles, out: Singles) -> None:
 
 
 @compiled
-def _look_closely(
-    paths: Singles, owners: Ints, walls: Singles, radius: np.float32, hits: Ints
+def _undecided(
+    here: Singles,
+    there: Singles,
+    near: Singles,
+    next_near: Singles,
+    radius: np.float32,
+    slack: np.float32,
+    hits: Ints,
+    chosen: Ints,
+) -> int:
+    """Count the steps that collide for sure; choose those for which the bounds do not decide.
+
+    On a path of length d between places a and b away from all walls, no point is nearer to them
+    than (a + b - d) / 2. Where one end is in a solid or nearer to a wall than the radius, it hits.
+
+    Args:
+        here, there: rows x and y of the steps' ends (further rows are ignored), (2+, n).
+        near, next_near: bounds of ``look_up`` there, (n,).
+        radius: of the disc.
+        slack: of the bounds, see ``Clearance``.
+        hits: number of colliding steps, counted up, (n,).
+        chosen: indices of the steps to look at closely, as many as are returned, (n,).
+    """
+    n = near.size
+    x, y, to_x, to_y = here[0], here[1], there[0], there[1]
+    unsure = np.empty(n, np.bool_)
+    for i in range(n):
+        dx, dy = to_x[i] - x[i], to_y[i] - y[i]
+        spare = near[i] + next_near[i] - (radius + radius)
+        clear = (spare > _ZERO) & (spare * spare > dx * dx + dy * dy)
+        touched = min(abs(near[i]), abs(next_near[i])) + slack < radius
+        hit = touched | (next_near[i] < _ZERO)
+        hits[i] += hit
+        unsure[i] = not (hit | clear)
+    count = 0
+    for i in range(n):
+        chosen[count] = i
+        count += unsure[i]
+    return count
+
+
+@compiled
+def _put_off(
+    here: Singles, there: Singles, chosen: Ints, first: int, late: Singles, owners: Ints, held: int
 ) -> None:
-    """Count colliding steps, rows x, y, x', y', (4, k), for their ``owners``, (k,)."""
-    starts, ends = paths[:2].copy(), paths[2:].copy()
-    square, windings = np.empty(owners.size, np.float32), np.empty(owners.size, np.int32)
-    sweep(starts, ends, walls, square)
-    wind(ends, walls, windings)
-    for k in range(owners.size):
+    """Fill in rows x, y, x', y' of the chosen steps behind those ``held``, and their owners."""
+    for k in range(chosen.size):
+        i = chosen[k]
+        late[0, held + k], late[1, held + k] = here[0, i], here[1, i]
+        late[2, held + k], late[3, held + k] = there[0, i], there[1, i]
+        owners[held + k] = first + i
+
+
+@compiled
+def _look_closely(
+    late: Singles, owners: Ints, held: int, walls: Singles, radius: np.float32, hits: Ints
+) -> None:
+    """Count which of the steps ``held``, rows x, y, x', y', collide, for their ``owners``."""
+    ends = np.empty((4, held), np.float32)
+    for row in range(4):
+        for k in range(held):
+            ends[row, k] = late[row, k]
+    square, windings = np.empty(held, np.float32), np.empty(held, np.int32)
+    sweep(ends[:2], ends[2:], walls, square)
+    wind(ends[2:], walls, windings)
+    for k in range(held):
         hits[owners[k]] += not ((square[k] > radius * radius) & (windings[k] == 1))
+
+
+@compiled
+def feasible(
+    starts: Singles,
+    ends: Singles,
+    walls: Singles,
+    radius: np.float32,
+    clearance: tuple[Any, ...],
+    out: Bools,
+) -> None:
+    """Fill in whether a disc swept along each path stays clear of walls and ends in free space.
+
+    Free space is what the walls wind around once. Only paths for which the bounds of clearance do
+    not decide are compared with the walls.
+
+    Args:
+        starts, ends, walls: as ``sweep``.
+        radius: of the disc.
+        clearance: a :class:`Clearance`, as a plain tuple: numba takes it faster.
+        out: (n,).
+    """
+    n, grid = starts.shape[1], Clearance(*clearance)
+    near, next_near = np.empty(n, np.float32), np.empty(n, np.float32)
+    chosen, hits = np.empty(n, np.int32), np.zeros(n, np.int32)
+    look_up(starts, grid, chosen, near)
+    look_up(ends, grid, chosen, next_near)
+    count = _undecided(starts, ends, near, next_near, radius, grid.slack, hits, chosen)
+    if count > 0:
+        late, owners = np.empty((4, count), np.float32), np.empty(count, np.int32)
+        _put_off(starts, ends, chosen[:count], 0, late, owners, 0)
+        _look_closely(late, owners, count, walls, radius, hits)
+    for i in range(n):
+        out[i] = hits[i] == 0
+
+
+@compiled
+def copy_columns(rows: Singles, first: int, out: Singles) -> None:
+    """Fill in the columns from ``first`` on of rows that are contiguous, (3, n)."""
+    for row in range(3):
+        given, taken = rows[row, first : first + out.shape[1]], out[row]
+        for i in range(taken.size):
+            taken[i] = given[i]
+
+
+@compiled
+def roll_out(
+    poses: Singles,
+    moves: Singles,
+    walls: Singles,
+    radius: np.float32,
+    clearance: tuple[Any, ...],
+    collisions: Ints,
+    out: Singles,
+) -> None:
+    """Drive poses through several moves; fill in the poses reached and the steps that collide.
+
+    Each block of poses does all moves before the next one, to stay in the processor's cache. Steps
+    for which the bounds do not decide are compared with the walls, many at a time; see
+    ``feasible``.
+
+    Args:
+        poses: rows x, y, θ, (3, n).
+        moves: increments, (F, 3, n); as ``drive``.
+        walls, radius, clearance: as ``feasible``.
+        collisions: number of steps of each that collide, (n,).
+        out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).
+    """
+    n, grid = poses.shape[1], Clearance(*clearance)
+    squares, chosen = np.empty(BLOCK, np.int32), np.empty(BLOCK, np.int32)
+    late, owners = np.empty((4, 2 * BLOCK), np.float32), np.empty(2 * BLOCK, np.int32)
+    unsure, slack = 0, grid.slack
+    collisions[:] = 0
+    for start in range(0, n, BLOCK):
+        size = min(BLOCK, n - start)
+        hits, move = collisions[start : start + size], np.empty((3, size), np.float32)
+        here, there = np.empty((3, size), np.float32), np.empty((3, size), np.float32)
+        near, next_near = np.empty(size, np.float32), np.empty(size, np.float32)
+        copy_columns(poses, start, here)
+        look_up(here, grid, squares[:size], near)
+        for step in range(len(moves)):
+            copy_columns(moves[step], start, move)
+            drive(here, move, there)
+            look_up(there, grid, squares[:size], next_near)
+            count = _undecided(here, there, near, next_near, radius, slack, hits, chosen)
+            _put_off(here, there, chosen[:count], start, late, owners, unsure)
+            unsure += count
+            if unsure >= BLOCK:
+                _look_closely(late, owners, unsure, walls, radius, collisions)
+                unsure = 0
+            if len(out) > 1 or step == len(moves) - 1:
+                reached = out[step if len(out) > 1 else 0]
+                for row in range(3):
+                    at = reached[row, start : start + size]
+                    for i in range(size):
+                        at[i] = there[row, i]
+            here, there, near, next_near = there, here, next_near, near
+    _look_closely(late, owners, unsure, walls, radius, collisions)
 
 
 @compiled
@@ -329,9 +396,7 @@ def collisions(
     clearance: tuple[Any, ...],
     out: Ints,
 ) -> None:
-    """Fill in the number of steps that collide on a path laid from each pose; see ``feasible``.
-
-    Steps for which the bounds do not decide are compared with the walls, many at a time.
+    """Fill in the number of steps that collide on a path laid from each pose; as ``roll_out``.
 
     Args:
         poses: rows x, y, θ, (3, n).
@@ -340,40 +405,29 @@ def collisions(
         out: (n,).
     """
     n, grid = poses.shape[1], Clearance(*clearance)
-    squares = np.empty(BLOCK, np.int32)
-    open_steps, owners = np.empty((4, 2 * BLOCK), np.float32), np.empty(2 * BLOCK, np.int32)
-    unsure, chosen = 0, np.empty(BLOCK, np.int32)
+    squares, chosen = np.empty(BLOCK, np.int32), np.empty(BLOCK, np.int32)
+    late, owners = np.empty((4, 2 * BLOCK), np.float32), np.empty(2 * BLOCK, np.int32)
+    unsure, slack = 0, grid.slack
     out[:] = 0
     for start in range(0, n, BLOCK):
         size = min(BLOCK, n - start)
         rows, hits = np.empty((4, size), np.float32), out[start : start + size]
         directed(poses[:, start : start + size].copy(), rows)
         here, there = np.empty((2, size), np.float32), np.empty((2, size), np.float32)
-        before, after = np.empty(size, np.float32), np.empty(size, np.float32)
+        near, next_near = np.empty(size, np.float32), np.empty(size, np.float32)
         put(rows, path[0], here)
-        look_up(here, grid, squares[:size], before)
-        for step in range(len(path) - 1):
-            put(rows, path[step + 1], there)
-            look_up(there, grid, squares[:size], after)
-            dx, dy = path[step + 1, 0] - path[step, 0], path[step + 1, 1] - path[step, 1]
-            needed = np.sqrt(dx * dx + dy * dy) + (radius + radius)
-            for i in range(size):
-                hits[i] += after[i] < _ZERO
-            count = 0
-            for i in range(size):
-                chosen[count] = i
-                count += not ((before[i] + after[i] > needed) | (after[i] < _ZERO))
-            for k in range(count):
-                i = chosen[k]
-                open_steps[0, unsure + k], open_steps[1, unsure + k] = here[0, i], here[1, i]
-                open_steps[2, unsure + k], open_steps[3, unsure + k] = there[0, i], there[1, i]
-                owners[unsure + k] = start + i
+        look_up(here, grid, squares[:size], near)
+        for step in range(1, len(path)):
+            put(rows, path[step], there)
+            look_up(there, grid, squares[:size], next_near)
+            count = _undecided(here, there, near, next_near, radius, slack, hits, chosen)
+            _put_off(here, there, chosen[:count], start, late, owners, unsure)
             unsure += count
             if unsure >= BLOCK:
-                _look_closely(open_steps[:, :unsure], owners[:unsure], walls, radius, out)
+                _look_closely(late, owners, unsure, walls, radius, out)
                 unsure = 0
-            here, there, before, after = there, here, after, before
-    _look_closely(open_steps[:, :unsure], owners[:unsure], walls, radius, out)
+            here, there, near, next_near = there, here, next_near, near
+    _look_closely(late, owners, unsure, walls, radius, out)
 
 
 _SQUARES = 8192  # a few px wide in a room; 32 KiB, which stays in the processor's first cache
@@ -406,6 +460,7 @@ def clearance_of(walls: Singles) -> Clearance:
         corner=np.array(corner, np.float32),
         per_side=np.float32(1 / side),
         bounds=signed.reshape(rows, columns),
+        slack=np.float32(math.sqrt(2) * side + 3 * margin),
     )
 
 

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.maps.drive_kernels import BLOCK, directed, drive, put
-from deqmcl_gym.maps.stride_kernels import Reach, cast_among, no_walls
+from deqmcl_gym.maps.drive_kernels import BLOCK, copy_columns, directed, drive, put
+from deqmcl_gym.maps.stride_kernels import FARTHEST, Reach, cast_among, no_walls
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos32, sin32
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
@@ -183,6 +183,7 @@ def _nearest(u: float, v: float, reach: Reach, up: Runs, down: Runs) -> float:
 
 Reached = NDArray[np.int16]
 _ROUNDING = 1e-9  # cells, far above errors of float64
+_DIAGONAL = np.sqrt(2.0) + 1e-4  # of a cell, and more
 
 
 class CellGrid(NamedTuple):
@@ -217,13 +218,14 @@ def feasible(starts: Any, ends: Any, reach: Reach, frame: Any, radius: float, ou
         out: (n,).
     """
     n = out.size
-    u, v, to_u, to_v = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
-    before, after = np.empty(n, np.int16), np.empty(n, np.int16)
-    _find(starts, reach, frame, u, v, before)
-    _find(ends, reach, frame, to_u, to_v, after)
+    here, there = np.empty((2, n)), np.empty((2, n))
+    near, next_near = np.empty(n, np.int16), np.empty(n, np.int16)
+    _find(starts, reach, frame, here[0], here[1], near)
+    _find(ends, reach, frame, there[0], there[1], next_near)
+    hits = np.zeros(n, np.int32)
+    _count(here, near, there, next_near, radius / frame[4], reach, hits)
     for i in range(n):
-        du, dv = to_u[i] - u[i], to_v[i] - v[i]
-        out[i] = _clear(u[i], v[i], before[i], du, dv, after[i], radius / frame[4], reach)
+        out[i] = hits[i] == 0
 
 
 @compiled
@@ -249,14 +251,16 @@ def roll_out(
     for start in range(0, n, BLOCK):
         end = min(start + BLOCK, n)
         count = end - start
-        before, after = poses[:, start:end].copy(), np.empty((3, count), np.float32)
-        here, there = np.empty((2, count)), np.empty((2, count))
+        before, after = np.empty((3, count), np.float32), np.empty((3, count), np.float32)
+        here, there, move = np.empty((2, count)), np.empty((2, count)), np.empty_like(before)
+        copy_columns(poses, start, before)
         near, next_near = np.empty(count, np.int16), np.empty(count, np.int16)
         hits = collisions[start:end]
         hits[:] = 0
         _find(before, reach, frame, here[0], here[1], near)
         for step in range(len(moves)):
-            drive(before, moves[step, :, start:end], after)
+            copy_columns(moves[step], start, move)
+            drive(before, move, after)
             _find(after, reach, frame, there[0], there[1], next_near)
             _count(here, near, there, next_near, size, reach, hits)
             if len(out) > 1 or step == len(moves) - 1:
@@ -296,10 +300,20 @@ def collisions(
 
 @compiled
 def _find(points: Any, reach: Reach, frame: Any, us: Floats, vs: Floats, out: Reached) -> None:
-    """Fill in points in cells, and the reach of their cells; -1 outside the map."""
+    """Fill in points in cells, and the reach of their cells: that of the ring, 0, off the map."""
     locate(points, frame, us, vs)
+    rows, columns = reach.shape
+    flat, last_row, last_column = reach.ravel(), rows - 1.0, columns - 1.0
+    squares = np.empty(us.size, np.int32)
     for i in range(us.size):
-        out[i] = reach[int(vs[i]), int(us[i])] if on_map(us[i], vs[i], reach) else -1
+        u, v = us[i], vs[i]
+        u = u if u > 0.0 else 0.0  # also if it is NaN
+        v = v if v > 0.0 else 0.0
+        u = u if u < last_column else last_column
+        v = v if v < last_row else last_row
+        squares[i] = np.int32(v) * np.int32(columns) + np.int32(u)
+    for i in range(us.size):
+        out[i] = flat[squares[i]]
 
 
 @compiled
@@ -312,8 +326,28 @@ def _count(
     reach: Reach,
     hits: Ints,
 ) -> None:
-    """Count the paths that are not clear, for points and the reach found there, (n,)."""
-    for i in range(near.size):
+    """Count the paths that are not clear, for points and the reach found there, (n,).
+
+    On a path of length d between places a and b away from all solid cells, no point is nearer to
+    them than (a + b - d) / 2. A disc hits that reaches over the diagonal to the nearest one. Only
+    paths for which neither decides are looked at one by one.
+    """
+    n = near.size
+    unsure, chosen = np.empty(n, np.bool_), np.empty(n, np.int32)
+    for i in range(n):
+        du, dv = there[0, i] - here[0, i], there[1, i] - here[1, i]
+        spare = np.float64(near[i]) + np.float64(next_near[i]) - 2.0 - 2.0 * size
+        clear = (spare > 0.0) & (spare * spare > du * du + dv * dv)
+        least = min(near[i], next_near[i])
+        hit = (least <= 0) | ((least * _DIAGONAL < size) & (least < FARTHEST))
+        hits[i] += hit
+        unsure[i] = not (hit | clear)
+    count = 0
+    for i in range(n):
+        chosen[count] = i
+        count += unsure[i]
+    for k in range(count):
+        i = chosen[k]
         u, v = here[0, i], here[1, i]
         du, dv = there[0, i] - u, there[1, i] - v
         hits[i] += not _clear(u, v, near[i], du, dv, next_near[i], size, reach)
@@ -325,15 +359,9 @@ def _clear(
 ) -> bool:
     """Whether a disc swept from (u, v) by (du, dv) touches no solid cell and stays on the map.
 
-    On a path of length d between places a and b away from all solid cells, no point is nearer to
-    them than (a + b - d) / 2. If that does not decide, the nearest cells beside the ends and the
-    open square around the middle are tried, then all cells one by one.
+    Both ends are on the map. The nearest cells beside them and the open square around the middle
+    are tried, then all cells one by one.
     """
-    if before <= 0 or after <= 0:
-        return False
-    spare = np.float64(before) + np.float64(after) - 2.0 - 2.0 * radius
-    if spare > 0.0 and spare * spare > du * du + dv * dv:
-        return True
     if _touches_beside(u + du, v + dv, after, radius, reach):
         return False
     if _touches_beside(u, v, before, radius, reach):

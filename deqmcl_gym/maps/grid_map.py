@@ -2,7 +2,8 @@
 
 import math
 import os
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
 from typing import Any, final
@@ -162,6 +163,24 @@ class GridMap:
         u, v = self.resolution * np.asarray(cells, dtype=np.float64).T
         return np.column_stack([x0 + cosine * u - sine * v, y0 + sine * u + cosine * v])
 
+    def painted(self, *layers: tuple[Iterable[Floats], int]) -> "GridMap":
+        """Return a map in which the cells inside convex polygons have other occupancies.
+
+        A cell is inside if its centre is; a polygon without a centre takes the cell at its own.
+
+        Args:
+            layers: polygons, counterclockwise corners (c, 2) each, and their occupancy; later ones
+                paint over others.
+        """
+        x0, y0, cosine, sine, cell = self._frame
+        cells = self.occupancy.copy()
+        for polygons, occupancy in layers:
+            for corners in polygons:
+                x, y = (corners - (x0, y0)).T
+                us, vs = (cosine * x + sine * y) / cell, (cosine * y - sine * x) / cell
+                _paint(cells, us, vs, occupancy)
+        return replace(self, occupancy=cells)
+
     @cached_property
     def walls(self) -> Floats:
         """See ``Map.walls``."""
@@ -294,6 +313,26 @@ class GridMap:
         up, down = np.zeros((2, *self._reach.shape), np.int16)
         grid_kernels.fill_runs(self._reach, up, down)
         return up, down
+
+
+def _paint(cells: NDArray[np.int8], us: Floats, vs: Floats, value: int) -> None:
+    """Paint the cells inside a convex polygon, (c,) each, in cells from the lower left corner."""
+    (u0, v0), (u1, v1) = (
+        (max(0, math.floor(end)) for end in ends)
+        for ends in ((us.min(), vs.min()), (us.max() + 1, vs.max() + 1))
+    )
+    part = cells[v0:v1, u0:u1]
+    if not part.size:
+        return
+    rows, columns = part.shape
+    off_u = np.arange(columns) + (u0 + 0.5) - us[:, None, None]
+    off_v = (np.arange(rows) + (v0 + 0.5) - vs[:, None])[:, :, None]
+    along_u, along_v = ((np.roll(axis, -1) - axis)[:, None, None] for axis in (us, vs))
+    inside = (along_u * off_v >= along_v * off_u).all(axis=0)
+    if not inside.any():
+        row, column = (int(axis.mean()) - low for axis, low in ((vs, v0), (us, u0)))
+        inside[min(max(row, 0), rows - 1), min(max(column, 0), columns - 1)] = True
+    part[inside] = value
 
 
 def _reach_among(solid: Bools) -> Reach:

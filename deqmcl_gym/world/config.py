@@ -18,6 +18,8 @@ import numpy as np
 from deqmcl_gym.maps import GridMap, Lidar, Map, Office, PolygonMap, polygon_map
 from deqmcl_gym.maps.map import LENGTH, PER_LENGTH, POSE, pixel, scaled
 from deqmcl_gym.validation import InputError, array, keep_plain, number, one_of, part, pose, shown
+from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
+from deqmcl_gym.world.people import People
 
 
 def floor_plan_of(given: Any) -> Map:
@@ -219,7 +221,9 @@ class Route:
 class World:
     """Everything that defines an episode, except its seed.
 
-    Without a driver, the plan is the lap or the route, fixed before the start.
+    Without a driver, the plan is the lap or the route, fixed before the start. The floor plan is
+    the map. Clutter, changed walls, people and glass, if any, are not on it, and differ between
+    episodes.
     """
 
     floor_plan: Map
@@ -230,6 +234,15 @@ class World:
     lap: Lap = field(default_factory=Lap)
     driver: Driver | None = None
     route: Route | None = None
+    clutter: Clutter | None = None
+    changed_walls: ChangedWalls | None = None
+    people: People | None = None
+    glass: Glass | None = None
+
+    @property
+    def differs_from_map(self) -> bool:
+        """Whether anything is there, or may be, that is not on the map."""
+        return any((self.clutter, self.changed_walls, self.people, self.glass))
 
     def __post_init__(self) -> None:
         if self.route is not None and self.lap.waypoints is not None:
@@ -280,7 +293,7 @@ class World:
         such a file or of polygons in JSON.
         If its unit differs, the parts of this world are converted to it, then changed. In a world
         without a driver, changes apply to ``Driver()``; ``driver="none"`` removes the driver. The
-        same holds for routes.
+        same holds for all parts that a world may have.
 
         Raises:
             InputError: unknown part or key, or a bad value.
@@ -302,7 +315,10 @@ class World:
         return replace(world, **changes)
 
 
-_OPTIONAL: Mapping[str, Any] = {"driver": Driver, "route": Route}
+_OPTIONAL: Mapping[str, Any] = {
+    "driver": Driver, "route": Route,
+    "clutter": Clutter, "changed_walls": ChangedWalls, "people": People, "glass": Glass,
+}  # fmt: skip
 
 
 def _optional(name: str, given: Any, default: Any) -> Any:

@@ -21,6 +21,9 @@ PALE: Color = (226, 226, 226)
 ORANGE: Color = (255, 140, 0)
 PINK: Color = (240, 90, 160)
 LIGHT_BLUE: Color = (90, 180, 240)
+MAPPED: Color = (40, 90, 200)  # the map, where something else is there
+GLASS: Color = (120, 220, 225)
+PERSON: Color = (150, 95, 40)
 
 MAX_SIDE = 8_192  # pixels: 200 MB
 _OF_CELLS = 480  # largest side of a picture of a map of cells, in pixels at scale 1
@@ -148,6 +151,25 @@ class Drawing:
         cv2.circle(self.image, centre, disc, color, -1, cv2.LINE_AA, _SHIFT)
         cv2.circle(self.image, centre, disc, BLACK, 1, cv2.LINE_AA, _SHIFT)
         cv2.line(self.image, centre, tip, BLACK, 2, cv2.LINE_AA, _SHIFT)
+        return self
+
+    def segments(self, walls: Floats, color: Color) -> "Drawing":
+        """Draw the outline of walls (x0, y0, x1, y1), (S, 4)."""
+        lines = list(self._fixed(walls.reshape(-1, 2)).reshape(-1, 2, 2))
+        cv2.polylines(self.image, lines, False, color, 1, cv2.LINE_AA, _SHIFT)
+        return self
+
+    def solids(self, polygons: Floats, color: Color) -> "Drawing":
+        """Draw filled convex polygons, (k, c, 2)."""
+        for corners in polygons:
+            cv2.fillConvexPoly(self.image, self._fixed(corners), color, cv2.LINE_AA, _SHIFT)
+        return self
+
+    def discs(self, centres: Floats, radius: float, color: Color) -> "Drawing":
+        """Draw filled discs around ``centres``, (n, 2)."""
+        size = round(radius * self.view.per_length * 2**_SHIFT)
+        for at in self._fixed(centres).tolist():
+            cv2.circle(self.image, at, size, color, -1, cv2.LINE_AA, _SHIFT)
         return self
 
     def number(self, step: int) -> "Drawing":

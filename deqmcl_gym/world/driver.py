@@ -225,17 +225,17 @@ def _check_drivable(plan: GuidedPlan) -> None:
         )
     blocked = _blocked(start, actions, plan.world.floor_plan, plan.world.body)
     if blocked.any():
-        x, y = _points(start, actions)[blocked.argmax()]
+        x, y = points_of(start, actions)[blocked.argmax()]
         raise InputError(f"the driver meets a wall near ({x:g}, {y:g}), even without noise: {wish}")
 
 
 def _blocked(start: Pose, actions: Actions, floor_plan: Map, body: float) -> Bools:
     """Whether a disc of radius ``body`` without noise would touch a wall in each step, (T,)."""
-    points = _points(start, actions)
+    points = points_of(start, actions)
     return floor_plan.collides(points[:-1], points[1:], body)
 
 
-def _points(start: Pose, actions: Actions) -> Floats:
+def points_of(start: Pose, actions: Actions) -> Floats:
     """Where a robot without noise comes by, (T + 1, 2)."""
     x, y, heading = start
     distances, turns = actions.astype(np.float64).T

@@ -4,6 +4,8 @@ Contact of the driving disc with walls is by pymunk for polygons, exact for cell
 """
 
 import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pymunk
@@ -15,8 +17,13 @@ from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import Point, Pose
 from deqmcl_gym.world.driver import GuidedPlan
 from deqmcl_gym.world.path_kernels import drawn, judged
+from deqmcl_gym.world.people import Crowded
+from deqmcl_gym.world.reality import Reality
 from deqmcl_gym.world.rules import RoomRules
 from deqmcl_gym.world.sensor import LidarSensor, Stream, episode_stream
+
+if TYPE_CHECKING:  # OpenCV is only loaded for pictures
+    from deqmcl_gym.world.drawing import Drawing, View
 
 _WALLS = pymunk.ShapeFilter()  # the space has nothing but walls
 
@@ -77,7 +84,7 @@ class Walls:
         return None if contact is None else contact.alpha
 
 
-Contacts = Cells | Walls  # what a disc can touch
+Contacts = Cells | Walls | Crowded  # what a disc can touch
 
 
 def contacts_of(world: World) -> Contacts:
@@ -154,27 +161,23 @@ class Body:
 
     def __init__(
         self,
-        world: World,
-        walls: Contacts,
         pose: Pose,
+        physics: Physics,
+        sensor: LidarSensor,
+        noise: tuple[float, float, float],
         motion: np.random.Generator,
-        sensor: np.random.Generator,
     ) -> None:
         """Put the robot at a pose, and take its first scan.
 
         Args:
-            world: its parts.
-            walls: of the world.
             pose: (x, y, θ), θ in [-π, π).
+            physics: its disc, placed there.
+            sensor: its lidar.
+            noise: σ_dd, σ_φφ and σ_φd of the motion.
             motion: two normal numbers per move are drawn from it.
-            sensor: one normal number per beam and scan.
         """
-        noise = world.noise
-        self._noise = float(noise.drive), float(noise.turn), float(noise.drift)
-        self._motion = motion
-        self._sensor = LidarSensor(world.floor_plan, world.lidar, sensor)
-        self._physics = Physics(walls, pose[:2])
-        self.pose = pose
+        self.pose, self._physics, self._sensor = pose, physics, sensor
+        self._noise, self._motion = noise, motion
         self.look()
 
     def move(self, distance: float, turn: float) -> bool:
@@ -197,6 +200,7 @@ class Episode(Body):
     """All state that changes between two resets.
 
     Attributes:
+        there: the rules, in the world as it is in this episode.
         course: the path, and the actions planned for it.
         plan: the actions to come.
         step: steps carried out.
@@ -216,12 +220,37 @@ class Episode(Body):
         self._rules = rules
         self.course, self.plan = rules.begun(seed, number)
         self._seed, self._number = seed, number
-        start = rules.start(self.course, seed, number)
-        streams = self.stream(Stream.MOTION), self.stream(Stream.SENSOR)
-        super().__init__(rules.world, walls, start, *streams)
-        self.arc = rules.first_arc(self.course, start[:2])
+        self._reality = Reality.drawn(rules.world, self.course, self.plan, self.stream)
+        world = self._reality.world
+        self.there = rules if world is rules.world else replace(rules, world=world)
+        self.pose = self.there.start(self.course, seed, number)
+        if isinstance(self.plan, GuidedPlan) and self.there is not rules:
+            self._drive_what_is_there(self.plan)
+        self._crowd = self._reality.crowd(self.pose[:2], self.stream)
+        caster = self._reality.caster(self._crowd, self.stream)
+        datum, noise = world.floor_plan.datum, self.stream(Stream.SENSOR)
+        sensor = LidarSensor(caster, datum, world.lidar, noise)
+        solid = walls if self.there is rules else contacts_of(world)
+        if self._crowd is not None:
+            solid = Crowded(solid, self._crowd, world.body)
+        motion = self.stream(Stream.MOTION)
+        super().__init__(self.pose, Physics(solid, self.pose[:2]), sensor, rules.noise, motion)
+        self.arc = rules.first_arc(self.course, self.pose[:2])
         self.way = self.progress = 0.0
         self.step, self.done, self.ended = 0, False, False
+
+    def picture(self, view: "View") -> "Drawing":
+        """Draw what is there, without the robot."""
+        return self._reality.picture(view, self._crowd)
+
+    def _drive_what_is_there(self, plan: GuidedPlan) -> None:
+        """Let a driver who has planned on the map see what is there, and plan anew if he must."""
+        journeys, goal = self.there.journeys, self.course.goal
+        if self._reality.keeps_route or journeys is None or goal is None:
+            self.plan = replace(plan, world=self.there.world)
+        else:
+            self.course = journeys.onwards(goal, self.pose)
+            self.plan = self.there.plan_for(self.course)
 
     def stream(self, stream: Stream, twin: int = 0) -> np.random.Generator:
         """Return the random stream of one source in this episode, from its beginning."""
@@ -237,7 +266,7 @@ class Episode(Body):
         Raises:
             InputError: a driver on a route is already at its goal there.
         """
-        journeys, goal, onwards = self._rules.journeys, self.course.goal, None
+        journeys, goal, onwards = self.there.journeys, self.course.goal, None
         if isinstance(self.plan, GuidedPlan):
             if not noticed:
                 self.plan = self.plan.left_as_it_is(self)
@@ -247,7 +276,7 @@ class Episode(Body):
         self._physics.place(pose[:2])
         if onwards is not None:
             self.course = onwards
-            self.plan = self._rules.plan_for(self.course, self.step)
+            self.plan = self.there.plan_for(self.course, self.step)
             self.arc = self.way = 0.0
             return
         path = self.course.path
@@ -272,6 +301,9 @@ class Episode(Body):
         self.progress += gained
         if self._is_at_goal():
             reward, self.done = reward + rules.rewards[1], True
+        if self._crowd is not None:
+            self._crowd.walk(self.pose[:2])
+            self._physics.place(self.pose[:2])  # who walks may be in the way now
         self.look()
         return reward, collided
 

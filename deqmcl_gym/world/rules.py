@@ -23,7 +23,7 @@ from deqmcl_gym.world.route import Journeys
 from deqmcl_gym.world.sensor import Stream, episode_stream
 
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
-    from deqmcl_gym.world.drawing import Drawing
+    from deqmcl_gym.world.drawing import Drawing, View
 
 Actions = Singles
 _FLOAT32 = np.dtype(np.float32)
@@ -200,6 +200,9 @@ class RoomRules:
         rows = None if horizon is None else integer("horizon", horizon, low=1, high=MAX_STEPS)
         one_of("observation", observation, ("scan", "dict"))
         rules = cls(world, rows, boolean("ends_at_goal", ends_at_goal), observation)
+        for part in (world.changed_walls, world.glass):
+            if part is not None:
+                part.check(world.floor_plan)
         if rules.journeys is None:
             _ = rules.plan  # refuses laps that cannot be driven
         else:
@@ -340,25 +343,29 @@ class RoomRules:
             f"none of {_FREE_TRIES:,} poses drawn for the kidnapping is free: give a pose."
         )
 
-    def picture(self, course: Course, pose: Pose, scan: Singles, step: int) -> NDArray[np.uint8]:
-        """Return the world with the robot, its scan and the number of steps, (h, w, 3) RGB."""
-        lidar = self.world.lidar
-        drawing = self.drawing(course).beams(lidar.origin(pose), lidar.bearings, scan)
-        return drawing.robot(pose, self.world.robot.radius).number(step).image
+    def picture(
+        self, ground: "Drawing", course: Course, pose: Pose, scan: Singles, step: int
+    ) -> NDArray[np.uint8]:
+        """Draw path, robot, scan and number of steps onto ``ground``; return it, (h, w, 3) RGB."""
+        from deqmcl_gym.world.drawing import LIGHT_BLUE
 
-    def drawing(self, course: Course | None = None) -> "Drawing":
-        """Return a picture of the walls, and of a course's path.
+        lidar = self.world.lidar
+        ground.path(course.path.outline, LIGHT_BLUE)
+        if course.goal is not None:
+            ground.points([course.goal], LIGHT_BLUE, 9)
+        ground.beams(lidar.origin(pose), lidar.bearings, scan)
+        return ground.robot(pose, self.world.robot.radius).number(step).image
+
+    @cached_property
+    def view(self) -> "View":
+        """How the map is seen in pictures.
 
         Raises:
             InputError: the room is too large for a picture.
         """
-        from deqmcl_gym.world.drawing import LIGHT_BLUE, Drawing, View
+        from deqmcl_gym.world.drawing import View
 
-        drawing = Drawing(View(self.world.floor_plan))
-        if course is None:
-            return drawing
-        drawing.path(course.path.outline, LIGHT_BLUE)
-        return drawing if course.goal is None else drawing.points([course.goal], LIGHT_BLUE, 9)
+        return View(self.world.floor_plan)
 
     def _drawn_start(self, course: Course, seed: int, number: int) -> Pose:
         start, radius = self.world.start, self.world.body

@@ -6,15 +6,18 @@ a second wrapper, has the key (i, k, j).
 """
 
 import enum
+from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map
+from deqmcl_gym.maps.map import Caster, Point
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.entropy import Seeds
 from deqmcl_gym.numerics.types import Floats, Indices, Singles
 from deqmcl_gym.world.course import Pose
+from deqmcl_gym.world.differences import Glass
 
 
 class Stream(enum.IntEnum):
@@ -26,6 +29,11 @@ class Stream(enum.IntEnum):
     DROPOUT = 3
     KIDNAP = 4
     ROUTE = 5
+    CLUTTER = 6
+    CHANGED_WALLS = 7
+    PEOPLE = 8
+    GLASS = 9  # which walls are glass
+    THROUGH_GLASS = 10  # which beams it does not reflect
 
 
 def episode_stream(seed: int, episode: int, stream: Stream, twin: int = 0) -> np.random.Generator:
@@ -88,14 +96,46 @@ class NormalTable:
         self._sure -= 1
 
 
+@dataclass(frozen=True, eq=False)
+class ThroughGlass:
+    """A caster of walls, some of them glass, which does not reflect all beams.
+
+    Attributes:
+        walls: a caster of all walls.
+        others: a caster of those that are not glass.
+        glass: how many beams are lost, and what these measure.
+        closest: distance at which two walls count as one.
+        rng: draws which beams are lost, one number per beam and cast.
+    """
+
+    walls: Caster
+    others: Caster
+    glass: Glass
+    closest: float
+    rng: np.random.Generator
+
+    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
+        """See ``deqmcl_gym.maps.map.Caster``."""
+        beyond = np.empty_like(out)
+        self.walls.cast(poses, bearings, out)
+        self.others.cast(poses, bearings, beyond)
+        lost = (beyond > out + self.closest) & (self.rng.random(out.shape) < self.glass.lost)
+        np.copyto(out, beyond if self.glass.reads == "through" else np.inf, where=lost)
+
+
 class LidarSensor:
     """The lidar of one robot: o = clip(r + ε, 0, max_range), r exact, ε ~ N(0, σ²)."""
 
-    def __init__(self, floor_plan: Map, lidar: Lidar, rng: np.random.Generator) -> None:
-        """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``."""
+    def __init__(
+        self, caster: Caster, datum: Point, lidar: Lidar, rng: np.random.Generator
+    ) -> None:
+        """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``.
+
+        ``caster`` is for poses relative to ``datum``.
+        """
         self._lidar = lidar
-        self._caster, self._bearings = floor_plan.local.caster, lidar.bearings.astype(np.float32)
-        self._x, self._y = floor_plan.datum
+        self._caster, self._bearings = caster, lidar.bearings.astype(np.float32)
+        self._x, self._y = datum
         self._max_range, self._sigma, self._rng = lidar.max_range, lidar.sigma, rng
         self._origin = np.empty((3, 1), np.float32)
         self._exact = np.empty((lidar.beams, 1), np.float32)
@@ -113,10 +153,11 @@ class LidarSensor:
 
 
 class LidarSensors:
-    """The same lidar in each of many rooms.
+    """The same lidar in each of many rooms, of which each may have walls of its own.
 
     Attributes:
         scans: the last ones, (n, B) float32.
+        own: casters of rooms with walls of their own: of all rooms that are scanned, or none.
     """
 
     def __init__(self, floor_plan: Map, lidar: Lidar, rooms: int, most: int) -> None:
@@ -125,6 +166,7 @@ class LidarSensors:
         self._caster, self._bearings = floor_plan.local.caster, lidar.bearings.astype(np.float32)
         self._datum = np.array([*floor_plan.datum, 0.0])
         self._max_range, self._sigma = lidar.max_range, lidar.sigma
+        self.own: dict[int, Caster] = {}
         self._noise = NormalTable(rooms, lidar.beams, most)
         self.scans = np.zeros((rooms, lidar.beams), np.float32)
 
@@ -135,8 +177,16 @@ class LidarSensors:
     def scan(self, rooms: Indices, poses: Floats) -> None:
         """Take a scan in each of ``rooms`` (k,), at ``poses`` (k, 3)."""
         origins = (poses - self._datum).T.astype(np.float32, order="C")
+        origins = self._lidar.origins(origins)
         exact = np.empty((self._bearings.size, rooms.size), np.float32)
-        self._caster.cast(self._lidar.origins(origins), self._bearings, exact)
+        if self.own:
+            single = np.empty((self._bearings.size, 1), np.float32)
+            for i, room in enumerate(rooms.tolist()):
+                alone = np.ascontiguousarray(origins[:, i : i + 1])
+                self.own[room].cast(alone, self._bearings, single)
+                exact[:, i : i + 1] = single
+        else:
+            self._caster.cast(origins, self._bearings, exact)
         noise = self._noise
         noise.fill()
         _report_rooms(rooms, exact, noise.drawn, noise.at, self._sigma, self._max_range, self.scans)

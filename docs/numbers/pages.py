@@ -76,17 +76,17 @@ def sentences() -> Iterable[tuple[str, str]]:
     weak = [n("success_1m", "lost-hard/results", "lost-weak", m) for m in ("mcl-plan", "mcl-map")]
     yield "docs/lost.md", f"{weak[0]:.0p} % localized instead of {weak[1]:.0p} %"
     yield from hedge.sentences()
-    speed = {r["figure"]: Number(r["ratio"]) for r in read("speed/speed") if r["ratio"]}
+    speed = {r["figure"]: Number(r["ratio"]) for r in read("speed/quick") if r["ratio"]}
     many = [
         (speed[f"{name}_vs_map_step1k"], speed[f"{name}_vs_map_step10k"])
-        for name in ("plan", "replanned_pilots", "replanned_deq", "replanned_h")
+        for name in ("plan", "hedged", "replanned_pilots", "replanned_deq", "replanned_h")
     ]
     words = [f"{a:.1f} and {b:.1f}" if a < 10 else f"{a:.0f} and {b:.0f}" for a, b in many]
-    names = ("`mcl-plan`", "`mcl-pilots`", "DEQ-MCL", "`mcl-h`")
-    yield (
-        "docs/plan-sensor.md",
-        ", ".join(f"{name} {ratio}" for name, ratio in zip(names, words, strict=True)),
-    )
+    plan, hedged, *others = words
+    yield "docs/plan-sensor.md", f"`mcl-plan` {plan}, `mcl-plan-hedged`, with N in each of its"
+    names = ("`mcl-pilots`", "DEQ-MCL", "`mcl-h`")
+    said = ", ".join(f"{name} {ratio}" for name, ratio in zip(names, others, strict=True))
+    yield "docs/plan-sensor.md", f"filters, {hedged}, {said}"
 
 
 def renewed(text: str) -> str:

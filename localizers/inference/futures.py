@@ -8,7 +8,6 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -18,7 +17,7 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Floats, Indices
 from localizers.api import Motion
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.parts import Actions, Feasibility, LogWeights, States, Walk
+from localizers.inference.parts import Actions, Feasibility, LogWeights, Paths, States, Walk
 
 
 @dataclass(frozen=True)
@@ -34,15 +33,16 @@ class Rollout:
 
     def futures(
         self, anchor: States, actions: Actions, copies: int, rng: np.random.Generator
-    ) -> tuple[list[States], Floats]:
+    ) -> tuple[Paths, Floats]:
         """Draw ``copies`` = K futures from each state of ``anchor``, (d, n).
 
         Returns:
-            The states of each step, (d, K, n), and log Π g of each future, (K, n).
+            The states of each step, (d, n), given which future of each is asked for, (n,) below K;
+            and log Π g of each future, (K, n).
         """
-        d, n = anchor.shape
+        n = anchor.shape[1]
         paths, log_g = self._walk(np.tile(anchor, (1, copies)), actions, rng, keep=True)
-        return [states.reshape(d, copies, n) for states in paths], log_g.reshape(copies, n)
+        return lambda chosen: paths(chosen * n + np.arange(n)), log_g.reshape(copies, n)
 
     def log_g(
         self, anchor: States, actions: Actions, copies: int, rng: np.random.Generator
@@ -57,11 +57,13 @@ class Rollout:
 
     def log_g_of(self, path: Sequence[States]) -> LogWeights:
         """Log Π g of a path of states, (d, n) each, (n,)."""
-        total = np.zeros(path[0].shape[1])
-        if self.feasibility is None:
+        n = path[0].shape[1]
+        total = np.zeros(n)
+        if self.feasibility is None or len(path) == 1:
             return total
-        for before, after in pairwise(path):
-            total += self.feasibility.log_g(before, after)
+        states = np.concatenate(path, axis=1)
+        for log_g in self.feasibility.log_g(states[:, :-n], states[:, n:]).reshape(-1, n):
+            total += log_g  # one by one, as they are charged
         return total
 
     @cached_property
@@ -80,7 +82,7 @@ class StepByStep:
 
     def __call__(
         self, states: States, actions: Actions, rng: np.random.Generator, *, keep: bool
-    ) -> tuple[list[States], LogWeights]:
+    ) -> tuple[Paths, LogWeights]:
         """Draw and charge one step after the other."""
         log_g = np.zeros(states.shape[1])
         path = []
@@ -90,7 +92,7 @@ class StepByStep:
                 log_g += self.feasibility.log_g(before, states)
             if keep:
                 path.append(states)
-        return path, log_g
+        return lambda columns: [states[:, columns] for states in path], log_g
 
 
 def log_mean(log_values: Floats) -> LogWeights:
@@ -152,8 +154,8 @@ class Redraw:
         log_factor = log_mean(new) - np.where(np.isneginf(log_old), 0.0, log_old)
         kept = _choose(new, rng)
         redrawn = belief.cut(shared)
-        for ahead, states in enumerate(paths, start=shared + 1):
-            redrawn = redrawn.appended(states[:, kept, np.arange(kept.size)], actions[:ahead])
+        for ahead, states in enumerate(paths(kept), start=shared + 1):
+            redrawn = redrawn.appended(states, actions[:ahead])
         redrawn = redrawn.reweighted(log_factor)
         return redrawn._replace(events=redrawn.events.plus(replanned_steps=1))
 
@@ -193,15 +195,13 @@ class RenewedFuture:
         """Return the belief with its future moved."""
         if belief.queue.ahead == 0:
             return belief
-        proposed, log_new = self.rollout.futures(belief.present, belief.drawn, 1, rng)
+        paths, log_new = self.rollout.futures(belief.present, belief.drawn, 1, rng)
+        proposed = paths(np.zeros(log_new.shape[1], np.intp))
         queued = belief.queue.since(0)
         log_old = self.rollout.log_g_of(queued)
         accepted = arrays.log(rng.random(log_old.size)) + log_old < log_new[0]
         return belief.followed(
-            [
-                np.where(accepted, new[:, 0], old)
-                for new, old in zip(proposed, queued[1:], strict=True)
-            ]
+            [np.where(accepted, new, old) for new, old in zip(proposed, queued[1:], strict=True)]
         )
 
 

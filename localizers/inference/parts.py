@@ -4,6 +4,7 @@ States are columns, (d, n): row i holds component i of all n particles. On a map
 d = 3 (x, y, heading); the tests of exactness use a ring of five states.
 """
 
+from collections.abc import Callable
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -53,17 +54,21 @@ class Feasibility(Protocol):
         """Log g of each step, (n,)."""
 
 
+Paths = Callable[[Indices], list[States]]
+
+
 class Walk(Protocol):
     """Several steps of p(x_s | x_{s-1}, u_s), each charged by g."""
 
     def __call__(
         self, states: States, actions: Actions, rng: np.random.Generator, *, keep: bool
-    ) -> tuple[list[States], LogWeights]:
+    ) -> tuple[Paths, LogWeights]:
         """Draw one path from each state, (d, n).
 
         Returns:
-            The states after each step, (d, n) each (none unless ``keep``), and
-            log Π g of each path, (n,). Same draws, and same bits, as ``StepByStep``.
+            The states after each step, (d, k) each, of the k paths that are asked for by number
+            (none unless ``keep``), and log Π g of each path, (n,). Same draws, and same bits, as
+            ``StepByStep``.
         """
 
 

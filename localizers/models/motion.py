@@ -3,6 +3,7 @@
 An action is an increment (forward, left, turn): a turn, then a translation in the frame after it.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import final
 
@@ -15,7 +16,7 @@ from deqmcl_gym.maps.map import PER_LENGTH
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import log32, sincos32
-from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.numerics.types import Floats, Indices, Ints, Singles
 from deqmcl_gym.validation import InputError, number
 
 _HALF, _MINUS_TWO = np.float32(0.5), np.float32(-2.0)
@@ -141,21 +142,23 @@ class OdometryMotion:
         Returns:
             (3, n), θ in [-π, π].
         """
-        moves = self.moves(np.asarray(action)[None], states.shape[1], rng)
+        moves = self.moves(np.asarray(action)[None], rng.random((1, states.shape[1])))
         after = np.empty_like(states)
         drive_poses(states, moves[0], after)
         return after
 
-    def moves(self, actions: Floats, n: int, rng: np.random.Generator) -> Singles:
-        """Draw several increments (F, 3) with their noise for n poses, step by step.
+    def moves(self, actions: Floats, uniforms: Floats) -> Singles:
+        """Return several increments (F, 3) with their noise for n poses.
 
-        Takes n uniform numbers a step, each of which makes two normal ones.
+        Args:
+            actions: (F, 3).
+            uniforms: numbers in [0, 1), (F, n), each of which makes two normal ones.
 
         Returns:
             (F, 3, n).
         """
-        moves = np.empty((len(actions), 3, n), np.float32)
-        uniforms = rng.random((len(actions), n))
+        steps, n = uniforms.shape
+        moves = np.empty((steps, 3, n), np.float32)
         noisy_moves(uniforms, increments(actions), self.drive, self.turn, self.drift, moves)
         return moves
 
@@ -198,7 +201,9 @@ def odometry(motion: object, method: str) -> OdometryMotion:
     return motion
 
 
-_DRAWS = 2**16  # normal numbers drawn at once: more would not fit the processor's cache
+# Made and driven at once: more would not fit the processor's cache
+_DRAWS = 2**17  # normal numbers
+_WIDE = 2**15  # poses
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -217,19 +222,37 @@ class ChargedDrives:
 
     def __call__(
         self, states: Singles, actions: Floats, rng: np.random.Generator, *, keep: bool
-    ) -> tuple[list[Singles], Floats]:
-        """Draw one path of poses from each of ``states``; see ``Walk``."""
-        n = states.shape[1]
-        collisions = np.zeros(n, np.intp)
-        path: list[Singles] = []
+    ) -> tuple[Callable[[Indices], list[Singles]], Floats]:
+        """Draw one path of poses from each of ``states``; see ``Walk``.
+
+        Of paths that are kept, only the random numbers are: few are asked for, and drawn again.
+        """
+        (_, n), steps = states.shape, len(actions)
         block = max(1, _DRAWS // (2 * n))
-        for first in range(0, len(actions), block):
-            moves = self.motion.moves(actions[first : first + block], n, rng)
-            kept = len(moves) if keep else 1
-            poses, hits = self.floor_plan.rolled_out(states, moves, self.radius, kept=kept)
-            collisions += hits
-            states = poses[-1]
-            path.extend(poses if keep else ())
+        uniforms = np.empty((steps if keep else min(block, steps), n))
+        wide = [slice(left, left + _WIDE) for left in range(0, n, _WIDE)]
+        collisions, now = np.zeros(n, np.intp), [np.ascontiguousarray(states[:, c]) for c in wide]
+        for first in range(0, steps, block):
+            some = actions[first : first + block]
+            drawn = uniforms[first if keep else 0 :][: len(some)]
+            rng.random(out=drawn)
+            for k, columns in enumerate(wide):
+                poses, hits = self._driven(now[k], some, drawn[:, columns], kept=1)
+                collisions[columns] += hits
+                now[k] = poses[-1]
+
+        def paths(columns: Indices) -> list[Singles]:
+            if not keep or steps == 0:
+                return []
+            again = np.take(uniforms, columns, axis=1)
+            return list(self._driven(states[:, columns], actions, again, kept=steps)[0])
+
         # Summed one by one, as step by step: c · β would round differently.
-        charges = np.cumsum(np.append(0.0, np.full(len(actions), -self.beta)))
-        return path, charges[collisions]
+        charges = np.cumsum(np.append(0.0, np.full(steps, -self.beta)))
+        return paths, charges[collisions]
+
+    def _driven(
+        self, states: Singles, actions: Floats, uniforms: Floats, *, kept: int
+    ) -> tuple[Singles, Ints]:
+        moves = self.motion.moves(actions, uniforms)
+        return self.floor_plan.rolled_out(states, moves, self.radius, kept=kept)

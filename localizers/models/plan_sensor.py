@@ -10,7 +10,8 @@ from typing import final
 import numpy as np
 
 from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.types import Floats, Ints, Singles
 from deqmcl_gym.validation import number
 from localizers.models.motion import ChargedDrives, OdometryMotion, increments
@@ -96,17 +97,32 @@ class PlanSensor:
 
 def charges(beta: float, collisions: Ints) -> Floats:
     """Return -β C of each C, (n,); 0 where C is 0, even if β is infinite."""
-    per_count = np.zeros(int(collisions.max()) + 1)
-    per_count[1:] = -beta * np.arange(1.0, per_count.size)
-    return per_count[collisions]
+    found = np.empty(collisions.size)
+    _charge(beta, collisions, found)
+    return found
+
+
+@compiled
+def _charge(beta: float, collisions: Ints, out: Floats) -> None:
+    for i in range(out.size):
+        out[i] = -beta * collisions[i] if collisions[i] > 0 else 0.0
 
 
 def path_of(plan: Floats) -> Singles:
     """Where actions (h, 2 or 3) lead without noise, seen from where they start, (h + 1, 2)."""
-    forward, left, turns = increments(plan).T
-    headings = np.cumsum(turns)
-    cosine, sine = arrays.cos(headings), arrays.sin(headings)
-    steps = np.column_stack([forward * cosine - left * sine, forward * sine + left * cosine])
-    path = np.zeros((len(plan) + 1, 2))
-    path[1:] = np.cumsum(steps, axis=0)
-    return path.astype(np.float32)
+    path = np.empty((len(plan) + 1, 2), np.float32)
+    _drive_on(increments(plan), path)
+    return path
+
+
+@compiled
+def _drive_on(moves: Floats, out: Singles) -> None:
+    x, y, heading = 0.0, 0.0, 0.0
+    out[0] = 0.0
+    for k in range(len(moves)):
+        forward, left = moves[k, 0], moves[k, 1]
+        heading += moves[k, 2]
+        cosine, sine = cos64(heading), sin64(heading)
+        x += forward * cosine - left * sine
+        y += forward * sine + left * cosine
+        out[k + 1, 0], out[k + 1, 1] = x, y

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from refusals import refused
 
+from benchmarks.pictures.figures import camera_of
 from benchmarks.setup.names import absolute_scenario, make_agent, scenario, scenario_names
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.plugins import key_of
@@ -14,6 +15,7 @@ from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import Driver
 from deqmcl_gym.maps.map import scaled
+from deqmcl_gym.world.drawing import PERSON
 from localizers import BeamModel, CensoredGaussianUniform
 from localizers.models.nav2_motion import unknown_motion
 
@@ -325,3 +327,19 @@ def test_the_filters_are_told_exactly_the_world_where_calibration_is_judged(name
     assert found.scan.sigma == found.world.lidar.sigma
     assert found.prior.sd_position == found.world.start.sd_position
     assert found.prior.sd_heading == found.world.start.sd_heading
+
+
+def test_localizers_and_agents_are_given_the_map_and_every_method_the_same_world():
+    world = {"clutter.number": 30, "changed_walls.share": 0.4, "people.number": 5}
+    seen = []
+    for name in ("mcl", "deq-mcl"):
+        of = partial(trial, scenario="driving", localizer=name, trial=2)
+        stage, plain = Stage.of(of(world=tuple(world.items()))), Stage.of(of())
+        told, known = stage.robot.floor_plan, plain.robot.floor_plan
+        np.testing.assert_array_equal(told.occupancy, known.occupancy)
+        scan, info = stage.env.reset(seed=stage.trial.world_seed)
+        assert info["route"] == plain.env.reset(seed=plain.trial.world_seed)[1]["route"]
+        seen.append((scan, info, camera_of(stage).scene(next(stage.moments()))[0].image))
+    np.testing.assert_equal(seen[0][:2], seen[1][:2])
+    for _, _, frame in seen:
+        assert (frame == PERSON).all(axis=2).sum() > 100

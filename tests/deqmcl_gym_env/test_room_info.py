@@ -15,6 +15,8 @@ from deqmcl_gym.envs.room import RoomEnv, RoomInfo
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.world.config import WORLDS, Driver, Lap, MotionNoise, Robot, Route, Start
+from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
+from deqmcl_gym.world.people import People
 from deqmcl_gym.world.sensor import Stream
 
 ARRAYS = {"planned_actions": np.float32, "action": np.float32, "truth": np.float64}
@@ -98,7 +100,8 @@ def test_what_is_done_to_returned_arrays_matters_to_nobody():
 PAGE = (Path(deqmcl_gym.__file__).parents[1] / "docs" / "environment.md").read_text("utf-8")
 PARTS = {
     "lidar": Lidar, "robot": Robot, "noise": MotionNoise, "start": Start, "lap": Lap,
-    "driver": Driver, "route": Route,
+    "driver": Driver, "route": Route, "clutter": Clutter, "changed_walls": ChangedWalls,
+    "people": People, "glass": Glass,
 }  # fmt: skip
 
 

@@ -122,8 +122,46 @@ SIZES = [
     ("lap", "turn", 3.2),
     ("driver", "look_ahead", 0),
     ("driver", "on_the_spot", 0),
+    ("clutter", "number", -1),
+    ("clutter", "share", 0.6),
+    ("clutter", "round", 2),
+    ("clutter", "keep_route", 1),
+    ("changed_walls", "share", 0.51),
+    ("changed_walls", "distance", 0),
+    ("people", "number", 1001),
+    ("people", "radius", 0),
+    ("people", "seconds", 0),
+    ("glass", "share", 1.5),
+    ("glass", "lost", -0.5),
 ]
+HALL = {"outer": [[0, 0], [300, 0], [300, 300], [0, 300]]}
+
+
+def begun(**kwargs):
+    """A room with an episode begun."""
+    RoomEnv(**kwargs).reset(seed=0)
+
+
 MADE = [
+    (RoomEnv, {"clutter": {"size": (20, 10)}}, "the second of clutter.size is 10"),
+    (RoomEnv, {"clutter": {"size": (0, 10)}}, "the first of clutter.size is 0"),
+    (RoomEnv, {"clutter": {"where": "wall"}}, "did you mean 'walls'?"),
+    (RoomEnv, {"clutter": "lots"}, 'or "none" for no clutter'),
+    (RoomEnv, {"changed_walls": {"kinds": ("moved",)}}, "unknown kind of changed_walls 'moved'"),
+    (RoomEnv, {"changed_walls": {"kinds": 5}}, "changed_walls.kinds is 5, but must be some of"),
+    (RoomEnv, {"changed_walls": {"kinds": ()}}, "unknown kind of changed_walls ''"),
+    (RoomEnv, {"floor_plan": HALL, "changed_walls": {}}, "has no inner wall"),
+    (RoomEnv, {"floor_plan": HALL, "glass": {}}, "has no inner wall"),
+    (on_a_route, {"changed_walls": {"distance": 0.05}}, "whole cells of 0.1 m"),
+    (RoomEnv, {"people": {"speed": (9, 1)}}, "the second of people.speed is 1"),
+    (RoomEnv, {"glass": {"reads": "none"}}, "unknown value of glass.reads 'none'"),
+    (begun, {"clutter": {"size": (300, 300)}}, "give another clutter.where"),
+    (begun, {"people": {"number": 9, "radius": 70}}, "there is no room for people.number = 9"),
+    (
+        begun,
+        {"changed_walls": {"share": 0.5, "kinds": "shifted", "distance": 1e4}},
+        "beside the robot's way: give a smaller share",
+    ),
     *((RoomEnv, {part: {field: bad}}, f"{part}.{field} is {bad!r}") for part, field, bad in SIZES),
     (on_a_route, {"route": {"min_length": 20, "max_length": 10}}, "at most route.max_length, 10"),
     (on_a_route, {"route": {"goal": (0.1, 0.1)}}, "the route.goal (0.1, 0.1) is less than 0.3 m"),

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode
+from refusals import refused
 from room_cases import FLOOR_PLANS, SPIKE
 from room_trace import ROOM_ID
 
 from deqmcl_gym.envs.vector import RoomVectorEnv
+from deqmcl_gym.maps import GridMap
 from deqmcl_gym.validation import InputError
 
 PLANS = FLOOR_PLANS | {"spike": SPIKE}
@@ -96,6 +98,48 @@ def test_a_lidar_that_is_not_in_the_robots_centre_agrees():
     contacts, ends = run_beside(native, loop, 150, planned=0.3, seed=1)
     assert contacts > 50
     assert ends >= 4
+
+
+OTHERWISE = {"clutter": {"number": 6}, "changed_walls": {"share": 0.4}}
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_rooms_that_differ_from_the_map_and_from_each_other_agree(mode):
+    native, loop = both(4, mode, max_episode_steps=60, **OTHERWISE, **ROUGH)
+    assert isinstance(native, RoomVectorEnv)
+    contacts, ends = run_beside(native, loop, 150, planned=0.3, seed=1)
+    assert contacts > 50
+    assert ends >= 8
+
+
+def test_rooms_of_cells_that_differ_from_the_map_agree():
+    cells = np.zeros((60, 80), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = cells[25:35, 25:55] = 100
+    lap = {"waypoints": [(1.2, 1.2), (6.8, 1.2), (6.8, 4.8), (1.2, 4.8)], "step": 0.1}
+    grid = GridMap(occupancy=cells, resolution=0.1)
+    native, loop = both(3, floor_plan=grid, lap=lap, max_episode_steps=40, **OTHERWISE)
+    contacts, ends = run_beside(native, loop, 100, planned=0.2, seed=2)
+    assert contacts > 10
+    assert ends >= 6
+
+
+@pytest.mark.parametrize(("part", "words"), [("people", "people have"), ("glass", "glass have")])
+def test_rooms_with_people_or_glass_run_one_by_one(part, words):
+    with refused(words, 'vectorization_mode="sync"'):
+        gym.make_vec(ROOM_ID, num_envs=2, **{part: {}})
+    many = gym.make_vec(ROOM_ID, num_envs=2, vectorization_mode="sync", **{part: {}})
+    assert many.reset(seed=0)[0].shape == (2, 1)
+
+
+def test_frames_of_rooms_that_differ_are_those_of_single_rooms():
+    native, loop = both(2, render_mode="rgb_array", **OTHERWISE)
+    frames = []
+    for envs in (native, loop):
+        envs.reset(seed=4)
+        frames.append(envs.render())
+    for ours, theirs in zip(*frames, strict=True):
+        assert (ours != theirs).mean() < 1e-3  # scans differ by rounding errors
+    assert (frames[0][0] != frames[0][1]).any()
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])

@@ -162,25 +162,29 @@ def cloud(n: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("beta", [0.0, 0.1, 10.0, math.inf])
-@pytest.mark.parametrize("n", [1, 63, 1500])
-def test_a_walk_in_one_pass_has_the_bits_of_one_step_after_the_other(room, beta, n, monkeypatch):
-    monkeypatch.setattr(motion, "_DRAWS", 6000)  # 1,500 poses are drawn two steps at a time
+@pytest.mark.parametrize(("n", "wide"), [(1, 2000), (63, 2000), (1500, 2000), (4000, 1500)])
+def test_a_walk_in_one_pass_has_the_bits_of_one_step_after_the_other(
+    room, beta, n, wide, monkeypatch
+):
+    monkeypatch.setattr(motion, "_DRAWS", 6000)  # 1,500 poses are drawn two steps at a time,
+    monkeypatch.setattr(motion, "_WIDE", wide)  # and 4,000 driven in three parts
     walls = FreeSpace(floor_plan=room, radius=8.0, beta=beta)
     rngs = RNG(2), RNG(2)
-    path, log_g = walls.walk(MOTION)(cloud(n), PLAN, rngs[0], keep=True)
-    plain_path, plain_log_g = StepByStep(MOTION, walls)(cloud(n), PLAN, rngs[1], keep=True)
-    assert np.array_equal(path, plain_path)
+    paths, log_g = walls.walk(MOTION)(cloud(n), PLAN, rngs[0], keep=True)
+    plain_paths, plain_log_g = StepByStep(MOTION, walls)(cloud(n), PLAN, rngs[1], keep=True)
+    for asked in (np.arange(n), RNG(3).integers(0, n, 5)):
+        assert np.array_equal(paths(asked), plain_paths(asked))
     assert log_g.tobytes() == plain_log_g.tobytes()
     assert rngs[0].bit_generator.state == rngs[1].bit_generator.state
     none, alone = walls.walk(MOTION)(cloud(n), PLAN, RNG(2), keep=False)
-    assert none == []
+    assert none(np.arange(n)) == []
     assert alone.tobytes() == log_g.tobytes()
 
 
 def test_no_step_is_no_path_and_no_charge(room):
     rollout = Rollout(MOTION, FreeSpace(floor_plan=room, radius=8.0))
     paths, log_g = rollout.futures(cloud(5), PLAN[:0], 3, RNG(0))
-    assert paths == []
+    assert paths(np.zeros(5, int)) == []
     assert np.array_equal(log_g, np.zeros((3, 5)))
 
 
@@ -196,7 +200,7 @@ def test_parts_of_ones_own_are_asked_step_by_step(room):
     walls = FreeSpace(floor_plan=room, radius=8.0)
     assert walls.walk(Straight()) is None
     paths, _ = Rollout(Straight(), walls).futures(cloud(5), PLAN, 1, RNG(0))
-    assert np.array_equal(paths[-1][:, 0], cloud(5))
+    assert np.array_equal(paths(np.zeros(5, int))[-1], cloud(5))
     walls = FreeSpace(floor_plan=Solid(), radius=8.0, beta=2.0)
     _, log_g = Rollout(MOTION, walls).futures(cloud(5), PLAN, 1, RNG(0))
     assert np.array_equal(log_g, np.full((1, 5), -2.0 * len(PLAN)))

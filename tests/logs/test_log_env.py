@@ -14,9 +14,11 @@ from gymnasium.envs.registration import EnvSpec
 from hall import recorded_in_a_hall
 from hypothesis import given
 from hypothesis import strategies as st
+from refusals import refused
 
 import deqmcl_gym  # noqa: F401  # registers the envs
 from benchmarks.cli import main
+from benchmarks.replay.options import replay_of
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials.stage import Stage
@@ -38,6 +40,55 @@ def played(env, seed=None):
         scan, reward, ended, truncated, info = env.step(env.unwrapped.next_action)
         said.append((scan, info, reward, ended, truncated))
     return said
+
+
+def test_the_map_of_a_log_is_out_of_date_if_asked_and_nothing_else_is(tmp_path):
+    cells = np.zeros((60, 80), np.int8)
+    cells[[0, -1]] = cells[:, [0, -1]] = cells[:40, 40:42] = cells[30:32, 10:30] = 100
+    hall = GridMap(occupancy=cells, resolution=0.1)
+    lap = {"waypoints": [(1, 1), (3.2, 1), (3.2, 2.2), (1, 2.2)], "step": 0.1}
+    room = RecordLog(gym.make("deqmcl_gym/Sharp-v0", floor_plan=hall, lap=lap))
+    info = room.reset(seed=1)[1]
+    for action in info["planned_actions"][:40]:
+        room.step(action)
+    plain = LogEnv(log=room.log, map=hall)
+    first, again, other = (
+        LogEnv(log=room.log, map=hall, changed_walls={"share": 0.5, "seed": seed})
+        for seed in (0, 0, 1)
+    )
+    changed = first.floor_plan.occupancy != hall.occupancy
+    assert changed.any()
+    np.testing.assert_array_equal(first.floor_plan.occupancy, again.floor_plan.occupancy)
+    assert (first.floor_plan.occupancy != other.floor_plan.occupancy).any()
+    assert first.floor_plan.free(room.log.reference, 0.16).all()
+    for one, same_one in zip(played(first), played(plain), strict=True):
+        np.testing.assert_equal(one, same_one)
+    for bad, words in (
+        ({"share": 0.9}, "changed_walls.share is 0.9"),
+        ({"seed": -1}, "changed_walls.seed is -1"),
+        ({"part": 1}, "key in changed_walls"),
+        (0.3, "changed_walls is 0.3"),
+    ):
+        with refused(words):
+            LogEnv(log=room.log, map=hall, changed_walls=bad)
+    logs.write(room.log, tmp_path / "x.npz")
+    hall.save(tmp_path / "x.yaml")
+    replay = replay_of(
+        tmp_path / "x.npz", tmp_path / "x.yaml", changed_walls="share=0.5,seed=1,kinds=removed"
+    )
+    told = replay.scenario.recording()[1].occupancy
+    assert ((told != hall.occupancy) & (hall.occupancy == 100)).any()
+    assert not ((told == 100) & (hall.occupancy == 0)).any()
+    assert any("changed on purpose" in fact and "share 0.5" in fact for fact in replay.facts)
+    for said, words in (
+        ("0.3", "--changed-walls has 0.3"),
+        ("seed=1,seed=2", "--changed-walls gives seed twice"),
+        ("seed=nan", "changed_walls.seed is nan"),
+        ("kinds=moved", "unknown kind of changed_walls 'moved'"),
+        ("share=much", "changed_walls.share is 'much'"),
+    ):
+        with refused(words):
+            replay_of(tmp_path / "x.npz", tmp_path / "x.yaml", changed_walls=said)
 
 
 @pytest.mark.parametrize("ending", ENDINGS)

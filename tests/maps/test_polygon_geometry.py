@@ -155,13 +155,15 @@ def test_a_step_collides_by_the_grid_iff_it_does_by_all_walls(name, radius):
 
 
 @pytest.mark.parametrize("name", PLANS)
-def test_no_point_is_nearer_to_a_wall_than_its_square_says(name):
+def test_no_point_is_nearer_to_a_wall_than_its_square_says_or_much_farther(name):
     plan = PLANS[name]
-    corner, per_side, bounds = plan._clearance
+    corner, per_side, bounds, slack = plan._clearance
     points = anywhere(plan, 10_000, np.random.default_rng(4))
     column, row = ((points - corner) * per_side).astype(int).T
     bound = bounds[row, column]
-    assert (reference.clearance(plan.walls, points, points) >= np.abs(bound)).all()
+    clearance = reference.clearance(plan.walls, points, points)
+    assert (clearance >= np.abs(bound)).all()
+    assert (clearance <= np.abs(bound) + slack).all()
     free = reference.winding(plan.walls, points) == 1
     assert free[bound > 0].all()
     assert not free[bound < 0].any()
@@ -247,7 +249,7 @@ def poses_around(grid, n, rng) -> np.ndarray:
 @settings(max_examples=200)
 @given(
     grid=st.one_of(grids(), st.just(OFFICE)),
-    n=st.sampled_from([1, 7, 512, 700]),
+    n=st.sampled_from([1, 7, 700, 2100]),
     steps=st.integers(1, 9),
     cells=st.sampled_from([0.0, 0.3, 2.0, 9.0]),
     radius=st.sampled_from([0.0, 0.2, 1.0, 3.4]),

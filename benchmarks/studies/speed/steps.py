@@ -143,7 +143,7 @@ FIGURES = (
         for particles in (FEW, MANY)
         for figure, name, target, members in (
             ("plan", "mcl-plan", 5.0, 1),
-            ("hedged", "mcl-plan-hedged", 4.0, 2),
+            ("hedged", "mcl-plan-hedged", 4.0 if particles == FEW else None, 2),
             ("replanned_deq", "deq-mcl", None, 1),
             ("replanned_pilots", "mcl-pilots", None, 1),
             ("replanned_h", "mcl-h", None, 1),

@@ -12,6 +12,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.scenarios import SCENARIOS
 from benchmarks.studies.speed.figure import Figure, Job, Side
 from benchmarks.studies.speed.work import BEAMS
 from benchmarks.sweeps.suites import paper_suite
@@ -22,6 +23,7 @@ from deqmcl_gym import ENV_ID as ROOM
 CARTPOLE = "CartPole-v1"
 FEW, MANY = 64, 1_024
 PARTICLES = 1_000
+PEOPLE = 40
 _HOW: dict[str, dict[str, Any]] = {ROOM: {"lidar": {"beams": BEAMS}}, CARTPOLE: {}}
 
 Actions = NDArray[Any]
@@ -42,6 +44,28 @@ def driving(env: gym.Env[Any, Any], actions: Actions) -> Job:
             at = -1
 
     return Job(step)
+
+
+def office(people: int) -> Job:
+    """Return the job of a robot on planned routes through an office; one step a call.
+
+    The world is that of the scenario lost without its driver. Resets, which look for a route, do
+    not count.
+    """
+    crowd = {"people.number": people} if people else {}
+    changed = SCENARIOS["lost"].changed({"driver": "none", "horizon": 50, **crowd})
+    env = changed.in_building(0).room().unwrapped
+    ahead, spent = env.reset(seed=0)[1], 0.0
+
+    def step() -> None:
+        nonlocal ahead, spent
+        action, start = ahead["planned_actions"][0], time.process_time()
+        *_, terminated, truncated, ahead = env.step(action)
+        spent += time.process_time() - start
+        if terminated or truncated:
+            ahead = env.reset()[1]
+
+    return Job(step, clock=lambda: spent)
 
 
 def driving_all(envs: gym.vector.VectorEnv[Any, Any, Any], actions: Actions) -> Job:
@@ -102,14 +126,18 @@ def _trial(name: str) -> Figure:
 
 
 _STEPS = "environment steps, resets included"
+_IN_OFFICE = "environment steps in an office, without resets"
 _SINGLE = Side(f"a room, {BEAMS} beams", partial(single, ROOM))
 _CARTPOLE = Side(CARTPOLE, partial(single, CARTPOLE))
+_PEOPLE = Side(f"an office with {PEOPLE} people", partial(office, PEOPLE))
+_NOBODY = Side("the same without people", partial(office, 0))
 _CARTPOLES = Side(f"{FEW} of {CARTPOLE}, its own vector env", partial(vector, CARTPOLE, FEW))
 
 FIGURES = (
     _trial("mcl"),
     _trial("deq-mcl"),
     Figure("env_vs_cartpole", _STEPS, "steps/s", _SINGLE, _CARTPOLE),
+    Figure("env_40_people", _IN_OFFICE, "µs/step", _PEOPLE, _NOBODY, 2.0),
     Figure("vector64_vs_cartpole_vector64", _STEPS, "steps/s", _rooms(FEW), _CARTPOLES),
     Figure("vector1024_vs_single", _STEPS, "steps/s", _rooms(MANY), _SINGLE),
 )

@@ -1,0 +1,308 @@
+"""People: discs that walk to and fro in a world, in the way of the robot and of its beams."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from deqmcl_gym.maps.map import LENGTH, Caster, Map, Point, pixel
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import cos64, sin64
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
+from deqmcl_gym.validation import InputError, integer, keep_plain, number
+from deqmcl_gym.world.differences import ordered
+
+_LEGS = 16
+_LOOKS = 8  # directions tried for the next leg
+_LEAST = 50.0  # px: of a leg, and from the robot at the start
+_POLITE = 10.0  # px: left between a person and the robot
+_TRIES = 100
+
+
+@dataclass(frozen=True, kw_only=True)
+class People:
+    """People who walk straight from one random place to another in sight of it, and back.
+
+    They pass through each other, but not through the robot: who would come too near turns round,
+    and who would either way walks elsewhere, away from it.
+
+    Attributes:
+        number: how many.
+        radius: of each.
+        speed: least and greatest speed, length per s.
+        seconds: duration of a step of the robot.
+    """
+
+    number: int = 10
+    radius: float = field(default=15.0, metadata=LENGTH)
+    speed: tuple[float, float] = field(default=(25.0, 75.0), metadata=LENGTH)
+    seconds: float = 0.4
+
+    def __post_init__(self) -> None:
+        keep_plain(self)
+        integer("people.number", self.number, high=1000)
+        number("people.radius", self.radius, low=0, above=True)
+        object.__setattr__(self, "speed", ordered("people.speed", self.speed))
+        number("people.seconds", self.seconds, low=0, above=True)
+
+
+class Crowd:
+    """The people of an episode.
+
+    Attributes:
+        places: where they are, (n, 2).
+        radius: of each.
+    """
+
+    def __init__(
+        self, people: People, floor_plan: Map, robot: Point, body: float, rng: np.random.Generator
+    ) -> None:
+        """Draw who walks where; nobody begins within 1 m (50 px) of the robot's rim.
+
+        Raises:
+            InputError: there is no room for them.
+        """
+        self.radius, px = people.radius, pixel(floor_plan.unit)
+        starts = _free(people, floor_plan, robot, people.radius + body + _LEAST * px, rng)
+        self._ground, self._least, self._rng = floor_plan, _LEAST * px, rng
+        self._corners, self._ends = self._paths(starts, None)
+        steps = people.seconds * rng.uniform(*people.speed, people.number)
+        # a step that begins this far away, or ends there, does not touch the robot in between
+        self._apart = people.radius + body + np.maximum(_POLITE * px, steps / 2)
+        self._steps, self._arcs = steps, np.zeros(people.number)
+        self._waits = np.zeros(people.number, np.intp)  # steps not taken in a row
+        self.places = starts.copy()
+
+    def walk(self, robot: Point) -> None:
+        """Walk for one step of a robot, which stands still meanwhile."""
+        _walk(
+            self._corners, self._ends, self._steps, self._arcs, self._waits, self._apart, *robot,
+            self.places,
+        )  # fmt: skip
+        stuck = np.flatnonzero(self._waits > 1)
+        if stuck.size:
+            self._corners[stuck], self._ends[stuck] = self._paths(self.places[stuck], robot)
+            self._arcs[stuck], self._steps[stuck] = 0.0, np.abs(self._steps[stuck])
+
+    def _paths(self, starts: Floats, robot: Point | None) -> tuple[Floats, Floats]:
+        """Draw where people go, (n, k, 2), at first away from a robot; and the arc lengths."""
+        corners, away = [starts], robot
+        for _ in range(_LEGS if len(starts) else 0):
+            last = corners[-1]
+            corners.append(_next(last, self.radius, self._ground, self._least, away, self._rng))
+            away = None
+        path = np.stack(corners, axis=1)
+        lengths = np.sqrt((np.diff(path, axis=1) ** 2).sum(axis=2))
+        return path, np.cumsum(np.pad(lengths, ((0, 0), (1, 0))), axis=1)
+
+
+class Crowded:
+    """Walls and people: what a disc can touch (``deqmcl_gym.world.episode.Contacts``)."""
+
+    def __init__(self, walls: "_Contacts", crowd: Crowd, body: float) -> None:
+        """Put a crowd, for a robot of radius ``body``, among walls."""
+        self._walls, self._crowd, self._size = walls, crowd, crowd.radius + body
+        self.skin, self.reach = walls.skin, walls.reach
+
+    def gap(self, centre: Point) -> float:
+        """Distance of the disc's rim from the nearest wall or person, negative if they overlap."""
+        return min(self._walls.gap(centre), _gap(*centre, self._crowd.places) - self._size)
+
+    def first_contact(self, start: Point, end: Point) -> float | None:
+        """Share of a drive at which a disc that starts clear touches something; None: never."""
+        of_walls = self._walls.first_contact(start, end)
+        of_people = _first_contact(*start, *end, self._crowd.places, self._size)
+        first = min(math.inf if of_walls is None else of_walls, of_people)
+        return first if first < math.inf else None
+
+
+class _Contacts(Protocol):
+    skin: float
+    reach: float
+
+    def gap(self, centre: Point) -> float: ...
+
+    def first_contact(self, start: Point, end: Point) -> float | None: ...
+
+
+@dataclass(frozen=True, eq=False)
+class AmongPeople:
+    """A caster of walls, and of the people before them.
+
+    Attributes:
+        walls: a caster.
+        crowd: the people.
+        datum: of its map.
+    """
+
+    walls: Caster
+    crowd: Crowd
+    datum: Point
+
+    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
+        """See ``deqmcl_gym.maps.map.Caster``."""
+        self.walls.cast(poses, bearings, out)
+        _cast(poses, bearings, self.crowd.places - self.datum, self.crowd.radius, out)
+
+
+def _free(
+    people: People, floor_plan: Map, robot: Point, apart: float, rng: np.random.Generator
+) -> Floats:
+    """Draw a place for each person, at least ``apart`` from the robot, (n, 2)."""
+    x0, y0, x1, y1 = floor_plan.bounds
+    found = np.empty((0, 2))
+    for _ in range(_TRIES):
+        if len(found) >= people.number:
+            break
+        drawn = rng.uniform((x0, y0), (x1, y1), (16 + people.number, 2))
+        fits = floor_plan.free(drawn, people.radius)
+        fits &= ((drawn - robot) ** 2).sum(axis=1) >= apart * apart
+        found = np.vstack([found, drawn[fits]])
+    if len(found) < people.number:
+        raise InputError(
+            f"there is no room for people.number = {people.number} of radius {people.radius:g} "
+            f"{floor_plan.unit} apart from the robot: give fewer people, or a smaller radius."
+        )
+    return found[: people.number]
+
+
+def _next(
+    starts: Floats,
+    radius: float,
+    floor_plan: Map,
+    least: float,
+    away: Point | None,
+    rng: np.random.Generator,
+) -> Floats:
+    """Draw the next place of each person in sight, (n, 2); who finds none stays.
+
+    If there is a place to go away from, the way leads farther from it all along.
+    """
+    n = len(starts)
+    bearings = rng.uniform(-math.pi, math.pi, n * _LOOKS)
+    shares = rng.random(n * _LOOKS)
+    befores = np.repeat(starts, _LOOKS, axis=0)
+    seen = floor_plan.ranges(np.column_stack([befores, bearings]), [0.0])[:, 0].astype(np.float64)
+    ways = shares * np.minimum(seen, _farthest(floor_plan))
+    places = befores + ways[:, None] * np.column_stack([arrays.cos(bearings), arrays.sin(bearings)])
+    clear = ~floor_plan.collides(befores, places, radius)
+    if away is not None:
+        clear &= ((places - befores) * (befores - away)).sum(axis=1) >= 0.0
+    fits: Bools = np.reshape((ways >= least) & clear, (n, _LOOKS))
+    chosen = places.reshape(n, _LOOKS, 2)[np.arange(n), fits.argmax(axis=1)]
+    return np.where(fits.any(axis=1, keepdims=True), chosen, starts)
+
+
+def _farthest(floor_plan: Map) -> float:
+    x0, y0, x1, y1 = floor_plan.bounds
+    return x1 - x0 + y1 - y0
+
+
+@compiled
+def _walk(
+    corners: Floats,
+    ends: Floats,
+    steps: Floats,
+    arcs: Floats,
+    waits: Indices,
+    apart: Floats,
+    robot_x: float,
+    robot_y: float,
+    places: Floats,
+) -> None:
+    """Walk one step along each path, to and fro; turn round instead of coming near the robot.
+
+    Args:
+        corners: of each path, (n, k + 1, 2).
+        ends: arc length of each corner, (n, k + 1).
+        steps: arc length of a step, negative on the way back, (n,); updated.
+        arcs: arc length at which each person is, (n,); updated.
+        waits: steps in a row that each has not taken, (n,); updated.
+        apart: distance of each from the robot, (n,).
+        robot_x, robot_y: where the robot is.
+        places: where each is, (n, 2); updated.
+    """
+    for i in range(steps.size):
+        length = ends[i, -1]
+        if length == 0.0:
+            continue
+        arc = arcs[i] + steps[i]
+        if not 0.0 <= arc <= length:
+            steps[i] = -steps[i]
+            arc = min(max(-arc if arc < 0.0 else 2 * length - arc, 0.0), length)
+        leg = 0
+        while leg < ends.shape[1] - 2 and ends[i, leg + 1] < arc:
+            leg += 1
+        way = ends[i, leg + 1] - ends[i, leg]
+        share = (arc - ends[i, leg]) / way if way > 0.0 else 0.0
+        x = corners[i, leg, 0] + share * (corners[i, leg + 1, 0] - corners[i, leg, 0])
+        y = corners[i, leg, 1] + share * (corners[i, leg + 1, 1] - corners[i, leg, 1])
+        after = (x - robot_x) ** 2 + (y - robot_y) ** 2
+        before = (places[i, 0] - robot_x) ** 2 + (places[i, 1] - robot_y) ** 2
+        if after < before and after < apart[i] * apart[i]:
+            steps[i] = -steps[i]
+            waits[i] += 1
+            continue
+        waits[i] = 0
+        arcs[i], places[i, 0], places[i, 1] = arc, x, y
+
+
+@compiled
+def _gap(x: float, y: float, places: Floats) -> float:
+    """Distance of a point to the nearest of ``places`` (n, 2)."""
+    least = np.inf
+    for i in range(len(places)):
+        dx, dy = places[i, 0] - x, places[i, 1] - y
+        least = min(least, dx * dx + dy * dy)
+    distance: float = np.sqrt(least)
+    return distance
+
+
+@compiled
+def _first_contact(
+    x0: float, y0: float, x1: float, y1: float, places: Floats, radius: float
+) -> float:
+    """Share of a line at which it first enters a disc of ``radius`` around a place; or inf."""
+    dx, dy = x1 - x0, y1 - y0
+    first: float = np.float64(np.inf)
+    square = dx * dx + dy * dy
+    for i in range(len(places)):
+        px, py = places[i, 0] - x0, places[i, 1] - y0
+        nears = px * dx + py * dy
+        root = nears * nears - square * (px * px + py * py - radius * radius)
+        if nears > 0.0 and root >= 0.0:
+            share = max(nears - np.sqrt(root), 0.0) / square
+            if share <= 1.0:
+                first = min(first, share)
+    return first
+
+
+@compiled
+def _cast(poses: Singles, bearings: Singles, places: Floats, radius: float, out: Singles) -> None:
+    """Shorten beams to where they enter discs: t = b - √(b² - |c|² + r²), b = c · u, if real.
+
+    Args:
+        poses: rows x, y, θ, (3, n).
+        bearings: (B,).
+        places: centres c of the discs, (k, 2).
+        radius: r.
+        out: ranges so far, (B, n); updated.
+    """
+    for i in range(poses.shape[1]):
+        x, y = np.float64(poses[0, i]), np.float64(poses[1, i])
+        for beam in range(bearings.size):
+            angle = np.float64(poses[2, i]) + np.float64(bearings[beam])
+            ux, uy = cos64(angle), sin64(angle)
+            nearest: float = np.float64(out[beam, i])
+            for k in range(len(places)):
+                px, py = places[k, 0] - x, places[k, 1] - y
+                along = px * ux + py * uy
+                inside = radius * radius - (px * px + py * py)
+                root = along * along + inside
+                if inside >= 0.0:
+                    nearest = min(nearest, 0.0)
+                elif along > 0.0 and root >= 0.0:
+                    nearest = min(nearest, along - np.sqrt(root))
+            out[beam, i] = nearest

@@ -1,0 +1,349 @@
+"""Worlds that differ from their map: what is told is the map, what is met is the world."""
+
+import math
+import subprocess
+import sys
+from itertools import pairwise
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from checked import has_nothing_to_say
+from room_cases import SMALL, WORLD, infos_of
+
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.maps import GridMap, PolygonMap
+from deqmcl_gym.maps.altered import comes_near
+from deqmcl_gym.world.differences import BESIDE
+from deqmcl_gym.world.people import Crowd, People
+
+FAN = {"beams": 24, "field_of_view": 2 * math.pi, "sigma": 0.0}
+ROOM = {"preset": "paper", "lidar": FAN, "start": {"pose": (175, 50, 0.0)}}
+LINES = {"office": SMALL, "form": "polygons"}
+OFFICE = WORLD | {"floor_plan": {"office": SMALL}, "lidar": FAN | {"max_range": 12.0}, "driver": {}}
+EACH = {
+    "clutter": {"clutter": {"number": 8}},
+    "changed": {"changed_walls": {"share": 0.3}},
+    "people": {"people": {"number": 6}},
+    "glass": {"glass": {"share": 0.5}},
+}
+ALL = {key: value for part in EACH.values() for key, value in part.items()}
+WORLDS = {"room": ROOM, "office": OFFICE, "lines": OFFICE | {"floor_plan": LINES}}
+
+
+def begun(seed=0, **kwargs):
+    env = RoomEnv(**kwargs)
+    env.reset(seed=seed)
+    return env
+
+
+def there(env):
+    """The map of what is there."""
+    return env._begun.there.world.floor_plan
+
+
+def crowd(env):
+    return env._begun._crowd
+
+
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("part", EACH)
+def test_the_map_and_the_plan_are_those_of_the_world_without_it(world, part):
+    env, plain = begun(3, **WORLDS[world], **EACH[part]), begun(3, **WORLDS[world])
+    assert env.floor_plan is env.world.floor_plan
+    assert plain.floor_plan in (env.floor_plan,) or repr(plain.floor_plan) == repr(env.floor_plan)
+    np.testing.assert_array_equal(env.course.path.corners, plain.course.path.corners)
+    np.testing.assert_array_equal(env.course.actions, plain.course.actions)
+    assert env.pose == plain.pose
+    assert env.observation_space == plain.observation_space
+
+
+@pytest.mark.parametrize("part", EACH)
+def test_motion_and_sensor_noise_stay_as_they_are(part):
+    still = {"people": {"number": 2, "speed": (0, 0)}} if part == "people" else EACH[part]
+    noisy = ROOM | {"lidar": FAN | {"sigma": 1.0}}
+    env, plain = begun(5, **noisy, **still), begun(5, **noisy)
+    for action in plain.plan[:60]:
+        seen, _, _, _, info = env.step(action)
+        plainly, _, _, _, told = plain.step(action)
+        np.testing.assert_array_equal(info["truth"], told["truth"])
+    same = seen == plainly  # beams that nothing new meets have the same noise
+    assert same.sum() > 3 or part == "glass"
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_the_same_seed_gives_the_same_world_and_another_gives_another(world):
+    def story(seed):
+        infos = infos_of(RoomEnv(**WORLDS[world], **ALL), seed, most=25)
+        return np.array([info["truth"] for info in infos])
+
+    env = begun(4, **WORLDS[world], **ALL)
+    first, people = there(env), crowd(env).places.copy()
+    env.reset()
+    assert not np.array_equal(crowd(env).places, people)
+    env.reset(seed=4)
+    np.testing.assert_array_equal(crowd(env).places, people)
+    np.testing.assert_array_equal(there(env).walls, first.walls)
+    np.testing.assert_array_equal(story(4), story(4))
+    env.reset(seed=5)
+    assert not np.array_equal(there(env).walls, first.walls)
+
+
+DIGEST = """
+import hashlib, sys
+sys.path[:0] = {path}
+from test_differences import ALL, WORLDS, begun, crowd, there
+parts = [begun(7, **world, **ALL) for world in WORLDS.values()]
+parts = [p for env in parts for p in (there(env).walls, crowd(env).places, env._begun.scan)]
+print(hashlib.sha256(b"".join(part.tobytes() for part in parts)).hexdigest())
+"""
+
+
+def test_another_process_draws_the_same_worlds(capsys):
+    code = DIGEST.format(path=sys.path)
+    exec(code, {})
+    here = capsys.readouterr().out
+    assert subprocess.check_output([sys.executable, "-c", code], text=True) == here
+
+
+@pytest.mark.parametrize("world", ["room", "office", "lines"])
+@pytest.mark.parametrize("seed", range(3))
+def test_nothing_is_on_the_way_unless_asked(world, seed):
+    much = {"clutter": {"share": 0.1}, "changed_walls": {"share": 0.5, "distance": 1.0}}
+    if world == "room":
+        much["changed_walls"]["distance"] = 50.0
+    env = begun(seed, **WORLDS[world], **much)
+    path, px = env.course.path, env.world.pixel
+    corners = path.outline
+    size = env.world.body + 0.99 * BESIDE * px
+    points = np.vstack([np.linspace(a, b, 200) for a, b in pairwise(corners)])
+    was, now = env.floor_plan.distance(points), there(env).distance(points)
+    assert (now >= np.minimum(was, size)).all()  # where it is nearer, the map's wall was
+    assert not there(env).collides(corners[:-1], corners[1:], env.world.body).any()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_driver_reaches_his_goal_through_clutter_and_changed_walls(seed):
+    small = {"noise": {"drive": 0.02, "turn": 0.02, "drift": 0.02}}
+    much = {"clutter": {"number": 40}, "changed_walls": {"share": 0.5}}
+    env = RoomEnv(**(OFFICE | small | much), ends_at_goal=True)
+    infos = infos_of(env, seed)
+    assert math.dist(infos[-1]["truth"][:2], infos[-1]["goal"]) <= env.world.route.tolerance
+
+
+def test_a_driver_who_sees_that_his_way_is_blocked_goes_another_if_there_is_one():
+    office = {"office": {"wings": 2, "corridors": 2, "seed": 1}}
+    blocked = {"clutter": {"number": 60, "keep_route": False}}
+    went, ended = 0, 0
+    for seed in range(6):
+        env = RoomEnv(**(OFFICE | {"floor_plan": office} | blocked))
+        plain = begun(seed, **(OFFICE | {"floor_plan": office}))
+        env.reset(seed=seed)
+        went += not np.array_equal(env.course.path.corners, plain.course.path.corners)
+        corners = env.course.path.corners
+        ended += not there(env).collides(corners[:-1], corners[1:], env.world.body).any()
+    assert went >= 3
+    assert ended >= 4  # one thing in a door may close the only way
+
+
+@pytest.mark.parametrize(("world", "part", "key", "less", "more"), [
+    ("room", "clutter", "number", 5, 9), ("office", "clutter", "number", 5, 9),
+    ("office", "changed_walls", "share", 0.1, 0.4),
+])  # fmt: skip
+def test_more_adds_to_what_less_has(world, part, key, less, more):
+    small, large = (begun(2, **WORLDS[world], **{part: {key: value}}) for value in (less, more))
+    if world == "room":
+        few, many = ([tuple(o) for o in there(env).obstacles] for env in (small, large))
+        assert many[: len(few)] == few
+        assert len(many) == len(few) + 4
+    else:
+        clean = small.floor_plan.occupancy
+        few, many = (there(env).occupancy != clean for env in (small, large))
+        assert few.any()
+        assert (few & ~many).sum() <= 0.05 * few.sum()  # walls added may lie over a wall removed
+        assert many.sum() > few.sum()
+
+
+def test_clutter_covers_its_share_and_stands_where_it_is_asked_to():
+    env = begun(0, **OFFICE, clutter={"share": 0.05, "size": (0.5, 0.9)})
+    new = there(env).solid & ~env.floor_plan.solid
+    # things overlap walls and each other, and cells are as large as a fifth of them
+    assert 0.6 * 0.05 < new.sum() / (~env.floor_plan.solid).sum() < 1.2 * 0.05
+    env = begun(1, **ROOM, clutter={"number": 12, "where": "walls", "round": 1.0})
+    for thing in there(env).obstacles[1:]:
+        corners = np.array(thing)
+        size = math.dist(corners[0], corners[8]) / 2
+        assert env.floor_plan.distance([corners.mean(axis=0)])[0] <= size + 1e-3
+    office = {"office": {"wings": 2, "corridors": 2, "seed": 0}}
+    big = WORLD | {"floor_plan": office, "lidar": FAN}
+    corridor = begun(1, **big, clutter={"number": 30, "where": "corridors", "keep_route": False})
+    room = begun(1, **big, clutter={"number": 30, "where": "rooms", "keep_route": False})
+    ways = []
+    for env in (corridor, room):
+        rows, columns = np.nonzero(there(env).solid & ~env.floor_plan.solid)
+        points = env.floor_plan.placed(np.column_stack([columns, rows]) + 0.5)
+        fan = np.linspace(-np.pi, np.pi, 64, endpoint=False)
+        seen = env.floor_plan.ranges(np.pad(points, ((0, 0), (0, 1))), fan)
+        ways.append(np.median((seen[:, :32] + seen[:, 32:]).max(axis=1)))
+    assert ways[0] > 15 > ways[1] + 5  # a corridor is as long as a wing, a room is not
+
+
+def brute(walls, places, radius, pose, bearings):
+    """Distance along each beam to walls (S, 4), and to discs as polygons of 4,000 corners."""
+    turns = 2 * np.pi * np.arange(4001) / 4000
+    rim = radius * np.column_stack([np.cos(turns), np.sin(turns)])
+    rims = [place + rim for place in places]
+    walls = np.vstack([walls, *(np.hstack([r[:-1], r[1:]]) for r in rims)])
+    x, y, heading = pose
+    ux, uy = np.cos(heading + bearings)[:, None], np.sin(heading + bearings)[:, None]
+    ax, ay, bx, by = walls.T
+    across = ux * (by - ay) - uy * (bx - ax)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = ((ax - x) * (by - ay) - (ay - y) * (bx - ax)) / across
+        s = ((ax - x) * uy - (ay - y) * ux) / across
+    hit = (t >= 0) & (s >= -1e-9) & (s <= 1 + 1e-9)
+    return np.where(hit, t, np.inf).min(axis=1)
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_scans_are_exact_among_clutter_changed_walls_and_people(world):
+    parts = EACH["clutter"] | EACH["changed"] | {"people": {"number": 15}}
+    env, unit, hits = begun(1, **WORLDS[world], **parts), 1.0, 0
+    if world != "room":
+        unit = 0.02
+    for step in range(12):
+        scan = env._begun.scan
+        bearings = env.lidar.bearings
+        free = brute(there(env).walls, [], 1.0, env.pose, bearings)
+        exact = brute(there(env).walls, crowd(env).places, 15 * unit, env.pose, bearings)
+        hits += (exact < free).sum()
+        # float32 coordinates of up to 500 are off by 3e-5, along a slant more; a polygon of 4,000
+        # corners lies 5e-6 px within its disc, along a slant more
+        off = np.abs(scan - np.minimum(exact, env.lidar.max_range)) > 0.02 * unit
+        assert off.mean() < 0.05, (scan, exact)  # a beam may graze a corner or a rim
+        env.step(env.plan[min(step, len(env.plan) - 1)] if step else (0.0, 0.3))
+    assert hits > 5
+
+
+def test_people_keep_off_walls_and_the_robot_and_it_stops_before_them():
+    rng = np.random.default_rng(0)
+    for world in ("room", "office"):
+        parts = {"people": {"number": 12 if world == "room" else 60}}
+        env = begun(2, **(WORLDS[world] | {"driver": "none"}), **parts, ends_at_goal=False)
+        size, stopped, moved = crowd(env).radius, 0, 0.0
+        touch = size + env.world.body
+        step = env.world.robot.max_distance if world == "room" else 0.2
+        info = {"collided": False}
+        for _ in range(200):
+            before = crowd(env).places.copy()
+            turn = 0.75 if info["collided"] else rng.uniform(-0.1, 0.1)
+            *_, ended, given_up, info = env.step(np.array([step, turn], np.float32))
+            if ended or given_up:
+                env.reset()
+                continue
+            places = crowd(env).places
+            moved += np.abs(places - before).sum()
+            assert there(env).free(places, 0.99 * size).all()
+            nearest = np.sqrt(((places - env.pose[:2]) ** 2).sum(axis=1)).min()
+            assert nearest >= touch
+            walls = there(env).distance([env.pose[:2]])[0] - env.world.body
+            stopped += info["collided"] and walls > 0.1 * step
+        assert stopped > 0
+        assert moved > 0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nobody_stands_in_the_way_for_long(seed):
+    small = {"noise": {"drive": 0.02, "turn": 0.02, "drift": 0.02}}
+    infos = infos_of(RoomEnv(**(OFFICE | small), people={"number": 30}), seed)
+    assert math.dist(infos[-1]["truth"][:2], infos[-1]["goal"]) <= 1.0
+    words = "".join("x" if info["collided"] else " " for info in infos).split()
+    assert max(map(len, words), default=0) <= 20  # 8 s
+
+
+def test_who_meets_the_robot_turns_round():
+    hall = PolygonMap([(0, 0), (1000, 0), (1000, 40), (0, 40)])
+    group = Crowd(
+        People(number=1, speed=(25, 25)), hall, (500.0, 20.0), 8.0, np.random.default_rng(0)
+    )
+    least, sides = math.inf, set()
+    for _ in range(400):
+        group.walk((500.0, 20.0))
+        x, y = group.places[0]
+        least = min(least, math.dist((x, y), (500, 20)))
+        sides.add(x < 500)
+    assert least >= 15 + 8 + 10
+    assert len(sides) == 1
+
+
+def test_glass_stops_the_robot_and_loses_its_share_of_the_beams():
+    still = ROOM | {"start": {"pose": (175, 50, math.pi / 2)}}
+    thick = {"share": 1.0}  # the room's only obstacle, whole
+    plain = begun(**still)
+    through = plain.floor_plan.ranges([plain.pose], plain.lidar.bearings)[0]
+    room = PolygonMap(plain.floor_plan.outer)
+    behind = room.ranges([plain.pose], plain.lidar.bearings)[0]
+    met = behind > through + 0.1
+    assert 5 <= met.sum() <= 15
+    for reads, beyond in (("through", behind), ("max", np.full(24, 400.0))):
+        env = begun(**still, ends_at_goal=False, glass=thick | {"lost": 0.4, "reads": reads})
+        lost = []
+        for _ in range(100):
+            scan = env.step((0.0, 0.0))[0]
+            is_lost = np.abs(scan - beyond) < 1e-2
+            assert (is_lost | (np.abs(scan - through) < 1e-2)).all()
+            lost.append(is_lost[met])
+        n = np.size(lost)
+        # a binomial share of n is off by 4 standard deviations once in 16,000 runs
+        assert abs(np.mean(lost) - 0.4) < 4 * math.sqrt(0.24 / n)
+        for _ in range(20):
+            _, _, _, _, info = env.step((10.0, 0.0))
+        assert info["collided"]
+        assert env.pose[1] < 100
+
+
+def test_a_kidnapped_robot_is_put_where_nothing_is():
+    env = begun(0, **OFFICE, clutter={"share": 0.15}, changed_walls={"share": 0.5})
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        pose = env.elsewhere(rng)
+        assert there(env).free([pose], env.world.body)[0]
+        env.place(pose)
+
+
+@pytest.mark.parametrize("world", ["room", "office"])
+def test_the_env_checker_has_nothing_to_say(world):
+    horizon = {} if world == "room" else {"horizon": 30}
+    has_nothing_to_say(
+        gym.make("deqmcl_gym/Room-v0", **WORLDS[world], **ALL, **horizon).unwrapped,
+        skip_render_check=world == "office",
+    )
+
+
+def test_frames_show_what_is_there_and_the_map_in_outline():
+    from deqmcl_gym.world.drawing import GLASS, MAPPED, PERSON
+
+    parts = {"clutter": {"number": 3}, "changed_walls": {"share": 0.5, "kinds": "removed"},
+             "people": {"number": 3}}  # fmt: skip
+    env = begun(1, **ROOM, **parts, render_mode="rgb_array")
+    frame, view = env.render(), env._rules.view
+    rows = lambda points: tuple(np.rint(view.pixels(points)).astype(int).T[::-1])  # noqa: E731
+    assert (frame[rows(crowd(env).places)] == PERSON).all()
+    gone = [wall for wall in env.floor_plan.walls[4:] if there(env).free([wall[:2]])[0]]
+    middles = np.array([(wall[:2] + wall[2:]) / 2 for wall in env.floor_plan.walls])
+    shown = frame[rows(middles[there(env).distance(middles) > 3])].astype(int)
+    assert len(gone) > 0
+    assert (np.abs(shown - MAPPED).sum(axis=1) < 250).all()  # a thin line, smoothed
+    solid = begun(1, **ROOM, glass={"share": 1.0}, render_mode="rgb_array").render()
+    assert (solid == GLASS).all(axis=2).sum() > 10_000
+    plain = begun(1, **ROOM, render_mode="rgb_array").render()
+    assert (plain == MAPPED).all(axis=2).sum() == 0
+
+
+def test_things_are_counted_apart_from_the_map():
+    env = begun(3, **ROOM, clutter={"number": 7, "round": 1.0})
+    things = there(env).obstacles[1:]
+    assert len(things) == 7
+    assert all(len(thing) == 16 for thing in things)
+    assert isinstance(begun(3, **OFFICE, **EACH["clutter"]).floor_plan, GridMap)
+    assert not any(comes_near(env.course.path.corners, np.array(t), 18.0) for t in things)
