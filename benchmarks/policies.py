@@ -125,8 +125,8 @@ class Dispatched(ToGoal):
         self.pose = x, y, heading
         assert self._world.route is not None
         if self.goal is None or math.dist(self.goal, (x, y)) <= self._world.route.tolerance:
-            corners = self._journeys.between((x, y), self._rng)
-            self.goal = tuple(corners[-1].tolist())
+            x, y = self._journeys.between(None, self._rng)[-1].tolist()
+            self.goal = x, y
             self._plan = None
         planned, _ = self._on_its_way().after(self)
         return planned[0], _NO_PLAN
@@ -181,9 +181,8 @@ class LookAhead(Still):
 
     def _turns(self, rng: np.random.Generator) -> Floats:
         """Turns before each drive of the motions that are compared, (m, depth)."""
-        all_round: Floats = (np.arange(_HEADINGS) * (2 * np.pi / _HEADINGS) + np.pi) % (
-            2 * np.pi
-        ) - np.pi
+        turns = np.arange(_HEADINGS, dtype=np.float64) * (2 * np.pi / _HEADINGS)
+        all_round: Floats = (turns + np.pi) % (2 * np.pi) - np.pi
         if self._depth == 1:
             return all_round[:, None]
         drawn: Floats = rng.choice(all_round, (_SEQUENCES, self._depth))

@@ -69,6 +69,11 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         cell: float | None = None,
         render_mode: str | None = None,
     ) -> None:
+        if world.differs_from_map:
+            raise InputError(
+                "the world has clutter, changed walls, people or glass, but acting envs have what "
+                "is on the map: leave them out."
+            )
         self.world, self.floor_plan, self.lidar = world, world.floor_plan, world.lidar
         self.max_steps = integer("max_steps", max_steps, low=1)
         if render_mode is not None:
