@@ -28,7 +28,7 @@ from localizers import RobotModel
 
 _BUILDINGS = 20  # of Localize-v0: episode k takes place in that of seed k modulo this
 _SURE = 0.9
-_VAGUE = 0.25  # of the tolerance: standard deviation from which on a scan is worth its cost
+_VAGUE = 0.1  # of the tolerance: standard deviation from which on a scan is taken
 _BASELINE = "spin"
 _PLAIN = ("still", "spin", "random")
 _SENSING = {
