@@ -269,7 +269,7 @@ def test_who_drives_and_looks_when_it_is_vague_beats_all_who_do_not_drive_or_loo
 
 @pytest.mark.slow
 def test_the_order_of_the_table_of_localize_holds():
-    seeds = range(40)
+    seeds = range(20)
     still, spin, greedy, deep = (
         score("Localize-v0", name, seeds) for name in ("still", "spin", "greedy", "four-deep")
     )
