@@ -136,6 +136,7 @@ def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, d
         InputError: another form, an unknown localizer or parameter, or one given twice.
     """
     from benchmarks.execution.apart import parameters
+    from benchmarks.setup.changes import OF_LOCALIZERS, Changes
     from deqmcl_gym.validation import InputError, one_of
     from localizers import absolute_name
     from localizers.naming.registry import complete
@@ -159,7 +160,7 @@ def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, d
         if key in own:
             raise InputError(f"--param gives {name}.{key} twice: give it once.")
         own[key] = _value(word, value.strip())
-    return found
+    return {name: dict(Changes(own).beside(Path(), OF_LOCALIZERS)) for name, own in found.items()}
 
 
 def _value(word: str, text: str) -> Any:

@@ -125,6 +125,7 @@ def _refuse_nan(value: Any, at: str) -> None:
 
 
 FILES = ("floor_plan", "floor_plan.file", "log", "map", "reference")  # names of a world's files
+OF_LOCALIZERS = ("cost_map",)  # of files that parameters of localizers name
 _WORDS = {"inf": math.inf, "-inf": -math.inf}  # JSON has no infinity; the text is "'inf"
 
 
@@ -234,9 +235,9 @@ class Changes(Mapping[str, Any]):
         named += [plan.get("file")] if isinstance(plan, Mapping) else []
         return [str(path) for path in named if isinstance(path, str | Path)]
 
-    def beside(self, folder: Path) -> Self:
+    def beside(self, folder: Path, names: Sequence[str] = FILES) -> Self:
         """Return a world's changes with the paths of files absolute, from a folder; ~ is home."""
-        return self | {name: _absolute(folder, self[name]) for name in FILES if name in self}
+        return self | {name: _absolute(folder, self[name]) for name in names if name in self}
 
     def short(self) -> dict[str, Any]:
         """Return a world's values for a heading: those of files without their folder."""

@@ -119,7 +119,7 @@ def sweep_of(
         "localizers": tuple(_method(entry, folder) for entry in methods),
         "world": world if folder is None else world.beside(folder),
         "assumed": Changes.told("assumed", given.get("assumed", {})),
-        "params": Changes.told("params", given.get("params", {})),
+        "params": _params(Changes.told("params", given.get("params", {})), folder),
         "disturbance": _wrappers("disturbance", given.get("disturbance", [])),
         "vary": tuple(_axis(table, folder) for table in _list("vary", given.get("vary", []))),
         "limits": tuple(_limit(one, folder) for one in limits),
@@ -175,9 +175,14 @@ def _until_decided(table: Any) -> UntilDecided | None:
 def _named(what: str, table: Mapping[str, Any], folder: Path | None) -> Method:
     if "name" not in table:
         raise InputError(f"{what} has no name: write {{name = …, params = {{…}}}}.")
-    params = changes.table("params of a localizer", table.get("params", {}), "a table")
+    given = changes.table("params of a localizer", table.get("params", {}), "a table")
+    params = _params(Changes(given), folder)
     name = _localizer("name of a localizer", table["name"], folder)
-    return Method(name=name, params=Changes(params))
+    return Method(name=name, params=params)
+
+
+def _params(given: Changes, folder: Path | None) -> Changes:
+    return given if folder is None else given.beside(folder, changes.OF_LOCALIZERS)
 
 
 def _localizer(what: str, value: Any, folder: Path | None) -> str:
@@ -201,8 +206,13 @@ def _axis(table: Any, folder: Path | None) -> Axis:
             return _wrappers(name, value)
         if name == "scenario":
             return absolute_scenario(value, folder or Path())
+        if folder is None:
+            return value
+        if name.startswith("params."):
+            key = name.removeprefix("params.")
+            return _params(Changes({key: value}), folder)[key]
         key = name.removeprefix("world.")
-        return value if folder is None else Changes({key: value}).beside(folder)[key]
+        return Changes({key: value}).beside(folder)[key]
 
     listed = {name: _list(f"[[vary]] {name}", given) for name, given in values.items()}
     return Axis(

@@ -7,7 +7,7 @@ import contextlib
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from benchmarks.sweeps.running import counted
 from benchmarks.sweeps.store import Store
 from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.provenance import environment
-from benchmarks.trials.scoring import SCORE_NAMES, Finished, Record
+from benchmarks.trials.scoring import LATER, SCORE_NAMES, Finished, Record
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
@@ -113,14 +113,16 @@ def _difference(before: Finished, now: Outcome) -> str | None:
     """Say where a trial's record differs first, its scores before all else; times may differ."""
     if now.record is None:
         return f"it finished before and fails now: {now.reason}"
-    return next(differences(_by_score(before), _by_score(now.record)), None)
+    lacking = {name for row in before.scores for name in LATER - row.keys()}
+    return next(differences(_by_score(before), _by_score(now.record, lacking)), None)
 
 
-def _by_score(record: Record) -> dict[str, Any]:
+def _by_score(record: Record, without: Collection[str] = ()) -> dict[str, Any]:
     scores = {
         f"{name} at offset {row['offset']}": row[name]
         for row in record.scores
         for name in SCORE_NAMES
+        if name in row and name not in without
     }
     parts = {name: getattr(record, name) for name in Record.__struct_fields__ if name != "scores"}
     others: dict[str, Any] = msgspec.to_builtins(parts, str_keys=True)

@@ -15,8 +15,15 @@ from numpy.typing import NDArray
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import FARTHEST, atan2_64, cos64, sin64, wrapped64
-from deqmcl_gym.numerics.types import Floats, Ints, Reals
+from deqmcl_gym.numerics.elementary import (
+    FARTHEST,
+    atan2_64,
+    cos64,
+    sin64,
+    sincos32,
+    wrapped64,
+)
+from deqmcl_gym.numerics.types import Floats, Ints, Reals, Singles
 from deqmcl_gym.validation import InputError, digits
 
 Scalar = Any  # a float64 inside a kernel
@@ -211,6 +218,45 @@ def _rank_and_nees(
     return nearer, distance + u2 * u2
 
 
+@compiled
+def steps_back(poses: Reals, moves: Floats, ends: Ints, out: Singles) -> None:
+    """Fill in where a robot at each pose was before the increment that led to its state, (2, N).
+
+    The increment turns first, so the way there had the heading of the pose: (x, y) - R(θ) (f, l).
+
+    Args:
+        poses, ends: as ``cloud_moments``.
+        moves: (forward, left, turn) of each cloud, (k, 3).
+    """
+    start = 0
+    for k in range(ends.size):
+        end = ends[k]
+        heading = poses[2, start:end].astype(np.float32)
+        sine, cosine = np.empty_like(heading), np.empty_like(heading)
+        sincos32(heading, sine, cosine)
+        forward, left = np.float32(moves[k, 0]), np.float32(moves[k, 1])
+        for i in range(end - start):
+            out[0, start + i] = poses[0, start + i] - (forward * cosine[i] - left * sine[i])
+            out[1, start + i] = poses[1, start + i] - (forward * sine[i] + left * cosine[i])
+        start = end
+
+
+@compiled
+def weights_beyond(
+    poses: Reals, weights: Floats, ends: Ints, truth: Floats, far: float, out: Floats
+) -> None:
+    """Fill in the weight of each cloud farther than ``far`` from the truth in (x, y), (k,)."""
+    start = 0
+    for k in range(ends.size):
+        end = ends[k]
+        beyond, square = 0.0, far * far
+        for i in range(start, end):
+            dx, dy = poses[0, i] - truth[k, 0], poses[1, i] - truth[k, 1]
+            beyond += weights[i] if dx * dx + dy * dy > square else 0.0
+        out[k] = beyond
+        start = end
+
+
 _SUM_TOLERANCE = 1e-3  # of weights: a million of float32 add up to 1 within this
 _EXACT = 1e-9  # weights whose sum is farther from 1 are divided by it
 _LARGEST = np.array([1e15, 1e15, FARTHEST])  # |x|, |y| and |θ| of a pose: far beyond any map
@@ -224,11 +270,13 @@ class Task:
         floor_plan: the map; it names the unit of all lengths.
         radius: of the robot's disc.
         max_range: of the lidar.
+        far: distance from the truth above which a particle is an outlier.
     """
 
     floor_plan: Map
     radius: float
     max_range: float
+    far: float
 
 
 class Cloud(NamedTuple):
@@ -250,6 +298,7 @@ class Clouds:
         weights: of all, (N,).
         ends: where each cloud ends, (k,).
         truth: the true pose of each state, (k, 3).
+        moves: the increments (forward, left, turn) commanded on the way to each state, (k, 3).
     """
 
     each: Sequence[Cloud]
@@ -257,6 +306,7 @@ class Clouds:
     weights: Floats
     ends: Ints
     truth: Floats
+    moves: Floats
 
 
 def cloud_of(state: int, offset: int, points: Any) -> Cloud:
@@ -298,15 +348,25 @@ def _numbers(what: str, given: Any) -> NDArray[Any]:
     return numbers
 
 
-def joined(clouds: Sequence[Cloud], truth: Sequence[Reals]) -> Clouds:
-    """Put clouds together; ``truth``: the true pose of the state of each, (3,)."""
+def joined(
+    clouds: Sequence[Cloud], truth: Sequence[Reals], moves: Sequence[Reals] | None = None
+) -> Clouds:
+    """Put clouds together.
+
+    Args:
+        clouds: beliefs, each about a state.
+        truth: the true pose of each state, (3,).
+        moves: the increment commanded on the way to each state, (3,); None: none to any.
+    """
     weights = [cloud.weights for cloud in clouds]
+    commanded = np.zeros((len(clouds), 3)) if moves is None else np.array(moves, np.float64)
     return Clouds(
         each=clouds,
         poses=np.concatenate([cloud.poses for cloud in clouds], axis=1),
         weights=np.concatenate(weights),
         ends=np.cumsum([own.size for own in weights]),
         truth=np.array(truth, np.float64),
+        moves=commanded,
     )
 
 

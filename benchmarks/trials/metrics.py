@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.clouds import Clouds, Task, covariance_floor
+from benchmarks.trials.clouds import Clouds, Task, covariance_floor, steps_back, weights_beyond
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Reals
 
@@ -62,6 +62,7 @@ class Metric:
         of: the score; NaN is not available.
         each: what is measured of the belief about each state, (k,), if ``of`` needs it:
             ``Estimates.values`` has it by the metric's name.
+        later: whether records that lack it, made before it was added, are sound.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Metric:
     words: str
     of: Callable[[Estimates], float]
     each: Callable[[Clouds, Task], Floats] | None = None
+    later: bool = False
 
 
 def state_error(means: Floats, truth: Reals) -> Floats:
@@ -121,9 +123,32 @@ def entropy(variances: Floats, unit: str) -> Floats:
 
 def wall_share(clouds: Clouds, task: Task) -> Floats:
     """Weight on poses where the robot does not fit, (k,)."""
-    outside = np.flatnonzero(~task.floor_plan.free(clouds.poses.T, task.radius))
-    cuts = [0, *np.searchsorted(outside, clouds.ends).tolist()]
-    return np.array([clouds.weights[outside[a:b]].sum() for a, b in pairwise(cuts)])
+    return _weight_of(~task.floor_plan.free(clouds.poses.T, task.radius), clouds)
+
+
+def wall_step_share(clouds: Clouds, task: Task) -> Floats:
+    """Weight on poses whose last step passed through a wall, (k,).
+
+    The step is the one commanded on the way to the state, along the heading of the pose: so all
+    beliefs can be asked, those too that hold no past.
+    """
+    before = np.empty((2, clouds.weights.size), np.float32)
+    steps_back(clouds.poses, clouds.moves, clouds.ends, before)
+    return _weight_of(task.floor_plan.collides(before.T, clouds.poses.T, task.radius), clouds)
+
+
+def outlier_share(clouds: Clouds, task: Task) -> Floats:
+    """Weight farther than ``task.far`` from the truth in (x, y), (k,)."""
+    out = np.empty(len(clouds.each))
+    weights_beyond(clouds.poses, clouds.weights, clouds.ends, clouds.truth, task.far, out)
+    return out
+
+
+def _weight_of(chosen: Bools, clouds: Clouds) -> Floats:
+    """Weight of the poses of each cloud that are chosen, (k,)."""
+    those = np.flatnonzero(chosen)
+    cuts = [0, *np.searchsorted(those, clouds.ends).tolist()]
+    return np.array([clouds.weights[those[a:b]].sum() for a, b in pairwise(cuts)])
 
 
 def rms(values: Floats) -> float:
@@ -179,4 +204,20 @@ METRICS = (
     *map(_coverage, LEVELS),
     Metric("nees", "", "NEES; 3 if consistent", _mean_of("nees")),
     Metric("lost", "share", "lost at the end", _lost),
+    Metric(
+        "wall_step_share",
+        "share",
+        "weight that came through walls",
+        _mean_of("wall_step_share"),
+        wall_step_share,
+        later=True,
+    ),
+    Metric(
+        "outlier_share",
+        "share",
+        "weight far from the truth, common states",
+        lambda found: mean(found.values["outlier_share"][found.common]),
+        outlier_share,
+        later=True,
+    ),
 )

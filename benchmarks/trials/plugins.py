@@ -39,7 +39,7 @@ def provenance_of(
     for trial in trials:
         digests[trial.localizer] = localizer(trial.localizer)
         digests[trial.scenario] = setup(trial.scenario)
-        digests |= {path: file_digest(path) for path in trial.world.files}
+        digests |= {path: file_digest(path) for path in trial.files}
     plug_ins = {name: digest for name, digest in digests.items() if digest}
     return Provenance(code_digest(), versions(), plug_ins)
 

@@ -33,7 +33,7 @@ class Provenance(Struct, frozen=True, dict=True):
         code: see ``code_digest``.
         libraries: versions by name.
         plug_ins: digests by name of localizers and scenarios that are not ours, and of the files
-            of worlds.
+            of worlds and localizers.
     """
 
     code: str
@@ -42,7 +42,7 @@ class Provenance(Struct, frozen=True, dict=True):
 
     def key(self, trial: Trial) -> str:
         """Return the name under which a trial's result is kept."""
-        names = (trial.localizer, trial.scenario, *trial.world.files)
+        names = (trial.localizer, trial.scenario, *trial.files)
         used = [self.plug_ins.get(name, "") for name in names]
         return trial.key("".join([self._shared, *used]))
 

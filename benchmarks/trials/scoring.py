@@ -18,6 +18,7 @@ from benchmarks.trials.trace import (
 )
 
 SCORE_NAMES = tuple(metric.name for metric in METRICS)
+LATER = frozenset(metric.name for metric in METRICS if metric.later)
 
 Count = Annotated[int, Meta(ge=0, le=10**9)]
 Offset = Annotated[int, Meta(ge=-(10**9), le=10**9)]
@@ -36,7 +37,8 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
     Attributes:
         unit: of lengths.
         thresholds: of the scenario.
-        scores: a row per offset: "offset" and ``SCORE_NAMES``; None is not available.
+        scores: a row per offset: "offset" and ``SCORE_NAMES``; None is not available. Those of
+            ``LATER`` are missing in records made before they were added.
         curves: by offset, for the same offsets.
         quality: P(not lost) after t = 1 …; None where the belief gives none.
         profile: mean error e by offset, each over the same states.
@@ -64,7 +66,7 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
     track: RecordedTrack | None = None
 
     def __post_init__(self) -> None:
-        for name in ("offset", *SCORE_NAMES):
+        for name in {"offset", *SCORE_NAMES} - LATER:
             if any(name not in row for row in self.scores):
                 raise ValueError(f"has no {name} among its scores")
         if set(self.offsets) != self.curves.keys() or 0 not in self.curves:

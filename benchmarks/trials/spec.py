@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.setup.changes import NOTHING, Changes, jsonable
+from benchmarks.setup.changes import NOTHING, OF_LOCALIZERS, Changes, jsonable
 
 _WORLD, _FILTER = 0, 1  # children of a trial's seed
 
@@ -104,6 +104,12 @@ class Trial:
     def offsets(self) -> tuple[int, ...]:
         """Offsets scored, in steps."""
         return (0,) if self.lag == 0 else (0, -self.lag, self.lag)
+
+    @property
+    def files(self) -> list[str]:
+        """Paths of the files that its world and its localizer read."""
+        own = [self.params[name] for name in OF_LOCALIZERS if name in self.params]
+        return [*self.world.files, *(path for path in own if isinstance(path, str))]
 
     @property
     def world_seed(self) -> int:

@@ -77,6 +77,7 @@ class Stage:
             floor_plan=self.room.floor_plan,
             radius=self.room.radius,
             max_range=self.room.lidar.max_range,
+            far=self.scenario.thresholds.far,
         )
 
     @property

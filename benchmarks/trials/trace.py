@@ -18,6 +18,7 @@ from benchmarks.trials.metrics import METRICS
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
+from localizers.models.motion import increments
 from localizers.models.plan_sensor import PlanSensor
 from localizers.models.scan import Scan
 
@@ -135,8 +136,8 @@ def trace_of(
     """Run an episode to its end; keep its trace at these offsets, and what ``whole`` keeps."""
     asked = tuple(offsets)
     lap = _Lap(task)
-    scored = _Beliefs(asked, lap.truth, partial(_measured, task=task))
-    sampled = _Beliefs(_between(asked), lap.truth, moments, stride=PROFILE_STRIDE)
+    scored = _Beliefs(asked, lap, partial(_measured, task=task))
+    sampled = _Beliefs(_between(asked), lap, moments, stride=PROFILE_STRIDE)
     for moment in episode:
         for collector in (lap, scored, sampled):
             collector.see(moment)
@@ -168,12 +169,13 @@ def trace_of(
 
 
 class _Lap:
-    """Collects the truth, qualities, readings of plans, and what is counted."""
+    """Collects the truth, commands, qualities, readings of plans, and what is counted."""
 
     def __init__(self, task: Task) -> None:
         self._task = task
         self.plans: list[list[float]] = []
         self.truth: list[Reals] = []
+        self.moves: list[Reals] = []
         self.quality: list[float] = []
         self.scans_used, self.seconds = 0, 0.0
         self.belief: Belief | None = None
@@ -181,6 +183,8 @@ class _Lap:
     def see(self, moment: Moment) -> None:
         self.belief = moment.belief
         self.truth.append(moment.truth)
+        action = moment.action
+        self.moves.append(np.zeros(3) if action is None else increments(action))
         quality = quality_of(moment.belief)
         self.quality.append(np.nan if quality is None else quality)
         self.plans.append(plan_row(moment.belief, moment.truth, self._task))
@@ -200,11 +204,11 @@ class _Beliefs:
     def __init__(
         self,
         offsets: Iterable[int],
-        truth: Sequence[Reals],
+        lap: _Lap,
         measure: Callable[[Clouds], Floats],
         stride: int = 1,
     ) -> None:
-        self._offsets, self._truth = tuple(offsets), truth
+        self._offsets, self._lap = tuple(offsets), lap
         self._measure, self._stride = measure, stride
         self._ahead: dict[int, list[Cloud]] = {}
         self._due: list[Cloud] = []
@@ -240,8 +244,9 @@ class _Beliefs:
 
     def _measure_due(self) -> None:
         if self._due:
-            truth = [self._truth[cloud.state] for cloud in self._due]
-            self._tables.append(self._measure(joined(self._due, truth)))
+            truth = [self._lap.truth[cloud.state] for cloud in self._due]
+            moves = [self._lap.moves[cloud.state] for cloud in self._due]
+            self._tables.append(self._measure(joined(self._due, truth, moves)))
             self._labels += [(cloud.state, cloud.offset) for cloud in self._due]
             self._due, self._points = [], 0
 

@@ -1,5 +1,6 @@
 """The tables of rooms: every method, the paper's experiment, limits, calibration."""
 
+import json
 from collections.abc import Mapping
 
 from docs.numbers.reading import (
@@ -118,6 +119,46 @@ def _paper_200(scenario: str) -> str:
     head = "method | of | error - `mcl`'s, 95 %: | error (SD): | paper: | entropy: | paper: | "
     more = "".join(f" | var {part}: | paper:" for part in ("x", "y", "cos θ", "sin θ"))
     return table(f"{head}in walls:{more}", rows)
+
+
+def _paper_words() -> str:
+    columns = ("{wall_share:.2p} %", "{wall_step_share:.2p} %", "{outlier_share:.1p} %")
+    rows = [
+        [
+            f"`{found['method']}`",
+            OFFSETS[int(found["offset"])],
+            *(filled(c, found) for c in columns),
+        ]
+        for found in read("paper-200/paper")
+        if int(found["offset"]) <= 0 and found["method"] != "dead-reckoning"
+    ]
+    return table("method | of | in walls: | came through walls: | more than 50 px off:", rows)
+
+
+COSTS = {  # R, k
+    "collisions only": (None, None),
+    "20 px, 0.2 / px": (20.0, 0.2),
+    "40 px, 0.2 / px": (40.0, 0.2),
+    "40 px, 0.05 / px": (40.0, 0.05),
+}
+
+
+def _graded_map() -> str:
+    places = [(r, s) for r in ("graded-map/rooms", "graded-map/wall") for s in ("guided", "paper")]
+    error = "{error:.1f} [{error_low:.1f}, {error_high:.1f}]"
+    found = {}
+    for report in ("graded-map/rooms", "graded-map/wall"):
+        for one in read(report):
+            params = json.loads(one["params"])
+            own = tuple(params.get(name) for name in ("inflation_radius", "cost_scaling_factor"))
+            found[report, one["scenario"], one["method"], own, one["offset"]] = one
+    rows = [
+        [f"`{method}`", label, *(filled(error, found[r, s, method, own, "0"]) for r, s in places)]
+        for method in ("mcl-map", "deq-mcl", "mcl-plan")
+        for label, own in COSTS.items()
+    ]
+    head = "method | a step costs up to $R$, falls by $k$ | `guided`, in the middle: | `paper`:"
+    return table(f"{head} | `guided`, along the wall: | `paper`:", rows)
 
 
 def _every_method(scenario: str, order: Mapping[str, tuple[str, dict[str, object]]]) -> str:
@@ -241,6 +282,8 @@ TABLES = {
     "paper-200, paper": lambda: _paper_200("paper"),
     "paper-200, matched": lambda: _paper_200("matched"),
     "paper-200, sharp": lambda: _paper_200("sharp"),
+    "paper-200, words": _paper_words,
+    "graded-map": _graded_map,
     "plan-sensor, guided": lambda: _every_method("guided", IN_GUIDED),
     "plan-sensor, paper": lambda: _every_method("paper", IN_PAPER),
     "matched-sharp": _no_harm,

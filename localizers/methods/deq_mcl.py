@@ -25,8 +25,7 @@ from localizers.inference.beam_filters import beam_filter
 from localizers.inference.futures import Move, RenewedFuture, Sometimes, WhenResampled
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.methods.family import FOR_THE_LOST, Shared, method
-from localizers.models.plan_sensor import FreeSpace
+from localizers.methods.family import FOR_THE_LOST, ON_THE_MAP, Shared, method
 from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan
 
@@ -45,15 +44,16 @@ def mcl(robot: RobotModel, shared: Shared) -> ParticleFilter:
     )
 
 
-@method(*mcl.takes, "beta", *FOR_THE_LOST)
+@method(*mcl.takes, "beta", *ON_THE_MAP, *FOR_THE_LOST)
 def mcl_map(robot: RobotModel, shared: Shared) -> ParticleFilter:
     """Return MCL whose steps are charged exp(-``beta``) if they collide.
 
-    It reads plans only to choose poses, with ``start_draws`` of 2 or more.
+    With an ``inflation_radius`` or a ``cost_map`` they are also charged for where they end. It
+    reads plans only to choose poses, with ``start_draws`` of 2 or more.
     """
     return replace(
         mcl.build(robot, shared),
-        feasibility=FreeSpace(floor_plan=robot.floor_plan, radius=robot.radius, beta=shared.beta),
+        feasibility=shared.feasibility(robot),
         start=shared.start(robot),
         tempering=shared.tempering,
         injection=shared.injection(robot),
@@ -66,7 +66,7 @@ def mcl_smoother(robot: RobotModel, shared: Shared) -> ParticleFilter:
     return replace(mcl.build(robot, shared), past=shared.lag)
 
 
-@method(*mcl.takes, "beta", "lag")
+@method(*mcl.takes, "beta", *ON_THE_MAP, "lag")
 def mcl_map_smoother(robot: RobotModel, shared: Shared) -> ParticleFilter:
     """Return map-based MCL with a smoother: DEQ-MCL without its future, the ablation."""
     return replace(mcl_map.build(robot, shared), past=shared.lag)

@@ -5,16 +5,18 @@ from dataclasses import dataclass, fields
 from inspect import Parameter, Signature, signature
 from typing import Any, Generic, TypeVar
 
-from deqmcl_gym.validation import InputError, integer, keep_plain, number
+from deqmcl_gym.validation import InputError, integer, keep_plain, number, shown
 from localizers.inference.bayes_filter import Filter, FilterLocalizer
-from localizers.inference.parts import Resampling
+from localizers.inference.parts import Feasibility, Resampling
 from localizers.inference.plan_evidence import PlanEvidence
 from localizers.inference.resampling import KeepsSampleSize, resampling
 from localizers.inference.start import InformedStart, Injection, Recovery
-from localizers.models.plan_sensor import PlanSensor
+from localizers.models.cost_map import Cost, CostImage, CostMap, Inflation
+from localizers.models.plan_sensor import FreeSpace, PlanSensor
 from localizers.models.prior import UniformPrior
 from localizers.models.robot import RobotModel
 
+ON_THE_MAP = ("inflation_radius", "cost_scaling_factor", "cost_map")  # what a step costs
 FOR_THE_LOST = (
     "plan_beta",
     "start_draws",
@@ -33,6 +35,10 @@ class Shared:
         particles: N.
         lag: L, how many past steps are smoothed, and how many planned steps are read.
         beta: β ≥ 0; a step that collides is charged exp(-β), inf rejects it outright.
+        inflation_radius: distance from a wall, in the map's unit, below which a step is charged for
+            where it ends, see ``Inflation``; None: only steps that collide are charged.
+        cost_scaling_factor: how fast that cost falls, per unit of length; None is Nav2's 10 / m.
+        cost_map: instead of these, a file with the cost of each cell, see ``CostImage.load``.
         beam_filter: which beams of a scan are used: "none", of the filters, all of them;
             "distance", see ``DistanceFilter``; "entropy", see ``EntropyFilter``.
         resampler: "systematic", "stratified" or "multinomial".
@@ -52,6 +58,9 @@ class Shared:
     particles: int = 1000
     lag: int = 20
     beta: float = 10.0
+    inflation_radius: float | None = None
+    cost_scaling_factor: float | None = None
+    cost_map: str | None = None
     beam_filter: str = "none"
     resampler: str = "systematic"
     ess_threshold: float | None = None
@@ -75,11 +84,38 @@ class Shared:
                 f"start_jitter is {self.start_jitter:g}, but it is used only if start_draws is "
                 "2 or more: give start_draws, or leave start_jitter out."
             )
+        if self.cost_scaling_factor is not None and self.inflation_radius is None:
+            raise InputError(
+                f"cost_scaling_factor is {shown(self.cost_scaling_factor)}, but it is used only "
+                "with an inflation_radius: give one, or leave cost_scaling_factor out."
+            )
+        if self.cost_map is not None and self.inflation_radius is not None:
+            raise InputError(
+                "cost_map and inflation_radius are both given, but each says what a step costs: "
+                "give one of them."
+            )
 
     @property
     def resampling(self) -> Resampling:
         """When to resample, and how."""
         return resampling(self.resampler, self.ess_threshold)
+
+    def feasibility(self, robot: RobotModel) -> Feasibility:
+        """What a step is charged."""
+        floor_plan, radius = robot.floor_plan, robot.radius
+        cost: Cost
+        if self.cost_map is not None:
+            cost = CostImage.load(self.cost_map, floor_plan, radius)
+        elif self.inflation_radius is not None:
+            cost = Inflation(
+                floor_plan=floor_plan,
+                radius=radius,
+                inflation_radius=self.inflation_radius,
+                cost_scaling_factor=self.cost_scaling_factor,
+            )
+        else:
+            return FreeSpace(floor_plan=floor_plan, radius=radius, beta=self.beta)
+        return CostMap(floor_plan=floor_plan, radius=radius, cost=cost, beta=self.beta)
 
     def sensor(self, robot: RobotModel) -> PlanSensor:
         """The sensor model of plans."""

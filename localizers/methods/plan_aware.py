@@ -28,7 +28,7 @@ from localizers.inference.plan_evidence import (
 )
 from localizers.inference.resampling import Selection, by_own_weight, by_reported_weight
 from localizers.methods.deq_mcl import mcl_map_smoother
-from localizers.methods.family import FOR_THE_LOST, Shared, method
+from localizers.methods.family import FOR_THE_LOST, ON_THE_MAP, Shared, method
 from localizers.models.lookahead_grid import LookaheadGrid
 from localizers.models.motion import odometry
 from localizers.models.robot import RobotModel
@@ -36,7 +36,8 @@ from localizers.models.robot import RobotModel
 FORMS: dict[str, Selection] = {"estimate": by_own_weight, "twisted": by_reported_weight}
 
 
-@method(*mcl_map_smoother.takes)
+# without the costs of a map: the table charges collisions only
+@method(*(name for name in mcl_map_smoother.takes if name not in ON_THE_MAP))
 def mcl_h(
     robot: RobotModel,
     shared: Shared,

@@ -59,7 +59,9 @@ class PlanSensor:
 
     C = Σ_k C(y_{k-1}, y_k), y_0 = x_t and y_k = y_{k-1} moved by the k-th planned action without
     noise: the author corrects for noise on the way, so a plan is feasible as written. All
-    poses follow one path, rotated and shifted; nothing is drawn.
+    poses follow one path, rotated and shifted; nothing is drawn. Only collisions count, also where
+    steps are charged by a ``CostMap``: that nobody plans through walls holds of every author, how
+    far from them he keeps does not, and L small costs would add up to a claim about him.
 
     Attributes:
         floor_plan: the map m.

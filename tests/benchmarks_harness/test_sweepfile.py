@@ -13,6 +13,7 @@ from benchmarks.sweeps.design import MOST
 from benchmarks.sweeps.running import check
 from benchmarks.sweeps.suites import SUITES, sweeps_named
 from benchmarks.sweeps.sweepfile import read_sweep, with_localizers
+from benchmarks.trials.plugins import key_of
 from deqmcl_gym.validation import InputError
 
 ALL = """
@@ -262,3 +263,19 @@ def test_a_misspelt_suite_or_localizer_added_to_one_is_refused_with_the_nearest(
     with pytest.raises(InputError, match=r"'dec-mcl': did you mean 'deq-mcl'\?") as caught:
         sweeps_named("quick", ["dec-mcl"])
     assert "toml" not in str(caught.value)
+
+
+def test_a_cost_map_is_found_beside_the_sweep_file_and_its_content_names_the_result(tmp_path):
+    (tmp_path / "costs.pgm").write_bytes(b"P5 1 1 255 0")
+    (tmp_path / "sweep.toml").write_text(
+        """
+        localizers = [{ name = "mcl-map", params = { cost_map = "costs.pgm" } }, "deq-mcl"]
+        [[vary]]
+        params.cost_map = ["costs.pgm"]
+        """
+    )
+    trials = read_sweep(tmp_path / "sweep.toml").distinct()
+    assert {trial.params["cost_map"] for trial in trials} == {str(tmp_path / "costs.pgm")}
+    keys = {key_of(trial) for trial in trials}
+    (tmp_path / "costs.pgm").write_bytes(b"P5 1 1 255 1")
+    assert not keys & {key_of(trial) for trial in trials}

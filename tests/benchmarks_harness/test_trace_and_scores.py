@@ -22,7 +22,7 @@ from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.journey_log import JourneyLog
 from benchmarks.trials.journeys import groups_named
-from benchmarks.trials.scoring import SCORE_NAMES, profile, record, scores
+from benchmarks.trials.scoring import LATER, SCORE_NAMES, Record, profile, record, scores
 from benchmarks.trials.trace import trace_of
 from deqmcl_gym.validation import InputError
 
@@ -121,6 +121,49 @@ def test_wall_share_is_the_mean_weight_where_the_robot_does_not_fit():
         return np.array([FREE, IN_WALL]), np.array(shares)
 
     assert scored(traced(T, (0,), points=partly))[0]["wall_share"] == pytest.approx(0.3, **CLOSE)
+
+
+@pytest.mark.parametrize(
+    ("action", "share"),
+    [
+        (lambda step: None, 0.1),  # only the pose in the wall
+        (lambda step: np.array([0.0, 3.0]), 0.1),  # turned on the spot
+        (lambda step: np.array([60.0, 0.0]), 0.1 + 0.5),  # from the block, from beyond the wall
+        (lambda step: np.array([41.0, 0.0]), 0.1),  # from 1 px clear of them
+        (lambda step: np.array([0.0, 60.0, 0.0]), 0.1 + 0.4),  # sideways, from beyond the wall
+        (lambda step: np.array([60.0, 0.0]) if step == T else None, 0.1 + 0.5 / T),
+    ],
+)
+def test_wall_step_share_is_the_weight_whose_commanded_step_passed_through_a_wall(action, share):
+    # in the middle of the left corridor, headed to its wall, to the block and along both
+    x, y = 50.0, 150.0
+    poses = np.array([(x, y, math.pi), (x, y, 0.0), (x, y, -math.pi / 2), IN_WALL])
+    weights = np.array([0.2, 0.3, 0.4, 0.1])
+    trace = traced(T, (0,), points=lambda state, offset: (poses, weights), action=action)
+    assert scored(trace)[0]["wall_step_share"] == pytest.approx(share, **CLOSE)
+
+
+@pytest.mark.parametrize("offset", OFFSETS)
+def test_outlier_share_is_the_weight_far_from_the_truth_over_the_common_states(offset):
+    def partly(state, offset):  # 60 px off, the rest 20 px
+        off = np.array([[0, 60.0, 0], [20.0, 0, 0]])
+        return truth_of(state) + off, np.array([state, T - state]) / T
+
+    shares = [s / T for s in range(L, T - L + 1)]
+    rows = scored(traced(T, OFFSETS, points=partly))
+    assert rows[offset]["outlier_share"] == pytest.approx(np.mean(shares), **CLOSE)
+
+
+def test_a_record_of_before_a_score_was_added_is_sound_and_one_without_an_older_score_is_not():
+    made = record(traced(T, OFFSETS), L, USUAL)
+    plain = msgspec.to_builtins(made)
+    for name in LATER:
+        for row in plain["scores"]:
+            del row[name]
+    assert msgspec.convert(plain, Record).scores == plain["scores"]
+    del plain["scores"][0]["error"]
+    with pytest.raises(msgspec.ValidationError, match="has no error among its scores"):
+        msgspec.convert(plain, Record)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from localizers.checks import check_localizer
 from localizers.checks.subject import default_robot
 
 EXAMPLES = ROOT / "docs" / "examples"
-QUICK = ("custom_room.py",)
+QUICK = ("custom_room.py", "doors.py")
 SCRIPTS = [
     path.name if path.name in QUICK else pytest.param(path.name, marks=pytest.mark.slow)
     for path in sorted(EXAMPLES.glob("*.py"))

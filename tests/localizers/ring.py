@@ -42,6 +42,9 @@ OBSERVED = (0, 1, 2, 0)  # o_1 … o_4
 COLLIDES = np.zeros((STATES, STATES), dtype=bool)
 COLLIDES[4, 0] = COLLIDES[0, 4] = True
 COLLIDES[[0, 1, 3, 4], 2] = True
+# Where a step that does not collide ends may cost something, too.
+COSTS = np.array([0.0, 0.3, 0.7, 0.1, 0.5])
+GRADED = np.where(COLLIDES, 1.0, COSTS)  # of each step
 
 Plan = tuple[int, ...]
 
@@ -106,6 +109,16 @@ class RingWalls:
         return np.where(COLLIDES[before[0], after[0]], -self.beta, 0.0)
 
 
+class RingMap:
+    """The map as ``CostMap`` asks it, and the costs on it."""
+
+    def collides(self, starts, ends, radius):
+        return COLLIDES[starts[:, 0], ends[:, 0]]
+
+    def at(self, points):
+        return COSTS[points[0]]
+
+
 @dataclass(frozen=True)
 class RingTable:
     """h by the backward recursion: exact, the states can be counted."""
@@ -134,22 +147,28 @@ class RingPlans:
         return count
 
 
-def transition(command: int, beta: float) -> np.ndarray:
+def transition(command: int, beta: float, costs: np.ndarray = COLLIDES) -> np.ndarray:
     """p(x' | x, command) g(x, x'), row x."""
     one_step = np.zeros((STATES, STATES))
     for x in range(STATES):
         for noise, share in NOISE.items():
             one_step[x, (x + command + noise) % STATES] += share
-    return one_step * np.exp(-beta * COLLIDES)
+    return one_step * np.exp(-beta * costs)
 
 
-def gamma(t: int, commands: Plan, beta: float, shown: np.ndarray | None = None) -> np.ndarray:
+def gamma(
+    t: int,
+    commands: Plan,
+    beta: float,
+    shown: np.ndarray | None = None,
+    costs: np.ndarray = COLLIDES,
+) -> np.ndarray:
     """∫ γ_t 1{x_s = i} for s = 0 … t + F_t and each i, by summing over all paths, (s, i).
 
-    ``shown`` is p(π_s | x_s) for s = 0 … t, (t + 1, 5).
+    ``shown`` is p(π_s | x_s) for s = 0 … t, (t + 1, 5); ``costs`` those of each step, (5, 5).
     """
     moved = transition(0, beta=0.0)  # p(x + k | x)
-    g = np.exp(-beta * COLLIDES)
+    g = np.exp(-beta * costs)
     total = np.zeros((len(commands) + 1, STATES))
     for path in product(range(STATES), repeat=len(commands) + 1):
         weight = PRIOR[path[0]]
@@ -183,7 +202,7 @@ def ring_filter(
     return filter_class(
         motion=RingMotion(),
         scan=RingScan(),
-        feasibility=RingWalls(beta),
+        feasibility=parts.pop("feasibility", RingWalls(beta)),
         resampling=parts.pop("resampling", Always()),
         particles=PARTICLES,
         dtype=np.intp,
@@ -309,16 +328,20 @@ def estimates(ring: ParticleFilter, drive: Drive, seed: int) -> dict[tuple[int, 
 
 
 def z_scores(
-    ring: ParticleFilter, drive: Drive, replicates: int, meant: ParticleFilter | None = None
+    ring: ParticleFilter,
+    drive: Drive,
+    replicates: int,
+    meant: ParticleFilter | None = None,
+    costs: np.ndarray = COLLIDES,
 ) -> dict:
     """(Mean estimate - exact) / standard error, at each (t, offset): one per state, (5,).
 
-    What is exact is what the filter ``meant`` aims at, itself if it is None.
+    What is exact is what the filter ``meant`` aims at, itself if it is None; steps cost ``costs``.
     """
     runs = [estimates(ring, drive, seed) for seed in range(replicates)]
     scores, shown = {}, plans_shown(meant or ring, drive)
     paths = [
-        gamma(t, drive.commands(t, looked_ahead(ring)), ring.feasibility.beta, shown)
+        gamma(t, drive.commands(t, looked_ahead(ring)), ring.feasibility.beta, shown, costs)
         for t in range(STEPS + 1)
     ]
     for t, offset in runs[0]:

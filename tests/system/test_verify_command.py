@@ -3,12 +3,14 @@
 import json
 
 import pytest
-from deqmcl_command import exit_code, files
+from deqmcl_command import exit_code, files, lines
 from sweep_command import report, sweep, trial_files, write_small
 
 from benchmarks.sweeps import verifying
 from benchmarks.sweeps.results import results_in
+from benchmarks.sweeps.store import _checksum, _json
 from benchmarks.sweeps.suites import SUITES
+from benchmarks.trials.scoring import LATER
 
 MINE = """
 import numpy as np
@@ -85,6 +87,24 @@ def test_a_number_that_differs_is_found_and_named_and_the_folder_is_as_it_was(mi
         assert "2 of 4 trials differ" in said or "1 of 4 trials differ" in said
         assert "mine.py:Mine, world 0, filter seed 0: error at offset 0 was" in said
         assert files(out) == before
+
+
+def test_scores_added_since_are_not_compared_and_missing_in_tables(mine, capsys):
+    plug_in, _, out = mine
+    for path in sorted((out / "trials").iterdir()):
+        held = json.loads(path.read_text())
+        for row in held["scores"]:
+            for name in LATER:
+                del row[name]
+        del held["checksum"]
+        path.write_text(_json(held | {"checksum": _checksum(held)}))
+    edit(plug_in, 0.0)
+    assert verify(out) == 0
+    assert "none differs" in capsys.readouterr().out
+    assert report(out) == 0
+    rows = lines(out)
+    assert {row["wall_step_share"] for row in rows} == {""}
+    assert "" not in {row["wall_share"] for row in rows}
 
 
 def test_a_trial_that_fails_now_differs(mine, capsys):

@@ -1,0 +1,213 @@
+"""The graded p(x_t | m): a step costs more the nearer to a wall it ends, as on ROS' cost maps.
+
+The paper's p(x_t | m) is "based on the configuration space (C-space) or cost map"; ``FreeSpace`` is
+the former, ``CostMap`` the latter. Source: nav2_costmap_2d, inflation_layer.
+"""
+
+import os
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.maps import GridMap, Map
+from deqmcl_gym.maps.grid_file import image_with_place
+from deqmcl_gym.maps.map import PIXELS, pixel
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.validation import InputError, number
+
+INSCRIBED, NO_INFORMATION = 253, 255  # values of nav2_msgs/Costmap from which on a robot collides
+_BLOCK = 2**16  # cells tested at a time
+_OF_METRE = 10.0  # cost_scaling_factor, Nav2's default
+
+
+class Cost(Protocol):
+    """The cost of standing somewhere, where the robot does not collide."""
+
+    def at(self, points: Singles) -> Floats:
+        """Cost from 0 (none) to 1 (as a collision) at points, rows x, y, (2+, n); (n,)."""
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class CostMap:
+    """Log g = -β cost: 1 if the step x' → x collides, as in ``FreeSpace``, else the cost at x.
+
+    A step is charged for where it ends, not for its way: the next step begins there, so a way is
+    charged by the states along it, each once.
+
+    Attributes:
+        floor_plan: the map m.
+        radius: of the robot's disc, in the map's unit.
+        cost: where the robot does not collide.
+        beta: β ≥ 0; at inf every step that costs anything is rejected.
+    """
+
+    floor_plan: Map
+    radius: float
+    cost: Cost
+    beta: float = 10.0
+
+    def __post_init__(self) -> None:
+        number("beta", self.beta, low=0, finite=False)
+
+    def log_g(self, before: Singles, after: Singles) -> Floats:
+        """-β cost of each step, (n,)."""
+        collides = self.floor_plan.collides(before.T, after.T, self.radius)
+        cost = np.where(collides, 1.0, self.cost.at(after))
+        charge = np.zeros(cost.size)
+        return np.multiply(cost, -self.beta, out=charge, where=cost > 0.0)  # -inf · 0 is no charge
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class Inflation:
+    """exp(-cost_scaling_factor (d - radius)) up to d = inflation_radius from a wall, 0 beyond.
+
+    d is the exact distance of the robot's centre from the nearest wall; Nav2 takes that of cells.
+
+    Attributes:
+        floor_plan: the map m.
+        radius: of the robot's disc, Nav2's inscribed radius.
+        inflation_radius: at least ``radius``; equal, nothing but a collision costs.
+        cost_scaling_factor: per unit of length; None is Nav2's 10 / m, 0.2 / px.
+    """
+
+    floor_plan: Map
+    radius: float
+    inflation_radius: float
+    cost_scaling_factor: float | None = None
+
+    def __post_init__(self) -> None:
+        unit = self.floor_plan.unit
+        if self.cost_scaling_factor is not None:
+            number("cost_scaling_factor", self.cost_scaling_factor, low=0)
+        if number("inflation_radius", self.inflation_radius, low=0) < self.radius:
+            raise InputError(
+                f"inflation_radius is {self.inflation_radius:g} {unit}, but must be at least the "
+                f"robot's radius, {self.radius:g} {unit}: it is measured from the wall to the "
+                "robot's centre."
+            )
+
+    @property
+    def falloff(self) -> float:
+        """``cost_scaling_factor``, or its default."""
+        if self.cost_scaling_factor is None:
+            return _OF_METRE * PIXELS["m"] / pixel(self.floor_plan.unit)
+        return self.cost_scaling_factor
+
+    def at(self, points: Singles) -> Floats:
+        """See ``Cost``."""
+        distance = self.floor_plan.distance(points[:2].T).astype(np.float64)
+        beyond = np.maximum(distance - self.radius, 0.0)
+        cost = arrays.exp(-self.falloff * beyond)
+        near = (distance > self.radius) & (distance <= self.inflation_radius)
+        return np.where(near, cost, 0.0)
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class CostImage:
+    """The costs of square cells, each of its whole square; 0 off the image.
+
+    Attributes:
+        costs: from 0 to 1, the lowest row first, (rows, columns).
+        resolution: edge of a cell, in the map's unit.
+        origin: pose of the lower left corner of the first cell (x, y, yaw).
+    """
+
+    costs: Floats
+    resolution: float
+    origin: tuple[float, float, float]
+
+    @classmethod
+    def load(cls, path: str, floor_plan: Map, radius: float) -> "CostImage":
+        """Read a cost map: an image, or a yaml file of a map that names one.
+
+        Of the yaml file, ``resolution`` and ``origin`` count, in the map's unit; an image alone has
+        the cells of the floor plan. Values are those of nav2_msgs/Costmap: 0 free, to 252; from 253
+        on the robot collides; 255 no information, no cost. With ``mode: raw`` they are those of the
+        published nav_msgs/OccupancyGrid: 0 to 98, from 99 on it collides, else no information.
+
+        Raises:
+            InputError: a file cannot be read, is not aligned with the floor plan, or is no cost
+                map.
+        """
+        if not isinstance(path, str | os.PathLike):
+            raise InputError(f"cost_map is {path!r}, but must be the path of an image or a yaml.")
+        try:
+            pixels, said = image_with_place(path)
+        except InputError as error:
+            raise InputError(f"cost_map: {error}") from None
+        if pixels.dtype != np.uint8 or pixels.shape[2] != 1:
+            raise InputError(
+                f"the cost map {path} has {pixels.shape[2]} channels of {pixels.dtype}, but must "
+                "be an image of one channel of 8 bits (PGM, or a grey PNG)."
+            )
+        costs = _costs(pixels[::-1, :, 0], of_grid=said.get("mode") == "raw")
+        grid = floor_plan if isinstance(floor_plan, GridMap) else None
+        if said:
+            found = cls(costs=costs, resolution=said["resolution"], origin=said["origin"])
+        elif grid is not None and grid.occupancy.shape == costs.shape:
+            found = cls(costs=costs, resolution=grid.resolution, origin=grid.origin)
+        else:
+            has = "has no cells" if grid is None else f"has {_size(grid.occupancy)}"
+            raise InputError(
+                f"the cost map {path} has {_size(costs)} cells, but the floor plan {has}: give a "
+                "yaml file that names this image and says resolution and origin, as a map's does."
+            )
+        found._refuse_elsewhere(path, floor_plan, radius)
+        return found
+
+    def at(self, points: Singles) -> Floats:
+        """See ``Cost``."""
+        x0, y0, cosine, sine = self._frame
+        x, y = points[0].astype(np.float64) - x0, points[1].astype(np.float64) - y0
+        columns = np.floor((cosine * x + sine * y) / self.resolution)
+        rows = np.floor((cosine * y - sine * x) / self.resolution)
+        height, width = self.costs.shape
+        on = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+        cost = np.zeros(x.size)
+        cost[on] = self.costs[rows[on].astype(np.intp), columns[on].astype(np.intp)]
+        return cost
+
+    @cached_property
+    def _frame(self) -> tuple[float, float, float, float]:
+        x0, y0, yaw = self.origin
+        return x0, y0, float(arrays.cos([yaw])[0]), float(arrays.sin([yaw])[0])
+
+    def _refuse_elsewhere(self, path: str, floor_plan: Map, radius: float) -> None:
+        """Refuse an image on which the robot can stand nowhere: on a map, white is free."""
+        x0, y0, cosine, sine = self._frame
+        cells = np.flatnonzero(self.costs < 1.0)
+        for first in range(0, cells.size, _BLOCK):
+            rows, columns = np.divmod(cells[first : first + _BLOCK], self.costs.shape[1])
+            u, v = (columns + 0.5) * self.resolution, (rows + 0.5) * self.resolution
+            centres = np.column_stack([x0 + cosine * u - sine * v, y0 + sine * u + cosine * v])
+            if floor_plan.free(centres, radius).any():
+                return
+        raise InputError(
+            f"the cost map {path} has no cell below {INSCRIBED} where the robot is clear of the "
+            "walls: it lies elsewhere, or is an occupancy map, on which 0 is occupied and not free."
+        )
+
+
+def _size(cells: NDArray[Any]) -> str:
+    rows, columns = cells.shape
+    return f"{columns}x{rows}"
+
+
+def _costs(values: NDArray[np.uint8], *, of_grid: bool) -> Floats:
+    """Return the cost of each value of an image."""
+    value = np.arange(256.0)
+    if of_grid:  # as Costmap2DPublisher translates: 1 + 97 (cost - 1) / 251
+        cost = np.where(value > 0, 1 + (value - 1) * 251 / 97, 0.0)
+        cost[99:101], cost[101:] = INSCRIBED, NO_INFORMATION
+    else:
+        cost = value
+    share = np.minimum(cost / (INSCRIBED - 1), 1.0)
+    share[cost == NO_INFORMATION] = 0.0
+    return share[values]
