@@ -96,6 +96,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="Nav2's parameter file: sets all of amcl, and the options above that are not given",
     )
     add("--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)")
+    add(
+        "--residuals",
+        action="store_true",
+        help="also tell and draw where the map is wrong: cells that beams end in or pass though "
+        "the map says otherwise",
+    )
     shared.add_jobs(parser, "runs")
     shared.add_timeout(parser, "run")
     shared.add_out(parser)
@@ -146,4 +152,7 @@ def run(options: argparse.Namespace) -> str:
         check(sweep)
         said += gated(sweep, told.get("every"))
         notes = said if nav2 is None else [*said, *nav2.notes]
-        return run_replay(replay, sweep, options.out, Options(where=where), options.words, notes)
+        how = Options(where=where)
+        return run_replay(
+            replay, sweep, options.out, how, options.words, notes, residuals=options.residuals
+        )

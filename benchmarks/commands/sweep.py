@@ -72,7 +72,7 @@ def _share(text: str) -> float:
         raise argparse.ArgumentTypeError(f"it is {text!r}: give a share, as 5% or 0.05") from None
 
 
-def _stopping(options: argparse.Namespace, sweeps: "dict[str, Sweep]") -> "dict[str, Sweep]":
+def stopping(options: argparse.Namespace, sweeps: "dict[str, Sweep]") -> "dict[str, Sweep]":
     """Return the sweeps with what the options say of when they stop.
 
     Raises:
@@ -141,7 +141,7 @@ def _swept(options: argparse.Namespace) -> str:
     )
     how.where.check()
     with shared.checking():
-        sweeps = _stopping(options, shared.changed(options, sweeps_named(options.suite, added)))
+        sweeps = stopping(options, shared.changed(options, sweeps_named(options.suite, added)))
         for name in added:
             parameters(name)
         for sweep in sweeps.values():

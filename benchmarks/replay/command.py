@@ -12,6 +12,7 @@ from benchmarks.console import doing, warn
 from benchmarks.execution.apart import parameters, takes
 from benchmarks.files import write_part
 from benchmarks.replay.options import EVERY, NAME, Replay
+from benchmarks.replay.residuals import Residuals, files_of, residuals_of
 from benchmarks.report.animations import Drawn
 from benchmarks.report.tracks import accuracy, differences_table, tables_of
 from benchmarks.report.words import conclusion
@@ -103,6 +104,8 @@ def run_replay(
     options: Options,
     command: Sequence[str],
     warnings: Sequence[str],
+    *,
+    residuals: bool = False,
 ) -> str:
     """Run what is missing, write the folder; return what to print.
 
@@ -113,6 +116,7 @@ def run_replay(
         options: how the runs run.
         command: the words that this was started by.
         warnings: about the log.
+        residuals: whether to tell and draw where the map is wrong.
 
     Raises:
         TrialsFailedError: some runs failed; what the others gave is written.
@@ -122,11 +126,13 @@ def run_replay(
         results = running.results()
         rows = _rows(replay, sweep, results)
         said += warn([_misfit(replay, rows)])
+        wrong = residuals_of(replay, rows) if residuals else None
         with doing(f"writing the report in {out}"):
-            files = write_part(out, "replay", _contents(replay, rows, results, said))
+            files = write_part(out, "replay", _contents(replay, rows, results, said, wrong))
     apart = [table for panel in results.panels if (table := differences_table(panel))]
     first, *others = tables_of(rows)
     texts = [conclusion(results).text, *accuracy(rows), replay.overview]
+    texts += [] if wrong is None else [wrong.said]
     texts += [*(one.text("simple") for one in (first, *apart, *others)), *replay.facts]
     names = ", ".join(path.name for path in files if path.parent == out)
     texts.append(f"Written to {out}: {names} and {_TRACKS}/.")
@@ -184,13 +190,19 @@ def _rows(replay: Replay, sweep: Sweep, results: Results) -> list[Row]:
 
 
 def _contents(
-    replay: Replay, rows: Sequence[Row], results: Results, warnings: Sequence[str]
+    replay: Replay,
+    rows: Sequence[Row],
+    results: Results,
+    warnings: Sequence[str],
+    wrong: Residuals | None,
 ) -> dict[str, bytes]:
     contents = {
         "results.csv": utf8(results_csv(rows, next(iter(results.panels), None))),
         "trials.csv": utf8(trials_csv(rows)),
         **_tracks(replay, rows),
     }
+    if wrong is not None:
+        contents |= files_of(wrong, drawn=no_report() is None)
     if no_report() is None and results.panels:
         load()
         from benchmarks.report.pages import html
@@ -198,6 +210,8 @@ def _contents(
 
         notes = [*accuracy(rows), replay.overview, _WORLDS, *replay.facts]
         story = story_of(results, Drawn(Path()), notes=notes, warnings=warnings)
+        if wrong is not None:
+            story.sections[0].blocks.append(wrong.block)
         contents["report.html"] = utf8(html(story))
     return contents
 

@@ -4,7 +4,7 @@ import math
 import os
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +64,12 @@ class Replay:
     def log(self) -> Log:
         """The records that are played."""
         return self.scenario.recording()[0]
+
+    @property
+    def unchanged(self) -> "Replay | None":
+        """The same on the map whose walls are not changed on purpose; None if this is it."""
+        own = {n: v for n, v in self.world.items() if not n.startswith("changed_walls.")}
+        return None if len(own) == len(self.world) else replace(self, world=Changes(own))
 
     @property
     def motion(self) -> MotionModel:

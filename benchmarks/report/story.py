@@ -119,6 +119,10 @@ PARTS: Sequence[Part] = (
         tables=lambda panel: [tables.detection_table(panel)],
     ),
     Part(
+        heading="Lost, or is the map wrong here?",
+        tables=lambda panel: [tables.told_apart_table(panel)],
+    ),
+    Part(
         heading="Errors at every offset",
         tables=lambda panel: [error_tables.offsets_table(panel)],
         folded=True,

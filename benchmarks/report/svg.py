@@ -71,6 +71,7 @@ def looks(labels: Iterable[str]) -> dict[str, Look]:
     return {label: (_LOOKS | taken)[label] for label in listed}
 
 
+_DPI = 200  # of a PNG
 _LETTER, _MARK = 0.082, 0.46  # inches: of a letter in a legend, of a mark with its spacing
 HOUSE_STYLE: Any = {  # over matplotlib's defaults, while charts are made
     "text.parse_math": False,  # a name with a $ is a name
@@ -132,12 +133,20 @@ class Picture:
     @property
     def pdf(self) -> bytes:
         """PDF for print, with its text as text."""
+        return self._printed("pdf", metadata={"CreationDate": None})
+
+    @property
+    def png(self) -> bytes:
+        """PNG on white."""
+        return self._printed("png", dpi=_DPI, metadata={"Software": None})
+
+    def _printed(self, form: str, **how: Any) -> bytes:
         for axes in self.figure.axes:
             for line in (*axes.get_xgridlines(), *axes.get_ygridlines()):
                 line.set_color("#dddddd")
         buffer = io.BytesIO()
         with styled(HOUSE_STYLE | {"pdf.fonttype": 42, "font.sans-serif": fonts()}):
-            self.figure.savefig(buffer, format="pdf", metadata={"CreationDate": None})
+            self.figure.savefig(buffer, format=form, **how)
         return buffer.getvalue()
 
     @cached_property

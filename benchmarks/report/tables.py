@@ -8,6 +8,7 @@ from tabulate import tabulate
 
 from benchmarks.report.words import where
 from benchmarks.tables.auroc import Auroc
+from benchmarks.tables.map_validity import QUESTIONS, WRONG, told_apart
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import validities
 from benchmarks.tables.stats import Estimate
@@ -177,6 +178,32 @@ def validity_table(panels: Sequence[Panel]) -> Table | None:
     )
     header = ["scenarios", "method", *names, "steps in conflict"]
     return Table(caption, header, lines)
+
+
+def told_apart_table(panel: Panel) -> Table | None:
+    """The AUROC of what may tell lost robots from wrong maps; None where none is wrong."""
+    lines, names = [], dict[str, None]()
+    for row in told_apart([panel]):
+        for question, signals in row.answers.items():
+            told = {name: own for name, own in signals.items() if _tells(own)}
+            if told:
+                names |= dict.fromkeys(signals)
+                share = percent(next(iter(told.values())).far_steps, 1)
+                cells = [estimated(told[n].auroc) if n in told else "–" for n in signals]
+                lines.append([panel.labels[row.method], QUESTIONS[question], *cells, share])
+    if not lines:
+        return None
+    caption = (
+        "AUROC of what is seen at the best cluster. lost: it is not within 1 m and 30° of the true "
+        f"pose; the map is wrong here: more than {percent(WRONG)} of the returns contradict it "
+        "at the true pose. quality: P(not lost); explained: share of the returns that agree with "
+        "the map; beyond_random: explained, less the most at one of 256 random poses; short, long: "
+        "shares that contradict it; repeated, elsewhere: shares that do so where the map was "
+        "contradicted from another pose before, and where it was not. 1: trouble always has the "
+        "smaller quality, explained or beyond_random, or the larger share; ½: chance; below ½: "
+        "the opposite."
+    )
+    return Table(caption, ["method", "question", *names, "steps that are"], lines)
 
 
 def _tells(found: Auroc) -> bool:

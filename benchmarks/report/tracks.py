@@ -243,7 +243,7 @@ def _trajectory(
     height = min(9.0, (width - 0.77) * (y1 - y0) / (x1 - x0) + 0.62)
     lost = track.lost
     figure, axes = canvas(width, height, legend_of=(label, "reference", *([_LOST] if lost else [])))
-    _draw(floor_plan, axes)
+    draw_map(floor_plan, axes)
     if track.log.reference is not None and track.known.size:
         x, y, _ = track.log.reference[track.known].T
         axes.plot(x, y, color=INK, alpha=0.35, linewidth=2.5, label="reference")
@@ -288,7 +288,7 @@ def _error_chart(row: Row, look: Look, top: float, name: str) -> Picture:
     )
 
 
-def _draw(floor_plan: Map, axes: Axes) -> None:
+def draw_map(floor_plan: Map, axes: Axes) -> None:
     """Draw a map's walls, and its unknown or solid areas paler; free space is transparent."""
     view = View(floor_plan, _SCALE)
     darkness = 255.0 - Drawing(view).image[:, :, 0]

@@ -18,11 +18,13 @@ from benchmarks.sweeps.results import Results
 from benchmarks.tables.csv_files import (
     decisions_csv,
     gaps_csv,
+    maps_csv,
     plans_csv,
     results_csv,
     timings_csv,
     trials_csv,
 )
+from benchmarks.tables.map_validity import told_apart
 from benchmarks.tables.plan_validity import validities
 from benchmarks.trials.provenance import source_of
 from deqmcl_gym.files import utf8
@@ -135,6 +137,8 @@ def _tables(results: Results) -> dict[str, bytes]:
         tables["gaps.csv"] = gaps_csv(compared)
     if read := validities(compared):
         tables["plans.csv"] = plans_csv(read)
+    if apart := told_apart(compared):
+        tables["maps.csv"] = maps_csv(apart)
     return {name: utf8(text) for name, text in tables.items()}
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from benchmarks.tables.comparison import AVERAGED, RANGED
 from benchmarks.tables.journeys import scores_in, value_in
+from benchmarks.tables.map_validity import ToldApart
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import Validity
 from benchmarks.tables.text import csv_text
@@ -79,6 +80,21 @@ def plans_csv(rows: Iterable[Validity]) -> str:
     )
     found = ("auroc", "auroc_low", "auroc_high", "conflict_steps", "conflict_worlds")
     return csv_text(["scenarios", *_PANEL[1:], "signal", *found], lines)
+
+
+def maps_csv(rows: Iterable[ToldApart]) -> str:
+    """Return maps.csv: a line per setting, method, question and signal."""
+    lines = (
+        [
+            *(*_panel(row.panel), *_method(row.method), question, signal),
+            *(*found.auroc, found.far_steps, found.far_worlds),
+        ]
+        for row in rows
+        for question, signals in row.answers.items()
+        for signal, found in signals.items()
+    )
+    found = ("auroc", "auroc_low", "auroc_high", "steps", "worlds")
+    return csv_text([*_PANEL, "question", "signal", *found], lines)
 
 
 def trials_csv(records: Iterable[Finished]) -> str:

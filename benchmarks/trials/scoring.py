@@ -45,6 +45,8 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
         steps_done, scans_used: T, and scans with at least one beam in range.
         events: the localizer's counts of trouble.
         plan: ``trace.plan_columns`` of the steps t = 1 … T; None if no plan was read.
+        against_map: ``map_signals.MAP_COLUMNS`` of the steps t = 1 … T; None where the world is as
+            on the map.
         journey: of the whole run; None if the scenario asks for nothing.
         track: on a whole log; None of any other trial.
 
@@ -62,6 +64,7 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
     scans_used: Count
     events: dict[str, Count]
     plan: dict[str, list[Number | None]] | None = None
+    against_map: dict[str, list[Number | None]] | None = None
     journey: WholeRun | None = None
     track: RecordedTrack | None = None
 
@@ -80,6 +83,8 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
             raise ValueError(f"has a curve or qualities of another length than its {steps} steps")
         if self.track is not None and {*map(len, self.track.best)} != {steps + 1}:
             raise ValueError(f"has a track of another length than its {steps} steps")
+        if any(len(values) != steps for values in (self.against_map or {}).values()):
+            raise ValueError(f"has signals of the map of another length than its {steps} steps")
         if self.plan is not None and any(
             len(self.plan.get(name, ())) != steps for name in {"conflict", *self.plan}
         ):
@@ -138,6 +143,7 @@ def record(trace: Trace, lag: int, thresholds: Thresholds) -> Record:
         scans_used=trace.scans_used,
         events=trace.events,
         plan=plan_columns(trace.plans[1:]),
+        against_map=trace.against_map,
         journey=trace.journey,
         track=trace.track,
     )

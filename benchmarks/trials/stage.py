@@ -21,6 +21,7 @@ from benchmarks.trials.clouds import Task
 from benchmarks.trials.episode import Moment, moments
 from benchmarks.trials.journey_log import JourneyLog
 from benchmarks.trials.journeys import Group, groups_named, is_symmetric
+from benchmarks.trials.map_signals import MapSignals, differs
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Collector, Trace, trace_of
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
@@ -133,7 +134,9 @@ class Stage:
 
     def trace(self) -> Trace:
         """Run the trial and return its trace."""
-        return trace_of(self.moments(), self.trial.offsets, self.task, self.collector())
+        room = self.room
+        against = MapSignals(room.floor_plan, room.lidar) if differs(room) else None
+        return trace_of(self.moments(), self.trial.offsets, self.task, self.collector(), against)
 
     def check(self) -> None:
         """Begin an episode, make the agent and what the filters assume, without running it.

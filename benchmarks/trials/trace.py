@@ -95,6 +95,8 @@ class Trace:
         journey, track: what is kept of the whole run; None if that is not asked for.
         profile: means of (x, y, cos θ, sin θ) at more offsets, by offset: states (k,) and means
             (k, 4), at every ``PROFILE_STRIDE``-th state.
+        against_map: columns of ``map_signals`` after step t = 1 … T; None where the world is as on
+            the map.
     """
 
     unit: str
@@ -108,6 +110,7 @@ class Trace:
     journey: WholeRun | None = None
     track: RecordedTrack | None = None
     profile: dict[int, tuple[Indices, Floats]] = field(default_factory=dict)
+    against_map: dict[str, list[float | None]] | None = None
 
     @property
     def steps(self) -> int:
@@ -130,10 +133,27 @@ class Collector(Protocol):
         """Return the journey and the track."""
 
 
+class Against(Protocol):
+    """Sees a run step by step; keeps what contradicts the map, see ``map_signals``."""
+
+    def see(self, moment: Moment) -> None:
+        """Take in a step."""
+
+    def columns(self) -> dict[str, list[float | None]]:
+        """Return numbers after step t = 1 … T by name."""
+
+
 def trace_of(
-    episode: Iterable[Moment], offsets: Iterable[int], task: Task, whole: Collector | None = None
+    episode: Iterable[Moment],
+    offsets: Iterable[int],
+    task: Task,
+    whole: Collector | None = None,
+    against: Against | None = None,
 ) -> Trace:
-    """Run an episode to its end; keep its trace at these offsets, and what ``whole`` keeps."""
+    """Run an episode to its end; keep its trace at these offsets, and what ``whole`` keeps.
+
+    ``against`` collects what contradicts the map, where the world differs from it.
+    """
     asked = tuple(offsets)
     lap = _Lap(task)
     scored = _Beliefs(asked, lap, partial(_measured, task=task))
@@ -141,8 +161,9 @@ def trace_of(
     for moment in episode:
         for collector in (lap, scored, sampled):
             collector.see(moment)
-        if whole is not None:  # it trusts the form of a belief
-            whole.see(moment)
+        for own in (whole, against):
+            if own is not None:  # it trusts the form of a belief
+                own.see(moment)
     journey, track = (None, None) if whole is None else whole.kept()
     events = getattr(lap.belief, "events", None)
     return Trace(
@@ -165,6 +186,7 @@ def trace_of(
         journey=journey,
         track=track,
         profile={k: (states, table[:, :4]) for k, (states, table) in sampled.tables().items()},
+        against_map=None if against is None else against.columns(),
     )
 
 

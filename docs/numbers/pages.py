@@ -75,6 +75,11 @@ def sentences() -> Iterable[tuple[str, str]]:
     yield "docs/lost.md", f"has the same {n('success', 'amcl/driving', 'driving', 'mcl-map'):.0p} %"
     weak = [n("success_1m", "lost-hard/results", "lost-weak", m) for m in ("mcl-plan", "mcl-map")]
     yield "docs/lost.md", f"{weak[0]:.0p} % localized instead of {weak[1]:.0p} %"
+    looks = [r for r in read("plan-sensor/decisions") if r["verdict"]]
+    ends = sorted(int(r["worlds"]) for r in looks if r["verdict"] != "open")
+    half = ends[(len(ends) - 1) // 2]
+    yield "docs/sweeps.md", f"Of the {len(looks)} comparisons {len(ends)} were decided"
+    yield "docs/sweeps.md", f"half of them after at most {half} worlds"
     yield from hedge.sentences()
     speed = {r["figure"]: Number(r["ratio"]) for r in read("speed/quick") if r["ratio"]}
     many = [

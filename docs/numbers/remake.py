@@ -113,7 +113,8 @@ def sweep_of(command: str) -> Sweep | None:
     if first == "sweep":
         sweep_command.arguments(parser)
         options = parser.parse_args(rest)
-        (sweep,) = shared.changed(options, suites.sweeps_named(options.suite)).values()
+        sweeps = shared.changed(options, suites.sweeps_named(options.suite))
+        (sweep,) = sweep_command.stopping(options, sweeps).values()
         return sweep
     if first == "paper":
         paper_command.arguments(parser)

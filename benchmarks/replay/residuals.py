@@ -1,0 +1,202 @@
+"""``deqmcl replay --residuals``: where the map is wrong, by the run that fits it best."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from benchmarks.pictures import styled
+from benchmarks.replay.options import Replay
+from benchmarks.report.story import Block
+from benchmarks.report.svg import HOUSE_STYLE, INK, LOOKS, Picture, canvas, picture
+from benchmarks.report.tables import Table
+from benchmarks.report.tracks import draw_map
+from benchmarks.tables.text import csv_text, percent
+from benchmarks.tables.tracks import Row, Run
+from benchmarks.trials.known_changes import Recovered, recovered
+from benchmarks.trials.residuals import HIT, LEAST_POSES, THROUGH, Place, Scans, places_of
+from deqmcl_gym.files import utf8
+from deqmcl_gym.maps import Map
+
+HEADING = "Where is the map wrong?"
+PICTURE, TABLE = "residuals.png", "residuals.csv"
+_LISTED = 12  # places in the page; so many have their number in the picture
+_NUMBERS = ("x", "y", "width", "height")
+_COLORS = {HIT: "red", THROUGH: "blue"}
+_MARKS = {HIT: "s", THROUGH: "D"}
+_WIDTH = 6.4  # inches
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Where the map is wrong, by the scans of one run, from the poses of its best clusters.
+
+    Attributes:
+        label: of the localizer.
+        run: of it, the one whose scans agree best with the map.
+        floor_plan: the map that it was given.
+        true: the map before it was changed on purpose; None if it was not.
+    """
+
+    label: str
+    run: Run
+    floor_plan: Map
+    true: Map | None
+
+    @cached_property
+    def scans(self) -> Scans:
+        """Its scans, and where they were taken."""
+        log = self.run.track.log
+        return Scans(self.floor_plan, log.scanner, self.run.track.best, log.ranges)
+
+    @cached_property
+    def places(self) -> list[Place]:
+        """Where the map is wrong, the largest place first."""
+        return places_of(self.scans.evidence)
+
+    @cached_property
+    def recovered(self) -> Recovered | None:
+        """How well these places tell the changes made on purpose; None without any."""
+        return None if self.true is None else recovered(self.scans, self.places, self.true)
+
+    @property
+    def said(self) -> str:
+        """What was found, in words."""
+        kinds = [place.kind for place in self.places]
+        found = f"{kinds.count(HIT)} places hit in free space, {kinds.count(THROUGH)} seen through"
+        basis = (
+            f"by {int(self.scans.used.sum()):,} of {len(self.scans.used):,} scans of "
+            f"{self.label}, seed {self.run.seed}, the run whose scans agree best with the map"
+        )
+        texts = [f"Where the map is wrong: {found}, {basis}."]
+        if (told := self.recovered) is not None:
+            texts.append(
+                f"Of {told.changes} changes made on purpose {told.in_view} are in view, of these "
+                f"{told.found} are found{_share(told.found, told.in_view)}; {told.right} of "
+                f"{told.places} places are such changes{_share(told.right, told.places)}, "
+                f"{told.before} of the others are there without them, too."
+            )
+        return " ".join(texts)
+
+    @property
+    def csv(self) -> str:
+        """residuals.csv: a line per place."""
+        unit = self.floor_plan.unit
+        header = ["place", "kind", *(f"{name}_{unit}" for name in _NUMBERS)]
+        lines = (
+            [
+                *(number, place.kind),
+                *(f"{getattr(place, name):.3f}" for name in _NUMBERS),
+                *(place.cells, place.beams, place.poses, f"{place.share:.4f}"),
+            ]
+            for number, place in enumerate(self.places, 1)
+        )
+        return csv_text([*header, "cells", "beams", "poses", "share"], lines)
+
+    @property
+    def table(self) -> Table | None:
+        """The largest places; None if there is none."""
+        if not self.places:
+            return None
+        unit = self.floor_plan.unit
+        header = ["place", "kind", f"x, {unit}", f"y, {unit}", f"extent, {unit}"]
+        header += ["beams", "poses", "share"]
+        lines = [
+            [
+                *(str(number), place.kind, f"{place.x:.1f}", f"{place.y:.1f}"),
+                f"{place.width:.1f} × {place.height:.1f}",
+                *(f"{place.beams:,}", str(place.poses), percent(place.share)),
+            ]
+            for number, place in enumerate(self.places[:_LISTED], 1)
+        ]
+        rest = len(self.places) - len(lines)
+        caption = (
+            "Share: of the beams that reach its cells, those that contradict the map. Poses: at "
+            "least 0.5 m apart." + (f" The {rest} smaller places are in {TABLE}." if rest else "")
+        )
+        return Table(caption, header, lines)
+
+    @cached_property
+    def picture(self) -> Picture:
+        """The map in grey, with the cells of all places."""
+        x0, y0, x1, y1 = self.floor_plan.bounds
+        height = min(9.0, (_WIDTH - 0.77) * (y1 - y0) / (x1 - x0) + 0.62)
+        kinds = [kind for kind in (HIT, THROUGH) if any(p.kind == kind for p in self.places)]
+        poses = "poses of the scans"
+        figure, axes = canvas(_WIDTH, height, legend_of=(*kinds, poses))
+        draw_map(self.floor_plan, axes)
+        x, y = self.scans.poses[self.scans.used, :2].T
+        axes.plot(x, y, ".", color=INK, alpha=0.35, markersize=1.2, label=poses)
+        box = axes.get_position()
+        per_length = 72 * min(
+            _WIDTH * box.width / (x1 - x0), figure.get_figheight() * box.height / (y1 - y0)
+        )
+        lattice = self.scans.evidence.lattice
+        colors = {look.name: look.color for look in LOOKS}
+        for kind in kinds:
+            cells = np.concatenate([place.at for place in self.places if place.kind == kind])
+            axes.plot(
+                *lattice.centres(cells).T,
+                _MARKS[kind],
+                color=colors[_COLORS[kind]],
+                markersize=max(lattice.cell * per_length, 2.2),
+                markeredgewidth=0,
+            )
+            axes.plot([], [], _MARKS[kind], color=colors[_COLORS[kind]], label=kind)
+        for number, place in enumerate(self.places[:_LISTED], 1):
+            axes.annotate(
+                str(number), (place.x, place.y), (5, 5), textcoords="offset points", size=8
+            )
+        unit = self.floor_plan.unit
+        axes.set(
+            xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel=f"x, {unit}", ylabel=f"y, {unit}"
+        )
+        axes.grid(visible=False)
+        return picture(
+            figure,
+            name="residuals",
+            title=HEADING,
+            caption=f"Numbers: the {min(len(self.places), _LISTED)} largest places, as in the "
+            "table."
+            if self.places
+            else "No place was found.",
+            alt="The map, with the cells that were hit in free space or seen through",
+        )
+
+    @property
+    def block(self) -> Block:
+        """What the page shows."""
+        return Block(
+            heading=HEADING,
+            note=f"{self.said} A place counts if beams from {LEAST_POSES} poses or more, at least "
+            "0.5 m apart, read clearly less (hit in free space) or more (seen through) than the "
+            "map says, and no more beams agree with it. Unknown cells say nothing.",
+            tables=[self.table] if self.table else [],
+            pictures=[self.picture],
+            folded=False,
+            small=False,
+        )
+
+
+def residuals_of(replay: Replay, rows: Sequence[Row]) -> Residuals | None:
+    """Return where the map is wrong, by the run that fits it best; None if no run has ended."""
+    runs = [(row.label, run) for row in rows for run in row.runs]
+    if not runs:
+        return None
+    label, run = max(runs, key=lambda one: one[1].scores["agreement_03"])
+    true = None if replay.unchanged is None else replay.unchanged.scenario.recording()[1]
+    return Residuals(label, run, replay.scenario.recording()[1], true)
+
+
+def files_of(found: Residuals, *, drawn: bool) -> Mapping[str, bytes]:
+    """Return residuals.csv and, if it can be ``drawn``, residuals.png, by name."""
+    files = {TABLE: utf8(found.csv)}
+    if drawn:
+        with styled(HOUSE_STYLE):
+            files[PICTURE] = found.picture.png
+    return files
+
+
+def _share(part: int, of: int) -> str:
+    return f" ({percent(part / of)})" if of else ""

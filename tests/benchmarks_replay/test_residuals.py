@@ -1,0 +1,141 @@
+"""Where a map is wrong: known changes are found, and nothing else is."""
+
+import csv
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hall import recorded_in_a_hall
+
+from benchmarks.cli import main
+from benchmarks.trials.known_changes import recovered
+from benchmarks.trials.residuals import CLEAR, HIT, THROUGH, Expected, Scans, known_part, places_of
+from deqmcl_gym import logs
+from deqmcl_gym.maps import GridMap
+
+GONE, NEW = (slice(28, 40), slice(54, 60)), (slice(40, 46), slice(66, 72))  # cells of the hall
+
+
+@pytest.fixture(scope="module")
+def lap():
+    """A hall, and the log of a lap in it."""
+    return recorded_in_a_hall(steps=60)
+
+
+@pytest.fixture(scope="module")
+def wrong(lap):
+    """The hall on a map that lacks a wall of it, and has a box that is not there."""
+    cells = lap[0].occupancy.copy()
+    cells[GONE], cells[NEW] = 0, 100
+    return replace(lap[0], occupancy=cells)
+
+
+def scans_of(floor_plan, log, poses=None):
+    """The scans of a log, by default from where they were taken."""
+    return Scans(floor_plan, log.scanner, log.reference if poses is None else poses, log.ranges)
+
+
+def off(place, cells):
+    """Distance of a place's centre from a block of cells, in m."""
+    (rows, columns), resolution = cells, 0.05
+    nearest = (
+        np.clip(place.x, resolution * columns.start, resolution * columns.stop),
+        np.clip(place.y, resolution * rows.start, resolution * rows.stop),
+    )
+    return math.hypot(place.x - nearest[0], place.y - nearest[1])
+
+
+def test_a_map_that_is_right_has_no_wrong_place(lap):
+    assert places_of(scans_of(*lap).evidence) == []
+
+
+def test_a_missing_wall_is_hit_in_free_space_and_a_wall_too_many_is_seen_through(lap, wrong):
+    places = places_of(scans_of(wrong, lap[1]).evidence)
+    assert {place.kind for place in places} == {HIT, THROUGH}
+    for place in places:
+        # sensor noise of 0.02 m, cells of 0.1 m
+        assert off(place, GONE if place.kind == HIT else NEW) <= 0.1 + 4 * 0.02
+        assert place.poses >= 3
+        assert 0.5 <= place.share <= 1
+        assert place.at.size == place.cells
+
+
+def test_known_changes_in_view_are_found_and_all_places_are_changes(lap, wrong):
+    scans = scans_of(wrong, lap[1])
+    told = recovered(scans, places_of(scans.evidence), lap[0])
+    assert (told.changes, told.in_view, told.found) == (2, 2, 2)
+    assert told.right == told.places > 0
+    assert told.before == 0
+
+
+def test_what_is_wrong_on_the_true_map_too_is_no_change_but_told_apart(lap, wrong):
+    scans = scans_of(wrong, lap[1])
+    told = recovered(scans, places_of(scans.evidence), wrong)
+    assert (told.changes, told.right) == (0, 0)
+    assert told.before == told.places > 0
+
+
+def test_one_pose_is_no_evidence_however_often_it_looks(lap, wrong):
+    _, log = lap
+    assert places_of(scans_of(wrong, log).evidence)
+    still = log.of_records(np.full(200, 30))
+    assert places_of(scans_of(wrong, still).evidence) == []
+
+
+def test_scans_of_a_robot_that_is_lost_are_not_used(lap):
+    hall, log = lap
+    poses = np.tile([0.4, 3.0, 0.3], (len(log), 1))
+    scans = scans_of(hall, log, poses)
+    assert not scans.used.any()
+    assert places_of(scans.evidence) == []
+
+
+def test_unknown_cells_stop_no_beam_and_are_no_free_space():
+    cells = np.zeros((40, 60), np.int8)
+    cells[:, 40:42], cells[:, 50:52] = -1, 100
+    known = known_part(GridMap(occupancy=cells, resolution=0.05))
+    assert known.ranges([(1.0, 1.0, 0.0)], [0.0])[0, 0] == pytest.approx(1.5, abs=1e-5)
+    assert not known.free([(2.05, 1.0)])[0]
+
+
+def test_a_reading_is_short_or_long_beyond_what_all_poses_nearby_see_and_else_explained(lap):
+    hall, log = lap
+    known = known_part(hall)
+    pose, lidar = log.reference[:1], log.scanner
+    expected = Expected.of(known, lidar, pose)
+    exact = expected.here
+    np.testing.assert_array_equal(
+        exact, known.ranges(lidar.origins(pose.T).T, lidar.bearings), strict=True
+    )
+    assert expected.fit(exact).explained[0] == 1
+    # beyond what any pose 0.1 m off sees along a wall that is met head on
+    least, most = exact - CLEAR - 0.1 - 1e-3, exact + CLEAR + 0.1 + 1e-3
+    ahead = int(np.argmin(exact))  # the nearest wall is met head on
+    assert expected.fit(least).short[0, ahead]
+    assert expected.fit(most).long[0, ahead]
+    nothing = expected.fit(np.full_like(exact, np.inf))
+    assert not nothing.returned.any()
+    assert np.isnan(nothing.explained[0])
+
+
+def test_replay_writes_the_picture_and_a_line_per_place(lap, wrong, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    _, log = lap
+    wrong.save("wrong.yaml")
+    logs.Trajectory(log.times, log.reference).write("lap.tum")
+    logs.write(replace(log, reference=None), "lap.csv")
+    log_and_map = ["lap.csv", "--map", "wrong.yaml", "--reference", "lap.tum", "--out", "o"]
+    how = ["--every", "0.1m,5deg", "--scan", "sigma=0.05", "--seeds", "1", "--jobs", "1"]
+    words = ["replay", *log_and_map, *how, "--localizers", "mcl", "--particles", "1000"]
+    assert main([*words, "--residuals"]) == 0
+    said = capsys.readouterr().out
+    lines = list(csv.DictReader((tmp_path / "o/residuals.csv").open(encoding="utf-8")))
+    kinds = [line["kind"] for line in lines]
+    assert {HIT, THROUGH} == set(kinds), said
+    told = f"{kinds.count(HIT)} places hit in free space, {kinds.count(THROUGH)} seen through"
+    assert told in said
+    assert (tmp_path / "o/residuals.png").read_bytes().startswith(b"\x89PNG")
+    assert "Where is the map wrong?" in (tmp_path / "o/report.html").read_text(encoding="utf-8")
+    assert main(words) == 0  # without the option they go
+    assert not (tmp_path / "o/residuals.png").exists()
