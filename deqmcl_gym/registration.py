@@ -1,12 +1,14 @@
 """Register ``deqmcl_gym/Room-v0``, ``Log-v0`` and the presets when Gymnasium is imported.
 
 ``deqmcl_gym/Guided-v0`` is ``Room-v0`` with ``preset="guided"``, and so on for all presets.
-``deqmcl_gym/Journey-v0`` is ``Room-v0`` with a route through an office, and without a time limit:
-its episodes end where their plan does, whose length follows the route.
+``deqmcl_gym/Journey-v1`` is ``Room-v0`` with a route through an office, a driver and the goal in
+the observation, and without a time limit: its episodes end where their plan does, whose length
+follows the route. ``Localize-v0`` and ``Track-v0`` are tasks of acting on a localizer's belief.
 
 Gymnasium itself is not imported here: localizers use the maps of this package without it.
 """
 
+import math
 import sys
 from collections.abc import Sequence
 from importlib.abc import Loader, MetaPathFinder
@@ -17,10 +19,19 @@ from typing import Any
 from deqmcl_gym.world.config import WORLDS
 
 ENV_ID = "deqmcl_gym/Room-v0"
-JOURNEY_ENV_ID = "deqmcl_gym/Journey-v0"
+JOURNEY_ENV_ID = "deqmcl_gym/Journey-v1"
 LOG_ENV_ID = "deqmcl_gym/Log-v0"
+TASKS = {"deqmcl_gym/Localize-v0": "localize", "deqmcl_gym/Track-v0": "track"}
 # Twice the 204 steps of the planned lap in the paper's room (a test checks this)
 MAX_EPISODE_STEPS = 408
+_JOURNEY = {
+    "floor_plan": {"office": {}},
+    "lidar": {"beams": 16, "field_of_view": 2 * math.pi, "sigma": 0.5},  # m, as an office is
+    "route": {},
+    "driver": {},
+    "observation": "dict",
+    "horizon": 50,
+}
 _ROOM = "deqmcl_gym.envs.room:RoomEnv"
 _REGISTRY = "gymnasium.envs.registration"
 
@@ -42,10 +53,10 @@ def _register(registry: ModuleType) -> None:
     _register_room(registry, ENV_ID, {})
     for preset in WORLDS:
         _register_room(registry, preset_id(preset), {"preset": preset})
-    registry.register(
-        id=JOURNEY_ENV_ID, entry_point=_ROOM, kwargs={"floor_plan": {"office": {}}, "route": {}}
-    )
+    registry.register(id=JOURNEY_ENV_ID, entry_point=_ROOM, kwargs=_JOURNEY)
     registry.register(id=LOG_ENV_ID, entry_point="deqmcl_gym.envs.log:LogEnv")
+    for name, task in TASKS.items():  # localizers are imported when one is made
+        registry.register(id=name, entry_point=f"benchmarks.tasks:{task}")
 
 
 def _register_room(registry: ModuleType, name: str, kwargs: dict[str, Any]) -> None:

@@ -1,4 +1,4 @@
-"""A localizer's belief as an observation, and its error as a reward."""
+"""A localizer's belief as an observation."""
 
 import copy
 import math
@@ -7,11 +7,12 @@ from typing import Any, Protocol, SupportsFloat, runtime_checkable
 import gymnasium as gym
 import numpy as np
 
-from deqmcl_gym.envs.wrappers import room_of
+from deqmcl_gym.maps import Map
+from deqmcl_gym.maps.clusters import two_clusters
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals, Singles
-from deqmcl_gym.validation import LARGEST, InputError, shown
+from deqmcl_gym.validation import LARGEST, InputError, integer, number, shown
 
 Seen = dict[str, Any]
 StepResult = tuple[Seen, SupportsFloat, bool, bool, dict[str, Any]]
@@ -31,16 +32,94 @@ class Estimator(Protocol):
         """Return the belief after one step."""
 
 
+class BeliefView:
+    """What an observation shows of a belief: a dict of float32 arrays.
+
+    - ``mean`` (3,): x, y, θ in [-π, π]; the heading is the direction of the mean (cos θ, sin θ).
+    - ``covariance`` (3, 3): of x, y, θ around it.
+    - ``entropy`` (1,): ½ log((2πe)³ det(covariance + f)), nats, f = (0.1 px)², (0.1 px)², 10⁻⁶.
+    - ``best`` (3,), ``best_share`` (1,): pose and share of the best cluster (``best_cluster``).
+    - ``second`` (3,), ``second_share`` (1,): those of the best one outside it; see
+      ``two_clusters``.
+    - ``quality`` (1,): P(not lost), if the localizer estimates it.
+    - ``particles`` (k, 3): poses drawn by weight, if asked for.
+    - ``occupancy`` (rows, columns): the share in each square of the map, the lowest row first, if
+      asked for.
+
+    Args:
+        floor_plan: the map.
+        has_quality: whether beliefs have a quality.
+        particles: k.
+        cell: side of the squares, in the map's unit; None: no ``occupancy``.
+
+    Attributes:
+        spaces: of the dict, by key.
+    """
+
+    def __init__(
+        self,
+        floor_plan: Map,
+        *,
+        has_quality: bool = False,
+        particles: int = 0,
+        cell: float | None = None,
+    ) -> None:
+        self._unit, self._bounds = floor_plan.unit, floor_plan.bounds
+        self._floor = _FLOOR * np.array([pixel(self._unit)] * 2 + [1.0]) ** 2
+        self._has_quality = has_quality
+        self._particles = integer("particles", particles)
+        shapes = {"mean": (3,), "covariance": (3, 3), "entropy": (1,), "best": (3,), "second": (3,)}
+        if particles:
+            shapes["particles"] = (particles, 3)
+        free = {name: gym.spaces.Box(-LARGEST, LARGEST, shape) for name, shape in shapes.items()}
+        shares = ["best_share", "second_share"] + ["quality"] * has_quality
+        parts = {name: gym.spaces.Box(0.0, 1.0, (1,)) for name in shares}
+        self.spaces: dict[str, gym.spaces.Box] = {**free, **parts}
+        self._cell = cell
+        if cell is not None:
+            side = number("cell", cell, low=0, above=True)
+            x0, y0, x1, y1 = self._bounds
+            self._grid = math.ceil((y1 - y0) / side), math.ceil((x1 - x0) / side)
+            self.spaces["occupancy"] = gym.spaces.Box(0.0, 1.0, self._grid)
+
+    def shown(self, belief: Any, rng: np.random.Generator) -> Seen:
+        """Return the dict; ``rng`` draws the particles."""
+        poses, weights = belief.points()
+        mean, covariance = _moments(poses, weights)
+        log_det = float(np.linalg.slogdet(covariance + np.diag(self._floor))[1])
+        best, second = two_clusters(poses, weights, unit=self._unit)
+        seen: dict[str, Any] = {
+            "mean": mean,
+            "covariance": covariance,
+            "entropy": [0.5 * (3 * math.log(2 * math.pi * math.e) + log_det)],
+            "best": best.mean,
+            "best_share": [min(best.share, 1.0)],
+            "second": second.mean,
+            "second_share": [min(second.share, 1.0)],
+        }
+        if self._has_quality:
+            seen["quality"] = [belief.quality]
+        if self._particles:
+            seen["particles"] = poses[rng.choice(len(poses), self._particles, p=weights)]
+        if self._cell is not None:
+            seen["occupancy"] = self._occupancy(poses, weights, self._cell)
+        return {name: np.array(value, np.float32) for name, value in seen.items()}
+
+    def _occupancy(self, poses: Reals, weights: Floats, cell: float) -> Floats:
+        rows, columns = self._grid
+        x0, y0, _, _ = self._bounds
+        column, row = np.floor((np.asarray(poses)[:, :2].T - [[x0], [y0]]) / cell)
+        inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+        number_of = (row * columns + column)[inside].astype(np.intp)
+        counted = np.bincount(number_of, weights[inside], rows * columns)
+        image: Floats = np.minimum(counted, 1.0).reshape(rows, columns)
+        return image
+
+
 class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.RecordConstructorArgs):
     """Run a localizer inside the env and add its belief to the observation.
 
-    The observation is a dict: ``scan``, or the env's own dict, and
-
-    - ``mean`` (3,): of the belief, x, y, θ in [-π, π]; the heading is the direction of the mean
-      (cos θ, sin θ).
-    - ``covariance`` (3, 3): of x, y, θ around it.
-    - ``entropy`` (1,): ½ log((2πe)³ det(covariance + f)), nats, f = (0.1 px)², (0.1 px)², 10⁻⁶.
-    - ``quality`` (1,): P(not lost), if the localizer estimates it.
+    The observation is a dict: ``scan``, or the env's own dict, and the keys of ``BeliefView``.
 
     The localizer gets the same input as in a benchmark, never the true pose. Its random generator
     is spawned from the env's ``np_random`` at each reset: same seed, same beliefs.
@@ -50,13 +129,25 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
         localizer: ``localizers.make(...)``, or any object with its ``reset`` and ``update``; the
             env runs a copy of it, also when it is made anew from its ``spec``.
         prior: p(x_0), given to the localizer at each reset.
+        particles: how many poses drawn from the belief are shown.
+        cell: side of the squares of ``occupancy``, in the map's unit; None: it is not shown.
+
+    Attributes:
+        belief: the latest, for planners; by ``env.get_wrapper_attr("belief")`` from outside.
 
     Raises:
         InputError: the env shows no scan, or the localizer is none.
     """
 
-    def __init__(self, env: gym.Env[Any, Singles], localizer: Estimator, prior: Any) -> None:
-        given = {"localizer": localizer, "prior": prior}
+    def __init__(
+        self,
+        env: gym.Env[Any, Singles],
+        localizer: Estimator,
+        prior: Any,
+        particles: int = 0,
+        cell: float | None = None,
+    ) -> None:
+        given = {"localizer": localizer, "prior": prior, "particles": particles, "cell": cell}
         gym.utils.RecordConstructorArgs.__init__(self, _disable_deepcopy=True, **given)
         super().__init__(env)
         if not isinstance(localizer, Estimator):
@@ -73,13 +164,12 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
             )
         localizer = copy.deepcopy(localizer)
         self._localizer, self._prior = localizer, prior
-        self._floor = _FLOOR * np.array([pixel(room.floor_plan.unit)] * 2 + [1.0]) ** 2
-        tried = localizer.reset(prior, np.empty((0, 2)), np.random.default_rng(0))
-        shapes = {"mean": (3,), "covariance": (3, 3), "entropy": (1,)}
-        spaces = {name: gym.spaces.Box(-LARGEST, LARGEST, shape) for name, shape in shapes.items()}
-        self._has_quality = getattr(tried, "quality", None) is not None
-        if self._has_quality:
-            spaces["quality"] = gym.spaces.Box(0.0, 1.0, (1,))
+        self.belief = localizer.reset(prior, np.empty((0, 2)), np.random.default_rng(0))
+        self._rng, self._shows_particles = np.random.default_rng(0), particles > 0
+        has_quality = getattr(self.belief, "quality", None) is not None
+        self._view = BeliefView(
+            room.floor_plan, has_quality=has_quality, particles=particles, cell=cell
+        )
         own = env.observation_space
         shows = own.spaces if isinstance(own, gym.spaces.Dict) else {"scan": own}
         if getattr(shows.get("scan"), "shape", None) != (room.lidar.beams,):
@@ -88,7 +178,7 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
                 f"{room.lidar.beams} beams: put BeliefObservation inside the wrapper that changes "
                 "the observation."
             )
-        self.observation_space = gym.spaces.Dict({**shows, **spaces})
+        self.observation_space = gym.spaces.Dict({**shows, **self._view.spaces})
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -96,59 +186,21 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
         """Reset env and localizer."""
         seen, info = self.env.reset(seed=seed, options=options)
         (rng,) = self.unwrapped.np_random.spawn(1)
-        belief = self._localizer.reset(self._prior, _plan(info), rng)
-        return self._with(seen, belief), info
+        if self._shows_particles:
+            (self._rng,) = self.unwrapped.np_random.spawn(1)
+        self.belief = self._localizer.reset(self._prior, _plan(info), rng)
+        return self._with(seen), info
 
     def step(self, action: Singles) -> StepResult:
         """Step the env and update the localizer."""
         seen, reward, terminated, truncated, info = self.env.step(action)
         scan = seen["scan"] if isinstance(seen, dict) else seen
-        belief = self._localizer.update(scan.copy(), info["action"].copy(), _plan(info))
-        return self._with(seen, belief), reward, terminated, truncated, info
+        self.belief = self._localizer.update(scan.copy(), info["action"].copy(), _plan(info))
+        return self._with(seen), reward, terminated, truncated, info
 
-    def _with(self, seen: Any, belief: Any) -> Seen:
-        mean, covariance = _moments(*belief.points())
-        log_det = float(np.linalg.slogdet(covariance + np.diag(self._floor))[1])
-        entropy = 0.5 * (3 * math.log(2 * math.pi * math.e) + log_det)
-        shows = dict(seen) if isinstance(seen, dict) else {"scan": seen}
-        shows["mean"], shows["covariance"] = mean.astype(np.float32), covariance.astype(np.float32)
-        shows["entropy"] = np.array([entropy], np.float32)
-        if self._has_quality:
-            shows["quality"] = np.array([belief.quality], np.float32)
-        return shows
-
-
-class LocalizationReward(
-    gym.Wrapper[Seen, Singles, Seen, Singles], gym.utils.RecordConstructorArgs
-):
-    """Replace the reward by -‖mean - truth‖ in (x, y), in the map's unit: active localization.
-
-    The reward is highest where the localizer is most accurate.
-
-    Args:
-        env: with a BeliefObservation among its wrappers, and no wrapper around it that changes the
-            observation.
-
-    Raises:
-        InputError: there is no BeliefObservation, or the env is not Room-v0.
-    """
-
-    def __init__(self, env: gym.Env[Seen, Singles]) -> None:
-        gym.utils.RecordConstructorArgs.__init__(self)
-        super().__init__(env)
-        room_of(env)
-        spaces = getattr(env.observation_space, "spaces", {})
-        if "mean" not in spaces:
-            raise InputError(
-                f"the env's observations are {shown(env.observation_space)}, but the error needs "
-                "an estimate: put LocalizationReward around a BeliefObservation."
-            )
-
-    def step(self, action: Singles) -> StepResult:
-        """Step; the reward is the negative error of the localizer."""
-        seen, _, terminated, truncated, info = self.env.step(action)
-        dx, dy = seen["mean"][:2] - info["truth"][:2]
-        return seen, -float(np.hypot(dx, dy)), terminated, truncated, info
+    def _with(self, seen: Any) -> Seen:
+        shows = seen if isinstance(seen, dict) else {"scan": seen}
+        return {**shows, **self._view.shown(self.belief, self._rng)}
 
 
 def _plan(info: dict[str, Any]) -> Reals:

@@ -48,7 +48,8 @@ class RoomEnv(gym.Env[Any, Singles]):
 
     **Observation Space**: `Box(0, 400, (beams,), float32)`: ranges (px). With `observation="dict"`
     also `plan` (h, 2), the actions to come; `progress` (1,), along the lap; `clock` (1,), the share
-    of the plan's steps that are done. `info` has the plan too, and under `truth` the true pose.
+    of the plan's steps that are done; `goal` (2,), the end of a route. `info` has the plan too, and
+    under `truth` the true pose.
 
     **Rewards**: progress along the lap in px up to the goal, -10 for a contact, +100 at the goal.
 
@@ -57,7 +58,7 @@ class RoomEnv(gym.Env[Any, Singles]):
 
     **Episode End**: terminated when the robot, once round, touches the line it started from, at
     any point of it; never with `ends_at_goal=False`. Truncated when the plan is used up before, or
-    after `max_episode_steps` (408; none in `Journey-v0`).
+    after `max_episode_steps` (408; none in `Journey-v1`).
 
     **Version History**: v0, as of 0.2.0 with this reward and end.
 
@@ -84,7 +85,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         horizon: number of planned actions shown; None shows all that are left. Routes differ in
             length, so several envs with routes in one ``gym.make_vec`` need a number.
         ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
-        observation: "scan", or "dict" for scan, plan, progress and clock.
+        observation: "scan", or "dict" for scan, plan, progress, clock and the goal of a route.
         render_mode: None or "rgb_array".
         unknown: refused, with the nearest valid name.
 
@@ -300,7 +301,8 @@ class RoomEnv(gym.Env[Any, Singles]):
         episode = self._episode
         covered = episode.progress / episode.course.path.length
         elapsed = episode.step / episode.plan.limit
-        return self._rules.seen(episode.scan, info["planned_actions"], covered, elapsed)
+        goal = episode.course.goal
+        return self._rules.seen(episode.scan, info["planned_actions"], covered, elapsed, goal)
 
     @property
     def _episode(self) -> Episode:

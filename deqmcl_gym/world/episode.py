@@ -151,7 +151,52 @@ def _corners_into_the_room(edges: Floats) -> list[Point]:
     return [(x, y) for x, y in edges[right, :2].tolist()]
 
 
-class Episode:
+class Body:
+    """A robot in a world: it moves with noise, stops at walls, and takes scans.
+
+    Attributes:
+        pose: the true one (x, y, θ).
+        scan: the last one, (B,).
+    """
+
+    def __init__(
+        self,
+        pose: Pose,
+        physics: Physics,
+        sensor: LidarSensor,
+        noise: tuple[float, float, float],
+        motion: np.random.Generator,
+    ) -> None:
+        """Put the robot at a pose, and take its first scan.
+
+        Args:
+            pose: (x, y, θ), θ in [-π, π).
+            physics: its disc, placed there.
+            sensor: its lidar.
+            noise: σ_dd, σ_φφ and σ_φd of the motion.
+            motion: two normal numbers per move are drawn from it.
+        """
+        self.pose, self._physics, self._sensor = pose, physics, sensor
+        self._noise, self._motion = noise, motion
+        self.look()
+
+    def move(self, distance: float, turn: float) -> bool:
+        """Turn, then drive, with noise; return whether a wall stopped the robot."""
+        physics, heading = self._physics, self.pose[2]
+        of_drive, of_turn = self._motion.standard_normal(2).tolist()
+        heading, *drive = drawn(
+            heading, distance, turn, (of_drive, of_turn), self._noise, physics.walls.reach
+        )
+        collided = physics.drive(*drive)
+        self.pose = (*physics.position, heading)
+        return collided
+
+    def look(self) -> None:
+        """Take a scan."""
+        self.scan = self._sensor.scan(self.pose)
+
+
+class Episode(Body):
     """All state that changes between two resets.
 
     Attributes:
@@ -159,13 +204,11 @@ class Episode:
         course: the path, and the actions planned for it.
         plan: the actions to come.
         step: steps carried out.
-        pose: the true one (x, y, θ).
         arc: arc length at which the robot is on the path.
         way: distance along the path since reset, jumps included.
         progress: the same without jumps.
         done: whether the task is done.
         ended: whether the episode has ended.
-        scan: the last one, (B,).
     """
 
     def __init__(self, rules: RoomRules, walls: Contacts, *, seed: int, number: int) -> None:
@@ -177,7 +220,6 @@ class Episode:
         self._rules = rules
         self.course, self.plan = rules.begun(seed, number)
         self._seed, self._number = seed, number
-        self._motion = self.stream(Stream.MOTION)
         self._reality = Reality.drawn(rules.world, self.course, self.plan, self.stream)
         world = self._reality.world
         self.there = rules if world is rules.world else replace(rules, world=world)
@@ -187,15 +229,15 @@ class Episode:
         self._crowd = self._reality.crowd(self.pose[:2], self.stream)
         caster = self._reality.caster(self._crowd, self.stream)
         datum, noise = world.floor_plan.datum, self.stream(Stream.SENSOR)
-        self._sensor = LidarSensor(caster, datum, world.lidar, noise)
+        sensor = LidarSensor(caster, datum, world.lidar, noise)
         solid = walls if self.there is rules else contacts_of(world)
         if self._crowd is not None:
             solid = Crowded(solid, self._crowd, world.body)
-        self._physics = Physics(solid, self.pose[:2])
+        motion = self.stream(Stream.MOTION)
+        super().__init__(self.pose, Physics(solid, self.pose[:2]), sensor, rules.noise, motion)
         self.arc = rules.first_arc(self.course, self.pose[:2])
         self.way = self.progress = 0.0
         self.step, self.done, self.ended = 0, False, False
-        self.scan = self._sensor.scan(self.pose)
 
     def picture(self, view: "View") -> "Drawing":
         """Draw what is there, without the robot."""
@@ -247,17 +289,12 @@ class Episode:
         Returns:
             The reward; whether a wall stopped the robot.
         """
-        rules, physics, path = self._rules, self._physics, self.course.path
-        x, y, heading = self.pose
-        of_drive, of_turn = self._motion.standard_normal(2).tolist()
-        heading, *drive = drawn(
-            heading, distance, turn, (of_drive, of_turn), rules.noise, physics.walls.reach
-        )
-        collided = physics.drive(*drive)
-        self.pose = (*physics.position, heading)
+        rules, path = self._rules, self.course.path
+        before = self.pose[:2]
+        collided = self.move(distance, turn)
         self.step += 1
         self.arc, gained, reward, self.done = judged(
-            (x, y, *physics.position), self.arc, self.progress, collided,
+            (*before, *self.pose[:2]), self.arc, self.progress, collided,
             path.edges, path.period, rules.rewards,
         )  # fmt: skip
         self.way += gained
@@ -267,7 +304,7 @@ class Episode:
         if self._crowd is not None:
             self._crowd.walk(self.pose[:2])
             self._physics.place(self.pose[:2])  # who walks may be in the way now
-        self.scan = self._sensor.scan(self.pose)
+        self.look()
         return reward, collided
 
     def _is_at_goal(self) -> bool:

@@ -14,7 +14,7 @@ from deqmcl_gym import validation
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
-from deqmcl_gym.validation import InputError, boolean, integer, one_of
+from deqmcl_gym.validation import LARGEST, InputError, boolean, integer, one_of
 from deqmcl_gym.world.config import WORLDS, Robot, World
 from deqmcl_gym.world.course import MAX_STEPS, Course, Point, Pose, wrapped
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan
@@ -171,7 +171,7 @@ class RoomRules:
         world: all parts of the world, as configured.
         horizon: how many planned actions ``info`` shows; None: all.
         ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
-        observation: "scan", or "dict" for scan, plan, progress and clock.
+        observation: "scan", or "dict" for scan, plan, progress, clock and the goal of a route.
     """
 
     world: World
@@ -273,14 +273,25 @@ class RoomRules:
         if self.observation == "scan":
             return scans
         actions, shape = self.commands.space, (self.horizon or self.plan.horizon, 1)
+        goal: dict[str, Any] = {}
+        if self.world.route is not None:
+            goal["goal"] = gym.spaces.Box(-LARGEST, LARGEST, (2,))
         return gym.spaces.Dict(
             scan=scans,
+            **goal,
             plan=gym.spaces.Box(np.tile(actions.low, shape), np.tile(actions.high, shape)),
             progress=gym.spaces.Box(-1.0, 1.0, (1,), np.float32),
             clock=gym.spaces.Box(0.0, 1.0, (1,), np.float32),
         )
 
-    def seen(self, scan: Singles, planned: Singles, covered: Any, elapsed: Any) -> Any:
+    def seen(
+        self,
+        scan: Singles,
+        planned: Singles,
+        covered: Any,
+        elapsed: Any,
+        goal: Point | None = None,
+    ) -> Any:
         """Return an observation of one room or of n, all arrays fresh.
 
         Args:
@@ -288,12 +299,14 @@ class RoomRules:
             planned: the actions to come, (h, 2) or (n, h, 2).
             covered: progress since reset as a share of the path, a number or (n,).
             elapsed: steps as a share of the plan's, a number or (n,).
+            goal: the end of the route, if there is one.
         """
         if self.observation == "scan":
             return scan.copy()
         covered = np.clip(covered, -1.0, 1.0)
         return {
             "scan": scan.copy(),
+            **({} if goal is None else {"goal": np.array(goal, np.float32)}),
             "plan": planned.copy(),
             "progress": np.asarray(covered, np.float32)[..., None],
             "clock": np.asarray(elapsed, np.float32)[..., None],

@@ -1,4 +1,4 @@
-"""A localizer inside the env: its belief is observed, its error may be the reward."""
+"""A localizer inside the env: its belief is observed."""
 
 from functools import partial
 
@@ -9,7 +9,7 @@ from checked import has_nothing_to_say
 from room_trace import ROOM_ID
 
 import deqmcl_gym  # noqa: F401
-from deqmcl_gym.envs.belief import BeliefObservation, LocalizationReward
+from deqmcl_gym.envs.belief import BeliefObservation
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, RecordLog
 from deqmcl_gym.validation import InputError
 from localizers import GaussianPrior, PointsBelief, RobotModel, make
@@ -89,17 +89,34 @@ def test_a_quality_is_shown_where_there_is_one():
     assert env.observation_space["quality"] == gym.spaces.Box(0.0, 1.0, (1,))
 
 
-def test_the_reward_is_the_error_of_the_estimate_in_px():
-    env = LocalizationReward(BeliefObservation(sharp(), Known(), PRIOR))
-    env.reset(seed=0)
-    _, reward, *_, info = env.step(np.float32([5, 0.1]))
-    assert reward == pytest.approx(-np.hypot(*(info["truth"][:2] - (1.5, 0.0))))
-    assert isinstance(reward, float)
+def test_clusters_particles_and_occupancy_of_a_belief_computed_by_hand():
+    class Apart(Known):
+        def reset(self, prior, plan, rng):
+            return PointsBelief([(10, 10, 0.0), (12, 10, 0.0), (300, 160, 1.0)], [2, 1, 1])
+
+    env = BeliefObservation(sharp(), Apart(), PRIOR, particles=200, cell=100.0)
+    seen, _ = env.reset(seed=0)
+    np.testing.assert_allclose(seen["best"], (32 / 3, 10, 0), atol=1e-5)
+    np.testing.assert_allclose(seen["second"], (300, 160, 1), rtol=1e-6)
+    assert (seen["best_share"], seen["second_share"]) == (0.75, 0.25)
+    image = np.zeros((3, 4))
+    image[0, 0], image[1, 3] = 0.75, 0.25
+    np.testing.assert_array_equal(seen["occupancy"], image)
+    drawn = (seen["particles"][:, 0] == 300).mean()
+    assert abs(drawn - 0.25) < 4 * (0.25 * 0.75 / 200) ** 0.5  # once in 16,000 seeds it is not
+    assert env.observation_space.contains(seen)
+    assert len(env.belief.points()[0]) == 3
+
+
+def test_a_single_cluster_has_a_second_without_a_share():
+    seen, _ = BeliefObservation(sharp(), Known(), PRIOR).reset(seed=0)
+    assert (seen["best_share"], seen["second_share"]) == (1, 0)
+    np.testing.assert_array_equal(seen["second"], seen["best"])
 
 
 @pytest.mark.parametrize("observation", ["scan", "dict"])
 def test_the_env_checker_has_nothing_to_say(observation):
-    env = LocalizationReward(with_belief(sharp(observation=observation), particles=20))
+    env = with_belief(sharp(observation=observation), particles=20)
     has_nothing_to_say(env, "different from the unwrapped version", skip_render_check=True)
 
 
@@ -108,7 +125,7 @@ def test_rooms_with_localizers_run_side_by_side_and_are_reproducible():
 
     def made():
         return gym.make_vec(
-            ROOM_ID, num_envs=2, vectorization_mode="sync", wrappers=[wrap, LocalizationReward],
+            ROOM_ID, num_envs=2, vectorization_mode="sync", wrappers=[wrap],
             preset="sharp", horizon=5,
         )  # fmt: skip
 
@@ -151,8 +168,6 @@ def test_wrong_places_are_refused():
         BeliefObservation(sharp(), "mcl", PRIOR)
     with pytest.raises(InputError, match="made for 9 beams, but the env's lidar has 7"):
         BeliefObservation(sharp(lidar={"beams": 7}), with_belief(sharp())._localizer, PRIOR)
-    with pytest.raises(InputError, match="put LocalizationReward around a BeliefObservation"):
-        LocalizationReward(sharp())
     for wrap in (RecordLog, partial(BeamDropout, probability=0.1)):
         with pytest.raises(InputError, match='of observation="scan"'):
             wrap(sharp(observation="dict"))

@@ -128,7 +128,7 @@ def test_the_time_limit_is_twice_the_plan_of_the_default_room_and_a_smaller_one_
 
 def test_a_journey_may_be_longer_than_the_limit_of_the_room():
     route = {"min_length": 45.0}  # m: 450 drives of 0.1 m
-    env = gym.make("deqmcl_gym/Journey-v0", route=route)
+    env = gym.make("deqmcl_gym/Journey-v1", route=route, driver="none")
     cut = gym.make(deqmcl_gym.ENV_ID, floor_plan={"office": {}}, route=route)
     assert env.spec.max_episode_steps is None
     env.reset(seed=0)
@@ -139,6 +139,19 @@ def test_a_journey_may_be_longer_than_the_limit_of_the_room():
     said = [env.step(stand)[2:4] for _ in range(planned)]
     assert said == [(False, False)] * (planned - 1) + [(False, True)]
     assert [cut.step(stand)[3] for _ in range(408)] == [False] * 407 + [True]
+
+
+def test_journeys_arrive_by_the_loop_of_their_page_and_show_their_goal():
+    env = gym.make("deqmcl_gym/Journey-v1", route={"max_length": 15.0})
+    has_nothing_to_say(env.unwrapped)
+    for seed in range(3):
+        seen, info = env.reset(seed=seed)
+        terminated = truncated = False
+        while not (terminated or truncated):
+            np.testing.assert_array_equal(seen["goal"], np.float32(info["goal"]))
+            seen, _, terminated, truncated, info = env.step(info["planned_actions"][0])
+            assert not info["collided"]
+        assert terminated
 
 
 def test_a_spec_with_json_kwargs_makes_the_same_env_again():

@@ -1,0 +1,277 @@
+"""Reference policies of acting: who stands still, spins or wanders, and who looks for information.
+
+All are agents: made with a ``RobotModel`` for each episode, asked with a belief and the env's info.
+They give no plan. Those that draw random numbers seed them with the first scan, ``info["ranges"]``,
+so that the same episode is driven the same way.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from benchmarks.agents import ToGoal
+from benchmarks.setup.scenario import Agent
+from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.numerics.types import Floats, Reals, Singles
+from deqmcl_gym.validation import InputError, integer
+from localizers import Belief, RobotModel
+
+_STEP = 10.0  # px: 0.2 m, a drive
+_TURN = math.pi / 12  # a turn on the spot
+_NO_PLAN = np.empty((0, 2), np.float32)
+_METRE = 50.0  # px
+_SAMPLES = 64  # poses of the belief that are looked ahead from
+_HEADINGS = 12  # of one motion
+_DRIVES = 7  # steps of one motion: 1.4 m
+_SEQUENCES = 48  # of motions, where there are several
+_CONTACT = 3.0  # nats that a certain contact is worth
+_STEPS = 0.02  # nats that a step is worth, to whoever is paid for arriving
+
+
+class Still:
+    """Stands still."""
+
+    def __init__(self, robot: RobotModel) -> None:
+        self._px = pixel(robot.floor_plan.unit)
+
+    def plan_at_reset(self, info: dict[str, Any]) -> Reals:
+        """Return no plan."""
+        return _NO_PLAN
+
+    def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals]:
+        """Return the next action, and no plan."""
+        return np.array(self._next(belief, info), np.float32), _NO_PLAN
+
+    def _next(self, belief: Belief, info: dict[str, Any]) -> tuple[float, float]:
+        return 0.0, 0.0
+
+
+class Spin(Still):
+    """Turns on the spot, as Nav2's recovery behaviour Spin does."""
+
+    def _next(self, belief: Belief, info: dict[str, Any]) -> tuple[float, float]:
+        return 0.0, _TURN
+
+
+class RandomWalk(Still):
+    """Drives on, swaying at random; turns by a random angle after a contact."""
+
+    def __init__(self, robot: RobotModel) -> None:
+        super().__init__(robot)
+        self._rng: np.random.Generator | None = None
+        self._left = 0  # turns to come, negative to the right
+
+    def _next(self, belief: Belief, info: dict[str, Any]) -> tuple[float, float]:
+        self._rng = self._rng or rng_of(info)
+        if info["collided"]:
+            self._left = int(self._rng.integers(4, 13)) * int(self._rng.choice((-1, 1)))
+        if self._left:
+            side = math.copysign(1.0, self._left)
+            self._left -= int(side)
+            return 0.0, side * _TURN
+        return _STEP * self._px, float(np.clip(0.1 * self._rng.standard_normal(), -_TURN, _TURN))
+
+
+class WallFollower(Still):
+    """Follows the wall to its right by the scan, 0.6 m away; turns left before one ahead."""
+
+    def __init__(self, robot: RobotModel) -> None:
+        super().__init__(robot)
+        bearings = robot.lidar.bearings
+        self._ahead = np.abs(bearings) < math.radians(25)
+        self._right = np.abs(bearings + math.radians(60)) < math.radians(35)
+        if not (self._ahead.any() and self._right.any()):
+            raise InputError(
+                "wall-follower needs beams ahead and to its right: give a lidar with 16 beams and "
+                "a field of view of 2π."
+            )
+        self._mean: Floats | None = None  # of the last scans: one is noisy
+
+    def _next(self, belief: Belief, info: dict[str, Any]) -> tuple[float, float]:
+        scan = np.asarray(info["ranges"], np.float64)
+        self._mean = scan if self._mean is None else 0.6 * self._mean + 0.4 * scan
+        metre = _METRE * self._px
+        if info["collided"] or self._mean[self._ahead].min() < 0.9 * metre:
+            self._mean = None
+            return 0.0, 2 * _TURN
+        off = float(self._mean[self._right].min()) / metre - 0.7
+        return _STEP * self._px, float(np.clip(-0.5 * off, -_TURN, _TURN))
+
+
+class Dispatched(ToGoal):
+    """Is driven along a route to a random place by one who sees where it is, then along another.
+
+    No policy, but what a dispatcher's route is worth: it reads the true pose.
+    """
+
+    sees_truth = True
+
+    def __init__(self, robot: RobotModel) -> None:
+        super().__init__(robot)
+        self._rng: np.random.Generator | None = None
+
+    def plan_at_reset(self, info: dict[str, Any]) -> Reals:
+        """Return no plan."""
+        self._rng = rng_of(info)
+        return _NO_PLAN
+
+    def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals]:
+        """Return the next action along the route, and no plan."""
+        assert self._rng is not None
+        x, y, heading = np.asarray(info["truth"]).tolist()
+        self.pose = x, y, heading
+        assert self._world.route is not None
+        if self.goal is None or math.dist(self.goal, (x, y)) <= self._world.route.tolerance:
+            x, y = self._journeys.between(None, self._rng)[-1].tolist()
+            self.goal = x, y
+            self._plan = None
+        planned, _ = self._on_its_way().after(self)
+        return planned[0], _NO_PLAN
+
+
+class LookAhead(Still):
+    """Drives where the scans expected from different poses of the belief disagree most.
+
+    A motion is a turn and a drive of 1.4 m. For each of some motions (or sequences of them), the
+    mutual information between pose and scans is estimated from poses x_i drawn from the belief,
+
+        I = -1/n Σ_i log 1/n Σ_j exp(-|ô_i - ô_j|² / 8σ²),
+
+    a lower bound for normal beams (Kolchinsky & Tracey 2017); ô_i are the exact scans on the way
+    from x_i, σ that of the beam model, tempered. The first motion of the best is carried out, then
+    it looks again; after a contact at once.
+
+    Args:
+        robot: map, lidar, radius and beam model.
+        depth: motions in a sequence.
+    """
+
+    def __init__(self, robot: RobotModel, *, depth: int = 1) -> None:
+        super().__init__(robot)
+        self._robot = robot
+        self._depth = integer("depth", depth, low=1, high=16)
+        scan: Any = robot.scan
+        self._variance = getattr(scan, "sigma", _METRE * self._px / 2) ** 2 / getattr(
+            scan, "power", 1.0
+        )
+        self._rng: np.random.Generator | None = None
+        self._queue: list[tuple[float, float]] = []
+
+    def _next(self, belief: Belief, info: dict[str, Any]) -> tuple[float, float]:
+        self._rng = self._rng or rng_of(info)
+        if info["collided"]:
+            self._queue = []
+        if not self._queue:
+            poses = self._drawn(belief, self._rng)
+            turns = self._turns(self._rng)
+            values = [self._value(poses, each, info) for each in turns]
+            self._queue = self._motion(float(turns[int(np.argmax(values))][0]))
+        return self._queue.pop(0)
+
+    def _drawn(self, belief: Belief, rng: np.random.Generator) -> Floats:
+        """Draw poses from the belief, (n, 3)."""
+        points = belief.points()
+        assert points is not None, "a belief has points of the present"
+        poses, weights = points
+        chosen: Floats = np.asarray(poses, np.float64)[rng.choice(len(poses), _SAMPLES, p=weights)]
+        return chosen
+
+    def _turns(self, rng: np.random.Generator) -> Floats:
+        """Turns before each drive of the motions that are compared, (m, depth)."""
+        turns = np.arange(_HEADINGS, dtype=np.float64) * (2 * np.pi / _HEADINGS)
+        all_round: Floats = (turns + np.pi) % (2 * np.pi) - np.pi
+        if self._depth == 1:
+            return all_round[:, None]
+        drawn: Floats = rng.choice(all_round, (_SEQUENCES, self._depth))
+        return drawn
+
+    def _motion(self, turn: float) -> list[tuple[float, float]]:
+        """Return the actions of a turn and a drive."""
+        parts = max(1, math.ceil(abs(turn) / (np.pi / 4) - 1e-9))
+        turning = [(0.0, turn / parts)] * parts if turn else []
+        return turning + [(_STEP * self._px, 0.0)] * _DRIVES
+
+    def _value(self, poses: Floats, turns: Floats, info: dict[str, Any]) -> float:
+        """Return what a sequence of motions is worth, in nats."""
+        path, blocked = self._rolled_out(poses, turns)
+        return self._information(path) - _CONTACT * float(blocked.mean())
+
+    def _rolled_out(self, poses: Floats, turns: Floats) -> tuple[Floats, Floats]:
+        """Return the poses after each motion, (depth, n, 3), and the contacts of each pose, (n,).
+
+        A motion that would touch a wall is not carried out, but for its turn.
+        """
+        floor_plan, radius = self._robot.floor_plan, self._robot.radius
+        way, at, path = _DRIVES * _STEP * self._px, poses, []
+        blocked = np.zeros(len(poses))
+        for turn in turns:
+            after = at + np.array([0.0, 0.0, turn])
+            ends = after[:, :2] + way * np.column_stack([np.cos(after[:, 2]), np.sin(after[:, 2])])
+            stopped = floor_plan.collides(at, ends, radius)
+            after[:, :2] = np.where(stopped[:, None], at[:, :2], ends)
+            blocked += stopped
+            path.append(after)
+            at = after
+        return np.stack(path), blocked
+
+    def _information(self, path: Floats) -> float:
+        """Mutual information of poses and the scans on their ways, path (k, n, 3), nats."""
+        k, n, _ = path.shape
+        lidar = self._robot.lidar
+        flat = path.reshape(k * n, 3)
+        origins = lidar.origins(flat.T.astype(np.float32)).T
+        seen = self._robot.floor_plan.ranges(origins, lidar.bearings)
+        seen = np.nan_to_num(np.minimum(seen, lidar.max_range), nan=0.0)
+        scans = seen.reshape(k, n, -1).transpose(1, 0, 2).reshape(n, -1).astype(np.float64)
+        squares = (scans**2).sum(axis=1)
+        apart = np.maximum(squares[:, None] + squares - 2 * scans @ scans.T, 0.0)
+        alike = np.exp(-apart / (8 * self._variance)).mean(axis=1)
+        return float(-np.log(alike).mean())
+
+
+class FreeEnergy(LookAhead):
+    """Minimizes expected free energy: information (epistemic) and what it prefers (pragmatic).
+
+    What it prefers: no contact, few steps, and, where there is a goal, to be near it, by 1 nat per
+    metre of the samples' mean distance.
+    """
+
+    def __init__(self, robot: RobotModel, *, depth: int = 2) -> None:
+        super().__init__(robot, depth=depth)
+
+    def _value(self, poses: Floats, turns: Floats, info: dict[str, Any]) -> float:
+        path, blocked = self._rolled_out(poses, turns)
+        steps = sum(len(self._motion(float(turn))) for turn in turns)
+        pragmatic = -_CONTACT * float(blocked.mean()) - _STEPS * steps
+        if "goal" in info:
+            off = np.hypot(*(path[-1, :, :2] - info["goal"]).T)
+            pragmatic -= float(off.mean()) / (_METRE * self._px)
+        return self._information(path) + pragmatic
+
+
+def rng_of(info: dict[str, Any]) -> np.random.Generator:
+    """Return the random numbers of a policy, seeded with the scan."""
+    scan: Singles = np.ascontiguousarray(info["ranges"], np.float32)
+    return np.random.default_rng(np.frombuffer(scan.tobytes(), np.uint32))
+
+
+def four_deep(robot: RobotModel) -> LookAhead:
+    """Return a ``LookAhead`` over four motions."""
+    return LookAhead(robot, depth=4)
+
+
+POLICIES: Mapping[str, Callable[[RobotModel], Agent]] = MappingProxyType(
+    {
+        "still": Still,
+        "spin": Spin,
+        "random": RandomWalk,
+        "wall-follower": WallFollower,
+        "route": Dispatched,
+        "greedy": LookAhead,
+        "four-deep": four_deep,
+        "free-energy": FreeEnergy,
+    }
+)

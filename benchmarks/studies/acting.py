@@ -1,0 +1,196 @@
+"""Reference scores of every environment: ``python -m benchmarks.studies.acting --help``.
+
+Policies see what the env shows, and the belief where there is one; only ``route`` sees the true
+pose. In ``Localize-v0`` all declare when ``confident`` is 1, in ``Track-v0`` when 90 % of the
+belief is within the tolerance of the goal.
+"""
+
+import argparse
+import math
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from itertools import repeat
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import deqmcl_gym  # noqa: F401 # registers the environments
+from benchmarks.agents import OpenLoop, ToGoal
+from benchmarks.policies import POLICIES
+from benchmarks.setup.scenario import Agent
+from benchmarks.tables.stats import wilson
+from benchmarks.tasks import OFFICE, POWER, robot_model
+from deqmcl_gym.envs.acting import ActingEnv, TrackEnv
+from deqmcl_gym.numerics.types import Floats, Singles
+from localizers import RobotModel
+
+_BUILDINGS = 20  # of Localize-v0: episode k takes place in that of seed k modulo this
+_SURE = 0.9
+_VAGUE = 0.1  # of the tolerance: standard deviation from which on a scan is taken
+_BASELINE = "spin"
+_PLAIN = ("still", "spin", "random")
+_SENSING = {
+    **dict.fromkeys(_PLAIN, "never"),
+    "to-goal": "always",
+    "to-goal, blind": "never",
+    "to-goal, if vague": "if vague",
+    "free-energy": "if vague",
+}
+SCORED: dict[str, tuple[str, ...]] = {
+    **{f"{name}-v0": (*_PLAIN, "plan") for name in ("Room", "Matched", "Sharp", "Guided")},
+    "Journey-v1": (*_PLAIN, "plan"),
+    "Localize-v0": tuple(POLICIES),
+    "Track-v0": tuple(_SENSING),
+}
+_AGENTS: dict[str, Callable[[RobotModel], Agent]] = {
+    **POLICIES,
+    "plan": OpenLoop,
+    **dict.fromkeys(("to-goal", "to-goal, blind", "to-goal, if vague"), ToGoal),
+}
+
+
+@dataclass(frozen=True)
+class Played:
+    """An episode of a policy.
+
+    Attributes:
+        score: the return.
+        success: whether the task was done.
+        wrong: whether a declaration was wrong.
+        steps: of the episode.
+        metres: driven.
+        contacts: with walls.
+        scans: taken.
+    """
+
+    score: float
+    success: bool
+    wrong: bool
+    steps: int
+    metres: float
+    contacts: int
+    scans: int
+
+
+def play(task: str, policy: str, seed: int, **made: Any) -> Played:
+    """Play an episode, and return its scores.
+
+    Args:
+        task: an id without ``deqmcl_gym/``.
+        policy: a name among ``SCORED`` of the task.
+        seed: of the episode, and of the building in ``Localize-v0``.
+        made: further arguments of ``gym.make``.
+    """
+    if task == "Localize-v0":
+        office = {"office": {**OFFICE, "seed": seed % _BUILDINGS}}
+        made = {"floor_plan": office} | made
+    env = gym.make(f"deqmcl_gym/{task}", **made)
+    room: Any = env.unwrapped
+    agent = _AGENTS[policy](robot_model(room.world, POWER if task == "Localize-v0" else 1.0))
+    seen, info = env.reset(seed=seed)
+    score, steps, metres, contacts, scans = 0.0, 0, 0.0, 0, 0
+    agent.plan_at_reset(_shown(seen, info))
+    terminated = truncated = False
+    while not (terminated or truncated):
+        before = info["truth"]
+        action = _acted(room, agent, _SENSING.get(policy, "never"), seen, info)
+        seen, reward, terminated, truncated, info = env.step(action)
+        score += float(reward)
+        steps += 1
+        metres += math.dist(before[:2], info["truth"][:2])
+        contacts += info["collided"]
+        scans += int(seen["sensed"][0]) if isinstance(room, TrackEnv) else 1
+    success = bool(info.get("is_success", terminated))
+    per_metre = 1.0 if room.floor_plan.unit == "m" else 50.0
+    return Played(
+        score,
+        success,
+        terminated and not (success or info["collided"]),
+        steps,
+        metres / per_metre,
+        contacts,
+        scans,
+    )
+
+
+def _shown(seen: Any, info: dict[str, Any]) -> dict[str, Any]:
+    return {**info, "ranges": seen["scan"] if isinstance(seen, dict) else seen}
+
+
+def _acted(room: Any, agent: Agent, sensing: str, seen: Any, info: dict[str, Any]) -> Singles:
+    """Return an agent's action with the heads of the env."""
+    if not isinstance(room, ActingEnv):
+        return np.asarray(agent.act(None, _shown(seen, info))[0], np.float32)  # type: ignore[arg-type] # asks none
+    if isinstance(room, TrackEnv):
+        poses, weights = room.belief.points()
+        off: Floats = np.hypot(*(np.asarray(poses)[:, :2] - room.goal).T)
+        declare = float(weights[off <= room.tolerance].sum()) > _SURE
+        spread = math.sqrt(float(np.trace(seen["covariance"][:2, :2])))
+        sense = sensing == "always" or (sensing == "if vague" and spread > _VAGUE * room.tolerance)
+        heads = [float(sense), float(declare)]
+    else:
+        heads = [float(seen["confident"][0] >= 1.0)]
+    move = np.zeros(2) if heads[-1] else agent.act(room.belief, _shown(seen, info))[0]
+    return np.array([*move, *heads], np.float32)
+
+
+def table(played: dict[str, list[Played]]) -> Iterator[str]:
+    """Yield the lines of a table, a policy each, best first; ± is two standard errors."""
+    rows = {
+        policy: np.array([list(vars(each).values()) for each in episodes], float)
+        for policy, episodes in played.items()
+    }
+    columns = f"less that of `{_BASELINE}` | done | wrong | steps | metres | contacts | scans"
+    yield f"| policy | return | {columns} |"
+    yield "|---|---:|---:|---:|---:|---:|---:|---:|---:|"
+    for policy, row in sorted(rows.items(), key=lambda item: -item[1][:, 0].mean()):
+        _, done, wrong, _, *mean = row.mean(axis=0)
+        low, high = wilson(done, len(row))
+        steps = np.median(np.where(row[:, 1] > 0, row[:, 3], np.inf))
+        middle = f"{steps:.0f}" if math.isfinite(steps) else "–"
+        apart = _mean(row[:, 0] - rows[_BASELINE][:, 0]) if _BASELINE in rows else "–"
+        yield (
+            f"| `{policy}` | {_mean(row[:, 0])} | {'–' if policy == _BASELINE else apart} "
+            f"| {done:.0%} ({low:.0%} to {high:.0%}) | {wrong:.0%} | {middle} | {mean[0]:.1f} "
+            f"| {mean[1]:.1f} | {mean[2]:.0f} |"
+        )
+
+
+def _mean(values: Floats) -> str:
+    error = 2 * values.std(ddof=min(1, len(values) - 1)) / math.sqrt(len(values))
+    return f"{values.mean():.1f} ± {error:.1f}"
+
+
+def main() -> None:
+    """Print the tables asked for."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.studies.acting", description=(
+        "Scores of reference policies. Return: mean ± two standard errors; steps: the median over "
+        "all episodes, those not done as endless, – if that is endless."))  # fmt: skip
+    parser.add_argument("tasks", nargs="*", metavar="TASK", help=f"of {', '.join(SCORED)}; all")
+    parser.add_argument("--policies", help="some of the task's, separated by commas without space")
+    parser.add_argument("--episodes", type=int, default=20, help="seeds 0, 1, …; default 20")
+    parser.add_argument("--jobs", type=int, default=2, help="processes; default 2")
+    given = parser.parse_args()
+    for name, value in (("--episodes", given.episodes), ("--jobs", given.jobs)):
+        if value < 1:
+            parser.error(f"{name} is {value}, but must be 1 or more")
+    for task in given.tasks or SCORED:
+        if task not in SCORED:
+            parser.error(f"unknown task {task!r}: choose from {', '.join(SCORED)}")
+        policies = list(SCORED[task]) if given.policies is None else given.policies.split(",")
+        for policy in policies:
+            if policy not in SCORED[task]:
+                known = ", ".join(SCORED[task])
+                parser.error(f"unknown policy {policy!r} of {task}: choose from {known}")
+        print(f"\n{task}, {given.episodes} episodes\n")
+        with ProcessPoolExecutor(given.jobs) as pool:
+            seeds = range(given.episodes)
+            waiting = {name: pool.map(play, repeat(task), repeat(name), seeds) for name in policies}
+            played = {name: list(episodes) for name, episodes in waiting.items()}
+        print("\n".join(table(played)), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,119 @@
+"""The tasks of acting, ready to use: the entry points of ``Localize-v0`` and ``Track-v0``.
+
+Here the envs of ``deqmcl_gym.envs.acting`` get a localizer, by name, that assumes the world's own
+noise, and the prior from which the start is drawn.
+"""
+
+import math
+from functools import partial
+from typing import Any
+
+from deqmcl_gym.envs.acting import LocalizeEnv, TrackEnv
+from deqmcl_gym.validation import InputError, shown
+from deqmcl_gym.world.config import WORLDS, World
+from localizers import (
+    GaussianPrior,
+    Localizer,
+    OdometryMotion,
+    RobotModel,
+    UniformPrior,
+    make,
+    parameters,
+)
+from localizers.models.beams import CensoredGaussianUniform
+
+OFFICE = {"wings": 1, "corridors": 2}  # 24 m × 26 m
+POWER = 0.1  # the beams of one scan tell as much as 1.6 independent ones
+_LOST: dict[str, Any] = {
+    "floor_plan": {"office": OFFICE},
+    "lidar": {"beams": 16, "field_of_view": 2 * math.pi, "max_range": 12.0, "sigma": 0.5},
+    "robot": {"radius": 0.25, "max_distance": 0.2, "max_turn": math.pi / 4},
+    "noise": {"drive": 0.1, "turn": 0.1, "drift": 0.1},
+}
+_BLIND: dict[str, Any] = {
+    "lidar": {"beams": 16, "field_of_view": 2 * math.pi, "sigma": 10.0},
+    "noise": {"drive": 0.1, "turn": 0.1, "drift": 0.01},
+}
+_SD_POSITION, _SD_HEADING = 5.0, 0.1  # px, rad: of what is known of the start
+
+
+def localize(
+    *,
+    localizer: str | dict[str, Any] = "mcl-map",
+    floor_plan: Any = None,
+    lidar: Any = None,
+    robot: Any = None,
+    noise: Any = None,
+    **task: Any,
+) -> LocalizeEnv:
+    """Return an office in which the robot may be anywhere; see ``LocalizeEnv``.
+
+    Args:
+        localizer: a name of ``localizers.make``, or {"name": …} with parameters; ``particles`` is
+            10,000 unless given. It assumes the world's noise, and beams to the power of 0.1.
+        floor_plan, lidar, robot, noise: as for ``Room-v0``; changes to an office of 24 m × 26 m,
+            16 beams all round, and the robot and noise of the scenario ``lost``.
+        task: ``share``, ``hold``, ``max_steps``, ``particles``, ``cell``, ``render_mode``.
+    """
+    world = _world(_LOST, floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise)
+    found = _localizer(localizer, robot_model(world, POWER), particles=10_000)
+    prior = UniformPrior(floor_plan=world.floor_plan, radius=world.body + world.skin)
+    return LocalizeEnv(world, found, prior, **task)
+
+
+def track(
+    *,
+    localizer: str | dict[str, Any] = "mcl-map",
+    floor_plan: Any = None,
+    lidar: Any = None,
+    robot: Any = None,
+    noise: Any = None,
+    **task: Any,
+) -> TrackEnv:
+    """Return a room in which the robot drives to a goal, and scans cost; see ``TrackEnv``.
+
+    Args:
+        localizer: as for ``localize``, with 500 particles unless given.
+        floor_plan, lidar, robot, noise: as for ``Room-v0``; changes to its room, with 16 beams all
+            round and a noise that blurs the belief within a few steps.
+        task: ``tolerance``, ``least``, ``max_steps``, ``particles``, ``cell``, ``render_mode``.
+    """
+    world = _world(_BLIND, floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise)
+    found, px = _localizer(localizer, robot_model(world), particles=500), world.pixel
+    clearance = world.body + 4 * px
+    anywhere = UniformPrior(floor_plan=world.floor_plan, radius=clearance)
+    around = partial(GaussianPrior, sd_position=_SD_POSITION * px, sd_heading=_SD_HEADING)
+    lengths = {"tolerance": 40.0 * px, "least": 150.0 * px}
+    return TrackEnv(world, found, anywhere, around, **{**lengths, **task})
+
+
+def _world(base: dict[str, Any], **parts: Any) -> World:
+    """Return the paper's world with the task's parts, then those given."""
+    floor_plan = parts.pop("floor_plan")
+    world = WORLDS["paper"].changed(**base)
+    if floor_plan is not None:
+        world = world.changed(floor_plan=floor_plan)
+    return world.changed(**parts)
+
+
+def robot_model(world: World, power: float = 1.0) -> RobotModel:
+    """Return the robot of a world, its noise known; ``power`` tempers the beams."""
+    return RobotModel(
+        floor_plan=world.floor_plan,
+        lidar=world.lidar,
+        radius=world.robot.radius,
+        motion=OdometryMotion(**vars(world.noise)),
+        scan=CensoredGaussianUniform(sigma=world.lidar.sigma, power=power),
+    )
+
+
+def _localizer(given: str | dict[str, Any], robot: RobotModel, **defaults: Any) -> Localizer:
+    """Return a localizer by name, or by name and parameters."""
+    params = {"name": given} if isinstance(given, str) else dict(given)
+    if not isinstance(name := params.pop("name", None), str):
+        raise InputError(
+            f"localizer is {shown(given)}, but must be a name, or a mapping with a name and "
+            'parameters, such as {"name": "mcl-map", "particles": 5000}.'
+        )
+    known = parameters(name) or ()
+    return make(name, robot, **{k: v for k, v in defaults.items() if k in known} | params)

@@ -1,0 +1,388 @@
+"""Tasks of acting on a belief: find out where the robot is, or drive to a goal and know it.
+
+``benchmarks.tasks`` gives these envs their localizers: ``gym.make("deqmcl_gym/Localize-v0")``.
+"""
+
+import copy
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+from deqmcl_gym.envs.belief import BeliefView, Estimator, Seen, StepResult
+from deqmcl_gym.maps.clusters import Cluster, best_cluster
+from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.validation import LARGEST, InputError, array, integer, number, one_of
+from deqmcl_gym.world.config import World
+from deqmcl_gym.world.course import Point, Pose, wrapped
+from deqmcl_gym.world.episode import Body, Physics, contacts_of
+from deqmcl_gym.world.rules import Commands, check_no_options, scan_space
+from deqmcl_gym.world.sensor import LidarSensor
+
+_NO_PLAN = np.empty((0, 2), np.float32)
+_METRE = 50.0  # px
+_NEAR = math.radians(30)  # within 1 m and this a cluster is right
+_GOALS = 10_000  # drawn before a room is refused
+
+
+class Starts(Protocol):
+    """p(x_0): the world draws from it, and localizers begin with it; see ``localizers.Prior``."""
+
+    def sample(self, n: int, rng: np.random.Generator) -> Floats:
+        """Draw n poses, (n, 3)."""
+
+
+class ActingEnv(gym.Env[Seen, Singles], ABC):
+    """A robot that acts on a localizer's belief; the envs below say what for.
+
+    Actions are (distance, turn, head, …), float32: a move of ``Room-v0``, then heads in [0, 1],
+    each on from 0.5. The last head declares: the robot stays where it is and the episode ends,
+    judged by the world as it is, so by what the agent has seen.
+
+    The localizer gets scans and commands, no plan. Start, motion, sensor and localizer have random
+    generators of their own, spawned from ``np_random`` at each reset.
+
+    Attributes:
+        floor_plan: the map m.
+        lidar: the sensor's geometry and noise.
+        world: all parts of the world.
+        belief: the localizer's latest, for planners.
+        steps: done in this episode.
+        max_steps: after which an episode is truncated.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 30}
+    _heads: tuple[str, ...] = ("declare",)
+
+    def __init__(
+        self,
+        world: World,
+        localizer: Estimator,
+        *,
+        max_steps: int,
+        particles: int = 0,
+        cell: float | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        if world.differs_from_map:
+            raise InputError(
+                "the world has clutter, changed walls, people or glass, but acting envs have what "
+                "is on the map: leave them out."
+            )
+        self.world, self.floor_plan, self.lidar = world, world.floor_plan, world.lidar
+        self.max_steps = integer("max_steps", max_steps, low=1)
+        if render_mode is not None:
+            one_of("render_mode", render_mode, self.metadata["render_modes"])
+        self.render_mode = render_mode
+        self._walls = contacts_of(world)
+        self._localizer = copy.deepcopy(localizer)
+        self._view = BeliefView(self.floor_plan, particles=particles, cell=cell)
+        self._commands = Commands(world.robot, self.floor_plan.unit)
+        box, heads = self._commands.space, len(self._heads)
+        self.action_space = gym.spaces.Box(
+            np.append(box.low, np.zeros(heads, np.float32)),
+            np.append(box.high, np.ones(heads, np.float32)),
+        )
+        share = gym.spaces.Box(0.0, 1.0, (1,))
+        self.observation_space = gym.spaces.Dict(
+            {"scan": scan_space(self.lidar), "clock": share, **self._view.spaces, **self._shows()}
+        )
+        self._ended = True
+
+    @property
+    def radius(self) -> float:
+        """Radius of the robot's disc."""
+        return self.world.robot.radius
+
+    @property
+    def pose(self) -> Pose:
+        """The true pose (x, y, θ)."""
+        return self._body.pose
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Seen, dict[str, Any]]:
+        """Begin an episode, with a localizer that knows the prior."""
+        check_no_options(options)
+        super().reset(seed=None if seed is None else integer("seed", seed))
+        start, motion, sensor, own, self._shown = self.np_random.spawn(5)
+        (x, y, heading), prior = self._begun(start)
+        pose = x, y, wrapped(heading)
+        floor_plan, noise = self.floor_plan, self.world.noise
+        lidar = LidarSensor(floor_plan.local.caster, floor_plan.datum, self.lidar, sensor)
+        sds = float(noise.drive), float(noise.turn), float(noise.drift)
+        self._body = Body(pose, Physics(self._walls, (x, y)), lidar, sds, motion)
+        self._scan = self._body.scan
+        self.belief = self._localizer.reset(prior, _NO_PLAN, own)
+        self.steps, self._ended = 0, False
+        self._updated()
+        return self._seen(), self._info(np.zeros(2, np.float32), False, False)
+
+    def step(self, action: Singles) -> StepResult:
+        """Declare, or move, take a scan and update the belief."""
+        if self._ended:
+            raise RuntimeError("the episode has not begun, or has ended: call reset().")
+        given = array("the action", action, (2 + len(self._heads),))
+        command, heads = self._commands.checked(given[:2]), given[2:]
+        for name, value in zip(self._heads, heads.tolist(), strict=True):
+            number(f"the action's {name}", value, low=0, high=1)
+        on, collided = heads >= 0.5, False
+        if on[-1]:
+            command = np.zeros(2, np.float32)
+        else:
+            collided = self._body.move(*command.tolist())
+            ranges = self._looked(on)
+            self.belief = self._localizer.update(ranges, command.copy(), _NO_PLAN)
+            self._updated()
+        self.steps += 1
+        reward, terminated, success = self._judged(on, collided)
+        truncated = not terminated and self.steps >= self.max_steps
+        self._ended = terminated or truncated
+        info = self._info(command, collided, success)
+        return self._seen(), float(reward), terminated, truncated, info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return the world, the belief and its best cluster, (h, w, 3) RGB."""
+        if self.render_mode is None:
+            gym.logger.warn('render() needs gym.make(..., render_mode="rgb_array").')
+            return None
+        from deqmcl_gym.world.drawing import LIGHT_BLUE, ORANGE, PINK, Drawing, View
+
+        poses, weights = self.belief.points()
+        best = best_cluster(poses, weights, unit=self.floor_plan.unit).mean
+        drawing = Drawing(View(self.floor_plan)).points(poses[:, :2], ORANGE, 2)
+        drawing.points(self._marks(), LIGHT_BLUE, 9)
+        drawing.beams(self.lidar.origin(self.pose), self.lidar.bearings, self._scan)
+        drawing.robot(best, self.radius, PINK).robot(self.pose, self.radius)
+        return drawing.number(self.steps).image
+
+    @abstractmethod
+    def _shows(self) -> dict[str, gym.spaces.Box]:
+        """Return the spaces of what else is observed."""
+
+    @abstractmethod
+    def _begun(self, rng: np.random.Generator) -> tuple[Pose, Starts]:
+        """Begin an episode: draw the start, and say what the localizer knows of it."""
+
+    @abstractmethod
+    def _updated(self) -> None:
+        """Take note of a new belief."""
+
+    @abstractmethod
+    def _judged(self, on: NDArray[np.bool_], collided: bool) -> tuple[float, bool, bool]:
+        """Return reward, whether the episode terminates, and whether the task is done."""
+
+    @abstractmethod
+    def _also(self) -> dict[str, Any]:
+        """Return what else is observed."""
+
+    def _looked(self, on: NDArray[np.bool_]) -> Singles:
+        """Take a scan, and return it for the localizer."""
+        self._body.look()
+        self._scan = self._body.scan
+        return self._scan.copy()
+
+    def _marks(self) -> Floats:
+        """Points to be drawn, (n, 2)."""
+        return np.empty((0, 2))
+
+    def _seen(self) -> Seen:
+        return {
+            "scan": self._scan.copy(),
+            "clock": np.array([self.steps / self.max_steps], np.float32),
+            **self._view.shown(self.belief, self._shown),
+            **{name: np.array(value, np.float32) for name, value in self._also().items()},
+        }
+
+    def _info(self, command: Singles, collided: bool, success: bool) -> dict[str, Any]:
+        return {
+            "action": command,
+            "collided": collided,
+            "is_success": success,
+            "truth": np.array(self.pose),
+        }
+
+
+class LocalizeEnv(ActingEnv):
+    """A lost robot drives until it knows where it is, and says so.
+
+    **Action**: (distance, turn, declare). **Observation**: ``scan``, the keys of ``BeliefView``,
+    ``confident`` (1,), the steps in a row with ``best_share`` > ``share`` as a share of ``hold``,
+    at most 1; ``clock`` (1,), the share of ``max_steps`` done.
+
+    **Reward**: -1 a step, -1 a contact. A declaration is right if in each of the last ``hold``
+    steps the best cluster was within 1 m and 30° of the truth with more than ``share`` of the
+    belief. If it is not, it costs 2 ``max_steps`` besides: more than anything that a robot can do
+    without declaring.
+
+    **Start**: drawn from the prior. **End**: terminated by a declaration, truncated after
+    ``max_steps``.
+
+    Args:
+        world: its parts; lap and route are not used.
+        localizer: with ``reset`` and ``update``; the env runs a copy of it.
+        prior: p(x_0).
+        share: in (0, 1).
+        hold: steps, 1 or more.
+        max_steps: of an episode.
+        particles: how many poses drawn from the belief are shown.
+        cell: side of the squares of ``occupancy``, in the map's unit; None: it is not shown.
+        render_mode: None or "rgb_array".
+    """
+
+    def __init__(
+        self,
+        world: World,
+        localizer: Estimator,
+        prior: Starts,
+        *,
+        share: float = 0.9,
+        hold: int = 30,
+        max_steps: int = 300,
+        particles: int = 0,
+        cell: float | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        self._prior = prior
+        self.share = number("share", share, low=0, high=1)
+        self.hold = integer("hold", hold, low=1)
+        super().__init__(
+            world, localizer, max_steps=max_steps, particles=particles, cell=cell,
+            render_mode=render_mode,
+        )  # fmt: skip
+
+    def _shows(self) -> dict[str, gym.spaces.Box]:
+        return {"confident": gym.spaces.Box(0.0, 1.0, (1,))}
+
+    def _begun(self, rng: np.random.Generator) -> tuple[Pose, Starts]:
+        self._confident = self._right = 0  # steps in a row
+        x, y, heading = self._prior.sample(1, rng)[0].tolist()
+        return (x, y, heading), self._prior
+
+    def _updated(self) -> None:
+        best = best_cluster(*self.belief.points(), unit=self.floor_plan.unit)
+        sure = best.share > self.share
+        self._confident = self._confident + 1 if sure else 0
+        self._right = self._right + 1 if sure and self._is_right(best) else 0
+
+    def _is_right(self, best: Cluster) -> bool:
+        x, y, heading = self.pose
+        metre = _METRE * pixel(self.floor_plan.unit)
+        near = math.dist(best.mean[:2], (x, y)) <= metre
+        return near and abs(wrapped(best.mean[2] - heading)) <= _NEAR
+
+    def _judged(self, on: NDArray[np.bool_], collided: bool) -> tuple[float, bool, bool]:
+        declared, right = bool(on[-1]), self._right >= self.hold
+        wrong = declared and not right
+        reward = -1.0 - collided - 2.0 * self.max_steps * wrong
+        return reward, declared, declared and right
+
+    def _also(self) -> dict[str, Any]:
+        return {"confident": [min(1.0, self._confident / self.hold)]}
+
+
+class TrackEnv(ActingEnv):
+    """A robot drives to a goal on its belief; each scan costs, and blind driving blurs the belief.
+
+    **Action**: (distance, turn, sense, declare). Without ``sense`` no scan is taken: the localizer
+    only predicts. **Observation**: ``scan``, zeros if none was taken; ``sensed`` (1,), 1 if one
+    was; ``goal`` (2,); ``clock`` (1,), the share of ``max_steps`` done; the keys of ``BeliefView``.
+
+    **Reward**: -1 a scan; 100 for a declaration within ``tolerance`` of the goal, -100 for one
+    elsewhere and for a contact.
+
+    **Start**: anywhere; the localizer begins with a prior around it. The goal is drawn at least
+    ``least`` away. **End**: terminated by a declaration or a contact, truncated after
+    ``max_steps``.
+
+    Args:
+        world: its parts; lap and route are not used.
+        localizer: with ``reset`` and ``update``; the env runs a copy of it.
+        anywhere: start and goal are drawn from it.
+        around: called with ``mean``, gives p(x_0) around a pose; the mean itself is drawn so that
+            the start is distributed like that around it.
+        tolerance: from the goal, in the map's unit.
+        least: distance from start to goal, in the map's unit.
+        max_steps: of an episode.
+        particles: how many poses drawn from the belief are shown.
+        cell: side of the squares of ``occupancy``, in the map's unit; None: it is not shown.
+        render_mode: None or "rgb_array".
+    """
+
+    _heads = ("sense", "declare")
+
+    def __init__(
+        self,
+        world: World,
+        localizer: Estimator,
+        anywhere: Starts,
+        around: Callable[..., Starts],
+        *,
+        tolerance: float = 40.0,
+        least: float = 150.0,
+        max_steps: int = 200,
+        particles: int = 0,
+        cell: float | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        self._anywhere, self._around = anywhere, around
+        self.tolerance = number("tolerance", tolerance, low=0, above=True)
+        self._least = number("least", least, low=0)
+        self.goal: Point = (0.0, 0.0)
+        super().__init__(
+            world, localizer, max_steps=max_steps, particles=particles, cell=cell,
+            render_mode=render_mode,
+        )  # fmt: skip
+
+    def _shows(self) -> dict[str, gym.spaces.Box]:
+        return {
+            "sensed": gym.spaces.Box(0.0, 1.0, (1,)),
+            "goal": gym.spaces.Box(-LARGEST, LARGEST, (2,)),
+        }
+
+    def _begun(self, rng: np.random.Generator) -> tuple[Pose, Starts]:
+        self._sensed = True
+        for _ in range(_GOALS):
+            start, goal = self._anywhere.sample(2, rng).tolist()
+            if math.dist(start[:2], goal[:2]) >= self._least:
+                break
+        else:
+            raise InputError(
+                f"no start and goal {self._least:g} {self.floor_plan.unit} apart were found: give "
+                "a smaller least."
+            )
+        x, y, heading = start
+        self.goal = goal[0], goal[1]
+        (mean,) = self._around(mean=(x, y, heading)).sample(1, rng).tolist()
+        return (x, y, heading), self._around(mean=mean)
+
+    def _updated(self) -> None:
+        """Nothing depends on the belief."""
+
+    def _looked(self, on: NDArray[np.bool_]) -> Singles:
+        self._sensed = bool(on[0])
+        if self._sensed:
+            return super()._looked(on)
+        self._scan = np.zeros(self.lidar.beams, np.float32)
+        return np.full(self.lidar.beams, np.nan, np.float32)
+
+    def _judged(self, on: NDArray[np.bool_], collided: bool) -> tuple[float, bool, bool]:
+        if on[-1]:
+            arrived = math.dist(self.pose[:2], self.goal) <= self.tolerance
+            return (100.0 if arrived else -100.0), True, arrived
+        return -1.0 * self._sensed - 100.0 * collided, collided, False
+
+    def _also(self) -> dict[str, Any]:
+        return {"sensed": [float(self._sensed)], "goal": self.goal}
+
+    def _marks(self) -> Floats:
+        return np.array([self.goal])
+
+    def _info(self, command: Singles, collided: bool, success: bool) -> dict[str, Any]:
+        goal = np.array(self.goal)
+        return {**super()._info(command, collided, success), "goal": goal}

@@ -1,0 +1,282 @@
+"""Localize-v0 and Track-v0: what is paid, what ends, and what a policy cannot get around."""
+
+import copy
+import json
+import math
+import pickle
+from functools import partial
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from checked import has_nothing_to_say
+from gymnasium.envs.registration import EnvSpec
+from room_cases import SMALL
+
+import deqmcl_gym  # noqa: F401
+from benchmarks.studies.acting import play
+from deqmcl_gym.envs.acting import LocalizeEnv, TrackEnv
+from deqmcl_gym.validation import InputError
+from deqmcl_gym.world.config import PAPER_ROOM, Lidar, World
+from localizers import GaussianPrior, PointsBelief, UniformPrior
+
+QUICK = {"floor_plan": {"office": SMALL}, "localizer": {"name": "mcl-map", "particles": 3000}}
+IDS = {"deqmcl_gym/Localize-v0": QUICK, "deqmcl_gym/Track-v0": {}}
+WORLD = World(floor_plan=PAPER_ROOM, lidar=Lidar(beams=4))
+STAY, DECLARE = np.float32([0, 0, 0]), np.float32([0, 0, 1])
+THERE = (175.0, 50.0, 0.0)
+
+
+@pytest.fixture(params=IDS)
+def made(request):
+    return partial(gym.make, request.param, **IDS[request.param])
+
+
+def moves(env, count=5):
+    """Turns and short drives, with every head off but the sensing of Track-v0."""
+    action = np.zeros((count, *env.action_space.shape), np.float32)
+    action[:, 0], action[:, 1] = env.action_space.high[0] / 4, 0.3
+    action[::2, 2:-1] = 1.0
+    return action
+
+
+def test_the_env_checker_has_nothing_to_say(made):
+    has_nothing_to_say(made(render_mode="rgb_array").unwrapped)
+    has_nothing_to_say(made(particles=5, cell=10.0).unwrapped)
+
+
+def test_the_same_seed_gives_the_same_episode_and_the_next_one_differs(made):
+    one, other = made(), made()
+    said = [[env.reset(seed=3)] + [env.step(a) for a in moves(env)] for env in (one, other)]
+    np.testing.assert_equal(*said)
+    np.testing.assert_equal(one.reset()[1], other.reset()[1])
+    assert (one.reset()[1]["truth"] != one.reset()[1]["truth"]).all()
+
+
+def test_a_running_env_goes_on_as_its_copy_and_its_pickle_do(made):
+    env = made().unwrapped
+    env.reset(seed=5)
+    env.step(moves(env)[0])
+    twins = copy.deepcopy(env), pickle.loads(pickle.dumps(env))
+    own = [env.step(action) for action in moves(env, 3)] + [env.reset()]
+    for twin in twins:
+        said = [twin.step(action) for action in moves(env, 3)] + [twin.reset()]
+        np.testing.assert_equal(said, own)
+
+
+def test_many_run_side_by_side_and_a_spec_in_json_makes_the_same_again(made):
+    env = made()
+    envs = gym.make_vec(env.spec.id, num_envs=2, vectorization_mode="sync", **env.spec.kwargs)
+    seen, _ = envs.reset(seed=4)
+    again = gym.make(EnvSpec.from_json(json.dumps(json.loads(env.spec.to_json()))))
+    np.testing.assert_equal(again.reset(seed=5)[0], {key: seen[key][1] for key in seen})
+
+
+class Believer:
+    """Believes in the poses of ``said``, one after the other, then in the last one."""
+
+    def __init__(self, *said, shares=None):
+        self.said, self.shares, self.at = said, shares, 0
+
+    def reset(self, prior, plan, rng):
+        self.at = 0
+        return self._belief()
+
+    def update(self, ranges, action, plan):
+        self.at += 1
+        return self._belief()
+
+    def _belief(self):
+        return PointsBelief(self.said[min(self.at, len(self.said) - 1)], self.shares)
+
+
+class At:
+    def sample(self, n, rng):
+        return np.tile(THERE, (n, 1))
+
+
+def localize(*said, shares=None, **task):
+    env = LocalizeEnv(WORLD, Believer(*said, shares=shares), At(), hold=3, max_steps=20, **task)
+    env.reset(seed=0)
+    return env
+
+
+def off(x=0.0, degrees=0.0):
+    return [(THERE[0] + x, THERE[1], math.radians(degrees))]
+
+
+RIGHT, WRONG = off(49, 29), off(51)
+
+
+@pytest.mark.parametrize(
+    ("said", "steps", "success"),
+    [
+        ([RIGHT], 2, True),  # the belief at reset counts
+        ([RIGHT], 1, False),  # not long enough
+        ([WRONG], 10, False),
+        ([off(0, 31)], 10, False),
+        ([RIGHT, RIGHT, WRONG, RIGHT], 4, False),  # not in a row
+        ([RIGHT, RIGHT, WRONG, RIGHT], 5, True),
+    ],
+)
+def test_a_declaration_is_right_if_the_best_cluster_was_right_for_long_enough(said, steps, success):
+    env = localize(*said)
+    paid = [env.step(STAY)[1] for _ in range(steps)]
+    _, reward, terminated, truncated, info = env.step(DECLARE)
+    assert paid == [-1.0] * steps
+    assert (terminated, truncated, info["is_success"]) == (True, False, success)
+    assert reward == (-1.0 if success else -41.0)
+
+
+def test_a_vague_belief_is_not_enough_and_confidence_counts_the_sure_steps_in_a_row():
+    here, there = off()[0], (100.0, 250.0, 1.0)
+    vague = localize([here, there], shares=[89, 11])
+    sure = localize([here, there], shares=[91, 9])
+    assert [vague.step(STAY)[0]["confident"][0] for _ in range(3)] == [0, 0, 0]
+    assert [sure.step(STAY)[0]["confident"][0] for _ in range(3)] == pytest.approx([2 / 3, 1, 1])
+    assert not vague.step(DECLARE)[-1]["is_success"]
+    assert sure.step(DECLARE)[-1]["is_success"]
+
+
+def test_a_wrong_declaration_costs_more_than_anything_without_one():
+    """Against a wall, every step costs 2."""
+    env, paid, truncated = localize(WRONG), [], False
+    for _ in range(2):
+        env.step(np.float32([0, -math.pi / 4, 0]))
+    while not truncated:
+        _, reward, terminated, truncated, _ = env.step(np.float32([10, 0, 0]))
+        paid.append(reward)
+        assert not terminated
+    assert paid[-10:] == [-2.0] * 10
+    assert len(paid) == 18
+    env.reset(seed=1)
+    assert env.step(DECLARE)[1] < -2.0 * env.max_steps
+
+
+def test_a_declaration_does_not_move_the_robot_and_ends_the_episode():
+    env = localize(RIGHT)
+    before = env.pose
+    env.step(np.float32([10, 0.5, 1]))
+    assert env.pose == before
+    with pytest.raises(RuntimeError, match="call reset"):
+        env.step(STAY)
+
+
+def track(goal_off, **task):
+    class Ends:
+        def sample(self, n, rng):
+            return np.array([THERE, off(goal_off)[0]])
+
+    env = TrackEnv(WORLD, Believer(off()), Ends(), GaussianPrior, least=0.0, max_steps=20, **task)
+    env.reset(seed=0)
+    return env
+
+
+@pytest.mark.parametrize(("goal_off", "reward"), [(39, 100.0), (41, -100.0)])
+def test_an_arrival_is_paid_when_it_is_declared_and_true(goal_off, reward):
+    said = track(goal_off).step(np.float32([0, 0, 0, 1]))
+    assert (said[1], said[2], said[4]["is_success"]) == (reward, True, reward > 0)
+
+
+def test_scans_cost_and_without_one_the_localizer_gets_none():
+    env = track(100)
+    given = []
+    update = env._localizer.update
+    env._localizer.update = lambda ranges, *rest: given.append(ranges) or update(ranges, *rest)
+    seen, reward, *_ = env.step(np.float32([0, 0, 1, 0]))
+    assert (reward, seen["sensed"][0]) == (-1.0, 1.0)
+    np.testing.assert_array_equal(given[0], seen["scan"])
+    seen, reward, *_ = env.step(np.float32([0, 0, 0, 0]))
+    assert (reward, seen["sensed"][0], seen["scan"].any()) == (0.0, 0.0, False)
+    assert np.isnan(given[1]).all()
+
+
+def test_a_contact_ends_the_drive_to_a_goal():
+    env, terminated = track(100), False
+    for _ in range(2):
+        env.step(np.float32([0, -math.pi / 4, 0, 0]))
+    while not terminated:
+        _, reward, terminated, truncated, info = env.step(np.float32([10, 0, 0, 0]))
+        assert reward == -100.0 * info["collided"]
+    assert info["collided"]
+    assert not truncated
+
+
+def test_the_prior_of_a_drive_is_where_the_start_is_drawn_from():
+    """Squared errors of 300 starts over their variances: χ² with 900 degrees of freedom."""
+    given = []
+
+    class Recorded(Believer):
+        def reset(self, prior, plan, rng):
+            given.append(prior)
+            return super().reset(prior, plan, rng)
+
+    around = partial(GaussianPrior, sd_position=5.0, sd_heading=0.1)
+    anywhere = UniformPrior(floor_plan=PAPER_ROOM, radius=12.0)
+    env = TrackEnv(WORLD, Recorded(off()), anywhere, around, least=150.0)
+    errors = []
+    for seed in range(300):
+        _, info = env.reset(seed=seed)
+        assert math.dist(info["truth"][:2], info["goal"]) >= 150.0
+        x, y, turn = info["truth"] - given[-1].mean
+        turn = (turn + math.pi) % (2 * math.pi) - math.pi
+        errors += [x / 5, y / 5, turn / 0.1]
+    assert abs(np.square(errors).sum() - 900) < 4 * math.sqrt(2 * 900)  # fails once in 16,000
+
+
+@pytest.mark.parametrize(
+    ("action", "said"),
+    [
+        ([0, 0], "must be 3 finite numbers"),
+        ([0, 0, 1.5], "the action's declare is 1.5"),
+        ([0, 0, math.nan], "must be 3 finite numbers"),
+        ([11, 0, 0], "a distance from 0 to 10 px"),
+    ],
+)
+def test_wrong_actions_are_refused_and_not_carried_out(action, said):
+    env = localize(RIGHT)
+    with pytest.raises(InputError, match=said):
+        env.step(action)
+    assert env.steps == 0
+
+
+def test_wrong_arguments_are_refused():
+    with pytest.raises(InputError, match="must be a name, or a mapping with a name"):
+        gym.make("deqmcl_gym/Track-v0", localizer={"particles": 3})
+    with pytest.raises(InputError, match="hold is 0"):
+        gym.make("deqmcl_gym/Localize-v0", **QUICK, hold=0)
+    with pytest.raises(InputError, match="no start and goal 900 px apart"):
+        gym.make("deqmcl_gym/Track-v0", least=900).reset(seed=0)
+
+
+def score(task, policy, seeds, **made):
+    return np.mean([play(task, policy, seed, **made).score for seed in seeds])
+
+
+def test_in_a_small_office_who_looks_for_information_beats_who_stands_still():
+    seeds = range(6)
+    assert score("Localize-v0", "still", seeds, **QUICK) < score(
+        "Localize-v0", "greedy", seeds, **QUICK
+    )
+
+
+def test_who_drives_and_looks_when_it_is_vague_beats_all_who_do_not_drive_or_look():
+    seeds = range(6)
+    best = score("Track-v0", "to-goal, if vague", seeds)
+    assert best > score("Track-v0", "to-goal, blind", seeds)
+    assert best > max(score("Track-v0", name, seeds) for name in ("still", "spin", "random"))
+
+
+@pytest.mark.slow
+def test_the_order_of_the_table_of_localize_holds():
+    seeds = range(20)
+    still, spin, greedy, deep = (
+        score("Localize-v0", name, seeds) for name in ("still", "spin", "greedy", "four-deep")
+    )
+    assert still < spin < min(greedy, deep)
+
+
+@pytest.mark.parametrize("task", ["Room-v0", "Sharp-v0", "Guided-v0", "Journey-v1"])
+def test_the_plan_beats_standing_still_and_spinning(task):
+    still, spin, plan = (play(task, name, 0).score for name in ("still", "spin", "plan"))
+    assert max(still, spin) < plan
