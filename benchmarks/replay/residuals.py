@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from benchmarks.pictures import styled
+from benchmarks.replay.known_changes import Recovered, recovered
 from benchmarks.replay.options import Replay
 from benchmarks.report.story import Block
 from benchmarks.report.svg import HOUSE_STYLE, INK, LOOKS, Picture, canvas, picture
@@ -14,7 +15,6 @@ from benchmarks.report.tables import Table
 from benchmarks.report.tracks import draw_map
 from benchmarks.tables.text import csv_text, percent
 from benchmarks.tables.tracks import Row, Run
-from benchmarks.trials.known_changes import Recovered, recovered
 from benchmarks.trials.residuals import HIT, LEAST_POSES, THROUGH, Place, Scans, places_of
 from deqmcl_gym.files import utf8
 from deqmcl_gym.maps import Map

@@ -9,7 +9,7 @@ import pytest
 from hall import recorded_in_a_hall
 
 from benchmarks.cli import main
-from benchmarks.trials.known_changes import recovered
+from benchmarks.replay.known_changes import recovered
 from benchmarks.trials.residuals import CLEAR, HIT, THROUGH, Expected, Scans, known_part, places_of
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap
