@@ -104,8 +104,12 @@ def sample(trials: Mapping[str, Trial], code: str) -> dict[str, Trial]:
 
 
 def fingerprint(record: Record) -> str:
-    """Return a digest of all that is in a record, times left out: equal only if it is."""
-    plain = msgspec.to_builtins(_by_score(record), str_keys=True, enc_hook=float)
+    """Return a digest of all that is in a record, times left out: equal only if it is.
+
+    Parts that a record does not have are left out, so that new ones change no other digest.
+    """
+    there = {name: part for name, part in _by_score(record).items() if part is not None}
+    plain = msgspec.to_builtins(there, str_keys=True, enc_hook=float)
     return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:32]
 
 
