@@ -122,6 +122,7 @@ CONTENTS = {
         "docs/score-your-stack",
         "docs/run-on-your-robot",
         "docs/gallery/index",
+        "docs/acting",
         "docs/learning",
         "docs/faq",
     )
