@@ -35,9 +35,24 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_jobs(parser)
     add("--executor", default="process", metavar="E", help="process, dask or module:factory")
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler (a new cluster on this machine)")
-    add("--until-decided", action="store_true", help="stop each method when that is decided")
-    add("--margin", type=_share, metavar="M", help="difference that does not matter (5%%)")
-    add("--max-worlds", type=int, metavar="K", help="most worlds of each setting (1000)")
+    add(
+        "--until-decided",
+        action="store_true",
+        help="run each method only until it is known to be better or worse than the baseline, or "
+        "equivalent",
+    )
+    add(
+        "--margin",
+        type=_share,
+        metavar="M",
+        help="with --until-decided: difference that does not matter (5%%)",
+    )
+    add(
+        "--max-worlds",
+        type=int,
+        metavar="K",
+        help="with --until-decided: most worlds of each setting (1000)",
+    )
     add("--shard", metavar="I/N", help="run only every N-th trial, starting with the I-th")
     shared.add_timeout(parser)
     add("--retry-failed", action="store_true", help="run failed trials again")

@@ -246,7 +246,7 @@ def time_charts(panel: Panel, looks: Looks) -> list[Picture]:
 def decision_chart(panel: Panel, looks: Looks) -> Picture | None:
     """Draw the way of every method to its decision: the difference against the worlds seen."""
     shown = {panel.labels[row.method]: row.decision for row in panel.present if row.decision}
-    shown = {label: own for label, own in shown.items() if own.looks}
+    shown = {label: own for label, own in shown.items() if own.interims}
     if not shown or panel.rule is None:
         return None
     figure, axes = canvas(4.8, 2.9, left=0.75, legend_of=shown)
@@ -255,8 +255,8 @@ def decision_chart(panel: Panel, looks: Looks) -> Picture | None:
     axes.axhline(0, color=INK, linewidth=0.8)
     most = 2 * margin
     for label, own in shown.items():
-        worlds = [look.worlds for look in own.looks]
-        apart = [look.interval.percent for look in own.looks]
+        worlds = [one.worlds for one in own.interims]
+        apart = [one.interval.percent for one in own.interims]
         look = looks[label]
         low, high = ([getattr(one, end) for one in apart] for end in ("low", "high"))
         means = [one.mean for one in apart]
@@ -264,7 +264,7 @@ def decision_chart(panel: Panel, looks: Looks) -> Picture | None:
         if len(worlds) == 1 and math.isfinite(low[0] + high[0]):
             axes.plot(worlds * 2, [low[0], high[0]], color=look.color, alpha=0.4, linewidth=3)
         axes.plot(worlds, means, color=look.color)
-        done = own.verdict != "open"
+        done = own.relation != "open"
         axes.plot(
             worlds[-1],
             means[-1],

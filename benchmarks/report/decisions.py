@@ -5,14 +5,14 @@ from collections import Counter
 from collections.abc import Sequence
 
 from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.deciding import VERDICTS, Decision
+from benchmarks.tables.deciding import RELATIONS, Decision
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate
 from benchmarks.tables.text import counted, estimated, fixed, interval, percent
 from benchmarks.trials.journeys import Score
 
 WITHIN = "95 % at all looks"  # what an interval of a decision is
-BESIDE = {  # by verdict: what a method is, and its baseline
+BESIDE = {  # by relation: what a method is, and its baseline
     "better": "Better than",
     "worse": "Worse than",
     "equivalent": "Equivalent to",
@@ -22,7 +22,7 @@ BESIDE = {  # by verdict: what a method is, and its baseline
 
 def standing(found: Decision) -> str:
     """How a comparison stands, and after how many worlds."""
-    return f"{found.verdict} after {found.worlds}"
+    return f"{found.relation} after {found.worlds}"
 
 
 def ahead(found: Decision, aim: Score | None, base: str = "") -> str:
@@ -34,7 +34,7 @@ def ahead(found: Decision, aim: Score | None, base: str = "") -> str:
     form = ".0f" if abs(own.mean) >= 10 else ".1f"
     ends = f" ({WITHIN}: {interval(own, form)})" if _bounded(own) else ""
     apart = f"{own.mean:{form}}".replace("-", "−")
-    done = "open" if found.verdict == "open" else "decided"
+    done = "open" if found.relation == "open" else "decided"
     after = f"{done} after {counted({found.worlds}, 'world')}"
     return f"{apart} {unit} {where}{base}{ends}, {after}"
 
@@ -45,9 +45,9 @@ def summary(panels: Sequence[Panel]) -> str:
     found = [row.decision for panel in panels for row in panel.present if row.decision is not None]
     if rule is None or not found:
         return ""
-    counts = Counter(one.verdict for one in found)
-    kinds = ", ".join(f"{counts[kind]} {kind}" for kind in VERDICTS if counts[kind])
-    worlds = sorted(one.worlds for one in found if one.verdict != "open")
+    counts = Counter(one.relation for one in found)
+    kinds = ", ".join(f"{counts[kind]} {kind}" for kind in RELATIONS if counts[kind])
+    worlds = sorted(one.worlds for one in found if one.relation != "open")
     half = f"; half of the decisions needed at most {worlds[(len(worlds) - 1) // 2]} worlds"
     said = f"{counted({len(found)}, 'comparison')}: {kinds}{half if worlds else ''}."
     unit = "%" if any(panel.aim is None for panel in panels) else "points"

@@ -215,7 +215,7 @@ def _marked(row: Comparison) -> str:
     "=" where the two are known to differ by less than a margin.
     """
     own = row.standing
-    if row.decision is not None and row.decision.verdict == "equivalent":
+    if row.decision is not None and row.decision.relation == "equivalent":
         mark = " ="
     elif math.isnan(own.diff.mean):
         mark = ""

@@ -311,7 +311,7 @@ def _outcome(panel: Panel, row: Comparison) -> str:
     """What is known of a method beside its baseline."""
     other = panel.called(row.baseline)
     if row.decision is not None:
-        return f"{BESIDE[row.decision.verdict]} {other}"
+        return f"{BESIDE[row.decision.relation]} {other}"
     return _tested(row, other)
 
 

@@ -105,7 +105,7 @@ class Comparison:
         Where a sweep stops when that is decided: by the decision.
         """
         if self.decision is not None:
-            return self.decision.verdict in ("better", "worse")
+            return self.decision.relation in ("better", "worse")
         return self.standing.significant
 
     @property

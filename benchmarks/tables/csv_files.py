@@ -36,17 +36,22 @@ def results_csv(panels: Iterable[Panel]) -> str:
 
 
 def decisions_csv(panels: Iterable[Panel]) -> str:
-    """Return decisions.csv: a line per panel, method and look; shares of 1, not percent."""
+    """Return decisions.csv: a line per panel, method and look at them; shares of 1, not percent."""
     lines = (
         [
             *(*_panel(panel), *_method(row.method), *_method(row.baseline)),
-            *(row.aim.name if row.aim else "error", panel.rule.margin, look.worlds, *look.interval),
-            row.decision.verdict if look is row.decision.looks[-1] else "",
+            *(
+                row.aim.name if row.aim else "error",
+                panel.rule.margin,
+                interim.worlds,
+                *interim.interval,
+            ),
+            row.decision.relation if interim is row.decision.interims[-1] else "",
         ]
         for panel in panels
         for row in panel.present
         if panel.rule is not None and row.decision is not None
-        for look in row.decision.looks
+        for interim in row.decision.interims
     )
     found = ("score", "margin", "worlds", "difference", "low", "high", "verdict")
     return csv_text([*_PANEL, "baseline", "baseline_params", *found], lines)

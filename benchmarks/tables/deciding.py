@@ -16,11 +16,11 @@ from benchmarks.trials.journeys import Score
 
 FIRST, BLOCK = 20, 10  # worlds before the first look, and between two looks
 
-Verdict = Literal["better", "worse", "equivalent", "open"]
-VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+Relation = Literal["better", "worse", "equivalent", "open"]
+RELATIONS: tuple[Relation, ...] = get_args(Relation)
 
 
-class Look(NamedTuple):
+class Interim(NamedTuple):
     """What is known after so many worlds: the relative error, or the difference of shares."""
 
     worlds: int
@@ -56,27 +56,27 @@ class Decision:
     """How a comparison stands.
 
     Attributes:
-        looks: at each number of worlds that both have finished, up to the one that decided it.
-        verdict: better or worse than the baseline by more than the margin, equivalent if within
+        interims: at each number of worlds that both have finished, up to the one that decided it.
+        relation: better or worse than the baseline by more than the margin, equivalent if within
             the margin on both sides, or open.
         margin: of the rule.
         wanted: worlds that it needs: those of its last look if it is decided, else of the next.
     """
 
-    looks: tuple[Look, ...]
-    verdict: Verdict
+    interims: tuple[Interim, ...]
+    relation: Relation
     margin: float
     wanted: int
 
     @property
     def interval(self) -> Estimate:
         """The interval of the last look."""
-        return self.looks[-1].interval if self.looks else UNKNOWN
+        return self.interims[-1].interval if self.interims else UNKNOWN
 
     @property
     def worlds(self) -> int:
         """The worlds of the last look."""
-        return self.looks[-1].worlds if self.looks else 0
+        return self.interims[-1].worlds if self.interims else 0
 
 
 def decide(ours: Outcomes, baseline: Outcomes, aim: Score | None, rule: Rule) -> Decision:
@@ -92,16 +92,16 @@ def decide(ours: Outcomes, baseline: Outcomes, aim: Score | None, rule: Rule) ->
     """
     interval = _intervals(ours, baseline, aim, ALPHA / rule.family)
     there = min(_finished(ours), _finished(baseline))
-    seen: list[Look] = []
-    verdict: Verdict = "open"
+    seen: list[Interim] = []
+    relation: Relation = "open"
     for worlds in rule.looks:
         if worlds > there:
             break
-        seen.append(Look(worlds, interval(worlds)))
-        verdict = _verdict(seen[-1].interval, rule.margin, least=aim is None)
-        if verdict != "open" or math.isnan(seen[-1].interval.mean):
+        seen.append(Interim(worlds, interval(worlds)))
+        relation = _relation(seen[-1].interval, rule.margin, least=aim is None)
+        if relation != "open" or math.isnan(seen[-1].interval.mean):
             break
-    return Decision(looks=tuple(seen), verdict=verdict, margin=rule.margin, wanted=worlds)
+    return Decision(interims=tuple(seen), relation=relation, margin=rule.margin, wanted=worlds)
 
 
 def _intervals(
@@ -131,7 +131,7 @@ def _finished(outcomes: Outcomes) -> int:
     return sum(1 for _ in itertools.takewhile(bool, whole))
 
 
-def _verdict(found: Estimate, margin: float, *, least: bool) -> Verdict:
+def _relation(found: Estimate, margin: float, *, least: bool) -> Relation:
     """Return where an interval lies; ``least``: whether the least is the best."""
     if found.high < -margin:
         return "better" if least else "worse"
