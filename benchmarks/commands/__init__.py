@@ -16,6 +16,7 @@ COMMANDS = {
     "run": "run one lap: animation, error curve, trace",
     "replay": "play a recorded log to localizers, and compare them",
     "score": "score what another stack has estimated, with the columns of replay",
+    "basin": "find how wrong the start may be, on a log or in a scenario",
     "from-nav2": "turn Nav2's AMCL parameters into a sweep file",
     "phase": "draw the queue as place fields over the theta phase",
     "check": "check that a localizer obeys the laws the benchmarks rely on",

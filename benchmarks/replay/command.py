@@ -66,7 +66,7 @@ def sweep_of(
     if len(set(localizers)) < len(localizers):
         raise InputError(f"a localizer is named twice in {', '.join(localizers)}.")
     params = {
-        name: {**(shared.get(name) or _given(name, particles)), **own.get(name, {})}
+        name: {**(shared.get(name) or particles_by_name(name, particles)), **own.get(name, {})}
         for name in localizers
     }
     return Sweep(
@@ -79,7 +79,7 @@ def sweep_of(
         seed=root,
         trials=seeds,
         baseline=localizers[0],
-        takes=_own_params,
+        takes=own_params,
     )
 
 
@@ -230,13 +230,13 @@ def _tracks(replay: Replay, rows: Sequence[Row]) -> dict[str, bytes]:
     return files
 
 
-def _own_params(name: str) -> tuple[str, ...]:
+def own_params(name: str) -> tuple[str, ...]:
     """Say that a localizer takes no parameter that all have: each is given its own, and no lag."""
     takes(name)
     return ()
 
 
-def _given(name: str, particles: int | None) -> Mapping[str, Any]:
+def particles_by_name(name: str, particles: int | None) -> Mapping[str, Any]:
     """Return the number of particles by whatever name a localizer takes it."""
     if particles is None:
         return {}

@@ -3,6 +3,7 @@
 The interfaces of worlds and agents stand here, too.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
@@ -10,11 +11,13 @@ from types import MappingProxyType
 from typing import Any, Protocol, Self, TypeVar
 
 import gymnasium as gym
+import numpy as np
 
 from benchmarks.setup.changes import NOTHING, Changes, Named
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.map import LENGTH, POSE, pixel, scaled
+from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError, integer, number, one_of, pose
 from deqmcl_gym.world.config import WORLDS, World
@@ -55,6 +58,7 @@ class Thresholds:
 
 
 Pose = tuple[float, float, float]
+_DIRECTIONS = 1024  # that are drawn to find a free one
 
 
 class TrialEnv(Protocol):
@@ -145,10 +149,72 @@ class Gaussian:
             return "around the planned start"
         return "around ({:g}, {:g}, {:.2f} rad)".format(*self.mean)
 
-    def of(self, room: TrialEnv) -> Prior:
-        """Return p(x_0) in the episode that a room has begun last."""
+    def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> GaussianPrior:
+        """Return p(x_0) in the episode that a room has begun last; nothing is drawn."""
         mean = room.expected_start if self.mean is None else self.mean
         return GaussianPrior(mean=mean, sd_position=self.sd_position, sd_heading=self.sd_heading)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Displaced:
+    """A Gaussian whose mean is wrong by a distance and an angle, as if a person were mistaken.
+
+    The direction is drawn, evenly among those that lead to free space, as nobody says that a robot
+    stands in a wall; the angle is to the left or to the right.
+
+    Attributes:
+        mean, sd_position, sd_heading: as of ``Gaussian``, before the mean is displaced.
+        distance: by which the mean is off, px.
+        angle: by which its heading is off, rad.
+    """
+
+    mean: tuple[float, float, float] | None = field(default=None, metadata=POSE)
+    sd_position: float = field(default=10.0, metadata=LENGTH)
+    sd_heading: float = 0.1
+    distance: float = field(default=0.0, metadata=LENGTH)
+    angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mean", self._right.mean)
+        number("prior.distance", self.distance, low=0)
+        number("prior.angle", self.angle, low=0, high=math.pi)
+
+    def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> GaussianPrior:
+        """Return p(x_0) in the episode that a room has begun last.
+
+        Args:
+            room: has the free space.
+            rng: draws the direction, the same for all distances that are free there.
+
+        Raises:
+            InputError: nothing is free at that distance, or there is nothing to draw with.
+        """
+        if rng is None:
+            raise InputError("the prior is displaced in a direction that is drawn: give rng.")
+        right = self._right.of(room)
+        x, y, heading = right.mean
+        side, ways = rng.random(), 2 * math.pi * rng.random(_DIRECTIONS)
+        off = np.column_stack([arrays.cos(ways), arrays.sin(ways)])
+        around = np.array([x, y]) + self.distance * off
+        free = np.flatnonzero(room.floor_plan.free(around, room.radius))
+        if self.distance > 0 and not free.size:
+            raise InputError(
+                f"prior.distance is {self.distance:g}, but nothing is free at that distance from "
+                f"({x:.2f}, {y:.2f}): give a smaller one."
+            )
+        px, py = around[free[0]].tolist() if self.distance > 0 else (x, y)
+        turned = heading + (self.angle if side < 0.5 else -self.angle)
+        return replace(right, mean=(px, py, turned))
+
+    @property
+    def where(self) -> str:
+        """Where it is, in words."""
+        off = f"wrong by {self.distance:g} and {math.degrees(self.angle):.0f}°"
+        return f"{self._right.where}, {off}"
+
+    @property
+    def _right(self) -> Gaussian:
+        return Gaussian(mean=self.mean, sd_position=self.sd_position, sd_heading=self.sd_heading)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,8 +242,8 @@ class Uniform:
             )
         self._region()  # refuses what is none
 
-    def of(self, room: TrialEnv) -> Prior:
-        """Return p(x_0) in a room."""
+    def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> Prior:
+        """Return p(x_0) in a room; nothing is drawn."""
         region = self._region()
         return UniformPrior(floor_plan=room.floor_plan, radius=room.radius, region=region)
 
@@ -226,8 +292,8 @@ class Places:
             raise InputError(f"prior.places is {self.places!r}, but must be a list of tables.")
         object.__setattr__(self, "places", tuple(map(_place, self.places)))
 
-    def of(self, room: TrialEnv) -> Prior:
-        """Return p(x_0) in the episode that a room has begun last."""
+    def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> Prior:
+        """Return p(x_0) in the episode that a room has begun last; nothing is drawn."""
         if not self.places:
             raise InputError("the prior has kind places, but no place: add [[prior.places]].")
         parts = tuple(place.prior.of(room) for place in self.places)
@@ -251,7 +317,7 @@ def _place(given: Any) -> Place:
     weight = keys.pop("weight", 1.0)
     if keys.get("kind") == "places":
         raise InputError("a place of the prior is of kind places: name the places side by side.")
-    if "kind" not in keys:
+    if keys.get("kind") in (None, "displaced"):
         one_of("kind of a place", keys.get("kind"), ("gaussian", "uniform"))
     prior = _changed("prior", Gaussian(), keys, "px")  # lengths as they are told
     if isinstance(prior, Gaussian) and (prior.mean is None or "sd_position" not in keys):
@@ -259,7 +325,9 @@ def _place(given: Any) -> Place:
     return Place(prior=prior, weight=weight)
 
 
-PRIORS = MappingProxyType({"gaussian": Gaussian, "uniform": Uniform, "places": Places})
+PRIORS = MappingProxyType(
+    {"gaussian": Gaussian, "uniform": Uniform, "places": Places, "displaced": Displaced}
+)
 
 
 T = TypeVar("T")
@@ -295,7 +363,7 @@ class Scenario:
     env: Mapping[str, Any]
     motion: MotionModel = field(default_factory=OdometryMotion)
     scan: BeamDensity = field(default_factory=GaussianUniform)
-    prior: Gaussian | Uniform | Places = field(default_factory=Gaussian)
+    prior: Gaussian | Uniform | Places | Displaced = field(default_factory=Gaussian)
     agent: Named = OPEN_LOOP
     disturbance: tuple[Mapping[str, Any], ...] = ()
     buildings: int = 1
@@ -363,9 +431,9 @@ class Scenario:
             scan=self.scan,
         )
 
-    def prior_in(self, room: TrialEnv) -> Prior:
-        """Return p(x_0) in the episode that a room has begun last."""
-        return self.prior.of(room)
+    def prior_in(self, room: TrialEnv, rng: np.random.Generator | None = None) -> Prior:
+        """Return p(x_0) in the episode that a room has begun last; ``rng`` is for ``Displaced``."""
+        return self.prior.of(room, rng)
 
     def changed(
         self, world: Mapping[str, Any] = NOTHING, assumed: Mapping[str, Any] = NOTHING

@@ -113,7 +113,7 @@ class Drive:
             stage.env,
             agent,
             localizer,
-            lambda: stage.scenario.prior_in(stage.room),
+            stage.prior,
             rng,
             seed=stage.trial.world_seed,
         )

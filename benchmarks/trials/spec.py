@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.setup.changes import NOTHING, OF_LOCALIZERS, Changes, Named, jsonable
 
-_WORLD, _FILTER = 0, 1  # children of a trial's seed
+_WORLD, _FILTER, _START = 0, 1, 2  # children of a trial's seed
 
 
 Run = tuple[int, int]  # world, filter seed
@@ -137,6 +137,11 @@ class Trial:
         The same for every localizer, so that filters start from the same cloud.
         """
         key = (self.trial, _FILTER, self.filter_seed)
+        return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
+
+    def start_rng(self) -> np.random.Generator:
+        """Return the stream of a prior that is drawn: a function of (seed, trial, filter_seed)."""
+        key = (self.trial, _START, self.filter_seed)
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
 
     def canonical(self) -> dict[str, Any]:

@@ -121,17 +121,23 @@ class Stage:
         thresholds, judged = self.scenario.thresholds, self.scenario.judged
         return TrackLog(self.room.log, self.room.floor_plan, thresholds, judged)
 
+    def prior(self) -> Prior:
+        """Return p(x_0) in the episode that the room has begun last."""
+        return self.scenario.prior_in(self.room, self.trial.start_rng())
+
     def moments(self) -> Iterator[Moment]:
         """Run the trial; yield each step. What its localizer is made for is a copy of its own."""
         copies: dict[int, Any] = {}  # the prior's map is the robot's
         agent = self._agent()
         localizer = make(self.trial.localizer, deepcopy(self.robot, copies), **self.trial.params)
 
-        def prior() -> Prior:
-            return deepcopy(self.scenario.prior_in(self.room), copies)
-
         yield from moments(
-            self.env, agent, localizer, prior, self.filter_rng, seed=self.trial.world_seed
+            self.env,
+            agent,
+            localizer,
+            lambda: deepcopy(self.prior(), copies),
+            self.filter_rng,
+            seed=self.trial.world_seed,
         )
 
     def trace(self) -> Trace:
@@ -148,7 +154,7 @@ class Stage:
         """
         with _errors_name(self.trial.scenario):
             self.env.reset(seed=self.trial.world_seed)
-            self.scenario.prior_in(self.room)
+            self.prior()
         self._agent()
 
     def _agent(self) -> Agent:

@@ -134,7 +134,7 @@ def replanned_lap() -> Lap:
     assert first.plan is not None, "a driver shows its plan"
     return Lap(
         robot=stage.robot,
-        prior=stage.scenario.prior_in(stage.room),
+        prior=stage.prior(),
         first=first.plan,
         steps=tuple((moment.ranges, moment.action, moment.plan) for moment in steps),
     )
