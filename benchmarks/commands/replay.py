@@ -4,6 +4,7 @@ Writes tables, trajectories (TUM, for evo) and a page: docs/your-map-your-log.md
 """
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.commands import shared
@@ -102,6 +103,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="also tell and draw where the map is wrong: cells that beams end in or pass though "
         "the map says otherwise",
     )
+    shared.add_mcap(parser)
     shared.add_jobs(parser, "runs")
     shared.add_timeout(parser, "run")
     shared.add_out(parser)
@@ -109,8 +111,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.execution.apart import answered_within
+    from benchmarks.execution.apart import answered_within, where_safe
     from benchmarks.execution.engines import Where
+    from benchmarks.pictures.mcap import check_mcap, record_runs
     from benchmarks.replay.calibration import calibrated, with_fitted_beams
     from benchmarks.replay.command import gated, run_replay, sweep_of
     from benchmarks.replay.nav2 import read_nav2
@@ -119,6 +122,8 @@ def run(options: argparse.Namespace) -> str:
     from deqmcl_gym.validation import InputError
 
     where = Where(jobs=options.jobs, timeout=options.timeout)
+    if options.mcap is not None:
+        check_mcap(options.mcap)
     if options.node is not None and options.nav2 is None:
         raise InputError("--node is given without --nav2: name the file that the node is in.")
     nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)
@@ -153,6 +158,12 @@ def run(options: argparse.Namespace) -> str:
         said += gated(sweep, told.get("every"))
         notes = said if nav2 is None else [*said, *nav2.notes]
         how = Options(where=where)
-        return run_replay(
+        text = run_replay(
             replay, sweep, options.out, how, options.words, notes, residuals=options.residuals
         )
+        if options.mcap is None:
+            return text
+        first = list(replace(sweep, trials=1).distinct())
+        with doing(f"writing {options.mcap}"):
+            where_safe(first, record_runs, first, options.mcap.absolute())
+        return f"{text}\n\nMCAP, the first run of each: {options.mcap}"

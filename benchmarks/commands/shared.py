@@ -101,6 +101,12 @@ def add_out(parser: argparse.ArgumentParser, default: str | None = None) -> None
     parser.add_argument("--out", type=folder, metavar="DIR", help=words, **needed)
 
 
+def add_mcap(parser: argparse.ArgumentParser) -> None:
+    """Add the file for Foxglove."""
+    help_ = "also write what is believed, for Foxglove and Lichtblick (needs the extra view)"
+    parser.add_argument("--mcap", type=file, metavar="FILE.mcap", help=help_)
+
+
 def add_setting(parser: argparse.ArgumentParser) -> None:
     """Add the scenario, the root seed, and the parameters that most localizers have."""
     parser.add_argument(

@@ -30,6 +30,7 @@ from deqmcl_gym.world.drawing import (
 )
 from localizers import Belief, best_cluster, mean_pose
 from localizers.inference.hedge import HedgedBelief
+from localizers.models.motion import increments
 
 _LAYERS: tuple[tuple[int, Color, str], ...] = (  # sign of the offset, back to front
     (+1, LIGHT_BLUE, "future"),
@@ -235,10 +236,11 @@ def _present(belief: Belief) -> tuple[Reals, Floats]:
 
 
 def laid(pose: Reals, plan: Reals) -> Floats:
-    """Return the way of a plan (h, 2) from a pose, without noise, (h + 1, 2)."""
-    distance, turn = np.asarray(plan, np.float64).T
+    """Return the way of a plan (h, 2), or (h, 3) of a log, from a pose, no noise, (h + 1, 2)."""
+    forward, left, turn = increments(plan).T
     heading = pose[2] + np.cumsum(turn)
-    steps = np.column_stack([distance * np.cos(heading), distance * np.sin(heading)])
+    cos, sin = np.cos(heading), np.sin(heading)
+    steps = np.column_stack([forward * cos - left * sin, forward * sin + left * cos])
     return np.vstack([pose[:2], pose[:2] + np.cumsum(steps, axis=0)])
 
 

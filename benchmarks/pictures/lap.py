@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from benchmarks.files import own_folder, write_part
 from benchmarks.pictures import figures
 from benchmarks.pictures.film import Film, webp
+from benchmarks.pictures.mcap import check_mcap, recorded
 from benchmarks.setup.scenario import TrialEnv
-from benchmarks.tables.text import csv_text, state_name
+from benchmarks.tables.text import csv_text, short_name, state_name
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.metrics import directions, heading_error, position_error, state_error
 from benchmarks.trials.scoring import scores
@@ -30,12 +31,14 @@ _ERRORS = {  # drawn, by the map's unit
 }
 
 
-def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
+def run_lap(trial: Trial, out: Path, log: Path | None = None, mcap: Path | None = None) -> str:
     """Run one lap of one localizer; write animation, error curve, trace; return what to print.
 
-    ``log`` is where to write the lap as a log, if anywhere.
+    ``log`` is where to write the lap as a log, ``mcap`` what is believed, if anywhere.
     """
     figures.require_plots()
+    if mcap is not None:
+        check_mcap(mcap)
     if log is not None:
         check_writable(log)
         if os.path.lexists(log):
@@ -47,6 +50,9 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
     film = Film(figures.camera_of(stage), title, figures.LAP_STRIDE)
     outside: list[int] = []
     episode = _noting(outside, film.of(stage.moments()), stage.room.floor_plan)
+    if mcap is not None:
+        rows = recorded({short_name(title): episode}, stage, mcap, times=None)
+        episode = (moment for (moment,) in rows)
     trace = trace_of(episode, trial.offsets, stage.task)
     measure, words = _ERRORS[unit]
     curves = {
@@ -72,6 +78,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None) -> str:
         )
     lines.append(f"Written to {out}: {', '.join(files)}.")
     lines += [] if log is None else [f"Log: {log}"]
+    lines += [] if mcap is None else [f"MCAP: {mcap}"]
     return "\n".join([f"{heading}: {trace.steps} steps", *lines])
 
 

@@ -1,0 +1,330 @@
+"""Runs as an MCAP file for Foxglove and Lichtblick: docs/look-at-it.md has the table of topics.
+
+Written by foxglove-sdk, an optional extra, from the moments that animations are drawn from. Lengths
+are in metres; the frames are ``map`` and ``base_link``.
+"""
+
+import math
+import os
+import secrets
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.pictures.film import laid
+from benchmarks.tables.text import short_names
+from benchmarks.trials.episode import Moment
+from benchmarks.trials.fixes import metre
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
+from deqmcl_gym.envs.log import LogEnv
+from deqmcl_gym.files import PREFIX, SUFFIX
+from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
+from deqmcl_gym.maps.polygons import edges_of
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.validation import InputError
+from localizers import best_cluster, quality_of
+from localizers.inference.hedge import HedgedBelief
+
+_MAP, _BASE = "map", "base_link"
+_WALL, _UNKNOWN, _FREE = (31, 35, 40, 255), (176, 184, 192, 255), (255, 255, 255, 255)
+_POINT = ("x", "y", "z", "heading", "weight")
+_EVEN = 1e-6  # rad between the steps of a scan's angles
+_SERIES = {  # of the topic …/series, beside the step
+    "quality": "P(not lost)",
+    "trusted": "of a hedge: q, the probability that the plans are right",
+    "position_error_m": "of the best cluster",
+    "heading_error_deg": "of the best cluster",
+}
+
+
+def check_mcap(path: Path) -> None:
+    """Refuse a file that cannot be written.
+
+    Raises:
+        InputError: foxglove-sdk is not installed, the name has another ending, or the file exists.
+    """
+    if find_spec("foxglove") is None:
+        raise InputError(
+            "--mcap needs foxglove-sdk, which is not installed: pip install 'deqmcl-gym[view]'."
+        )
+    if path.suffix.lower() != ".mcap":
+        raise InputError(f"--mcap is {path}, but must end in .mcap.")
+    if os.path.lexists(path):
+        raise InputError(f"{path} exists already: give another --mcap.")
+
+
+def record_runs(trials: Sequence[Trial], path: Path) -> None:
+    """Run trials on one log again, side by side, and write them."""
+    stages = [Stage.of(trial) for trial in trials]
+    short = short_names([trial.localizer for trial in trials])
+    runs = {short[stage.trial.localizer]: stage.moments() for stage in stages}
+    room = stages[0].room
+    times = room.log.times.tolist() if isinstance(room, LogEnv) else None
+    for _ in recorded(runs, stages[0], path, times):
+        pass
+
+
+def recorded(
+    runs: Mapping[str, Iterable[Moment]], stage: Stage, path: Path, times: Sequence[float] | None
+) -> Iterator[tuple[Moment, ...]]:
+    """Pass runs on, side by side, and write them; the file is there whole when they have ended.
+
+    Args:
+        runs: moments of one world by the name of the localizer.
+        stage: of any of them.
+        path: of the file, see ``check_mcap``.
+        times: of the steps, s; None: one second each.
+    """
+    from foxglove import Context, open_mcap
+
+    if times is not None and times[0] < 0:
+        raise InputError(f"the log begins at {times[0]:g} s, but an MCAP has no time before 0 s.")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f"{PREFIX}{secrets.token_hex(4)}{SUFFIX}")
+    try:
+        context = Context()
+        with open_mcap(beside, context=context):
+            recording = _Recording(context, stage, tuple(runs))
+            for moments in zip(*runs.values(), strict=True):
+                step = moments[0].step
+                recording.write(float(step) if times is None else times[step], moments)
+                yield moments
+        beside.replace(path)
+    finally:
+        with suppress(FileNotFoundError):
+            beside.unlink()
+
+
+class _Recording:
+    """Writes moments to an open file; its first writes the map, too."""
+
+    def __init__(self, context: Any, stage: Stage, names: Sequence[str]) -> None:
+        from foxglove import channels
+
+        room, self._context = stage.room, context
+        self._names, self._map, self._lidar = names, room.floor_plan, room.lidar
+        self._metre = metre(self._map.unit)
+        self._lag, self._begun = stage.trial.lag, False
+        self._even = _is_even(self._lidar)
+        self._channels: dict[str, Any] = {}
+        self._kinds: Mapping[str, Any] = vars(channels)
+
+    def write(self, time: float, moments: Sequence[Moment]) -> None:
+        """Write what the localizers believe after a step."""
+        self._time = round(time * 1e9)
+        if not self._begun:
+            self._write_map()
+            self._begun = True
+        first = moments[0]
+        known = bool(np.isfinite(first.truth).all())
+        best = [self._best(moment) for moment in moments]
+        self._log("/tf", self._transform(first.truth if known else best[0]))
+        if known:
+            self._log("/truth", self._pose_in_map(first.truth))
+        self._log("/scan", self._scan(first.ranges))
+        for name, moment, at in zip(self._names, moments, best, strict=True):
+            self._write_belief(name, moment, at, first.truth if known else None)
+
+    def _write_belief(self, name: str, moment: Moment, best: Reals, truth: Reals | None) -> None:
+        belief = moment.belief
+        self._log(f"/{name}/estimate", self._pose_in_map(best))
+        clouds = {"cloud": belief.points()}
+        if self._lag:
+            clouds |= {"past": belief.points(-self._lag), "future": belief.points(self._lag)}
+        if isinstance(belief, HedgedBelief):
+            clouds |= {"advised": belief.advised.points(), "protected": belief.protected.points()}
+        for kind, points in clouds.items():
+            if points is not None:
+                self._log(f"/{name}/{kind}", self._cloud(np.asarray(points[0]), points[1]))
+        if moment.plan is not None:
+            start = best if truth is None else truth
+            way = laid(start, moment.plan) if len(moment.plan) else np.empty((0, 2))
+            self._log(f"/{name}/plan", self._line("plan", way))
+        series: dict[str, float | None] = {"step": moment.step, "quality": quality_of(belief)}
+        if isinstance(belief, HedgedBelief):
+            series["trusted"] = belief.trusted
+        if truth is not None:
+            off = (np.asarray(best) - truth) / np.array([self._metre, self._metre, 1.0])
+            series["position_error_m"] = math.hypot(off[0], off[1])
+            series["heading_error_deg"] = math.degrees(abs(float(arrays.wrapped(off[2:])[0])))
+        said = {key: value for key, value in series.items() if value is not None}
+        self._log_series(f"/{name}/series", said)
+
+    def _best(self, moment: Moment) -> Reals:
+        points = moment.belief.points()
+        if points is None:
+            raise InputError(f"its belief of state {moment.step} holds no points of the present.")
+        return np.array(best_cluster(*points, unit=self._map.unit).mean)
+
+    def _log(self, topic: str, message: Any) -> None:
+        if topic not in self._channels:
+            kind = self._kinds[f"{type(message).__name__}Channel"]
+            self._channels[topic] = kind(topic, context=self._context)
+        self._channels[topic].log(message, log_time=self._time)
+
+    def _log_series(self, topic: str, values: Mapping[str, float]) -> None:
+        from foxglove import Channel
+
+        if topic not in self._channels:
+            keys = {name: {"type": "number", "description": own} for name, own in _SERIES.items()}
+            schema = {
+                "type": "object",
+                "title": "deqmcl.Series",
+                "properties": {"step": {"type": "integer"}, **keys},
+            }
+            self._channels[topic] = Channel(topic, schema=schema, context=self._context)
+        self._channels[topic].log(dict(values), log_time=self._time)
+
+    @property
+    def _stamp(self) -> Any:
+        from foxglove.messages import Timestamp
+
+        return Timestamp(*divmod(self._time, 10**9))
+
+    def _pose(self, pose: Reals) -> dict[str, Any]:
+        """Position and orientation, metres."""
+        from foxglove.messages import Quaternion, Vector3
+
+        x, y, heading = np.asarray(pose, np.float64).tolist()
+        at = Vector3(x=x / self._metre, y=y / self._metre, z=0.0)
+        turned = Quaternion(x=0.0, y=0.0, z=math.sin(heading / 2), w=math.cos(heading / 2))
+        return {"position": at, "orientation": turned}
+
+    def _pose_in_map(self, pose: Reals) -> Any:
+        from foxglove.messages import Pose, PoseInFrame
+
+        return PoseInFrame(timestamp=self._stamp, frame_id=_MAP, pose=Pose(**self._pose(pose)))
+
+    def _transform(self, pose: Reals) -> Any:
+        from foxglove.messages import FrameTransform
+
+        at = self._pose(pose)
+        return FrameTransform(
+            timestamp=self._stamp,
+            parent_frame_id=_MAP,
+            child_frame_id=_BASE,
+            translation=at["position"],
+            rotation=at["orientation"],
+        )
+
+    def _scan(self, ranges: Reals) -> Any:
+        """A LaserScan; the ends of the beams as a cloud if their angles are not evenly spaced."""
+        from foxglove.messages import LaserScan, Pose
+
+        bearings, seen = self._lidar.bearings, np.asarray(ranges, np.float64)
+        seen = np.where(seen <= self._lidar.max_range, seen, np.inf)
+        mounted = self._lidar.origin(np.zeros(3))
+        if self._even:
+            return LaserScan(
+                timestamp=self._stamp,
+                frame_id=_BASE,
+                pose=Pose(**self._pose(mounted)),
+                start_angle=float(bearings[0]),
+                end_angle=float(bearings[-1]),
+                ranges=(seen / self._metre).tolist(),
+            )
+        hit = np.isfinite(seen)
+        ways = np.column_stack([np.cos(bearings[hit]), np.sin(bearings[hit])])
+        ends = np.column_stack([mounted[:2] + seen[hit, None] * ways, bearings[hit]])
+        return self._cloud(ends, np.ones(len(ends)), _BASE)
+
+    def _cloud(self, poses: Reals, weights: Reals, frame: str = _MAP) -> Any:
+        from foxglove.messages import PackedElementField, PackedElementFieldNumericType, PointCloud
+
+        table = np.zeros((len(poses), len(_POINT)), "<f4")
+        table[:, :2] = np.asarray(poses)[:, :2] / self._metre
+        table[:, 3], table[:, 4] = np.asarray(poses)[:, 2], weights
+        single = PackedElementFieldNumericType.Float32
+        fields = [
+            PackedElementField(name=name, offset=4 * place, type=single)
+            for place, name in enumerate(_POINT)
+        ]
+        return PointCloud(
+            timestamp=self._stamp,
+            frame_id=frame,
+            pose=_identity(),
+            point_stride=4 * len(_POINT),
+            fields=fields,
+            data=table.tobytes(),
+        )
+
+    def _line(self, name: str, way: Floats, *, pairs: bool = False) -> Any:
+        """A line through points (n, 2), or one between each two of them; none of no points."""
+        from foxglove.messages import (
+            Color,
+            LinePrimitive,
+            LinePrimitiveLineType,
+            Point3,
+            SceneEntity,
+            SceneUpdate,
+        )
+
+        kind = LinePrimitiveLineType.LineList if pairs else LinePrimitiveLineType.LineStrip
+        points = (
+            [Point3(x=x, y=y, z=0.0) for x, y in (way / self._metre).tolist()] if len(way) else []
+        )
+        ink = Color(r=0.12, g=0.14, b=0.16, a=1.0) if pairs else Color(r=0.0, g=0.62, b=0.45, a=1.0)
+        line = LinePrimitive(
+            type=kind, pose=_identity(), thickness=2.0, scale_invariant=True, points=points,
+            color=ink,
+        )  # fmt: skip
+        entity = SceneEntity(
+            timestamp=self._stamp, frame_id=_MAP, id=name, lines=[line] if points else []
+        )
+        return SceneUpdate(entities=[entity])
+
+    def _write_map(self) -> None:
+        floor_plan: Map = self._map
+        if isinstance(floor_plan, GridMap):
+            self._log("/map", self._grid(floor_plan))
+        elif isinstance(floor_plan, PolygonMap):
+            walls = [np.array(corners) for corners in (floor_plan.outer, *floor_plan.obstacles)]
+            ends = np.vstack([edges_of(corners) for corners in walls]).reshape(-1, 2)
+            self._log("/map", self._line("walls", ends, pairs=True))
+
+    def _grid(self, floor_plan: GridMap) -> Any:
+        from foxglove.messages import (
+            Grid,
+            PackedElementField,
+            PackedElementFieldNumericType,
+            Pose,
+            Vector2,
+        )
+
+        cells = floor_plan.occupancy
+        colors = np.empty((*cells.shape, 4), np.uint8)
+        colors[:] = _FREE
+        colors[floor_plan.solid] = _WALL
+        colors[cells < 0] = _UNKNOWN
+        size, kind = floor_plan.resolution / self._metre, PackedElementFieldNumericType.Uint8
+        return Grid(
+            timestamp=self._stamp,
+            frame_id=_MAP,
+            pose=Pose(**self._pose(np.array(floor_plan.origin))),
+            column_count=cells.shape[1],
+            cell_size=Vector2(x=size, y=size),
+            row_stride=4 * cells.shape[1],
+            cell_stride=4,
+            fields=[
+                PackedElementField(name=name, offset=place, type=kind)
+                for place, name in enumerate(("red", "green", "blue", "alpha"))
+            ],
+            data=colors.tobytes(),
+        )
+
+
+def _identity() -> Any:
+    from foxglove.messages import Pose, Quaternion, Vector3
+
+    return Pose(position=Vector3(), orientation=Quaternion(w=1.0))
+
+
+def _is_even(lidar: Lidar) -> bool:
+    steps = np.diff(lidar.bearings)
+    return bool(steps.size == 0 or np.abs(steps - steps[0]).max() <= _EVEN)

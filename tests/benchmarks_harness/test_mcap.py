@@ -1,0 +1,285 @@
+"""``--mcap``: read back by the library ``mcap``, its messages by the wire format of protobuf."""
+
+import json
+import math
+import struct
+import sys
+
+import numpy as np
+import pytest
+from deqmcl_command import exit_code, files
+from hall import recorded_in_a_hall
+from mcap.reader import make_reader
+from refusals import refused
+
+from benchmarks.pictures.film import laid
+from benchmarks.pictures.mcap import check_mcap, recorded
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
+from deqmcl_gym import logs
+from localizers import best_cluster
+
+FIXED, BYTES = 1, 2  # wire types
+
+
+def decoded(data):
+    """The fields of a protobuf message by number: lists of doubles, whole numbers and bytes."""
+    found, at = {}, 0
+
+    def varint():
+        nonlocal at
+        value = shift = 0
+        while True:
+            byte = data[at]
+            value, shift, at = value | (byte & 127) << shift, shift + 7, at + 1
+            if byte < 128:
+                return value
+
+    while at < len(data):
+        key = varint()
+        if key & 7 == FIXED:
+            (value,) = struct.unpack_from("<d", data, at)
+            at += 8
+        elif key & 7 == BYTES:
+            size = varint()
+            value, at = data[at : at + size], at + size
+        elif key & 7 == 5:
+            (value,) = struct.unpack_from("<I", data, at)
+            at += 4
+        else:
+            value = varint()
+        found.setdefault(key >> 3, []).append(value)
+    return found
+
+
+def one(message, number, otherwise=b""):
+    return message.get(number, [otherwise])[0]
+
+
+def pose_of(data):
+    """x, y, θ of a Pose: position 1 (x 1, y 2), orientation 2 (z 3, w 4)."""
+    pose = decoded(data)
+    at, turned = decoded(one(pose, 1)), decoded(one(pose, 2))
+    heading = 2 * math.atan2(one(turned, 3, 0.0), one(turned, 4, 0.0))
+    return one(at, 1, 0.0), one(at, 2, 0.0), heading
+
+
+def read(path):
+    """Messages (log time s, schema, content) by topic."""
+    found = {}
+    with open(path, "rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages():
+            found.setdefault(channel.topic, []).append(
+                (message.log_time / 1e9, schema.name, message.data)
+            )
+    return found
+
+
+SCHEMAS = {
+    "/map": "foxglove.SceneUpdate",
+    "/tf": "foxglove.FrameTransform",
+    "/truth": "foxglove.PoseInFrame",
+    "/scan": "foxglove.LaserScan",
+    "/H/estimate": "foxglove.PoseInFrame",
+    "/H/cloud": "foxglove.PointCloud",
+    "/H/advised": "foxglove.PointCloud",
+    "/H/protected": "foxglove.PointCloud",
+    "/H/plan": "foxglove.SceneUpdate",
+    "/H/series": "deqmcl.Series",
+}
+
+
+@pytest.fixture(scope="module")
+def lap(tmp_path_factory):
+    """The first steps of a hedge in the paper's room, in px, beside what is in the file."""
+    trial = Trial(
+        scenario="guided", localizer="mcl-plan-hedged", params={"particles": 50}, lag=0, seed=1,
+        trial=0,
+    )  # fmt: skip
+    stage, path = Stage.of(trial), tmp_path_factory.mktemp("mcap") / "new" / "a.mcap"
+    episode = (moment for moment in stage.moments() if moment.step <= 12)
+    kept = []
+    for (moment,) in recorded({"H": episode}, stage, path, None):
+        belief = moment.belief
+        kept.append((moment, belief.points(), belief.advised.points(), belief.protected.points(),
+                     belief.trusted))  # fmt: skip
+    return stage, kept, read(path), path
+
+
+def test_every_topic_has_its_standard_schema_and_a_message_for_every_step(lap):
+    _, kept, topics, path = lap
+    assert {topic: own[0][1] for topic, own in topics.items()} == SCHEMAS
+    assert len(kept) == 13
+    for topic, own in topics.items():
+        times = [0.0] if topic == "/map" else [float(step) for step in range(13)]
+        assert [time for time, _, _ in own] == times, topic
+    assert [other.name for other in path.parent.iterdir()] == ["a.mcap"]  # nothing beside it
+
+
+def test_poses_and_clouds_are_those_of_the_run_in_metres(lap):
+    _, kept, topics, _ = lap
+    for step, (moment, present, advised, protected, _) in enumerate(kept):
+        x, y, heading = np.asarray(moment.truth, np.float64)
+        best = best_cluster(*present, unit="px").mean
+        stamp, frame, pose = (one(decoded(topics["/truth"][step][2]), i) for i in (1, 2, 3))
+        assert (one(decoded(stamp), 1, 0), frame) == (step, b"map")
+        expected = (x / 50, y / 50, math.remainder(heading, 2 * math.pi))
+        off = np.array(pose_of(pose)) - expected
+        off[2] = math.remainder(off[2], 2 * math.pi)
+        np.testing.assert_allclose(off, 0, atol=1e-9)
+        estimate = pose_of(one(decoded(topics["/H/estimate"][step][2]), 3))
+        np.testing.assert_allclose(estimate[:2], np.array(best[:2]) / 50, rtol=1e-12)
+        base = decoded(topics["/tf"][step][2])
+        assert (one(base, 2), one(base, 3)) == (b"map", b"base_link")
+        moved = decoded(one(base, 4))
+        np.testing.assert_allclose((one(moved, 1, 0.0), one(moved, 2, 0.0)), (x / 50, y / 50))
+        for name, points in (("cloud", present), ("advised", advised), ("protected", protected)):
+            cloud = decoded(topics[f"/H/{name}"][step][2])
+            table = np.frombuffer(one(cloud, 6), "<f4").reshape(-1, 5)
+            poses, weights = np.asarray(points[0], np.float64), np.asarray(points[1])
+            assert one(cloud, 4) == 20
+            np.testing.assert_allclose(table[:, :2], poses[:, :2] / 50, rtol=1e-6)
+            np.testing.assert_allclose(table[:, 3:], np.column_stack([poses[:, 2], weights]),
+                                       rtol=1e-6, atol=1e-30)  # fmt: skip
+    clouds = [one(decoded(topics[f"/H/{name}"][9][2]), 6) for name in ("advised", "protected")]
+    assert clouds[0] != clouds[1]
+
+
+def test_scans_plans_and_series_are_those_of_the_run(lap):
+    stage, kept, topics, _ = lap
+    for step, (moment, present, _, _, trusted) in enumerate(kept):
+        scan = decoded(topics["/scan"][step][2])
+        packed = one(scan, 6)
+        ranges = np.frombuffer(packed, "<f8") * 50
+        seen = np.asarray(moment.ranges, np.float64)
+        seen[seen > stage.room.lidar.max_range] = np.inf
+        np.testing.assert_allclose(ranges, seen, rtol=1e-9)
+        (entity,) = decoded(topics["/H/plan"][step][2]).get(2, [b""])
+        lines = decoded(entity).get(11, [])
+        way = laid(moment.truth, moment.plan) / 50 if len(moment.plan) else np.empty((0, 2))
+        points = [decoded(p) for line in lines for p in decoded(line).get(5, [])]
+        drawn = [(one(p, 1, 0.0), one(p, 2, 0.0)) for p in points]
+        np.testing.assert_allclose(np.reshape(drawn, (-1, 2)), way, rtol=1e-9)
+        series = json.loads(topics["/H/series"][step][2])
+        off = np.array(best_cluster(*present, unit="px").mean) - moment.truth
+        assert series["step"] == step
+        assert series["trusted"] == pytest.approx(trusted)
+        assert series["position_error_m"] == pytest.approx(math.hypot(*off[:2]) / 50)
+
+
+def test_walls_of_a_room_are_lines_in_metres(lap):
+    stage, _, topics, _ = lap
+    (line,) = decoded(decoded(topics["/map"][0][2])[2][0])[11]
+    points = [decoded(point) for point in decoded(line)[5]]
+    corners = {(round(one(p, 1, 0.0), 9), round(one(p, 2, 0.0), 9)) for p in points}
+    walls = (stage.room.floor_plan.outer, *stage.room.floor_plan.obstacles)
+    assert corners == {(round(x / 50, 9), round(y / 50, 9)) for wall in walls for x, y in wall}
+    assert len(points) == 2 * sum(map(len, walls))
+
+
+@pytest.fixture
+def hall(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    hall, log = recorded_in_a_hall(steps=40)
+    hall.save("hall.yaml")
+    logs.Trajectory(log.times, log.reference).write("lap.tum")
+    logs.write(log, "lap.csv")
+    return hall, log
+
+
+REPLAY = (
+    *("replay", "lap.csv", "--map", "hall.yaml", "--localizers", "mcl,amcl", "--particles", "50"),
+    *("--scan", "power=0.5", "--seeds", "1", "--jobs", "1"),
+)
+
+
+def test_a_replay_has_its_localizers_side_by_side_at_the_times_of_the_log(hall, tmp_path):
+    floor_plan, _ = hall
+    assert exit_code(*REPLAY, "--every", "0.05m,2deg", "--mcap", "a.mcap", "--out", "out") == 0
+    topics = read(tmp_path / "a.mcap")
+    played = np.loadtxt(tmp_path / "out/tracks/mcl-0.tum")
+    assert [t for t, _, _ in topics["/mcl/estimate"]] == pytest.approx(played[:, 0].tolist())
+    assert len(topics["/amcl/cloud"]) == len(topics["/mcl/cloud"]) == len(played)
+    for name in ("mcl", "amcl"):
+        track = np.loadtxt(tmp_path / f"out/tracks/{name}-0.tum")
+        poses = [pose_of(one(decoded(data), 3))[:2] for _, _, data in topics[f"/{name}/estimate"]]
+        np.testing.assert_allclose(poses, track[:, 1:3], atol=1e-6)
+    ((_, schema, data),) = topics["/map"]
+    grid = decoded(data)
+    assert schema == "foxglove.Grid"
+    rows, columns = floor_plan.occupancy.shape
+    assert one(grid, 4) == columns
+    colors = np.frombuffer(one(grid, 9), np.uint8).reshape(rows, columns, 4)
+    assert ((colors[..., 0] < 100) == floor_plan.solid).all()
+    assert one(decoded(one(grid, 5)), 1) == pytest.approx(0.05)
+
+
+def test_beams_at_uneven_angles_are_points_where_they_end(hall, tmp_path):
+    _, log = hall
+    assert exit_code(*REPLAY, "--max-beams", "17", "--mcap", "a.mcap", "--out", "out") == 0
+    topics = read(tmp_path / "a.mcap")
+    _, schema, data = topics["/scan"][0]
+    thinned = log.with_beams(17)
+    steps = np.diff(thinned.scanner.bearings)
+    if np.ptp(steps) < 1e-6:
+        pytest.fail("17 of 61 beams were to be uneven")
+    assert schema == "foxglove.PointCloud"
+    ends = np.frombuffer(one(decoded(data), 6), "<f4").reshape(-1, 5)[:, :2]
+    seen = thinned.ranges[0]
+    angles = thinned.scanner.bearings[np.isfinite(seen)]
+    expected = seen[np.isfinite(seen), None] * np.column_stack([np.cos(angles), np.sin(angles)])
+    np.testing.assert_allclose(ends, expected, atol=1e-5)
+
+
+def test_run_writes_the_same_numbers_with_and_without_it(tmp_path):
+    words = ("run", "--scenario", "guided", "--localizer", "mcl", "--particles", "20")
+    assert exit_code(*words, "--out", tmp_path / "one") == 0
+    named = ("--mcap", tmp_path / "a.mcap", "--out", tmp_path / "two")
+    assert exit_code(*words, *named) == 0
+    assert files(tmp_path / "one")["trace.npz"] == files(tmp_path / "two")["trace.npz"]
+    truth = np.loadtxt(tmp_path / "two" / "trajectory_truth.tum")
+    assert len(read(tmp_path / "a.mcap")["/mcl/cloud"]) == len(truth)
+
+
+def test_a_run_that_is_stopped_leaves_no_file(tmp_path):
+    trial = Trial(
+        scenario="guided", localizer="mcl", params={"particles": 20}, lag=0, seed=1, trial=0
+    )
+    stage = Stage.of(trial)
+    rows = recorded({"mcl": stage.moments()}, stage, tmp_path / "a.mcap", None)
+    next(rows)
+    assert len([*tmp_path.iterdir()]) == 1
+    rows.close()
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_what_cannot_be_written_is_refused_before_anything_is_run(tmp_path, monkeypatch):
+    with refused("a.bag", "must end in .mcap"):
+        check_mcap(tmp_path / "a.bag")
+    (tmp_path / "a.mcap").touch()
+    with refused("a.mcap", "exists already"):
+        check_mcap(tmp_path / "a.mcap")
+    monkeypatch.setitem(sys.modules, "foxglove", None)
+    with refused("foxglove-sdk", "pip install 'deqmcl-gym[view]'"):
+        check_mcap(tmp_path / "b.mcap")
+
+
+COMMANDS = {
+    "run": ("run", "--scenario", "guided", "--localizer", "mcl", "--particles", "20"),
+    "replay": REPLAY,
+}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(
+    ("name", "words"), [("a.bag", ["--mcap", "a.bag", ".mcap"]), ("lap.mcap", ["exists already"])]
+)
+def test_a_command_refuses_it_in_one_sentence_and_writes_nothing(
+    hall, tmp_path, command, name, words, capsys
+):
+    (tmp_path / "lap.mcap").touch()
+    assert exit_code(*COMMANDS[command], "--mcap", name, "--out", "out") == 2
+    lines = capsys.readouterr().err.splitlines()
+    (said,) = [one for one in lines if not one.endswith("…")]
+    assert [word for word in words if word not in said] == [], said
+    assert not (tmp_path / "out").exists()
