@@ -13,6 +13,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from deqmcl_command import exit_code, lines, process
+from mcap.reader import make_reader
 from test_links import ROOT
 
 from benchmarks.sweeps.sweepfile import sweep_of
@@ -23,9 +24,12 @@ from localizers.checks import LAWS, check_localizer
 
 FEWER = ("--particles 3000 --seeds 2", "--particles 300 --seeds 1")  # global: whether it runs
 NAMED = "./my_localizer.py:MyLocalizer"
-LOCALIZER, LOG, SCORE, ROBOT = (
+LOCALIZER, LOG, SCORE, ROBOT, BASIN, LOOK = (
     (ROOT / "docs" / f"{name}.md").read_text()
-    for name in ("write-a-localizer", "your-map-your-log", "score-your-stack", "run-on-your-robot")
+    for name in (
+        *("write-a-localizer", "your-map-your-log", "score-your-stack", "run-on-your-robot"),
+        *("how-wrong-may-the-start-be", "look-at-it"),
+    )
 )
 
 
@@ -127,6 +131,40 @@ def test_the_page_on_scoring_works_from_top_to_bottom(lap, capsys):
     rows = {row["localizer"]: row for row in lines(Path("results/beside"), "results.csv")}
     assert set(rows) == {"mcl", "amcl", "theirs"}
     assert float(rows["theirs"]["position_median"]) == pytest.approx(math.hypot(0.1, 0.1), abs=1e-6)
+
+
+def test_the_page_on_wrong_starts_works_and_has_every_option(lap, capsys):
+    (command,) = blocks(BASIN, "sh")
+    few = re.sub(r"0,[0-9.,]+,(3|180)\b", r"0,\1", command)
+    few = few.replace("--trials 10", "--trials 1 --particles 50 --localizers mcl-map")
+    assert "--distances 0,3 --angles 0,180 --trials 1 " in few
+    assert exit_code(*shlex.split(few)[1:], "--jobs", "1") == 0, capsys.readouterr().err
+    rows = lines(Path("results/basin"), "basin.csv")
+    assert (rows[0]["runs"], rows[0]["localized"], len(rows)) == ("1", "1", 4)
+    assert Path("results/basin/basin.png").stat().st_size > 10_000
+    assert exit_code("basin", "--help") == 0
+    flags = set(re.findall(r"--[a-z]+", capsys.readouterr().out)) - {"--help", "--debug"}
+    table = BASIN.partition("| option |")[2].partition("\n\n")[0]
+    assert flags == set(re.findall(r"--[a-z]+", table))
+
+
+def test_the_page_on_looking_works_and_names_the_topics(lap, capsys):
+    (commands,) = blocks(LOOK, "sh")
+    topics = set()
+    for command in commands.splitlines():
+        words = shlex.split(command)
+        assert exit_code(*words[1:]) == 0, capsys.readouterr().err
+        with open(words[words.index("--mcap") + 1], "rb") as file:
+            summary = make_reader(file).get_summary()
+        for channel in summary.channels.values():
+            topic = re.sub("^/(mcl-plan-hedged|mcl|amcl)/", "/NAME/", channel.topic)
+            row = next(
+                row for row in LOOK.splitlines() if row.startswith("| ") and f"`{topic}`" in row
+            )
+            schema = summary.schemas[channel.schema_id].name
+            assert schema in row or "JSON" in row
+            topics.add(topic)
+    assert topics == set(re.findall(r"`(/(?:NAME/)?[a-z]+)`", LOOK)) - {"/NAME/future"}
 
 
 def test_the_loop_of_a_robot_works_from_a_bag_as_the_page_says(lap, monkeypatch, capsys):
