@@ -158,6 +158,12 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
                 'localizers.make("mcl", robot).'
             )
         room: Any = env.unwrapped
+        if getattr(room, "draws_building", False):
+            raise InputError(
+                "the env draws another building in each episode, but a localizer is made for one "
+                "map: give the office a seed instead of seeds, or take Localize-v0, which makes "
+                "its localizer anew."
+            )
         lidar = getattr(getattr(localizer, "robot", None), "lidar", room.lidar)
         if lidar.beams != room.lidar.beams:
             raise InputError(

@@ -10,4 +10,15 @@ from deqmcl_gym.maps.office import Office, Offices
 from deqmcl_gym.maps.polygon_map import PolygonMap, driven
 from deqmcl_gym.maps.polygons import Polygon
 
-__all__ = ["Box", "Caster", "GridMap", "Lidar", "Map", "Office", "Offices", "Polygon", "PolygonMap", "driven"]
+__all__ = [
+    "Box",
+    "Caster",
+    "GridMap",
+    "Lidar",
+    "Map",
+    "Office",
+    "Offices",
+    "Polygon",
+    "PolygonMap",
+    "driven",
+]
