@@ -284,7 +284,8 @@ def _elsewhere(panel: Panel, found: Verdict) -> Iterator[str]:
             continue
         name = panel.labels[first.method]
         sure = "confirmed" if first.confirmed else "not confirmed"
-        yield f"{capital(name)} {_standing(panel, first)}, {_against(first, f' {against}')}, {sure}."
+        apart = _against(first, f" {against}")
+        yield f"{capital(name)} {_standing(panel, first)}, {apart}, {sure}."
 
 
 def _reached(panel: Panel, row: Comparison) -> str:

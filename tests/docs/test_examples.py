@@ -57,7 +57,18 @@ def test_ppo_learns_to_finish_laps(tmp_path):
 @pytest.mark.slow
 def test_ppo_on_the_belief_trains_is_scored_and_draws_its_curves(tmp_path):
     pytest.importorskip("stable_baselines3")
-    few = ["--decisions", 512, "--seeds", 2, "--episodes", 2, "--against", "spin", "--out", tmp_path]
+    few = [
+        "--decisions",
+        512,
+        "--seeds",
+        2,
+        "--episodes",
+        2,
+        "--against",
+        "spin",
+        "--out",
+        tmp_path,
+    ]
     said = run("ppo_localize.py", *few)
     assert [line.split("`")[1] for line in said.splitlines() if line.startswith("| `")].count(
         "spin"
