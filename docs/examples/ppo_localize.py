@@ -7,12 +7,11 @@ PPO learns to act on a localizer's belief: ``python docs/examples/ppo_localize.p
 It needs the extra ``rl``: ``pip install '.[rl]'`` in the clone. In ``deqmcl_gym/Localize-v0`` a
 lost robot drives until it knows where it is, and says so. Each training episode takes place in one
 of 1,000 offices, drawn at reset; the scores are of other offices, beside those of reference
-policies in the same episodes: `Acting <../acting.html>`_ has the result.
-
-.. image:: ../figures/ppo-localize.svg
+policies in the same episodes: see `Acting <../acting.html>`_. It prints a table of all of them and
+draws the learning curves.
 """
 
-# sphinx_gallery_thumbnail_path = 'docs/figures/ppo-localize.svg'  # noqa: ERA001
+# sphinx_gallery_thumbnail_path = 'docs/figures/localize.png'  # noqa: ERA001
 
 import argparse
 import math
