@@ -10,6 +10,16 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.policies import (
+    FreeEnergy,
+    LookAhead,
+    RandomWalk,
+    Spin,
+    Still,
+    WallFollower,
+    four_deep,
+    rng_of,
+)
 from benchmarks.setup.scenario import Agent
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats, Reals
@@ -24,6 +34,7 @@ _AHEAD = 8  # the start of a stale plan is an eighth of the plan ahead
 _LAP_HORIZON, _HORIZON = 40, 100  # actions planned on the estimate, of a lap and to a goal
 _STEP = 10.0  # px: 0.2 m
 _OFF = 25.0  # px: so far from its way a robot plans another one
+_NO_PLAN = np.empty((0, 2), np.float32)
 _LOOK_ROUND = np.array([0.0, math.radians(15)], np.float32)  # where nothing is believed
 _BACK_OFF = math.radians(120)  # turned on the spot after a contact, before it drives on
 
@@ -265,6 +276,37 @@ class ToGoal:
         return self._plan
 
 
+class Dispatched(ToGoal):
+    """Is driven along a route to a random place by one who sees where it is, then along another.
+
+    No policy, but what a dispatcher's route is worth: it reads the true pose.
+    """
+
+    sees_truth = True
+
+    def __init__(self, robot: RobotModel) -> None:
+        super().__init__(robot)
+        self._rng: np.random.Generator | None = None
+
+    def plan_at_reset(self, info: dict[str, Any]) -> Reals:
+        """Return no plan."""
+        self._rng = rng_of(info)
+        return _NO_PLAN
+
+    def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals]:
+        """Return the next action along the route, and no plan."""
+        assert self._rng is not None
+        x, y, heading = np.asarray(info["truth"]).tolist()
+        self.pose = x, y, heading
+        assert self._world.route is not None
+        if self.goal is None or math.dist(self.goal, (x, y)) <= self._world.route.tolerance:
+            x, y = self._journeys.between(None, self._rng)[-1].tolist()
+            self.goal = x, y
+            self._plan = None
+        planned, _ = self._on_its_way().after(self)
+        return planned[0], _NO_PLAN
+
+
 class OnRoute(ToGoal):
     """Follows the dispatcher's route as shown at reset, on the localizer's estimate.
 
@@ -313,5 +355,13 @@ AGENTS: Mapping[str, Callable[..., Agent]] = MappingProxyType(
         "on-estimate": OnEstimate,
         "to-goal": ToGoal,
         "on-route": OnRoute,
+        "route": Dispatched,
+        "still": Still,
+        "spin": Spin,
+        "random": RandomWalk,
+        "wall-follower": WallFollower,
+        "greedy": LookAhead,
+        "four-deep": four_deep,
+        "free-energy": FreeEnergy,
     }
 )

@@ -6,14 +6,10 @@ so that the same episode is driven the same way.
 """
 
 import math
-from collections.abc import Callable, Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from benchmarks.agents import ToGoal
-from benchmarks.setup.scenario import Agent
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats, Reals, Singles
 from deqmcl_gym.validation import InputError, integer
@@ -101,37 +97,6 @@ class WallFollower(Still):
         return _STEP * self._px, float(np.clip(-0.5 * off, -_TURN, _TURN))
 
 
-class Dispatched(ToGoal):
-    """Is driven along a route to a random place by one who sees where it is, then along another.
-
-    No policy, but what a dispatcher's route is worth: it reads the true pose.
-    """
-
-    sees_truth = True
-
-    def __init__(self, robot: RobotModel) -> None:
-        super().__init__(robot)
-        self._rng: np.random.Generator | None = None
-
-    def plan_at_reset(self, info: dict[str, Any]) -> Reals:
-        """Return no plan."""
-        self._rng = rng_of(info)
-        return _NO_PLAN
-
-    def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals]:
-        """Return the next action along the route, and no plan."""
-        assert self._rng is not None
-        x, y, heading = np.asarray(info["truth"]).tolist()
-        self.pose = x, y, heading
-        assert self._world.route is not None
-        if self.goal is None or math.dist(self.goal, (x, y)) <= self._world.route.tolerance:
-            x, y = self._journeys.between(None, self._rng)[-1].tolist()
-            self.goal = x, y
-            self._plan = None
-        planned, _ = self._on_its_way().after(self)
-        return planned[0], _NO_PLAN
-
-
 class LookAhead(Still):
     """Drives where the scans expected from different poses of the belief disagree most.
 
@@ -142,7 +107,7 @@ class LookAhead(Still):
 
     a lower bound for normal beams (Kolchinsky & Tracey 2017); ô_i are the exact scans on the way
     from x_i, σ that of the beam model, tempered. The first motion of the best is carried out, then
-    it looks again; after a contact at once.
+    it looks again; after a contact at once. It turns on the spot while nothing is believed.
 
     Args:
         robot: map, lidar, radius and beam model.
@@ -166,15 +131,18 @@ class LookAhead(Still):
             self._queue = []
         if not self._queue:
             poses = self._drawn(belief, self._rng)
+            if poses is None:
+                return 0.0, _TURN
             turns = self._turns(self._rng)
             values = [self._value(poses, each, info) for each in turns]
             self._queue = self._motion(float(turns[int(np.argmax(values))][0]))
         return self._queue.pop(0)
 
-    def _drawn(self, belief: Belief, rng: np.random.Generator) -> Floats:
-        """Draw poses from the belief, (n, 3)."""
+    def _drawn(self, belief: Belief, rng: np.random.Generator) -> Floats | None:
+        """Draw poses from the belief, (n, 3); None if there are none."""
         points = belief.points()
-        assert points is not None, "a belief has points of the present"
+        if points is None or len(points[0]) == 0:
+            return None
         poses, weights = points
         chosen: Floats = np.asarray(poses, np.float64)[rng.choice(len(poses), _SAMPLES, p=weights)]
         return chosen
@@ -261,17 +229,3 @@ def rng_of(info: dict[str, Any]) -> np.random.Generator:
 def four_deep(robot: RobotModel) -> LookAhead:
     """Return a ``LookAhead`` over four motions."""
     return LookAhead(robot, depth=4)
-
-
-POLICIES: Mapping[str, Callable[[RobotModel], Agent]] = MappingProxyType(
-    {
-        "still": Still,
-        "spin": Spin,
-        "random": RandomWalk,
-        "wall-follower": WallFollower,
-        "route": Dispatched,
-        "greedy": LookAhead,
-        "four-deep": four_deep,
-        "free-energy": FreeEnergy,
-    }
-)

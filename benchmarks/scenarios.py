@@ -90,6 +90,16 @@ _DRIVING = replace(
     ),
     prior=_around(_START),
 )
+_SEARCHING = replace(
+    _as(
+        _LOST,
+        "lost in a small office building, without a route: who drives looks for where it is",
+        agent="wall-follower",
+        floor_plan={"office": {"wings": 1, "corridors": 2}},
+        route={"min_length": 12.0, "max_length": 20.0},  # an episode has twice its steps
+    ),
+    scan=replace(_sensor(_FAN["sigma"]), power=0.1),  # as in Localize-v0
+)
 _WRONG: dict[str, Any] = {
     "clutter": {"number": 40},
     "changed_walls": {"share": 0.3},
@@ -146,6 +156,7 @@ SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
             "as lost-symmetric, but a half turn gives the same building: both fit the route",
             floor_plan={"office": {"wings": 2, "corridors": 1, "symmetric": True}},
         ),
+        "searching": _SEARCHING,
         "kidnapped": _KIDNAPPED,
         "kidnapped-stale": _as(
             _KIDNAPPED,

@@ -5,12 +5,13 @@ noise, and the prior from which the start is drawn.
 """
 
 import math
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from deqmcl_gym.envs.acting import LocalizeEnv, TrackEnv
+from deqmcl_gym.envs.acting import LocalizeEnv, Site, Sites, TrackEnv
 from deqmcl_gym.validation import InputError, shown
-from deqmcl_gym.world.config import WORLDS, World
+from deqmcl_gym.world.config import WORLDS, World, offices_of
 from localizers import (
     GaussianPrior,
     Localizer,
@@ -51,14 +52,14 @@ def localize(
     Args:
         localizer: a name of ``localizers.make``, or {"name": …} with parameters; ``particles`` is
             10,000 unless given. It assumes the world's noise, and beams to the power of 0.1.
-        floor_plan, lidar, robot, noise: as for ``Room-v0``; changes to an office of 24 m × 26 m,
+        floor_plan: as for ``Room-v0``; ``{"office": {"seeds": [0, 1000], …}}`` draws one of these
+            offices at each reset. An office of 24 m × 26 m unless given.
+        lidar, robot, noise: as for ``Room-v0``; changes to
             16 beams all round, and the robot and noise of the scenario ``lost``.
         task: ``share``, ``hold``, ``max_steps``, ``particles``, ``cell``, ``render_mode``.
     """
-    world = _world(_LOST, floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise)
-    found = _localizer(localizer, robot_model(world, POWER), particles=10_000)
-    prior = UniformPrior(floor_plan=world.floor_plan, radius=world.body + world.skin)
-    return LocalizeEnv(world, found, prior, **task)
+    world = partial(_world, _LOST, lidar=lidar, robot=robot, noise=noise)
+    return LocalizeEnv(_there(partial(_lost, localizer, world), floor_plan), **task)
 
 
 def track(
@@ -78,18 +79,36 @@ def track(
             round and a noise that blurs the belief within a few steps.
         task: ``tolerance``, ``least``, ``max_steps``, ``particles``, ``cell``, ``render_mode``.
     """
-    world = _world(_BLIND, floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise)
-    found, px = _localizer(localizer, robot_model(world), particles=500), world.pixel
-    clearance = world.body + 4 * px
-    anywhere = UniformPrior(floor_plan=world.floor_plan, radius=clearance)
+    world = partial(_world, _BLIND, lidar=lidar, robot=robot, noise=noise)
+    there = _there(partial(_blind, localizer, world), floor_plan)
+    px = (there.site(there.offices.seeds[0]) if isinstance(there, Sites) else there).world.pixel
     around = partial(GaussianPrior, sd_position=_SD_POSITION * px, sd_heading=_SD_HEADING)
     lengths = {"tolerance": 40.0 * px, "least": 150.0 * px}
-    return TrackEnv(world, found, anywhere, around, **{**lengths, **task})
+    return TrackEnv(there, around, **{**lengths, **task})
 
 
-def _world(base: dict[str, Any], **parts: Any) -> World:
+def _there(site: Callable[[Any], Site], floor_plan: Any) -> Site | Sites:
+    """Return the site in a floor plan, or the sites in offices of a range of seeds."""
+    offices = offices_of(floor_plan)
+    return site(floor_plan) if offices is None else Sites(offices, site)
+
+
+def _lost(localizer: Any, world_in: Callable[[Any], World], floor_plan: Any) -> Site:
+    world = world_in(floor_plan)
+    found = _localizer(localizer, robot_model(world, POWER), particles=10_000)
+    anywhere = UniformPrior(floor_plan=world.floor_plan, radius=world.body + world.skin)
+    return Site(world, found, anywhere)
+
+
+def _blind(localizer: Any, world_in: Callable[[Any], World], floor_plan: Any) -> Site:
+    world = world_in(floor_plan)
+    found = _localizer(localizer, robot_model(world), particles=500)
+    anywhere = UniformPrior(floor_plan=world.floor_plan, radius=world.body + 4 * world.pixel)
+    return Site(world, found, anywhere)
+
+
+def _world(base: dict[str, Any], floor_plan: Any, **parts: Any) -> World:
     """Return the paper's world with the task's parts, then those given."""
-    floor_plan = parts.pop("floor_plan")
     world = WORLDS["paper"].changed(**base)
     if floor_plan is not None:
         world = world.changed(floor_plan=floor_plan)

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from benchmarks.report.decisions import BESIDE, ahead
@@ -146,6 +146,7 @@ def spoken(panel: Panel) -> Said:
     if found.best and found.best.method.name == BLIND and panel.of_filters is not None:
         scanning = _verdict(panel, panel.of_filters).text.replace("No method", "none", 1)
         more.append(f"Of the methods that use scans, {scanning}")
+    more += _elsewhere(panel, found)
     return said._replace(more=" ".join([*more, _plug_ins([(panel, found)])]).strip())
 
 
@@ -154,8 +155,7 @@ def _plug_ins(found: Sequence[tuple[Panel, Verdict]]) -> str:
     outcomes: dict[str, list[str]] = {}
     for panel, one in found:
         for row in panel.ranked:
-            ours = row.method.name in WORDS and not plug_ins_of_agent(row.method.agent)
-            if not ours and not row.is_baseline and row is not one.winner:
+            if not _is_ours(row) and not row.is_baseline and row is not one.winner:
                 what = _outcome(panel, row)
                 what = what[0].lower() + what[1:]
                 brief = what if len(found) > 1 else f"{_brief(panel, row)}, {what}"
@@ -168,6 +168,10 @@ def _plug_ins(found: Sequence[tuple[Panel, Verdict]]) -> str:
         ]
         said.append(f"Plug-in {label}: {', '.join(several)}.")
     return " ".join(said)
+
+
+def _is_ours(row: Comparison) -> bool:
+    return row.method.name in WORDS and not plug_ins_of_agent(row.method.agent)
 
 
 def runner_up(panel: Panel) -> str:
@@ -240,7 +244,7 @@ def _verdict(panel: Panel, found: Verdict) -> Said:
         return Said("Too few worlds to compare methods", ahead)
     return Said(
         f"No method is confirmed to be better than {panel.labels[base.method]}",
-        f"it has {_brief(panel, base)}. {capital(ahead)}, {_against(row)}; "
+        f"it {_standing(panel, base)}. {capital(ahead)}, {_against(row)}; "
         f"{_doubt(row.paired_worlds, own.p_holm, panel.tests)}",
     )
 
@@ -251,6 +255,37 @@ def _brief(panel: Panel, row: Comparison) -> str:
     if row.aim is None:
         return f"{significant(mean)} {panel.unit}"
     return f"{percent(mean)} of runs"
+
+
+def _standing(panel: Panel, row: Comparison) -> str:
+    """What a method does, after its name: "has 20 px", "arrives in 50 % of runs"."""
+    brief = _brief(panel, row)
+    if row.aim is None:
+        return f"has {brief}"
+    does = "arrives" if done(row.aim) == "arrived" else f"is {done(row.aim)}"
+    return f"{does} in {brief}"
+
+
+def _elsewhere(panel: Panel, found: Verdict) -> Iterator[str]:
+    """Which agent comes first with each other localizer, where several agents are compared.
+
+    Those of the reader's own have a sentence anyway.
+    """
+    if len({row.method.agent for row in panel.present}) < 2:
+        return
+    told = panel.baseline_of(found.winner).method
+    for base in (row for row in panel.present if row.is_baseline and row.method != told):
+        rows = [row for row in panel.ranked if panel.baseline_of(row).method == base.method]
+        first, against = rows[0], panel.labels[base.method]
+        if first.is_baseline:
+            yield f"With {base.method.name}, no agent comes before {against}."
+            continue
+        if not _is_ours(first):
+            continue
+        name = panel.labels[first.method]
+        sure = "confirmed" if first.confirmed else "not confirmed"
+        apart = _against(first, f" {against}")
+        yield f"{capital(name)} {_standing(panel, first)}, {apart}, {sure}."
 
 
 def _reached(panel: Panel, row: Comparison) -> str:

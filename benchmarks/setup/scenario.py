@@ -20,7 +20,7 @@ from deqmcl_gym.maps.map import LENGTH, POSE, pixel, scaled
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError, integer, number, one_of, pose
-from deqmcl_gym.world.config import WORLDS, World
+from deqmcl_gym.world.config import WORLDS, World, offices_of
 from localizers import (
     AnnulusRegion,
     Belief,
@@ -354,7 +354,7 @@ class Scenario:
         agent: who drives, by name, with its parameters.
         disturbance: wrappers around the world, innermost first: {"kind": "kidnap", …}.
         buildings: trial k takes place in the office of seed k modulo this, if the floor plan is one
-            without a seed of its own.
+            without a seed or seeds of its own.
         thresholds: of the scores.
         source: digest of the files that it was read from; "" if built-in.
     """
@@ -378,7 +378,7 @@ class Scenario:
     @cached_property
     def world(self) -> World:
         """The world that the env's arguments describe."""
-        parts = {name: value for name, value in self.env.items() if name in _PARTS}
+        parts = {name: value for name, value in self.in_building(0).env.items() if name in _PARTS}
         return WORLDS[one_of("preset", self.env["preset"], WORLDS)].changed(**parts)
 
     @property
@@ -413,12 +413,9 @@ class Scenario:
     def in_building(self, trial: int) -> Self:
         """Return this scenario in the building of a trial's number."""
         floor_plan = self.env.get("floor_plan")
-        if not isinstance(floor_plan, Mapping) or "office" not in floor_plan:
+        seeded = _seeded(floor_plan, trial, self.buildings)
+        if seeded is floor_plan:
             return self
-        office = floor_plan["office"]
-        if "seed" in office:
-            return self
-        seeded = {**floor_plan, "office": {**office, "seed": trial % self.buildings}}
         return replace(self, env={**self.env, "floor_plan": seeded})
 
     def robot_model(self, room: TrialEnv) -> RobotModel:
@@ -488,13 +485,32 @@ class Scenario:
     def _env_with(self, values: Changes) -> Mapping[str, Any]:
         """Return the env's arguments with some changed."""
         groups = values.by_part((*_PARTS, "horizon"), "part of the world")
-        world = self.world.changed(**{name: groups[name] for name in _PARTS if name in groups})
+        parts = {name: groups[name] for name in _PARTS if name in groups}
+        if "floor_plan" in parts:
+            parts["floor_plan"] = _seeded(parts["floor_plan"], 0, self.buildings)
+        world = self.world.changed(**parts)
         whole = {name: getattr(world, name) or "none" for name in _PARTS}
         given = groups.get("floor_plan", self.env.get("floor_plan"))
         if given is not None:
             whole["floor_plan"] = given  # as it was said: offices differ by trial
         horizon = {"horizon": groups["horizon"]} if "horizon" in groups else {}
         return {**self.env, **whole, **horizon}
+
+
+def _seeded(floor_plan: Any, trial: int, buildings: int) -> Any:
+    """Return a floor plan with the seed that an office has in a trial; others as they are.
+
+    Of ``seeds`` it is the first + trial, modulo their number.
+    """
+    if not isinstance(floor_plan, Mapping) or not isinstance(floor_plan.get("office"), Mapping):
+        return floor_plan
+    if (offices := offices_of(floor_plan)) is not None:
+        first, end = offices.seeds
+        options = {key: v for key, v in floor_plan["office"].items() if key != "seeds"}
+        return {**floor_plan, "office": {**options, "seed": first + trial % (end - first)}}
+    if "seed" in floor_plan["office"]:
+        return floor_plan
+    return {**floor_plan, "office": {**floor_plan["office"], "seed": trial % buildings}}
 
 
 def _changed(part: str, current: T, keys: Any, unit: str) -> T:

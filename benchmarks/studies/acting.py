@@ -7,7 +7,7 @@ belief is within the tolerance of the goal.
 
 import argparse
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import repeat
@@ -17,14 +17,12 @@ import gymnasium as gym
 import numpy as np
 
 import deqmcl_gym  # noqa: F401 # registers the environments
-from benchmarks.agents import OpenLoop, ToGoal
-from benchmarks.policies import POLICIES
+from benchmarks.agents import AGENTS
 from benchmarks.setup.scenario import Agent
 from benchmarks.tables.stats import wilson
 from benchmarks.tasks import OFFICE, POWER, robot_model
 from deqmcl_gym.envs.acting import ActingEnv, TrackEnv
 from deqmcl_gym.numerics.types import Floats, Singles
-from localizers import RobotModel
 
 _BUILDINGS = 20  # of Localize-v0: episode k takes place in that of seed k modulo this
 _SURE = 0.9
@@ -41,14 +39,10 @@ _SENSING = {
 SCORED: dict[str, tuple[str, ...]] = {
     **{f"{name}-v0": (*_PLAIN, "plan") for name in ("Room", "Matched", "Sharp", "Guided")},
     "Journey-v1": (*_PLAIN, "plan"),
-    "Localize-v0": tuple(POLICIES),
+    "Localize-v0": (*_PLAIN, "wall-follower", "route", "greedy", "four-deep", "free-energy"),
     "Track-v0": tuple(_SENSING),
 }
-_AGENTS: dict[str, Callable[[RobotModel], Agent]] = {
-    **POLICIES,
-    "plan": OpenLoop,
-    **dict.fromkeys(("to-goal", "to-goal, blind", "to-goal, if vague"), ToGoal),
-}
+_DRIVER = {"plan": "open-loop", "to-goal, blind": "to-goal", "to-goal, if vague": "to-goal"}
 
 
 @dataclass(frozen=True)
@@ -88,8 +82,9 @@ def play(task: str, policy: str, seed: int, **made: Any) -> Played:
         made = {"floor_plan": office} | made
     env = gym.make(f"deqmcl_gym/{task}", **made)
     room: Any = env.unwrapped
-    agent = _AGENTS[policy](robot_model(room.world, POWER if task == "Localize-v0" else 1.0))
     seen, info = env.reset(seed=seed)
+    power = POWER if task == "Localize-v0" else 1.0
+    agent = AGENTS[_DRIVER.get(policy, policy)](robot_model(room.world, power))
     score, steps, metres, contacts, scans = 0.0, 0, 0.0, 0, 0
     agent.plan_at_reset(_shown(seen, info))
     terminated = truncated = False

@@ -7,6 +7,7 @@ import copy
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import gymnasium as gym
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.envs.belief import BeliefView, Estimator, Seen, StepResult
+from deqmcl_gym.maps import Offices
 from deqmcl_gym.maps.clusters import Cluster, best_cluster
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats, Singles
@@ -37,6 +39,38 @@ class Starts(Protocol):
         """Draw n poses, (n, 3)."""
 
 
+@dataclass(frozen=True)
+class Site:
+    """Where an episode takes place.
+
+    Attributes:
+        world: its parts; lap and route are not used.
+        localizer: made for its map, with ``reset`` and ``update``.
+        starts: where the robot may start.
+    """
+
+    world: World
+    localizer: Estimator
+    starts: Starts
+
+
+@dataclass(frozen=True)
+class Sites:
+    """Where episodes take place, by the seed of the office.
+
+    Attributes:
+        offices: of which each episode draws one.
+        of: gives the site of a map; the worlds differ in nothing else.
+    """
+
+    offices: Offices
+    of: Callable[[Any], Site]
+
+    def site(self, seed: int) -> Site:
+        """Return that in the office of a seed."""
+        return self.of(self.offices.map(seed))
+
+
 class ActingEnv(gym.Env[Seen, Singles], ABC):
     """A robot that acts on a localizer's belief; the envs below say what for.
 
@@ -45,10 +79,13 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
     judged by the world as it is, so by what the agent has seen.
 
     The localizer gets scans and commands, no plan. Start, motion, sensor and localizer have random
-    generators of their own, spawned from ``np_random`` at each reset.
+    generators of their own, spawned from ``np_random`` at each reset. Where there are ``sites``,
+    each reset draws one, with another generator spawned; before the first reset the building is
+    that of the first seed.
 
     Attributes:
-        floor_plan: the map m.
+        floor_plan: the map m, of this episode.
+        building: seed of this episode's office, where one is drawn; else None.
         lidar: the sensor's geometry and noise.
         world: all parts of the world.
         belief: the localizer's latest, for planners.
@@ -61,27 +98,32 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
 
     def __init__(
         self,
-        world: World,
-        localizer: Estimator,
+        site: Site | Sites,
         *,
         max_steps: int,
         particles: int = 0,
         cell: float | None = None,
         render_mode: str | None = None,
     ) -> None:
+        self._sites = site if isinstance(site, Sites) else None
+        self.building: int | None = None
+        if isinstance(site, Sites):
+            self.building = site.offices.seeds[0]
+            site = site.site(self.building)
+        world = site.world
         if world.differs_from_map:
             raise InputError(
                 "the world has clutter, changed walls, people or glass, but acting envs have what "
                 "is on the map: leave them out."
             )
-        self.world, self.floor_plan, self.lidar = world, world.floor_plan, world.lidar
+        self.lidar = world.lidar
+        self._enter(site, copy.deepcopy(site.localizer))
         self.max_steps = integer("max_steps", max_steps, low=1)
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
-        self._walls = contacts_of(world)
-        self._localizer = copy.deepcopy(localizer)
-        self._view = BeliefView(self.floor_plan, particles=particles, cell=cell)
+        bounds = self.floor_plan.bounds if self._sites is None else self._sites.offices.bounds
+        self._view = BeliefView(self.floor_plan, particles=particles, cell=cell, bounds=bounds)
         self._commands = Commands(world.robot, self.floor_plan.unit)
         box, heads = self._commands.space, len(self._heads)
         self.action_space = gym.spaces.Box(
@@ -111,6 +153,11 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         check_no_options(options)
         super().reset(seed=None if seed is None else integer("seed", seed))
         start, motion, sensor, own, self._shown = self.np_random.spawn(5)
+        if self._sites is not None:
+            (drawing,) = self.np_random.spawn(1)
+            self.building = self._sites.offices.drawn(drawing)
+            site = self._sites.site(self.building)
+            self._enter(site, site.localizer)
         (x, y, heading), prior = self._begun(start)
         pose = x, y, wrapped(heading)
         floor_plan, noise = self.floor_plan, self.world.noise
@@ -181,6 +228,11 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
     def _also(self) -> dict[str, Any]:
         """Return what else is observed."""
 
+    def _enter(self, site: Site, localizer: Estimator) -> None:
+        """Let the next episode take place there, with a localizer of the env's own."""
+        self.world, self.floor_plan, self._starts = site.world, site.world.floor_plan, site.starts
+        self._walls, self._localizer = contacts_of(site.world), localizer
+
     def _looked(self, on: NDArray[np.bool_]) -> Singles:
         """Take a scan, and return it for the localizer."""
         self._body.look()
@@ -200,11 +252,13 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         }
 
     def _info(self, command: Singles, collided: bool, success: bool) -> dict[str, Any]:
+        building = {} if self.building is None else {"building": self.building}
         return {
             "action": command,
             "collided": collided,
             "is_success": success,
             "truth": np.array(self.pose),
+            **building,
         }
 
 
@@ -224,9 +278,8 @@ class LocalizeEnv(ActingEnv):
     ``max_steps``.
 
     Args:
-        world: its parts; lap and route are not used.
-        localizer: with ``reset`` and ``update``; the env runs a copy of it.
-        prior: p(x_0).
+        site: where it is lost, or the sites of which each episode draws one; ``starts`` is p(x_0).
+            The env runs a copy of the localizer.
         share: in (0, 1).
         hold: steps, 1 or more.
         max_steps: of an episode.
@@ -237,9 +290,7 @@ class LocalizeEnv(ActingEnv):
 
     def __init__(
         self,
-        world: World,
-        localizer: Estimator,
-        prior: Starts,
+        site: Site | Sites,
         *,
         share: float = 0.9,
         hold: int = 30,
@@ -248,21 +299,19 @@ class LocalizeEnv(ActingEnv):
         cell: float | None = None,
         render_mode: str | None = None,
     ) -> None:
-        self._prior = prior
         self.share = number("share", share, low=0, high=1)
         self.hold = integer("hold", hold, low=1)
         super().__init__(
-            world, localizer, max_steps=max_steps, particles=particles, cell=cell,
-            render_mode=render_mode,
-        )  # fmt: skip
+            site, max_steps=max_steps, particles=particles, cell=cell, render_mode=render_mode
+        )
 
     def _shows(self) -> dict[str, gym.spaces.Box]:
         return {"confident": gym.spaces.Box(0.0, 1.0, (1,))}
 
     def _begun(self, rng: np.random.Generator) -> tuple[Pose, Starts]:
         self._confident = self._right = 0  # steps in a row
-        x, y, heading = self._prior.sample(1, rng)[0].tolist()
-        return (x, y, heading), self._prior
+        x, y, heading = self._starts.sample(1, rng)[0].tolist()
+        return (x, y, heading), self._starts
 
     def _updated(self) -> None:
         best = best_cluster(*self.belief.points(), unit=self.floor_plan.unit)
@@ -301,9 +350,8 @@ class TrackEnv(ActingEnv):
     ``max_steps``.
 
     Args:
-        world: its parts; lap and route are not used.
-        localizer: with ``reset`` and ``update``; the env runs a copy of it.
-        anywhere: start and goal are drawn from it.
+        site: where it drives, or the sites of which each episode draws one; start and goal are
+            drawn from its ``starts``. The env runs a copy of the localizer.
         around: called with ``mean``, gives p(x_0) around a pose; the mean itself is drawn so that
             the start is distributed like that around it.
         tolerance: from the goal, in the map's unit.
@@ -318,9 +366,7 @@ class TrackEnv(ActingEnv):
 
     def __init__(
         self,
-        world: World,
-        localizer: Estimator,
-        anywhere: Starts,
+        site: Site | Sites,
         around: Callable[..., Starts],
         *,
         tolerance: float = 40.0,
@@ -330,14 +376,13 @@ class TrackEnv(ActingEnv):
         cell: float | None = None,
         render_mode: str | None = None,
     ) -> None:
-        self._anywhere, self._around = anywhere, around
+        self._around = around
         self.tolerance = number("tolerance", tolerance, low=0, above=True)
         self._least = number("least", least, low=0)
         self.goal: Point = (0.0, 0.0)
         super().__init__(
-            world, localizer, max_steps=max_steps, particles=particles, cell=cell,
-            render_mode=render_mode,
-        )  # fmt: skip
+            site, max_steps=max_steps, particles=particles, cell=cell, render_mode=render_mode
+        )
 
     def _shows(self) -> dict[str, gym.spaces.Box]:
         return {
@@ -348,7 +393,7 @@ class TrackEnv(ActingEnv):
     def _begun(self, rng: np.random.Generator) -> tuple[Pose, Starts]:
         self._sensed = True
         for _ in range(_GOALS):
-            start, goal = self._anywhere.sample(2, rng).tolist()
+            start, goal = self._starts.sample(2, rng).tolist()
             if math.dist(start[:2], goal[:2]) >= self._least:
                 break
         else:

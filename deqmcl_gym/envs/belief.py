@@ -7,7 +7,7 @@ from typing import Any, Protocol, SupportsFloat, runtime_checkable
 import gymnasium as gym
 import numpy as np
 
-from deqmcl_gym.maps import Map
+from deqmcl_gym.maps import Box, Map
 from deqmcl_gym.maps.clusters import two_clusters
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
@@ -51,6 +51,7 @@ class BeliefView:
         has_quality: whether beliefs have a quality.
         particles: k.
         cell: side of the squares, in the map's unit; None: no ``occupancy``.
+        bounds: that ``occupancy`` covers; None: the map's.
 
     Attributes:
         spaces: of the dict, by key.
@@ -63,8 +64,9 @@ class BeliefView:
         has_quality: bool = False,
         particles: int = 0,
         cell: float | None = None,
+        bounds: Box | None = None,
     ) -> None:
-        self._unit, self._bounds = floor_plan.unit, floor_plan.bounds
+        self._unit, self._bounds = floor_plan.unit, bounds or floor_plan.bounds
         self._floor = _FLOOR * np.array([pixel(self._unit)] * 2 + [1.0]) ** 2
         self._has_quality = has_quality
         self._particles = integer("particles", particles)
@@ -156,6 +158,12 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
                 'localizers.make("mcl", robot).'
             )
         room: Any = env.unwrapped
+        if getattr(room, "draws_building", False):
+            raise InputError(
+                "the env draws another building in each episode, but a localizer is made for one "
+                "map: give the office a seed instead of seeds, or take Localize-v0, which makes "
+                "its localizer anew."
+            )
         lidar = getattr(getattr(localizer, "robot", None), "lidar", room.lidar)
         if lidar.beams != room.lidar.beams:
             raise InputError(

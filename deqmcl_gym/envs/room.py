@@ -17,7 +17,7 @@ from deqmcl_gym.world.driver import FixedPlan
 from deqmcl_gym.world.episode import Episode, contacts_of
 from deqmcl_gym.world.people import People
 from deqmcl_gym.world.rules import RoomInfo, RoomRules, check_no_options
-from deqmcl_gym.world.sensor import Stream
+from deqmcl_gym.world.sensor import Stream, episode_stream
 
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing, View
@@ -66,7 +66,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         preset: name of the world to start from; `deqmcl_gym/Guided-v0` has `preset="guided"`, …
         floor_plan: the map: `outer` corners, `obstacles` and their `unit`, "px" or "m"; the path of
             a ROS map's yaml file or of a JSON file of polygons; or an `office` and its `form`,
-            "grid" or "polygons".
+            "grid" or "polygons". An office with `seeds` is another one in each episode.
         lidar: beams, field of view, range and noise. This and the following parts are objects, or
             JSON-able changes to the preset's.
         robot: radius and largest action.
@@ -90,7 +90,8 @@ class RoomEnv(gym.Env[Any, Singles]):
         unknown: refused, with the nearest valid name.
 
     Attributes:
-        floor_plan: the map m, for localizers too.
+        floor_plan: the map m, for localizers too; that of this episode.
+        building: seed of this episode's office, where each draws one; else None.
         lidar: the sensor's geometry and noise, for localizers too.
         world: all parts of the world, as configured.
         before_step: what happens in the next step before the robot moves, by whose it is.
@@ -129,6 +130,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         self.world = rules.world
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
         self._walls = contacts_of(self.world)
+        self.building: int | None = None
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
             _ = rules.view  # refuses a room too large for a picture
@@ -143,6 +145,11 @@ class RoomEnv(gym.Env[Any, Singles]):
     def radius(self) -> float:
         """Radius of the robot's disc."""
         return self.world.robot.radius
+
+    @property
+    def draws_building(self) -> bool:
+        """Whether each episode is in another office."""
+        return self._rules.offices is not None
 
     @property
     def expected_start(self) -> Pose:
@@ -207,12 +214,19 @@ class RoomEnv(gym.Env[Any, Singles]):
             root, number = self.np_random_seed, self._number + 1
         else:  # np_random was set, and its seed is unknown
             root, number = int(self.np_random.integers(2**63)), 0
-        episode = Episode(self._rules, self._walls, seed=root, number=number)
+        rules, walls, building = self._rules, self._walls, None
+        if rules.offices is not None:
+            building = rules.offices.drawn(episode_stream(root, number, Stream.BUILDING))
+            rules = rules.in_office(building)
+            walls = contacts_of(rules.world)
+        episode = Episode(rules, walls, seed=root, number=number)
         super().reset(seed=None if seed is None else root)
+        self._rules, self._walls, self.building = rules, walls, building
+        self.world, self.floor_plan = rules.world, rules.world.floor_plan
         self._begun, self._number = episode, number
         self.before_step = {}
         nothing = np.zeros(2, np.float32)
-        info = _info(episode, nothing, collided=False)
+        info = self._info(episode, nothing, collided=False)
         return self._seen(info), info
 
     def step(self, action: Singles) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
@@ -226,7 +240,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         for happen in happening.values():
             happen()
         reward, collided = episode.advance(*command.tolist())
-        info = _info(episode, command, collided)
+        info = self._info(episode, command, collided)
         given_up = info["planned_count"] == 0 and not episode.done
         episode.ended = episode.done or given_up
         return self._seen(info), reward, episode.done, given_up, info
@@ -296,6 +310,10 @@ class RoomEnv(gym.Env[Any, Singles]):
     @property
     def _is_lap_ahead(self) -> bool:
         return self._begun is None and self._rules.journeys is None
+
+    def _info(self, episode: Episode, command: Singles, collided: bool) -> dict[str, Any]:
+        info = _info(episode, command, collided)
+        return info if self.building is None else {**info, "building": self.building}
 
     def _seen(self, info: dict[str, Any]) -> Any:
         episode = self._episode

@@ -1,6 +1,6 @@
 """Office buildings, generated from a seed: rooms with doors along corridors."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -9,12 +9,21 @@ from deqmcl_gym.maps.grid_file import FREE, OCCUPIED
 from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.polygon_map import PolygonMap
 from deqmcl_gym.numerics.types import Bools
-from deqmcl_gym.validation import InputError, boolean, digits, integer, keep_plain, number
+from deqmcl_gym.validation import (
+    InputError,
+    boolean,
+    digits,
+    integer,
+    keep_plain,
+    number,
+    shown,
+)
 
 CELL = 0.1  # m
 _WALL = 2  # cells
 _MARGIN = 3  # cells between a door and the corner of its room
 _PILLAR, _PITCH = 5, 30  # cells: the side of a hall's pillar, and from one to the next
+_DEEPEST, _LONGEST = 60, 240  # cells: the most of a room and of a wing
 _KEPT = 8  # buildings remembered in either form
 
 
@@ -75,6 +84,49 @@ class Office:
         return _polygons(self)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Offices:
+    """The offices of a range of seeds, from which each episode draws one.
+
+    Attributes:
+        seeds: (first, end): those from first on, end not among them.
+        office: all values but the seed.
+        form: "grid" or "polygons".
+    """
+
+    seeds: tuple[int, int]
+    office: Office
+    form: str = "grid"
+
+    def __post_init__(self) -> None:
+        given = self.seeds
+        if not isinstance(given, list | tuple) or len(given) != 2:
+            raise InputError(
+                f"office.seeds is {shown(given)}, but must be two seeds, such as [0, 1000]: the "
+                "first one, and the end of the range, which is not in it."
+            )
+        first = integer("the first of office.seeds", given[0], high=2**63 - 2)
+        end = integer("the end of office.seeds", given[1], low=first + 1, high=2**63 - 1)
+        object.__setattr__(self, "seeds", (first, end))
+
+    def map(self, seed: int) -> GridMap | PolygonMap:
+        """Return the office of a seed."""
+        office = replace(self.office, seed=seed)
+        return office.grid if self.form == "grid" else office.polygons
+
+    def drawn(self, rng: np.random.Generator) -> int:
+        """Draw a seed, all alike."""
+        return int(rng.integers(*self.seeds))
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """(x0, y0, x1, y1) within which all of them lie; see ``Map``."""
+        office, way = self.office, _cells(self.office.corridor)
+        width = 2 * _WALL + office.wings * (_LONGEST + way) + way
+        rooms = 2 * _DEEPEST + (office.corridors - 1) * (2 * _DEEPEST - _WALL)
+        return 0.0, 0.0, width * CELL, (rooms + office.corridors * way) * CELL
+
+
 @lru_cache(_KEPT)
 def _grid(office: Office) -> GridMap:
     free = _building(office, np.random.default_rng(office.seed))
@@ -94,7 +146,7 @@ def _polygons(office: Office) -> PolygonMap:
 def _building(office: Office, rng: np.random.Generator) -> Bools:
     """Draw which cells are free, the lowest row first; the free cells are connected."""
     rows = office.corridors + 1  # of rooms; the upper half mirrors the lower one
-    half = rng.integers(40, 61, (rows + 1) // 2).tolist()
+    half = rng.integers(40, _DEEPEST + 1, (rows + 1) // 2).tolist()
     depths = half[: rows // 2] + half[::-1]
     drawn = office.wings // 2 if office.symmetric else 1 if office.repeated else office.wings
     wings = [_wing(office, depths, rng) for _ in range(drawn)]
@@ -111,7 +163,7 @@ def _building(office: Office, rng: np.random.Generator) -> Bools:
 
 def _wing(office: Office, depths: list[int], rng: np.random.Generator) -> Bools:
     """Rows of rooms with the corridors between them, from wall to wall."""
-    length = int(rng.integers(160, 241))
+    length = int(rng.integers(160, _LONGEST + 1))
     way = np.ones((_cells(office.corridor), length), dtype=bool)
     rows: list[Bools] = []
     for place, depth in enumerate(depths):

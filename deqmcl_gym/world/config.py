@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.maps import GridMap, Lidar, Map, Office, PolygonMap, polygon_map
+from deqmcl_gym.maps import GridMap, Lidar, Map, Office, Offices, PolygonMap, polygon_map
 from deqmcl_gym.maps.map import LENGTH, PER_LENGTH, POSE, pixel, scaled
 from deqmcl_gym.validation import InputError, array, keep_plain, number, one_of, part, pose, shown
 from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
@@ -42,11 +42,43 @@ def floor_plan_of(given: Any) -> Map:
         )
     if "office" not in given:
         return _read(given) if "file" in given else polygon_map.of_mapping(given)
+    office, form = _office(given)
+    return office.grid if form == "grid" else office.polygons
+
+
+def offices_of(given: Any) -> Offices | None:
+    """Return the offices of ``{"office": {"seeds": [0, 1000], …}}``; None of another floor plan.
+
+    Raises:
+        InputError: they are given with a seed too, or with a bad value.
+    """
+    if not (isinstance(given, Mapping) and isinstance(given.get("office"), Mapping)):
+        return None
+    office = dict(given["office"])
+    if "seeds" not in office:
+        return None
+    seeds = office.pop("seeds")
+    if "seed" in office:
+        raise InputError(
+            f"floor_plan.office has seed = {shown(office['seed'])} and seeds = {shown(seeds)}: "
+            "give one of them."
+        )
+    one, form = _office({**given, "office": office})
+    return Offices(seeds=seeds, office=one, form=form)
+
+
+def _office(given: Mapping[str, Any]) -> tuple[Office, str]:
+    """Return an office, and the form of its map."""
     for key in given:
         one_of("key in floor_plan", key, ("office", "form"))
-    office: Office = part("floor_plan.office", Office, given["office"], Office())
-    form = one_of("form of a floor plan", given.get("form", "grid"), ("grid", "polygons"))
-    return office.grid if form == "grid" else office.polygons
+    office = given["office"]
+    if isinstance(office, Mapping) and "seeds" in office:
+        raise InputError(
+            "floor_plan.office has seeds, but here the building must be the same in all episodes: "
+            "give a seed."
+        )
+    one: Office = part("floor_plan.office", Office, office, Office())
+    return one, one_of("form of a floor plan", given.get("form", "grid"), ("grid", "polygons"))
 
 
 def _read(given: Mapping[str, Any]) -> Map:

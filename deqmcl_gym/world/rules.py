@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NotRequired, TypedDict
 
@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym import validation
-from deqmcl_gym.maps import Lidar
+from deqmcl_gym.maps import Lidar, Offices
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from deqmcl_gym.validation import LARGEST, InputError, boolean, integer, one_of
-from deqmcl_gym.world.config import WORLDS, Robot, World
+from deqmcl_gym.world.config import WORLDS, Robot, World, offices_of
 from deqmcl_gym.world.course import MAX_STEPS, Course, Point, Pose, wrapped
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan
 from deqmcl_gym.world.path_kernels import COLLISION_PENALTY, GOAL_BONUS, once_round
@@ -144,6 +144,7 @@ class RoomInfo(TypedDict):
         route: corners (x, y) of the planned route, from the expected start to the goal; only in a
             world with a route. Routes differ in length, so it is a tuple, not an array: Gymnasium's
             vector envs keep one per env. For whoever drives: its beginning is the answer at reset.
+        building: seed of the office; only where each episode draws one.
     """
 
     planned_actions: Singles
@@ -153,6 +154,7 @@ class RoomInfo(TypedDict):
     truth: Floats
     goal: NotRequired[Floats]
     route: NotRequired[tuple[tuple[float, ...], ...]]
+    building: NotRequired[int]
 
 
 def check_no_options(options: object) -> None:
@@ -172,12 +174,14 @@ class RoomRules:
         horizon: how many planned actions ``info`` shows; None: all.
         ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
         observation: "scan", or "dict" for scan, plan, progress, clock and the goal of a route.
+        offices: of which each episode draws one; None: the map is the same in all.
     """
 
     world: World
     horizon: int | None
     ends_at_goal: bool
     observation: str
+    offices: Offices | None = None
 
     @classmethod
     def of(
@@ -196,10 +200,18 @@ class RoomRules:
         """
         for name in parts:
             one_of("argument", name, _ARGUMENTS)
+        offices = offices_of(parts.get("floor_plan"))
+        if offices is not None:
+            parts["floor_plan"] = offices.map(offices.seeds[0])
         world = WORLDS[one_of("preset", preset, WORLDS)].changed(**parts)
+        if offices is not None and world.route is None:
+            raise InputError(
+                "floor_plan.office has seeds, but a lap is that of one building: give a route, "
+                "such as route={}, or a seed."
+            )
         rows = None if horizon is None else integer("horizon", horizon, low=1, high=MAX_STEPS)
         one_of("observation", observation, ("scan", "dict"))
-        rules = cls(world, rows, boolean("ends_at_goal", ends_at_goal), observation)
+        rules = cls(world, rows, boolean("ends_at_goal", ends_at_goal), observation, offices)
         for part in (world.changed_walls, world.glass):
             if part is not None:
                 part.check(world.floor_plan)
@@ -239,6 +251,11 @@ class RoomRules:
             return self.course, self.plan
         course = self.journeys.drawn(seed, number)
         return course, self.plan_for(course)
+
+    def in_office(self, seed: int) -> "RoomRules":
+        """Return these rules in the office of a seed."""
+        assert self.offices is not None
+        return replace(self, world=replace(self.world, floor_plan=self.offices.map(seed)))
 
     def plan_for(self, course: Course, begun: int = 0) -> Plan:
         """Return the plan for a course that begins after the step ``begun`` of an episode."""

@@ -34,6 +34,7 @@ class Stream(enum.IntEnum):
     PEOPLE = 8
     GLASS = 9  # which walls are glass
     THROUGH_GLASS = 10  # which beams it does not reflect
+    BUILDING = 11  # which office it is, where each episode has another
 
 
 def episode_stream(seed: int, episode: int, stream: Stream, twin: int = 0) -> np.random.Generator:

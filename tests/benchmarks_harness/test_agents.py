@@ -59,6 +59,19 @@ def test_agents_are_compared_on_the_same_worlds_with_the_same_localizer():
     assert "/far" not in conclusion(told).text + overview(told, told.panels)
 
 
+def test_the_verdict_tells_who_comes_first_with_each_localizer():
+    rising = [float(e) for e in range(10, 22)]
+    records = []
+    for localizer, more in (("mcl", 0.0), ("mcl-map", 1.0)):
+        records += driven([e + more for e in rising], "still", localizer)
+        records += driven([e + more - 5 for e in rising], "spin", localizer)
+    said = conclusion(results(records, baseline="still"))
+    assert said.short == "spin with mcl is best"
+    # 16.5 - 5 of 16.5: 30 %
+    assert said.more.startswith("Spin with mcl-map has 11.5 px, 30 % below still with mcl-map (95 ")
+    assert said.more.endswith("smaller in 12 of 12 worlds, confirmed.")
+
+
 def test_a_baseline_that_is_a_localizer_is_compared_with_those_of_the_same_agent():
     one, other = Named("a"), Named("b")
     methods = [Method(name, agent=agent) for agent in (one, other) for name in ("mcl", "mcl-map")]

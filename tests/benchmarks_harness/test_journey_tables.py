@@ -211,8 +211,9 @@ NOT_CONFIRMED = {
         "mcl": 6,
         "amcl": 6,
     },
-    "No method is confirmed to be better than mcl: it has 50 % of runs. Largest share: amcl, "
-    "recovered in 67 % of runs (95 %: 39 to 86), 17 points above (95 %: 0 to 42); p = 1.": {
+    "No method is confirmed to be better than mcl: it is recovered in 50 % of runs. Largest "
+    "share: amcl, recovered in 67 % of runs (95 %: 39 to 86), 17 points above (95 %: 0 to 42); "
+    "p = 1.": {
         "mcl": 6,
         "amcl": 8,
     },

@@ -11,6 +11,7 @@ from benchmarks.agents import OldRoute, OnRoute, ToGoal
 from benchmarks.setup.names import scenario
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
+from deqmcl_gym.maps import Office
 
 RADIUS, CELL = 0.25, 0.1
 NEAR = 3.0 * 2.0**-10  # m: float32 commands along 60 m, and the skin
@@ -87,6 +88,22 @@ def test_a_building_of_a_given_seed_is_that_of_all_trials_and_widths_can_be_vari
     assert varied[0].world.floor_plan is not varied[1].world.floor_plan
     assert varied[0].env["floor_plan"]["office"] == {"corridor": 3.0, "seed": 0}
     assert varied[0].world.route.min_length == 30.0
+
+
+def test_trials_take_turns_in_the_buildings_of_a_range_of_seeds(tmp_path):
+    path = tmp_path / "unseen.toml"
+    path.write_text('base = "searching"\nenv.floor_plan.office = { wings = 1, seeds = [50, 53] }\n')
+    told = scenario(str(path))
+    offices = [told.in_building(k).env["floor_plan"]["office"] for k in range(4)]
+    assert [office.pop("seed") for office in offices] == [50, 51, 52, 50]
+    assert offices == [{"wings": 1}] * 4
+    assert told.world.floor_plan is Office(wings=1, seed=50).grid
+    varied = (("floor_plan.office.seeds", [7, 9]), ("floor_plan.office.wings", 1))
+    seeds = [
+        Stage.of(trial("lost", k, world=varied)).scenario.env["floor_plan"]["office"]["seed"]
+        for k in range(3)
+    ]
+    assert seeds == [7, 8, 7]
 
 
 @pytest.mark.parametrize("number", range(6))

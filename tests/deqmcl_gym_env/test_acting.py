@@ -15,21 +15,24 @@ from room_cases import SMALL
 
 import deqmcl_gym  # noqa: F401
 from benchmarks.studies.acting import play
-from deqmcl_gym.envs.acting import LocalizeEnv, TrackEnv
+from deqmcl_gym.envs.acting import LocalizeEnv, Site, TrackEnv
+from deqmcl_gym.maps import Office, Offices
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.config import PAPER_ROOM, Lidar, World
 from localizers import GaussianPrior, PointsBelief, UniformPrior
 
 QUICK = {"floor_plan": {"office": SMALL}, "localizer": {"name": "mcl-map", "particles": 3000}}
+MANY = QUICK | {"floor_plan": {"office": {**SMALL, "seeds": [10, 30]}}}
 IDS = {"deqmcl_gym/Localize-v0": QUICK, "deqmcl_gym/Track-v0": {}}
 WORLD = World(floor_plan=PAPER_ROOM, lidar=Lidar(beams=4))
 STAY, DECLARE = np.float32([0, 0, 0]), np.float32([0, 0, 1])
 THERE = (175.0, 50.0, 0.0)
 
 
-@pytest.fixture(params=IDS)
+@pytest.fixture(params=["Localize-v0", "Localize-v0 in many offices", "Track-v0"])
 def made(request):
-    return partial(gym.make, request.param, **IDS[request.param])
+    name = f"deqmcl_gym/{request.param.split()[0]}"
+    return partial(gym.make, name, **(MANY if "many" in request.param else IDS[name]))
 
 
 def moves(env, count=5):
@@ -72,6 +75,55 @@ def test_many_run_side_by_side_and_a_spec_in_json_makes_the_same_again(made):
     np.testing.assert_equal(again.reset(seed=5)[0], {key: seen[key][1] for key in seen})
 
 
+def test_an_office_is_drawn_in_the_range_by_the_seed_of_the_reset_and_all_is_made_for_it():
+    env = gym.make("deqmcl_gym/Localize-v0", **MANY).unwrapped
+    drawn = []
+    for seed in (3, 3, None, None, 8):
+        seen, info = env.reset(seed=seed)
+        plan = Office(seed=info["building"], **SMALL).grid
+        drawn.append(info["building"])
+        assert env.building == info["building"]
+        assert env.world.floor_plan is env.floor_plan is env._localizer.robot.floor_plan is plan
+        assert plan.free([info["truth"][:2]], env.radius)[0]
+        poses, _ = env.belief.points()
+        assert plan.free(poses[:, :2], env.radius).all()
+        assert env.observation_space.contains(seen)
+    assert drawn[0] == drawn[1]
+    assert len(set(drawn)) > 2
+    assert all(10 <= seed < 30 for seed in drawn)
+
+
+def test_offices_are_drawn_alike_and_never_from_outside_their_range():
+    """600 draws from 20 seeds: χ² with 19 degrees of freedom."""
+    offices, rng = Offices(seeds=(10, 30), office=Office()), np.random.default_rng(0)
+    drawn = [offices.drawn(rng) for _ in range(600)]
+    counts = np.bincount(drawn, minlength=30)[10:]
+    assert counts.sum() == 600
+    assert ((counts - 30) ** 2 / 30).sum() < 43.8  # fails once in 1,000
+
+
+def test_an_office_that_is_drawn_is_played_as_the_office_of_that_seed_is():
+    """But for the draw, which is spawned last, an episode is that of ``seed`` alone."""
+    many = gym.make("deqmcl_gym/Localize-v0", **MANY)
+    _, info = many.reset(seed=4)
+    office = {"floor_plan": {"office": {**SMALL, "seed": info["building"]}}}
+    one = gym.make("deqmcl_gym/Localize-v0", **QUICK | office)
+    _, same = one.reset(seed=4)
+    np.testing.assert_equal(same["truth"], info["truth"])
+    for action in moves(one):
+        np.testing.assert_equal(one.step(action)[0], many.step(action)[0])
+
+
+def test_what_is_seen_of_every_office_of_a_range_has_one_shape():
+    env = gym.make("deqmcl_gym/Localize-v0", **MANY, cell=1.0)
+    shapes = {env.reset(seed=seed)[0]["occupancy"].shape for seed in range(8)}
+    sizes = {env.unwrapped.floor_plan.bounds for _ in range(8) if env.reset()}
+    assert shapes == {env.observation_space["occupancy"].shape}
+    assert len(sizes) > 1
+    x0, y0, x1, y1 = Offices(seeds=(10, 30), office=Office(**SMALL)).bounds
+    assert all(x0 <= a and y0 <= b and c <= x1 and d <= y1 for a, b, c, d in sizes)
+
+
 class Believer:
     """Believes in the poses of ``said``, one after the other, then in the last one."""
 
@@ -96,7 +148,8 @@ class At:
 
 
 def localize(*said, shares=None, **task):
-    env = LocalizeEnv(WORLD, Believer(*said, shares=shares), At(), hold=3, max_steps=20, **task)
+    site = Site(WORLD, Believer(*said, shares=shares), At())
+    env = LocalizeEnv(site, hold=3, max_steps=20, **task)
     env.reset(seed=0)
     return env
 
@@ -167,7 +220,8 @@ def track(goal_off, **task):
         def sample(self, n, rng):
             return np.array([THERE, off(goal_off)[0]])
 
-    env = TrackEnv(WORLD, Believer(off()), Ends(), GaussianPrior, least=0.0, max_steps=20, **task)
+    site = Site(WORLD, Believer(off()), Ends())
+    env = TrackEnv(site, GaussianPrior, least=0.0, max_steps=20, **task)
     env.reset(seed=0)
     return env
 
@@ -213,7 +267,7 @@ def test_the_prior_of_a_drive_is_where_the_start_is_drawn_from():
 
     around = partial(GaussianPrior, sd_position=5.0, sd_heading=0.1)
     anywhere = UniformPrior(floor_plan=PAPER_ROOM, radius=12.0)
-    env = TrackEnv(WORLD, Recorded(off()), anywhere, around, least=150.0)
+    env = TrackEnv(Site(WORLD, Recorded(off()), anywhere), around, least=150.0)
     errors = []
     for seed in range(300):
         _, info = env.reset(seed=seed)

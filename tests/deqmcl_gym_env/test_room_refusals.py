@@ -11,12 +11,14 @@ from refusals import refused
 from room_cases import PAPER, SMALL, WORLD, WRAPPED, calm, drive
 from room_trace import ROOM_ID
 
+from deqmcl_gym.envs.belief import BeliefObservation
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.config import Lap, MotionNoise, Robot, Start
+from localizers import RobotModel, UniformPrior, make
 
 OUTER = PAPER["outer"]
 HUGE = {"outer": [[0, 0], [1e5, 0], [1e5, 1e5], [0, 1e5]]}
@@ -97,6 +99,12 @@ def on_a_route(**kwargs):
     return RoomEnv(**({"floor_plan": {"office": SMALL}} | WORLD | kwargs))
 
 
+def believing(**kwargs):
+    env = on_a_route(**kwargs)
+    robot = RobotModel(floor_plan=env.floor_plan, lidar=env.lidar, radius=env.radius)
+    return BeliefObservation(env, make("mcl", robot), UniformPrior(floor_plan=env.floor_plan))
+
+
 def kidnap(step=2, pose=None):
     return Kidnap(RoomEnv(), step=step, pose=pose)
 
@@ -171,6 +179,10 @@ MADE = [
     (on_a_route, {"route": {"way": 3}}, "key in route"),
     (on_a_route, {"lap": {"waypoints": [(1, 1), (2, 1), (2, 2)]}}, "a route or lap.waypoints"),
     (on_a_route, {"floor_plan": {"office": {"floors": 3}}}, "key in floor_plan.office"),
+    (on_a_route, {"floor_plan": {"office": {"seeds": [3, 3]}}}, "the end of office.seeds is 3"),
+    (RoomEnv, {"floor_plan": {"office": {"seeds": [0, 9]}}}, "give a route"),
+    (RoomVectorEnv, {"floor_plan": {"office": {"seeds": [0, 9]}}, "num_envs": 2}, "give a route"),
+    (believing, {"floor_plan": {"office": {"seeds": [0, 9]}}}, "take Localize-v0"),
     (kidnap, {"pose": (150, 150, 0)}, "the pose"),
     (kidnap, {"pose": (60, 200, 90.0)}, "the pose"),
     (kidnap, {"pose": (1, 2)}, "the pose"),

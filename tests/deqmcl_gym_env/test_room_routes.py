@@ -20,9 +20,10 @@ from deqmcl_gym.world.route import Routes
 CLOSED = PAPER | {"obstacles": [[(150, 5), (160, 5), (160, 295), (150, 295)]]}
 
 
-def office(seed=0, **kwargs) -> RoomEnv:
+def office(seed=0, seeds=None, **kwargs) -> RoomEnv:
     kind = {key: kwargs.pop(key) for key in ("wings", "corridors") if key in kwargs}
-    return RoomEnv(floor_plan={"office": SMALL | kind | {"seed": seed}}, **(WORLD | kwargs))
+    which = {"seed": seed} if seeds is None else {"seeds": seeds}
+    return RoomEnv(floor_plan={"office": SMALL | kind | which}, **(WORLD | kwargs))
 
 
 def check_arrives(env, seed):
@@ -99,6 +100,34 @@ def test_gymnasiums_vector_envs_keep_routes_of_different_lengths():
         assert alone.reset(seed=1 + room)[1]["route"] == route
         np.testing.assert_array_equal(alone.unwrapped.course.path.corners, route)
     assert len({len(route) for route in said["route"]}) > 1
+
+
+def test_each_episode_is_in_an_office_drawn_by_its_seed_and_is_as_if_that_were_given():
+    env = office(seeds=[20, 30], horizon=5)
+    drawn = []
+    for seed in (5, 5, None, None, None):
+        info = env.reset(seed=seed)[1]
+        drawn.append(info["building"])
+        assert env.floor_plan is Office(**SMALL, seed=info["building"]).grid
+        x, y = info["goal"]
+        assert env.floor_plan.free([(x, y)], env.radius)[0]
+        assert env.step(info["planned_actions"][0])[4]["building"] == drawn[-1]
+    assert drawn[0] == drawn[1]
+    assert len(set(drawn)) > 2
+    assert set(drawn) <= set(range(20, 30))
+    alone = office(seed=drawn[0], horizon=5)
+    (seen, info), (own, same) = env.reset(seed=5), alone.reset(seed=5)
+    assert info.pop("building") == drawn[0]
+    np.testing.assert_equal((seen, info), (own, same))
+    for _ in range(3):
+        action = same["planned_actions"][0]
+        (seen, *_, info), (own, *_, same) = env.step(action), alone.step(action)
+        np.testing.assert_equal(seen, own)
+
+
+def test_journeys_through_offices_of_a_range_are_what_gymnasium_expects():
+    made = {"floor_plan": {"office": SMALL | {"seeds": [0, 5]}}}
+    check_env(gym.make("deqmcl_gym/Journey-v1", **made).unwrapped, skip_render_check=True)
 
 
 def test_progress_adds_up_to_the_way():

@@ -21,7 +21,7 @@ QUICK = ("custom_room.py", "doors.py")
 SCRIPTS = [
     path.name if path.name in QUICK else pytest.param(path.name, marks=pytest.mark.slow)
     for path in sorted(EXAMPLES.glob("*.py"))
-    if path.name not in ("conftest.py", "ppo.py")
+    if path.name not in ("conftest.py", "ppo.py", "ppo_localize.py")
 ]
 LEARNED = f"{EXAMPLES}/learned_localizer/learned.py:Learned"
 
@@ -52,6 +52,29 @@ def test_ppo_learns_to_finish_laps(tmp_path):
     said = run("ppo.py", "--curve", tmp_path / "ppo.svg")
     assert "0 steps:   0% finish" in said
     assert int(re.search(r"(\d+) of 20 laps finished", said)[1]) >= 18
+
+
+@pytest.mark.slow
+def test_ppo_on_the_belief_trains_is_scored_and_draws_its_curves(tmp_path):
+    pytest.importorskip("stable_baselines3")
+    few = [
+        "--decisions",
+        512,
+        "--seeds",
+        2,
+        "--episodes",
+        2,
+        "--against",
+        "spin",
+        "--out",
+        tmp_path,
+    ]
+    said = run("ppo_localize.py", *few)
+    assert [line.split("`")[1] for line in said.splitlines() if line.startswith("| `")].count(
+        "spin"
+    ) == 1
+    assert "`ppo, seed 1`" in said
+    assert "<svg" in (tmp_path / "curve.svg").read_text()
 
 
 @pytest.mark.slow

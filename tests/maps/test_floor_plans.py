@@ -8,13 +8,17 @@ from refusals import refused
 
 from deqmcl_gym.maps import GridMap, Map, Office, PolygonMap, driven, polygon_map
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import WORLDS
+from deqmcl_gym.world.config import WORLDS, offices_of
 
 OFFICE = Office(seed=3, wings=1)
 
 
 def floor_plan(given):
     return WORLDS["paper"].changed(floor_plan=given).floor_plan
+
+
+def offices(**office):
+    return offices_of({"office": office})
 
 
 def test_an_office_is_a_floor_plan_of_cells_or_of_polygons():
@@ -131,6 +135,14 @@ CASES = [
     (floor_plan, {"given": {"office": {}, "frm": 1}}, "did you mean 'form'"),
     (floor_plan, {"given": {"office": {}, "form": "x"}}, "allowed values: grid, polygons"),
     (floor_plan, {"given": {"offic": {}}}, "did you mean 'office'"),
+    (floor_plan, {"given": {"office": {"seeds": [0, 9]}}}, "give a seed"),
+    (offices, {"seeds": [0, 9], "seed": 3}, "has seed = 3 and seeds = [0, 9]: give one of them"),
+    (offices, {"seeds": [0, 9], "wing": 3}, "did you mean 'wings'"),
+    (offices, {"seeds": [5, 5]}, "the end of office.seeds is 5, but must be a whole number from 6"),
+    (offices, {"seeds": [-1, 5]}, "the first of office.seeds is -1"),
+    (offices, {"seeds": [0, 2**63]}, "the end of office.seeds"),
+    (offices, {"seeds": [0.0, 5]}, "the first of office.seeds is 0.0"),
+    *((offices, {"seeds": bad}, "must be two seeds, such as [0, 1000]") for bad in (7, [1], "01")),
     (floor_plan, {"given": {"file": "a.json", "unknown": "free"}}, "floor_plan 'unknown'"),
     (floor_plan, {"given": {"unknown": "free"}}, "unknown key in floor_plan 'unknown'"),
     (floor_plan, {"given": {"file": "m.yaml", "outer": []}}, "key in floor_plan 'outer'"),
