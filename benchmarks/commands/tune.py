@@ -5,11 +5,17 @@ the same command resumes: docs/tune-on-your-log.md.
 """
 
 import argparse
+import math
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import shared
 from benchmarks.console import doing, warn
+
+if TYPE_CHECKING:  # --help loads nothing heavy
+    from benchmarks.replay.nav2 import Amcl
+    from benchmarks.replay.options import Replay
+    from benchmarks.replay.tuning import Task
 
 _SAID = ("every", "max_beams", "motion", "scan", "radius", "unknown")
 
@@ -50,7 +56,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="how well the start of a segment is known, standard deviations (0.2m,0.1rad)",
     )
     shared.add_params(parser)
-    add("--nav2", type=Path, metavar="PARAMS.yaml", help="your Nav2 parameters: the default to beat")
+    add(
+        "--nav2", type=Path, metavar="PARAMS.yaml", help="your Nav2 parameters: the default to beat"
+    )
     add("--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)")
     for name, metavar in (("--every", "D,A"), ("--motion", "alpha1=…"), ("--scan", "sigma=…")):
         add(name, metavar=metavar, help="as for replay")
@@ -74,7 +82,10 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.sweeps.running import Options
     from deqmcl_gym.validation import InputError, integer, number, one_of
 
-    (name,) = shared.localizers_named(options.localizer)[:1] or ("",)
+    named = shared.localizers_named(options.localizer)
+    if len(named) != 1:
+        raise InputError(f"--localizer is {options.localizer!r}, but must name one localizer.")
+    (name,) = named
     one_of("score", options.score, SCORES)
     if options.max_ms is not None:
         number("--max-ms", options.max_ms, low=0, above=True)
@@ -101,84 +112,84 @@ def run(options: argparse.Namespace) -> str:
             return write(found, options.out, options.words, options.nav2, options.node)
 
 
-def _task(options: argparse.Namespace, name: str, nav2: Any) -> Any:
+def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":
     """Return what is searched for, of the options."""
-    from dataclasses import fields
-
-    from benchmarks.replay.calibration import calibrated
+    from benchmarks.execution.apart import parameters
     from benchmarks.replay.nav2 import usual_params
-    from benchmarks.replay.options import reading_of, replay_of
-    from benchmarks.replay.space import built_in, read_space
-    from benchmarks.replay.tuning import Task, segments_of
+    from benchmarks.replay.space import built_in, read_space, segments_of
+    from benchmarks.replay.tuning import Task
     from benchmarks.setup.changes import Changes
     from deqmcl_gym.envs.log import spacing
     from deqmcl_gym.validation import InputError, integer, number
     from localizers.methods.family import Shared
 
-    maps = _each("--map", options.map, options.logs)
-    references = _each("--reference", options.reference or [None], options.logs)
-    usual: dict[str, Any] = {"every": "0.05m,3deg", "max_beams": 180} if name == "amcl" else {}
-    told = {own: value for own in _SAID if (value := getattr(options, own)) is not None}
-    its = {} if nav2 is None else {n: v for n, v in nav2.options.items() if n != "otherwise"}
-    if nav2 is not None:
-        its["max_beams"] = max(its["max_beams"], usual["max_beams"])
-        its.pop("every")
-        told["scan"] = ",".join(filter(None, [its["scan"], options.scan]))
-    replays = []
-    with doing("reading the logs and the maps"), shared.log_warnings() as said:
-        reading = {**({} if nav2 is None else nav2.reading), **reading_of(options.read)}
-        for log, floor_plan, reference in zip(options.logs, maps, references, strict=True):
-            replay = replay_of(
-                log, floor_plan, reference=reference, reading=reading, **{**usual, **its, **told}
-            )
-            replays.append(replay)
-    warn([*said, *(replay.sideways for replay in replays)])
-    for replay in replays:
-        if not replay.log.referenced.size:
-            raise InputError(f"{replay.world['log']} has no reference: give --reference.")
-    own = shared.params_named(options.param, [name]).get(name, {})
-    base = Changes({} if nav2 is None else nav2.params) | own
-    if name != "amcl" and "scan.power" not in replays[0].assumed:
-        with doing("fitting the power of the scan model to the first part of the log"):
-            replays = [calibrated(replay) for replay in replays]
-    noise = [one for one in vars(replays[0].motion) if one != "still"]
-    try:
-        known = built_in(name, noise)
-    except InputError:
-        if options.space is None:
-            raise
-        known = {}
-    space = known if options.space is None else read_space(options.space, name, known)
+    seed = integer("--seed", options.seed)
+    length = number("--segment", options.segment, low=0, above=True)
+    gap = number("--gap", options.gap, low=0)
     sd = spacing("--start-sd", options.start_sd, "m")
-    segments = segments_of(
-        replays,
-        number("--segment", options.segment, low=0, above=True),
-        number("--gap", options.gap, low=0),
-        sd,
-        integer("--seed", options.seed),
-    )
-    first = replays[0]
-    defaults = usual_params() if name == "amcl" else {f.name: f.default for f in fields(Shared)}
-    assumed = segments[0].assumed
-    scan = {f"scan.{n}": v for n, v in vars(first.scenario.scan).items()}
-    known_values = {**defaults, **scan, **assumed, **base}
+    if math.inf in sd:
+        raise InputError(f"--start-sd is {options.start_sd!r}, but must be as 0.2m,0.1rad.")
+    own = shared.params_named(options.param, [name]).get(name, {})
+    replays = _replays(options, name, nav2)
+    noise = [one for one in vars(replays[0].motion) if one != "still"]
+    if options.space is None:
+        space = built_in(name, noise)
+    else:
+        try:
+            known = built_in(name, noise)
+        except InputError:  # of a plug-in: the file names all
+            known = {}
+        space = read_space(options.space, name, known)
+    segments = segments_of(replays, length, gap, sd, seed)
+    base = Changes({} if nav2 is None else nav2.params) | own
+    taken = parameters(name) or ()
+    defaults = usual_params() if name == "amcl" else vars(Shared())
+    scan = {f"scan.{part}": value for part, value in vars(replays[0].scenario.scan).items()}
+    usual = {n: v for n, v in defaults.items() if n in taken and v is not None}
     return Task(
         localizer=name,
         base=base,
-        usual={n: known_values[n] for n in (*space, "lag") if known_values.get(n) is not None
-               and (n != "lag" or _takes_lag(name))},
+        usual={**usual, **scan, **segments[0].assumed, **base},
         space=space,
         segments=segments,
         score=options.score,
         max_ms=options.max_ms,
-        seed=options.seed,
-    )  # fmt: skip
+        seed=seed,
+    )
 
 
-def _takes_lag(name: str) -> bool:
-    from benchmarks.execution.apart import parameters
+def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "list[Replay]":
+    """Return the logs as the default would play them."""
+    from benchmarks.replay.calibration import calibrated
+    from benchmarks.replay.options import reading_of, replay_of
+    from deqmcl_gym.validation import InputError
 
-    return "lag" in (parameters(name) or ())
+    maps = _each("--map", options.map, options.logs)
+    references = _each("--reference", options.reference or [None], options.logs)
+    told: dict[str, Any] = {"otherwise": "global"}
+    told |= {"every": "0.05m,3deg", "max_beams": 180} if name == "amcl" else {}
+    said = {own: value for own in _SAID if (value := getattr(options, own)) is not None}
+    reading: dict[str, Any] = {}
+    if nav2 is not None:
+        told |= {"motion": nav2.options["motion"], "scan": nav2.options["scan"]}
+        reading |= nav2.reading
+    with doing("reading the logs and the maps"), shared.log_warnings() as warnings:
+        reading |= reading_of(options.read)
+        each = zip(options.logs, maps, references, strict=True)
+        replays = [
+            replay_of(log, floor_plan, reference=reference, reading=reading, **told | said)
+            for log, floor_plan, reference in each
+        ]
+    for replay, log in zip(replays, options.logs, strict=True):
+        if not replay.log.referenced.size:
+            raise InputError(f"{log} has no reference, so no error is known: give --reference.")
+    warn([*warnings, *(replay.sideways for replay in replays)])
+    if {replay.log.unit for replay in replays} != {"m"}:
+        raise InputError("a log is in px, but tune takes logs in m: give another one.")
+    if name != "amcl" and "scan.power" not in replays[0].assumed:
+        with doing("fitting the power of the scan model to the first part of the log"):
+            replays = [calibrated(replay) for replay in replays]
+    return replays
 
 
 def _each(flag: str, given: list[Any], logs: list[str]) -> list[Any]:

@@ -1,22 +1,34 @@
-"""What ``deqmcl tune`` searches: for each parameter a range or choices, built in or from a file."""
+"""What ``deqmcl tune`` searches, and on what: ranges of parameters, and segments of logs.
+
+Ranges are built in, or from a file. Segments are trained on and held out in turn.
+"""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.execution.apart import parameters
+from benchmarks.replay.options import Replay
 from benchmarks.setup import changes
 from benchmarks.setup.changes import Changes
+from benchmarks.trials.fixes import metre
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, boolean, integer, number, one_of, shown
 
 Value = float | int | str | bool
 ASSUMED = ("motion", "scan")  # parts of what the filters assume; all else is the localizer's own
 _DIGITS = 3  # of a value that is drawn
+MOST = 24  # segments of each kind
+STARTS, DRAWS, ORDER = 0, 1, 2  # children of the seed; trials have keys of their own
+_SEARCH = 7  # before them
+_LEAST = 2  # segments of each kind
+_KNOWN = 0.5  # share of a segment's records that must have a reference
+_TRIES = 100  # to draw a start in free space
 _STEP = 0.15  # SD of a step from a good value, as a share of the range
 
 
@@ -51,10 +63,10 @@ class Range:
 
     def place(self, value: Any) -> float:
         """Return the place of a value; one outside is at the nearest end."""
-        value = min(max(float(value), self.low), self.high)
+        value = float(min(max(float(value), self.low), self.high))
         if self.log:
             return math.log(value / self.low) / math.log(self.high / self.low)
-        return (value - self.low) / (self.high - self.low)
+        return float((value - self.low) / (self.high - self.low))
 
     def near(self, value: Any, rng: np.random.Generator) -> Value:
         """Return a value a normal step away, reflected at the ends; of a word, anywhere."""
@@ -205,10 +217,8 @@ def _one(name: str, value: Any) -> Range | Choice:
     if not {"low", "high"} <= value.keys():
         raise InputError(f"{name} lacks low or high: give both, as in {{low = 0.1, high = 1.0}}.")
     log, whole = (boolean(f"{name}.{key}", value.get(key, False)) for key in ("log", "whole"))
-    if whole:
-        low, high = (integer(f"{name}.{key}", value[key]) for key in ("low", "high"))
-    else:
-        low, high = (number(f"{name}.{key}", value[key]) for key in ("low", "high"))
+    check = integer if whole else number
+    low, high = (float(check(f"{name}.{key}", value[key])) for key in ("low", "high"))
     if not low < high:
         raise InputError(f"{name} has low {low:g} and high {high:g}, but low must be below high.")
     if log and low <= 0:
@@ -224,7 +234,9 @@ def spread(space: Space, count: int, rng: np.random.Generator) -> list[Changes]:
     strips = rng.permuted(np.tile(np.arange(count), (len(space), 1)), axis=1)
     places: Floats = (strips + rng.random(strips.shape)) / count
     return [
-        Changes({name: one.at(place) for (name, one), place in zip(space.items(), own, strict=True)})
+        Changes(
+            {name: one.at(place) for (name, one), place in zip(space.items(), own, strict=True)}
+        )
         for own in places.T.tolist()
     ]
 
@@ -247,3 +259,123 @@ def beside(
         if move:
             found[name] = one.near(values.get(name, usual.get(name)), rng)
     return Changes(found)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """Part of a log, from a start that is known with some error.
+
+    Attributes:
+        number: among all; it names the random streams of its runs.
+        replay: the log.
+        start, length: records of the whole log.
+        metres: driven in it.
+        prior: of the start: mean (x, y, θ) and standard deviations, as assumptions.
+        held_out: whether the search never sees it.
+    """
+
+    number: int
+    replay: Replay
+    start: int
+    length: int
+    metres: float
+    prior: Changes
+    held_out: bool
+
+    @property
+    def begins(self) -> float:
+        """Time of its first record, s."""
+        return float(self.replay.scenario.whole.times[self.start])
+
+    @property
+    def world(self) -> Changes:
+        """What is played, as a trial has it."""
+        others = {n: v for n, v in self.replay.world.items() if n != "judged"}
+        return Changes({**others, "start": self.start, "length": self.length})
+
+    @cached_property
+    def assumed(self) -> Changes:
+        """What filters assume, the noise of the whole log among it."""
+        noise = {f"motion.{n}": v for n, v in vars(self.replay.motion).items() if n != "still"}
+        return Changes({**noise, **self.replay.assumed, **self.prior})
+
+
+def segments_of(
+    replays: Sequence[Replay], length: float, gap: float, spread_of: tuple[float, float], seed: int
+) -> list[Segment]:
+    """Cut logs into segments; the first is trained on, the next held out, and so on.
+
+    Args:
+        replays: a log each.
+        length, gap: m driven in a segment, and between two.
+        spread_of: standard deviations of the start's position (m) and heading (rad).
+        seed: of the errors of the starts, normal with these, drawn again where no robot can be.
+
+    Raises:
+        InputError: there are fewer than two of a kind.
+    """
+    cut = [(replay, *ends) for replay in replays for ends in _cut(replay, length, gap)]
+    kinds = [cut[0::2], cut[1::2]]
+    if min(map(len, kinds)) < _LEAST:
+        raise InputError(
+            f"the log gives {len(cut)} segments of {length:g} m with a reference, but "
+            f"{2 * _LEAST} or more are needed: give a smaller --segment, or more logs."
+        )
+    chosen = [
+        [kind[i] for i in np.linspace(0, len(kind) - 1, min(len(kind), MOST)).astype(int)]
+        for kind in kinds
+    ]
+    listed = [(*one, held_out) for held_out, kind in enumerate(chosen) for one in kind]
+    return [
+        Segment(
+            number=number,
+            replay=replay,
+            start=start,
+            length=last - start + 1,
+            metres=_way(replay)[last] - _way(replay)[start],
+            prior=_prior(replay, start, spread_of, seed, number),
+            held_out=bool(held_out),
+        )
+        for number, (replay, start, last, held_out) in enumerate(listed)
+    ]
+
+
+def _way(replay: Replay) -> Floats:
+    whole = replay.scenario.whole
+    return whole.driven / metre(whole.unit)
+
+
+def _cut(replay: Replay, length: float, gap: float) -> Iterator[tuple[int, int]]:
+    """Yield the first and the last record of each segment of a log."""
+    whole, way = replay.scenario.whole, _way(replay)
+    known = whole.referenced
+    at = 0
+    while (begin := np.searchsorted(known, at)) < known.size:
+        first = int(known[begin])
+        last = int(np.searchsorted(way, way[first] + length))
+        if last >= len(whole):
+            return
+        inside = np.searchsorted(known, last, side="right") - begin
+        if inside >= _KNOWN * (last - first + 1):
+            yield first, last
+            at = int(np.searchsorted(way, way[last] + gap))
+        else:
+            at = first + 1
+
+
+def _prior(replay: Replay, start: int, sd: tuple[float, float], seed: int, number: int) -> Changes:
+    whole, ground = replay.scenario.whole, replay.scenario.recording()[1]
+    assert whole.reference is not None
+    true = whole.reference[start]
+    position, heading = sd[0] * metre(whole.unit), sd[1]
+    rng = stream(seed, STARTS, number)
+    off = rng.standard_normal((_TRIES, 3)) * [position, position, heading]
+    drawn = np.vstack([true + off, true])
+    mean = drawn[int(np.argmax([*ground.free(drawn[:-1]), True]))]
+    told = {"mean": tuple(mean.tolist()), "sd_position": position, "sd_heading": heading}
+    return Changes({f"prior.{name}": value for name, value in told.items()})
+
+
+def stream(seed: int, *key: int) -> np.random.Generator:
+    """Return a stream of a search, of none of its trials."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_SEARCH, *key)))

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,9 @@ _LEAST = 6  # segments: of fewer, a sign test could not tell any difference from
 _TABLE = ("median", "p95", "localized")
 
 
-def write(found: Found, out: Path, words: Sequence[str], nav2: Path | None, node: str | None) -> str:
+def write(
+    found: Found, out: Path, words: Sequence[str], nav2: Path | None, node: str | None
+) -> str:
     """Write the folder of a search; return what to print.
 
     Args:
@@ -210,10 +213,7 @@ def importance(space: Mapping[str, Range | Choice], tried: Sequence[Tried]) -> d
             numbers = np.array(values, np.float64)
             edges = np.unique(np.quantile(numbers, np.linspace(0, 1, _BINS + 1)))
             groups = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, len(edges) - 2)
-            words = [
-                f"{significant(a)} to {significant(b)}"
-                for a, b in zip(edges, edges[1:], strict=False)
-            ]
+            words = [f"{significant(a)} to {significant(b)}" for a, b in pairwise(edges)]
         means = [ranks[groups == i].mean() if (groups == i).any() else 2 for i in range(len(words))]
         chance = float(np.quantile(_explained(shuffled, groups), 0.95))
         share = float(_explained(ranks[None], groups)[0])
@@ -291,7 +291,7 @@ def _sweep_file(found: Found, words: Sequence[str]) -> str:
     params, assumed = task.parts(found.best.values)
     if (lag := task.usual.get("lag")) is not None:
         params = Changes({"lag": lag}) | params
-    world = {n: v for n, v in segment.replay.world.items() if n not in ("start", "judged")}
+    world = {n: v for n, v in segment.replay.world.items() if n != "judged"}
     own = {n: v for n, v in segment.assumed.items() if not n.startswith("prior.")}
     lines = [
         f"# {' '.join(command_line(words).split())}",
@@ -319,9 +319,7 @@ def _toml(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def _nav2(
-    task: Task, best: Tried, path: Path | None, node: str | None
-) -> tuple[str | None, str]:
+def _nav2(task: Task, best: Tried, path: Path | None, node: str | None) -> tuple[str | None, str]:
     """Return nav2.yaml, or None and why there is none."""
     if task.localizer != "amcl":
         return None, f"No {NAV2}: {task.localizer} is not a filter of Nav2."
@@ -334,11 +332,13 @@ def _nav2(
 
 def _trade_off(found: Found) -> bytes:
     """Return the picture of score and time of all candidates on all training segments."""
-    from benchmarks.report.svg import LOOKS, canvas, picture
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    from benchmarks.pictures import styled
+    from benchmarks.report.svg import HOUSE_STYLE, LOOKS, canvas, picture
 
     goal, last = found.task.goal, len(found.task.training)
     factor, unit = (100, "%") if goal.unit == "share" else (1, "m")
-    figure, axes = canvas(6.4, 3.8, legend_of=("a", "b", "c", "d"))
     known = [one for one in found.tried if math.isfinite(one.value) and one.ms > 0]
     parts = {
         "dropped on fewer segments": ([o for o in known if o.segments < last], LOOKS[6], 12),
@@ -346,13 +346,19 @@ def _trade_off(found: Found) -> bytes:
         "default": ([o for o in known if o.values == NOTHING], LOOKS[5], 70),
         "winner": ([o for o in known if o is found.best], LOOKS[2], 70),
     }
-    for label, (own, look, size) in parts.items():
-        x, y = [one.ms for one in own], [factor * one.value for one in own]
-        axes.scatter(x, y, s=size, c=look.color, marker=look.mark, label=label, linewidths=0)
-    axes.set_xscale("log")
-    if goal.unit == "m" and all(one.value > 0 for one in known):
-        axes.set_yscale("log")
-    words = goal.words.replace("share of records ", "")
-    axes.set(xlabel="ms per step", ylabel=f"{words}, {unit}")
-    caption = "Score and time of the candidates, on training segments."
-    return picture(figure, name="trade-off", title=caption, caption=caption, alt=caption).png
+    with styled(HOUSE_STYLE):
+        figure, axes = canvas(6.4, 3.8, left=0.8, legend_of=parts)
+        for label, (own, look, size) in parts.items():
+            x, y = [one.ms for one in own], [factor * one.value for one in own]
+            axes.scatter(x, y, s=size, c=look.color, marker=look.mark, label=label, linewidths=0)
+        axes.set_xscale("log")
+        if in_metres := goal.unit == "m" and all(one.value > 0 for one in known):
+            axes.set_yscale("log")
+        for axis in (axes.xaxis, axes.yaxis)[: 1 + in_metres]:
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.set_minor_locator(NullLocator())
+            axis.set_major_formatter("{x:g}")
+        words = goal.words.replace("share of records ", "")
+        axes.set(xlabel="ms per step", ylabel=f"{words}, {unit}")
+        caption = "Score and time of the candidates, on training segments."
+        return picture(figure, name="trade-off", title=caption, caption=caption, alt=caption).png

@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,32 +23,24 @@ from msgspec import to_builtins
 
 from benchmarks.execution.apart import check_methods, check_settings, provenance
 from benchmarks.files import is_empty, locked
-from benchmarks.replay.options import NAME, Replay
-from benchmarks.replay.space import ASSUMED, Space, beside, spread
+from benchmarks.replay.options import NAME
+from benchmarks.replay.space import ASSUMED, DRAWS, ORDER, Segment, Space, beside, spread, stream
 from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
 from benchmarks.sweeps.store import Store
 from benchmarks.tables.pairing import milliseconds_per_step
-from benchmarks.trials.fixes import metre
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.files import UnreadableError, content_of, json_of, write_text
-from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
 
 STATE = "tune.json"
 ROUND = 18  # candidates
 ETA = 3  # one of so many goes on
 RUNS = 3  # of default and winner on each held-out segment
-MOST = 24  # segments of each kind
 _FINALISTS, _FINAL_RUNS = 3, 2
-_LEAST = 2  # segments of each kind
-_KNOWN = 0.5  # share of a segment's records that must have a reference
-_TRIES = 100  # to draw a start in free space
-_STARTS, _DRAWS, _ORDER = 0, 1, 2  # children of the seed; trials have keys of their own
-_SEARCH = 7  # before them
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,127 +78,6 @@ SCORES = {
         column="false_steps",
     ),
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class Segment:
-    """Part of a log, from a start that is known with some error.
-
-    Attributes:
-        number: among all; it names the random streams of its runs.
-        replay: the log.
-        start, length: records of the whole log.
-        metres: driven in it.
-        prior: of the start: mean (x, y, θ) and standard deviations, as assumptions.
-        held_out: whether the search never sees it.
-    """
-
-    number: int
-    replay: Replay
-    start: int
-    length: int
-    metres: float
-    prior: Changes
-    held_out: bool
-
-    @property
-    def begins(self) -> float:
-        """Time of its first record, s."""
-        return float(self.replay.scenario.whole.times[self.start])
-
-    @property
-    def world(self) -> Changes:
-        """What is played, as a trial has it."""
-        others = {n: v for n, v in self.replay.world.items() if n != "judged"}
-        return Changes({**others, "start": self.start, "length": self.length})
-
-    @cached_property
-    def assumed(self) -> Changes:
-        """What filters assume, the noise of the whole log among it."""
-        noise = {f"motion.{n}": v for n, v in vars(self.replay.motion).items() if n != "still"}
-        return Changes({**noise, **self.replay.assumed, **self.prior})
-
-
-def segments_of(
-    replays: Sequence[Replay], length: float, gap: float, spread_of: tuple[float, float], seed: int
-) -> list[Segment]:
-    """Cut logs into segments; the first is trained on, the next held out, and so on.
-
-    Args:
-        replays: a log each.
-        length, gap: m driven in a segment, and between two.
-        spread_of: standard deviations of the start's position (m) and heading (rad).
-        seed: of the errors of the starts, normal with these, drawn again where no robot can be.
-
-    Raises:
-        InputError: there are fewer than two of a kind.
-    """
-    cut = [(replay, *ends) for replay in replays for ends in _cut(replay, length, gap)]
-    kinds = [cut[0::2], cut[1::2]]
-    if min(map(len, kinds)) < _LEAST:
-        raise InputError(
-            f"the log gives {len(cut)} segments of {length:g} m with a reference, but "
-            f"{2 * _LEAST} or more are needed: give a smaller --segment, or more logs."
-        )
-    chosen = [
-        [kind[i] for i in np.linspace(0, len(kind) - 1, min(len(kind), MOST)).astype(int)]
-        for kind in kinds
-    ]
-    listed = [(*one, held_out) for held_out, kind in enumerate(chosen) for one in kind]
-    return [
-        Segment(
-            number=number,
-            replay=replay,
-            start=start,
-            length=last - start + 1,
-            metres=_way(replay)[last] - _way(replay)[start],
-            prior=_prior(replay, start, spread_of, seed, number),
-            held_out=bool(held_out),
-        )
-        for number, (replay, start, last, held_out) in enumerate(listed)
-    ]
-
-
-def _way(replay: Replay) -> Floats:
-    whole = replay.scenario.whole
-    return whole.driven / metre(whole.unit)
-
-
-def _cut(replay: Replay, length: float, gap: float) -> Iterator[tuple[int, int]]:
-    """Yield the first and the last record of each segment of a log."""
-    whole, way = replay.scenario.whole, _way(replay)
-    known = whole.referenced
-    at = 0
-    while (begin := np.searchsorted(known, at)) < known.size:
-        first = int(known[begin])
-        last = int(np.searchsorted(way, way[first] + length))
-        if last >= len(whole):
-            return
-        inside = np.searchsorted(known, last, side="right") - begin
-        if inside >= _KNOWN * (last - first + 1):
-            yield first, last
-            at = int(np.searchsorted(way, way[last] + gap))
-        else:
-            at = first + 1
-
-
-def _prior(
-    replay: Replay, start: int, sd: tuple[float, float], seed: int, number: int
-) -> Changes:
-    whole, ground = replay.scenario.whole, replay.scenario.recording()[1]
-    assert whole.reference is not None
-    true = whole.reference[start]
-    position, heading = sd[0] * metre(whole.unit), sd[1]
-    rng = _stream(seed, _STARTS, number)
-    off = rng.standard_normal((_TRIES, 3)) * [position, position, heading]
-    drawn = np.vstack([true + off, true])
-    mean = drawn[int(np.argmax([*ground.free(drawn[:-1]), True]))]
-    told = {"mean": tuple(mean.tolist()), "sd_position": position, "sd_heading": heading}
-    return Changes({f"prior.{name}": value for name, value in told.items()})
-
-
-def _stream(seed: int, *key: int) -> np.random.Generator:
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_SEARCH, *key)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,14 +154,11 @@ class Task:
         """
         first = {id(one.replay): one for one in self.segments}
         check_settings([self.trial(NOTHING, one, 0) for one in first.values()])
-        segment = self.segments[0]
         ends = [Changes({name: end}) for name, one in self.space.items() for end in one.ends]
-        for candidate in (NOTHING, *ends):
-            try:
-                check_methods([self.trial(candidate, segment, 0)])
-            except InputError as error:
-                said = ", ".join(f"{name} = {value}" for name, value in candidate.items())
-                raise InputError(f"{said or 'the default'} is refused: {error}") from None
+        try:
+            check_methods([self.trial(one, self.segments[0], 0) for one in (NOTHING, *ends)])
+        except InputError as error:
+            raise InputError(f"the default, or an end of a range, is refused: {error}") from None
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -380,7 +248,9 @@ class Searching:
         number = 0
         while True:
             count = ROUND if candidates is None else min(ROUND, candidates - len(tried))
-            if count <= 0 or (budget is not None and number and not self._time_left(number, budget)):
+            if count <= 0 or (
+                budget is not None and number and not self._time_left(number, budget)
+            ):
                 break
             began = time.monotonic()
             tried += self._round(number, count, tried)
@@ -414,17 +284,17 @@ class Searching:
         task, last = self.task, done[-1]
         train, held = len(task.training), len(task.held_out)
         rungs, left, runs = [0, *task.rungs], ROUND, 0
-        for before, size in zip(rungs, rungs[1:], strict=False):
+        for before, size in pairwise(rungs):
             runs += left * (size - before)
             left = -(-left // ETA)
         ending = (_FINALISTS + 1) * (_FINAL_RUNS - 1) * train + 2 * RUNS * held
-        return sum(done) + last * (1 + ending / runs) <= budget
+        return bool(sum(done) + last * (1 + ending / runs) <= budget)
 
     def _round(self, number: int, count: int, before: Sequence[Tried]) -> list[Tried]:
         """Draw the candidates of a round and halve them."""
         task = self.task
-        rng = _stream(task.seed, _DRAWS, number)
-        order = _stream(task.seed, _ORDER, number).permutation(len(task.training))
+        rng = stream(task.seed, DRAWS, number)
+        order = stream(task.seed, ORDER, number).permutation(len(task.training))
         near = count // 2 if number else 0
         free = spread(task.space, count - near - (number == 0), rng)
         drawn = [Tried(values=values, round=number, free=True) for values in free]
@@ -496,7 +366,9 @@ class Searching:
             "another one."
         )
 
-    def _measure(self, candidates: Sequence[Changes], segments: Sequence[Segment], runs: int) -> None:
+    def _measure(
+        self, candidates: Sequence[Changes], segments: Sequence[Segment], runs: int
+    ) -> None:
         asked = [
             (one, segment, run)
             for one in candidates
