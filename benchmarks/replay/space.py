@@ -6,9 +6,8 @@ Ranges are built in, or from a file. Segments are trained on and held out in tur
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -16,7 +15,8 @@ from benchmarks.execution.apart import parameters
 from benchmarks.replay.options import Replay
 from benchmarks.setup import changes
 from benchmarks.setup.changes import Changes
-from benchmarks.trials.fixes import metre
+from deqmcl_gym.logs import Log
+from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, boolean, integer, number, one_of, shown
 
@@ -267,89 +267,105 @@ class Segment:
 
     Attributes:
         number: among all; it names the random streams of its runs.
-        replay: the log.
         start, length: records of the whole log.
+        begins: time of its first record, s.
         metres: driven in it.
-        prior: of the start: mean (x, y, θ) and standard deviations, as assumptions.
+        world: what is played, as a trial has it.
+        whole: the same of the whole log.
+        assumed: by the filters, the noise of the whole log and the start among it.
         held_out: whether the search never sees it.
     """
 
     number: int
-    replay: Replay
     start: int
     length: int
+    begins: float
     metres: float
-    prior: Changes
+    world: Changes
+    whole: Changes
+    assumed: Changes
     held_out: bool
-
-    @property
-    def begins(self) -> float:
-        """Time of its first record, s."""
-        return float(self.replay.scenario.whole.times[self.start])
-
-    @property
-    def world(self) -> Changes:
-        """What is played, as a trial has it."""
-        others = {n: v for n, v in self.replay.world.items() if n != "judged"}
-        return Changes({**others, "start": self.start, "length": self.length})
-
-    @cached_property
-    def assumed(self) -> Changes:
-        """What filters assume, the noise of the whole log among it."""
-        noise = {f"motion.{n}": v for n, v in vars(self.replay.motion).items() if n != "still"}
-        return Changes({**noise, **self.replay.assumed, **self.prior})
 
 
 def segments_of(
-    replays: Sequence[Replay], length: float, gap: float, spread_of: tuple[float, float], seed: int
+    replays: Sequence[Replay], length: float, gap: float, sd: tuple[float, float], seed: int
 ) -> list[Segment]:
     """Cut logs into segments; the first is trained on, the next held out, and so on.
 
     Args:
-        replays: a log each.
+        replays: a log each, in m.
         length, gap: m driven in a segment, and between two.
-        spread_of: standard deviations of the start's position (m) and heading (rad).
+        sd: standard deviations of the start's position (m) and heading (rad).
         seed: of the errors of the starts, normal with these, drawn again where no robot can be.
 
     Raises:
         InputError: there are fewer than two of a kind.
     """
-    cut = [(replay, *ends) for replay in replays for ends in _cut(replay, length, gap)]
+    parts = [_Part.of(replay) for replay in replays]
+    cut = [(part, *ends) for part in parts for ends in _cut(part.whole, length, gap)]
     kinds = [cut[0::2], cut[1::2]]
     if min(map(len, kinds)) < _LEAST:
         raise InputError(
             f"the log gives {len(cut)} segments of {length:g} m with a reference, but "
             f"{2 * _LEAST} or more are needed: give a smaller --segment, or more logs."
         )
-    chosen = [
-        [kind[i] for i in np.linspace(0, len(kind) - 1, min(len(kind), MOST)).astype(int)]
-        for kind in kinds
+    listed = [
+        (*kind[i], bool(held_out))
+        for held_out, kind in enumerate(kinds)
+        for i in np.linspace(0, len(kind) - 1, min(len(kind), MOST)).astype(int)
     ]
-    listed = [(*one, held_out) for held_out, kind in enumerate(chosen) for one in kind]
     return [
-        Segment(
+        part.segment(number, start, last, held_out, sd, seed)
+        for number, (part, start, last, held_out) in enumerate(listed)
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Part:
+    """A log whose segments are trained on or held out, read once."""
+
+    whole: Log
+    ground: Map
+    world: Mapping[str, Any]
+    assumed: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, replay: Replay) -> Self:
+        scenario = replay.scenario
+        noise = {f"motion.{n}": v for n, v in vars(replay.motion).items() if n != "still"}
+        return cls(
+            whole=scenario.whole,
+            ground=scenario.recording()[1],
+            world={name: value for name, value in replay.world.items() if name != "judged"},
+            assumed={**noise, **replay.assumed},
+        )
+
+    def segment(
+        self, number: int, start: int, last: int, held_out: bool, sd: tuple[float, float], seed: int
+    ) -> Segment:
+        assert self.whole.reference is not None
+        true = self.whole.reference[start]
+        off = stream(seed, STARTS, number).standard_normal((_TRIES, 3)) * [sd[0], *sd]
+        drawn = np.vstack([true + off, true])
+        mean = drawn[int(np.argmax([*self.ground.free(drawn[:-1]), True]))]
+        prior = {"mean": tuple(mean.tolist()), "sd_position": sd[0], "sd_heading": sd[1]}
+        told = {f"prior.{name}": value for name, value in prior.items()}
+        return Segment(
             number=number,
-            replay=replay,
             start=start,
             length=last - start + 1,
-            metres=_way(replay)[last] - _way(replay)[start],
-            prior=_prior(replay, start, spread_of, seed, number),
-            held_out=bool(held_out),
+            begins=float(self.whole.times[start]),
+            metres=float(self.whole.driven[last] - self.whole.driven[start]),
+            whole=Changes(self.world),
+            world=Changes({**self.world, "start": start, "length": last - start + 1}),
+            assumed=Changes({**self.assumed, **told}),
+            held_out=held_out,
         )
-        for number, (replay, start, last, held_out) in enumerate(listed)
-    ]
 
 
-def _way(replay: Replay) -> Floats:
-    whole = replay.scenario.whole
-    return whole.driven / metre(whole.unit)
-
-
-def _cut(replay: Replay, length: float, gap: float) -> Iterator[tuple[int, int]]:
+def _cut(whole: Log, length: float, gap: float) -> Iterator[tuple[int, int]]:
     """Yield the first and the last record of each segment of a log."""
-    whole, way = replay.scenario.whole, _way(replay)
-    known = whole.referenced
-    at = 0
+    known, way, at = whole.referenced, whole.driven, 0
     while (begin := np.searchsorted(known, at)) < known.size:
         first = int(known[begin])
         last = int(np.searchsorted(way, way[first] + length))
@@ -358,22 +374,9 @@ def _cut(replay: Replay, length: float, gap: float) -> Iterator[tuple[int, int]]
         inside = np.searchsorted(known, last, side="right") - begin
         if inside >= _KNOWN * (last - first + 1):
             yield first, last
-            at = int(np.searchsorted(way, way[last] + gap))
+            at = max(last + 1, int(np.searchsorted(way, way[last] + gap)))
         else:
             at = first + 1
-
-
-def _prior(replay: Replay, start: int, sd: tuple[float, float], seed: int, number: int) -> Changes:
-    whole, ground = replay.scenario.whole, replay.scenario.recording()[1]
-    assert whole.reference is not None
-    true = whole.reference[start]
-    position, heading = sd[0] * metre(whole.unit), sd[1]
-    rng = stream(seed, STARTS, number)
-    off = rng.standard_normal((_TRIES, 3)) * [position, position, heading]
-    drawn = np.vstack([true + off, true])
-    mean = drawn[int(np.argmax([*ground.free(drawn[:-1]), True]))]
-    told = {"mean": tuple(mean.tolist()), "sd_position": position, "sd_heading": heading}
-    return Changes({f"prior.{name}": value for name, value in told.items()})
 
 
 def stream(seed: int, *key: int) -> np.random.Generator:

@@ -89,7 +89,7 @@ def _segments(found: Found, goal: Score) -> list[list[Any]]:
     each = zip(found.task.held_out, found.default_runs, found.best_runs, strict=True)
     for segment, default, best in each:
         before, after = (_mean(goal, own) for own in (default, best))
-        log = Path(segment.replay.world["log"]).name
+        log = Path(segment.world["log"]).name
         begins, metres = round(segment.begins, 2), round(segment.metres, 2)
         lines.append([log, begins, metres, RUNS, before, after, after - before])
     return lines
@@ -291,7 +291,6 @@ def _sweep_file(found: Found, words: Sequence[str]) -> str:
     params, assumed = task.parts(found.best.values)
     if (lag := task.usual.get("lag")) is not None:
         params = Changes({"lag": lag}) | params
-    world = {n: v for n, v in segment.replay.world.items() if n != "judged"}
     own = {n: v for n, v in segment.assumed.items() if not n.startswith("prior.")}
     lines = [
         f"# {' '.join(command_line(words).split())}",
@@ -299,7 +298,7 @@ def _sweep_file(found: Found, words: Sequence[str]) -> str:
         "lag = 0",
         "",
         "[world]",
-        *(f"{name} = {_toml(value)}" for name, value in world.items()),
+        *(f"{name} = {_toml(value)}" for name, value in segment.whole.items()),
         "",
         "[assumed]",
         *(f"{name} = {_toml(value)}" for name, value in {**own, **assumed}.items()),

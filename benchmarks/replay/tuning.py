@@ -152,7 +152,7 @@ class Task:
         Raises:
             InputError: something of it is refused.
         """
-        first = {id(one.replay): one for one in self.segments}
+        first = {one.world["log"]: one for one in self.segments}
         check_settings([self.trial(NOTHING, one, 0) for one in first.values()])
         ends = [Changes({name: end}) for name, one in self.space.items() for end in one.ends]
         try:
@@ -406,7 +406,7 @@ def searching(task: Task, out: Path, options: Options) -> Iterator[Searching]:
     Raises:
         InputError: the folder is of something else, or in use.
     """
-    first = {id(one.replay): one for one in task.segments}
+    first = {one.world["log"]: one for one in task.segments}
     now = provenance([task.trial(NOTHING, one, 0) for one in first.values()])
     ours = json.loads(json.dumps({"search": task.identity, **to_builtins(now)}))
     state = {"identity": ours, "rounds": []}
