@@ -23,11 +23,11 @@ from localizers.checks import LAWS, check_localizer
 
 FEWER = ("--particles 3000 --seeds 2", "--particles 300 --seeds 1")  # global: whether it runs
 NAMED = "./my_localizer.py:MyLocalizer"
-LOCALIZER, LOG, SCORE, ROBOT, TUNE = (
+LOCALIZER, LOG, SCORE, ROBOT, TUNE, WRONG = (
     (ROOT / "docs" / f"{name}.md").read_text()
     for name in (
         "write-a-localizer", "your-map-your-log", "score-your-stack", "run-on-your-robot",
-        "tune-on-your-log",
+        "tune-on-your-log", "wrong-map",
     )
 )  # fmt: skip
 
@@ -110,6 +110,9 @@ def test_the_page_on_ones_own_log_works_from_top_to_bottom(lap, capsys):
     assert float(found["mcl"]["success_1m"]) == float(found["amcl"]["success_1m"]) == 1
     Path("starts.toml").write_text(STARTS)
     assert exit_code("sweep", "starts.toml", "--dry-run") == 0, capsys.readouterr().err
+    (out_of_date,) = blocks(WRONG, "toml")
+    Path("known.toml").write_text(out_of_date)
+    assert exit_code("sweep", "known.toml", "--dry-run") == 0, capsys.readouterr().err
     capsys.readouterr()
     exec(compile(REPLAY, "replay", "exec"), {})
     estimate = np.array(re.findall(r"-?\d+\.\d+", capsys.readouterr().out), float)
