@@ -15,7 +15,7 @@ from benchmarks import console
 from benchmarks.commands import COMMANDS
 
 BAD_INPUT, FAILED, INTERRUPTED, NOT_READ, TERMINATED = 2, 3, 130, 141, 143
-_RESUMED = "paper", "sweep"  # what they have finished, they need not run again
+_RESUMED = "paper", "sweep", "tune"  # what they have finished, they need not run again
 
 
 class _Version(argparse.Action):

@@ -15,6 +15,7 @@ COMMANDS = {
     "list": "list suites, localizers, scenarios and agents",
     "run": "run one lap: animation, error curve, trace",
     "replay": "play a recorded log to localizers, and compare them",
+    "tune": "search the parameters of a localizer on your logs",
     "score": "score what another stack has estimated, with the columns of replay",
     "basin": "find how wrong the start may be, on a log or in a scenario",
     "from-nav2": "turn Nav2's AMCL parameters into a sweep file",

@@ -145,6 +145,40 @@ def read_nav2(path: Path, node: str | None = None) -> Amcl:
         raise InputError(f"{path}, node {name}: {error}") from None
 
 
+def usual_params() -> dict[str, Any]:
+    """Return Nav2's defaults of the parameters of ``amcl``."""
+    return {name: value for name, value in _DEFAULTS.items() if name not in _OF_LOGS}
+
+
+def nav2_document(
+    params: Mapping[str, Any], path: Path | None = None, node: str | None = None
+) -> dict[str, Any]:
+    """Return a Nav2 parameter file, as of YAML, with these parameters of ``amcl``.
+
+    Args:
+        params: what is not Nav2's default.
+        path, node: a file whose other content is kept, as for ``read_nav2``; None: there is none.
+
+    Raises:
+        InputError: Nav2 has no such parameter, or no such value.
+    """
+    for name in _OURS:
+        if params.get(name, False) is not False:
+            raise InputError(f"{name} is no parameter of Nav2's AMCL: leave it out.")
+    for name in ("laser_model_type", "robot_model_type"):
+        if params.get(name) == "robot":
+            raise InputError(f"{name} is 'robot', which Nav2's AMCL does not have.")
+    told = {n: _value(n, default, params) for n, default in usual_params().items()}
+    if path is None:
+        return {"amcl": {"ros__parameters": told}}
+    document = dict(_document(path))
+    name = _chosen(path, {n: v for n, v in _nodes(document, "") if n != "/**"}, node)
+    own = dict(_nodes(document, ""))[name]
+    assert isinstance(own, dict)
+    own |= told
+    return document
+
+
 def _amcl(source: str, given: Mapping[str, Any]) -> Amcl:
     said = {name: _value(name, default, given) for name, default in _DEFAULTS.items()}
     one_of("laser_model_type", said["laser_model_type"], _LASERS)

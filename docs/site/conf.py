@@ -119,6 +119,7 @@ CONTENTS = {
         "docs/sweeps",
         "docs/reports",
         "docs/your-map-your-log",
+        "docs/tune-on-your-log",
         "docs/score-your-stack",
         "docs/how-wrong-may-the-start-be",
         "docs/run-on-your-robot",

@@ -24,12 +24,13 @@ from localizers.checks import LAWS, check_localizer
 
 FEWER = ("--particles 3000 --seeds 2", "--particles 300 --seeds 1")  # global: whether it runs
 NAMED = "./my_localizer.py:MyLocalizer"
-LOCALIZER, LOG, SCORE, ROBOT, WRONG, BASIN, LOOK = (
+LOCALIZER, LOG, SCORE, ROBOT, TUNE, WRONG, BASIN, LOOK = (
     (ROOT / "docs" / f"{name}.md").read_text()
     for name in (
         *("write-a-localizer", "your-map-your-log", "score-your-stack", "run-on-your-robot"),
-        *("wrong-map", "how-wrong-may-the-start-be", "look-at-it"),
+        *("tune-on-your-log", "wrong-map", "how-wrong-may-the-start-be", "look-at-it"),
     )
+)
 )
 
 
@@ -168,6 +169,18 @@ def test_the_page_on_looking_works_and_names_the_topics(lap, capsys):
             assert schema in row or "JSON" in row
             topics.add(topic)
     assert topics == set(re.findall(r"`(/(?:NAME/)?[a-z]+)`", LOOK)) - {"/NAME/future"}
+@pytest.mark.slow
+def test_the_commands_that_tune_work_as_the_page_says(lap, capsys):
+    (commands,) = blocks(TUNE, "sh")
+    (space,) = blocks(TUNE, "toml")
+    Path("space.toml").write_text(space)
+    first, *others = commands.replace("--candidates 36", "--candidates 2").splitlines()
+    for command in (first, *others, f"{first}-again --space space.toml"):
+        assert exit_code(*shlex.split(command)[1:]) == 0, capsys.readouterr().err
+    files = re.findall(r"^\| `([\w.-]+)` \|", TUNE, re.MULTILINE)
+    assert files == ["tuned.md", "best.toml", "nav2.yaml", "tuned.csv", "candidates.csv",
+                     "trade-off.png"]  # fmt: skip
+    assert all(Path("results/tuned", name).is_file() for name in files)
 
 
 def test_the_loop_of_a_robot_works_from_a_bag_as_the_page_says(lap, monkeypatch, capsys):

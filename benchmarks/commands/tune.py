@@ -1,0 +1,206 @@
+"""Search the parameters of a localizer that are best on your logs, and say what is gained.
+
+Trains on some segments of the logs and tells the gain on others, which the search does not see;
+the same command resumes: docs/tune-on-your-log.md.
+"""
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from benchmarks.commands import shared
+from benchmarks.console import doing, warn
+
+if TYPE_CHECKING:  # --help loads nothing heavy
+    from benchmarks.replay.nav2 import Amcl
+    from benchmarks.replay.options import Replay
+    from benchmarks.replay.tuning import Task
+
+_SAID = ("every", "max_beams", "motion", "scan", "radius", "unknown")
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the command's arguments."""
+    add = parser.add_argument
+    add("logs", nargs="+", metavar="LOG", help="a CARMEN log, ROS bag, CSV or npz file, or several")
+    for name, metavar, words in (
+        ("--map", "MAP.yaml", "the map; for several logs one for all, or one each in their order"),
+        ("--reference", "REF.tum", "true poses in the map's frame (the log's own), as --map"),
+    ):
+        add(name, action="append", default=[], metavar=metavar, help=words)
+    add("--localizer", default="amcl", metavar="NAME", help="what is tuned (amcl)")
+    add("--space", type=Path, metavar="FILE.toml", help="ranges, in place of the built-in ones")
+    add(
+        "--score",
+        default="median",
+        metavar="NAME",
+        help="what is to be best: median, p95 (position error), localized, false-commitment "
+        "(median)",
+    )
+    add("--max-ms", type=float, metavar="MS", help="most ms per step that the winner may take")
+    many = parser.add_mutually_exclusive_group()
+    many.add_argument(
+        "--budget", type=float, metavar="MINUTES", help="how long, in minutes; one round at least "
+        "(20)",
+    )  # fmt: skip
+    many.add_argument(
+        "--candidates", type=int, metavar="N", help="how many candidates, however long it takes"
+    )
+    add("--segment", type=float, default=15.0, metavar="M", help="m driven in a segment (15)")
+    add("--gap", type=float, default=2.0, metavar="M", help="m driven between two (2)")
+    add(
+        "--start-sd",
+        default="0.2m,0.1rad",
+        metavar="D,A",
+        help="how well the start of a segment is known, standard deviations (0.2m,0.1rad)",
+    )
+    shared.add_params(parser)
+    add(
+        "--nav2", type=Path, metavar="PARAMS.yaml", help="your Nav2 parameters: the default to beat"
+    )
+    add("--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)")
+    for name, metavar in (("--every", "D,A"), ("--motion", "alpha1=…"), ("--scan", "sigma=…")):
+        add(name, metavar=metavar, help="as for replay")
+    add("--max-beams", type=int, metavar="B", help="beams of a scan (60; for amcl 180)")
+    add("--radius", type=float, metavar="R", help="radius of the robot in m (0.16)")
+    add("--unknown", choices=("obstacle", "transparent", "free"), help="as for replay")
+    add("--read", action="append", default=[], metavar="NAME=VALUE", help="as for replay")
+    shared.add_seed(parser)
+    shared.add_jobs(parser, "runs")
+    shared.add_timeout(parser, "run")
+    shared.add_out(parser)
+
+
+def run(options: argparse.Namespace) -> str:
+    """Run the command; return what to print."""
+    from benchmarks.execution.apart import answered_within
+    from benchmarks.execution.engines import Where
+    from benchmarks.replay.nav2 import read_nav2
+    from benchmarks.replay.tuned import write
+    from benchmarks.replay.tuning import SCORES, searching
+    from benchmarks.sweeps.running import Options
+    from deqmcl_gym.validation import InputError, integer, number, one_of
+
+    named = shared.localizers_named(options.localizer)
+    if len(named) != 1:
+        raise InputError(f"--localizer is {options.localizer!r}, but must name one localizer.")
+    (name,) = named
+    one_of("score", options.score, SCORES)
+    if options.max_ms is not None:
+        number("--max-ms", options.max_ms, low=0, above=True)
+    if options.candidates is not None:
+        integer("--candidates", options.candidates, low=2, high=100_000)
+    budget = 20.0 if options.budget is None else options.budget
+    number("--budget", budget, low=0, high=1e5, above=True)
+    if options.node is not None and options.nav2 is None:
+        raise InputError("--node is given without --nav2: name the file that the node is in.")
+    if options.nav2 is not None and name != "amcl":
+        raise InputError(f"--nav2 is given, but {name} is tuned: leave it out, or tune amcl.")
+    nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)
+    where = Where(jobs=options.jobs, timeout=options.timeout)
+    with answered_within(options.timeout):
+        task = _task(options, name, nav2)
+        with doing("checking the segments and the ends of all ranges"):
+            task.check()
+        how = Options(where=where, progress=False)
+        with searching(task, options.out, how) as search:
+            found = search.found(
+                candidates=options.candidates,
+                budget=None if options.candidates is not None else 60 * budget,
+            )
+            return write(found, options.out, options.words, options.nav2, options.node)
+
+
+def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":
+    """Return what is searched for, of the options."""
+    from benchmarks.execution.apart import parameters
+    from benchmarks.replay.nav2 import usual_params
+    from benchmarks.replay.space import built_in, read_space, segments_of
+    from benchmarks.replay.tuning import Task
+    from benchmarks.setup.changes import Changes
+    from deqmcl_gym.envs.log import spacing
+    from deqmcl_gym.validation import InputError, integer, number
+    from localizers.methods.family import Shared
+
+    seed = integer("--seed", options.seed)
+    length = number("--segment", options.segment, low=0, above=True)
+    gap = number("--gap", options.gap, low=0)
+    sd = spacing("--start-sd", options.start_sd, "m")
+    if math.inf in sd:
+        raise InputError(f"--start-sd is {options.start_sd!r}, but must be as 0.2m,0.1rad.")
+    own = shared.params_named(options.param, [name]).get(name, {})
+    replays = _replays(options, name, nav2)
+    noise = [one for one in vars(replays[0].motion) if one != "still"]
+    if options.space is None:
+        space = built_in(name, noise)
+    else:
+        try:
+            known = built_in(name, noise)
+        except InputError:  # of a plug-in: the file names all
+            known = {}
+        space = read_space(options.space, name, known)
+    segments = segments_of(replays, length, gap, sd, seed)
+    base = Changes({} if nav2 is None else nav2.params) | own
+    taken = parameters(name) or ()
+    defaults = usual_params() if name == "amcl" else vars(Shared())
+    scan = {f"scan.{part}": value for part, value in vars(replays[0].scenario.scan).items()}
+    usual = {n: v for n, v in defaults.items() if n in taken and v is not None}
+    return Task(
+        localizer=name,
+        base=base,
+        usual={**usual, **scan, **segments[0].assumed, **base},
+        space=space,
+        segments=segments,
+        score=options.score,
+        max_ms=options.max_ms,
+        seed=seed,
+    )
+
+
+def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "list[Replay]":
+    """Return the logs as the default would play them."""
+    from benchmarks.replay.calibration import calibrated
+    from benchmarks.replay.options import reading_of, replay_of
+    from deqmcl_gym.validation import InputError
+
+    maps = _each("--map", options.map, options.logs)
+    references = _each("--reference", options.reference or [None], options.logs)
+    told: dict[str, Any] = {"otherwise": "global"}
+    told |= {"every": "0.05m,3deg", "max_beams": 180} if name == "amcl" else {}
+    said = {own: value for own in _SAID if (value := getattr(options, own)) is not None}
+    reading: dict[str, Any] = {}
+    if nav2 is not None:
+        told |= {"motion": nav2.options["motion"], "scan": nav2.options["scan"]}
+        reading |= nav2.reading
+    with doing("reading the logs and the maps"), shared.log_warnings() as warnings:
+        reading |= reading_of(options.read)
+        each = zip(options.logs, maps, references, strict=True)
+        replays = [
+            replay_of(log, floor_plan, reference=reference, reading=reading, **told | said)
+            for log, floor_plan, reference in each
+        ]
+    for replay, log in zip(replays, options.logs, strict=True):
+        if not replay.log.referenced.size:
+            raise InputError(f"{log} has no reference, so no error is known: give --reference.")
+    warn([*warnings, *(replay.sideways for replay in replays)])
+    if {replay.log.unit for replay in replays} != {"m"}:
+        raise InputError("a log is in px, but tune takes logs in m: give another one.")
+    if name != "amcl" and "scan.power" not in replays[0].assumed:
+        with doing("fitting the power of the scan model to the first part of the log"):
+            replays = [calibrated(replay) for replay in replays]
+    return replays
+
+
+def _each(flag: str, given: list[Any], logs: list[str]) -> list[Any]:
+    """Return one for each log."""
+    from deqmcl_gym.validation import InputError
+
+    if len(given) == 1:
+        return given * len(logs)
+    if len(given) != len(logs):
+        raise InputError(
+            f"{flag} is given {len(given)} times for {len(logs)} logs: give it once, or once for "
+            "each log, in their order."
+        )
+    return given

@@ -1,0 +1,384 @@
+"""What ``deqmcl tune`` searches, and on what: ranges of parameters, and segments of logs.
+
+Ranges are built in, or from a file. Segments are trained on and held out in turn.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from benchmarks.execution.apart import parameters
+from benchmarks.replay.options import Replay
+from benchmarks.setup import changes
+from benchmarks.setup.changes import Changes
+from deqmcl_gym.logs import Log
+from deqmcl_gym.maps import Map
+from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.validation import InputError, boolean, integer, number, one_of, shown
+
+Value = float | int | str | bool
+ASSUMED = ("motion", "scan")  # parts of what the filters assume; all else is the localizer's own
+_DIGITS = 3  # of a value that is drawn
+MOST = 24  # segments of each kind
+STARTS, DRAWS, ORDER = 0, 1, 2  # children of the seed; trials have keys of their own
+_SEARCH = 7  # before them
+_LEAST = 2  # segments of each kind
+_KNOWN = 0.5  # share of a segment's records that must have a reference
+_TRIES = 100  # to draw a start in free space
+_STEP = 0.15  # SD of a step from a good value, as a share of the range
+
+
+@dataclass(frozen=True, kw_only=True)
+class Range:
+    """Numbers from low to high, uniform in their value or, if ``log``, in its logarithm.
+
+    Attributes:
+        low, high: of the numbers, both included.
+        log: whether the logarithm is uniform.
+        whole: whether the numbers are whole.
+    """
+
+    low: float
+    high: float
+    log: bool = False
+    whole: bool = False
+
+    @property
+    def ends(self) -> tuple[Value, ...]:
+        """The values at which it is tried whether the localizer takes them."""
+        return self.at(0.0), self.at(1.0)
+
+    def at(self, place: float) -> Value:
+        """Return the value at a place from 0 (low) to 1 (high), of three digits."""
+        if self.log:
+            value = self.low * (self.high / self.low) ** place
+        else:
+            value = self.low + (self.high - self.low) * place
+        value = min(max(float(f"{value:.{_DIGITS}g}"), self.low), self.high)
+        return round(value) if self.whole else value
+
+    def place(self, value: Any) -> float:
+        """Return the place of a value; one outside is at the nearest end."""
+        value = float(min(max(float(value), self.low), self.high))
+        if self.log:
+            return math.log(value / self.low) / math.log(self.high / self.low)
+        return float((value - self.low) / (self.high - self.low))
+
+    def near(self, value: Any, rng: np.random.Generator) -> Value:
+        """Return a value a normal step away, reflected at the ends; of a word, anywhere."""
+        known = isinstance(value, int | float) and not isinstance(value, bool)
+        place = (self.place(value) if known else rng.random()) + _STEP * rng.standard_normal()
+        return self.at(1 - abs(1 - abs(place) % 2))
+
+    def json(self) -> dict[str, Any]:
+        """Return it as in a file."""
+        return vars(self)
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of two or more values."""
+
+    values: tuple[Value, ...]
+
+    @property
+    def ends(self) -> tuple[Value, ...]:
+        """The values at which it is tried whether the localizer takes them."""
+        return self.values
+
+    def at(self, place: float) -> Value:
+        """Return the value at a place from 0 (the first) to 1 (the last)."""
+        return self.values[min(int(place * len(self.values)), len(self.values) - 1)]
+
+    def near(self, value: Any, rng: np.random.Generator) -> Value:
+        """Return another one."""
+        others = [one for one in self.values if one != value]
+        return others[int(rng.integers(len(others)))]
+
+    def json(self) -> list[Value]:
+        """Return it as in a file."""
+        return list(self.values)
+
+
+Space = Mapping[str, Range | Choice]
+
+_NOISE = Range(low=0.02, high=2.0, log=True)
+_OF_AMCL: Space = {
+    **{f"alpha{i}": _NOISE for i in (1, 2, 3, 4)},
+    "laser_model_type": Choice(("likelihood_field", "likelihood_field_prob")),
+    "sigma_hit": Range(low=0.03, high=0.5, log=True),
+    "z_hit": Range(low=0.1, high=0.95),
+    "z_rand": Range(low=0.05, high=0.95, log=True),
+    "laser_likelihood_max_dist": Range(low=0.3, high=4.0, log=True),
+    "max_beams": Range(low=20, high=180, log=True, whole=True),
+    "max_particles": Range(low=500, high=5000, log=True, whole=True),
+    "min_particles": Range(low=50, high=500, log=True, whole=True),
+    "pf_err": Range(low=0.01, high=0.2, log=True),
+    "resample_interval": Choice((1, 2, 4)),
+    "update_min_d": Range(low=0.05, high=0.4, log=True),
+    "update_min_a": Range(low=0.05, high=0.4, log=True),
+}
+_OF_OTHERS: Space = {  # of each localizer those that it takes; what is for a lost robot is not here
+    "particles": Range(low=200, high=5000, log=True, whole=True),
+    "ess_threshold": Range(low=0.1, high=1.0),
+    "beta": Range(low=0.3, high=30.0, log=True),
+    "plan_beta": Range(low=0.03, high=10.0, log=True),
+    "keep": Range(low=0.3, high=0.95),
+    "lag": Range(low=2, high=30, log=True, whole=True),
+    "gate": Range(low=0.9, high=1.0),
+    "headings": Choice((36, 72, 144)),
+}
+_OF_SCAN: Space = {
+    "scan.sigma": Range(low=0.03, high=0.5, log=True),
+    "scan.power": Range(low=0.005, high=1.0, log=True),
+}
+
+
+def built_in(localizer: str, noise: Sequence[str]) -> Space:
+    """Return the ranges that are searched where no file says otherwise.
+
+    Args:
+        localizer: its name.
+        noise: names of the numbers of the motion model that filters assume.
+
+    Raises:
+        InputError: none is known, as of a plug-in: a file must name them.
+    """
+    taken = parameters(localizer)
+    if localizer == "amcl":
+        return _OF_AMCL
+    own = {name: one for name, one in _OF_OTHERS.items() if taken is not None and name in taken}
+    if "lag" not in own:
+        own.pop("plan_beta", None)  # it would only choose poses at a start that is not known
+    if not own:
+        raise InputError(
+            f"{localizer} has no ranges built in: name what is to be searched in a file, as in "
+            "--space space.toml."
+        )
+    return {**own, **_OF_SCAN, **{f"motion.{name}": _NOISE for name in noise}}
+
+
+def read_space(path: Path, localizer: str, known: Space) -> Space:
+    """Return the ranges of a file, in place of the built-in ones of the same names.
+
+    Each key is a parameter of the localizer, ``scan.…`` or ``motion.…``; its value a list of
+    choices, a table {low, high, log, whole}, or false: it is not searched. ``only = true`` leaves
+    out all that the file does not name.
+
+    Args:
+        path: of the TOML file.
+        localizer: its name.
+        known: the built-in ranges; empty if there are none.
+
+    Raises:
+        InputError: the file cannot be read, names something unknown, or has a bad range.
+    """
+    given = changes.read(path, "space")
+    with changes.errors_name(path):
+        only = boolean("only", given.pop("only", False))
+        flat: dict[str, Any] = {}
+        for name, value in given.items():
+            if name in ASSUMED and isinstance(value, Mapping):
+                flat |= {f"{name}.{inner}": one for inner, one in value.items()}
+            else:
+                flat[name] = value
+        taken = parameters(localizer)
+        found = {} if only else dict(known)
+        for name, value in flat.items():
+            if name.partition(".")[0] not in ASSUMED and taken is not None:
+                one_of(f"parameter of {localizer}", name, [*taken, "scan.…", "motion.…"])
+            if value is False:
+                found.pop(name, None)
+            else:
+                found[name] = _one(name, value)
+        if not found:
+            raise InputError("nothing is left to search: name a parameter with a range.")
+        return found
+
+
+def _one(name: str, value: Any) -> Range | Choice:
+    if isinstance(value, list):
+        if len({repr(one) for one in value}) < max(2, len(value)):
+            raise InputError(f"{name} is {value}, but must list two or more values, each once.")
+        if not all(isinstance(one, str | bool | int | float) for one in value):
+            raise InputError(f"{name} is {value}, but must list numbers, words, true or false.")
+        return Choice(tuple(value))
+    if not isinstance(value, Mapping):
+        raise InputError(
+            f"{name} is {shown(value)}, but must be a table like {{low = 0.1, high = 1.0, log = "
+            "true}, a list of choices, or false."
+        )
+    for key in value:
+        one_of(f"key of {name}", key, ("low", "high", "log", "whole"))
+    if not {"low", "high"} <= value.keys():
+        raise InputError(f"{name} lacks low or high: give both, as in {{low = 0.1, high = 1.0}}.")
+    log, whole = (boolean(f"{name}.{key}", value.get(key, False)) for key in ("log", "whole"))
+    check = integer if whole else number
+    low, high = (float(check(f"{name}.{key}", value[key])) for key in ("low", "high"))
+    if not low < high:
+        raise InputError(f"{name} has low {low:g} and high {high:g}, but low must be below high.")
+    if log and low <= 0:
+        raise InputError(f"{name} has low {low:g} and log: a logarithm needs low above 0.")
+    return Range(low=low, high=high, log=log, whole=whole)
+
+
+def spread(space: Space, count: int, rng: np.random.Generator) -> list[Changes]:
+    """Return candidates of a Latin hypercube: of each parameter, one in each of ``count`` strips.
+
+    Source: McKay, Beckman & Conover 1979.
+    """
+    strips = rng.permuted(np.tile(np.arange(count), (len(space), 1)), axis=1)
+    places: Floats = (strips + rng.random(strips.shape)) / count
+    return [
+        Changes(
+            {name: one.at(place) for (name, one), place in zip(space.items(), own, strict=True)}
+        )
+        for own in places.T.tolist()
+    ]
+
+
+def beside(
+    space: Space, values: Mapping[str, Any], usual: Mapping[str, Any], rng: np.random.Generator
+) -> Changes:
+    """Return a candidate near good values: half of the parameters are moved, at least one.
+
+    Args:
+        space: what is searched.
+        values: the good ones; what they do not name is as usual, and stays so unless it is moved.
+        usual: the values of the default, as far as they are known.
+        rng: of the steps.
+    """
+    moved = rng.random(len(space)) < 0.5
+    moved[rng.integers(len(space))] = True
+    found = dict(values)
+    for (name, one), move in zip(space.items(), moved.tolist(), strict=True):
+        if move:
+            found[name] = one.near(values.get(name, usual.get(name)), rng)
+    return Changes(found)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """Part of a log, from a start that is known with some error.
+
+    Attributes:
+        number: among all; it names the random streams of its runs.
+        start, length: records of the whole log.
+        begins: time of its first record, s.
+        metres: driven in it.
+        world: what is played, as a trial has it.
+        whole: the same of the whole log.
+        assumed: by the filters, the noise of the whole log and the start among it.
+        held_out: whether the search never sees it.
+    """
+
+    number: int
+    start: int
+    length: int
+    begins: float
+    metres: float
+    world: Changes
+    whole: Changes
+    assumed: Changes
+    held_out: bool
+
+
+def segments_of(
+    replays: Sequence[Replay], length: float, gap: float, sd: tuple[float, float], seed: int
+) -> list[Segment]:
+    """Cut logs into segments; the first is trained on, the next held out, and so on.
+
+    Args:
+        replays: a log each, in m.
+        length, gap: m driven in a segment, and between two.
+        sd: standard deviations of the start's position (m) and heading (rad).
+        seed: of the errors of the starts, normal with these, drawn again where no robot can be.
+
+    Raises:
+        InputError: there are fewer than two of a kind.
+    """
+    parts = [_Part.of(replay) for replay in replays]
+    cut = [(part, *ends) for part in parts for ends in _cut(part.whole, length, gap)]
+    kinds = [cut[0::2], cut[1::2]]
+    if min(map(len, kinds)) < _LEAST:
+        raise InputError(
+            f"the log gives {len(cut)} segments of {length:g} m with a reference, but "
+            f"{2 * _LEAST} or more are needed: give a smaller --segment, or more logs."
+        )
+    listed = [
+        (*kind[i], bool(held_out))
+        for held_out, kind in enumerate(kinds)
+        for i in np.linspace(0, len(kind) - 1, min(len(kind), MOST)).astype(int)
+    ]
+    return [
+        part.segment(number, start, last, held_out, sd, seed)
+        for number, (part, start, last, held_out) in enumerate(listed)
+    ]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Part:
+    """A log whose segments are trained on or held out, read once."""
+
+    whole: Log
+    ground: Map
+    world: Mapping[str, Any]
+    assumed: Mapping[str, Any]
+
+    @classmethod
+    def of(cls, replay: Replay) -> Self:
+        scenario = replay.scenario
+        noise = {f"motion.{n}": v for n, v in vars(replay.motion).items() if n != "still"}
+        return cls(
+            whole=scenario.whole,
+            ground=scenario.recording()[1],
+            world={name: value for name, value in replay.world.items() if name != "judged"},
+            assumed={**noise, **replay.assumed},
+        )
+
+    def segment(
+        self, number: int, start: int, last: int, held_out: bool, sd: tuple[float, float], seed: int
+    ) -> Segment:
+        assert self.whole.reference is not None
+        true = self.whole.reference[start]
+        off = stream(seed, STARTS, number).standard_normal((_TRIES, 3)) * [sd[0], *sd]
+        drawn = np.vstack([true + off, true])
+        mean = drawn[int(np.argmax([*self.ground.free(drawn[:-1]), True]))]
+        prior = {"mean": tuple(mean.tolist()), "sd_position": sd[0], "sd_heading": sd[1]}
+        told = {f"prior.{name}": value for name, value in prior.items()}
+        return Segment(
+            number=number,
+            start=start,
+            length=last - start + 1,
+            begins=float(self.whole.times[start]),
+            metres=float(self.whole.driven[last] - self.whole.driven[start]),
+            whole=Changes(self.world),
+            world=Changes({**self.world, "start": start, "length": last - start + 1}),
+            assumed=Changes({**self.assumed, **told}),
+            held_out=held_out,
+        )
+
+
+def _cut(whole: Log, length: float, gap: float) -> Iterator[tuple[int, int]]:
+    """Yield the first and the last record of each segment of a log."""
+    known, way, at = whole.referenced, whole.driven, 0
+    while (begin := np.searchsorted(known, at)) < known.size:
+        first = int(known[begin])
+        last = int(np.searchsorted(way, way[first] + length))
+        if last >= len(whole):
+            return
+        inside = np.searchsorted(known, last, side="right") - begin
+        if inside >= _KNOWN * (last - first + 1):
+            yield first, last
+            at = max(last + 1, int(np.searchsorted(way, way[last] + gap)))
+        else:
+            at = first + 1
+
+
+def stream(seed: int, *key: int) -> np.random.Generator:
+    """Return a stream of a search, of none of its trials."""
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_SEARCH, *key)))

@@ -1,0 +1,436 @@
+"""``deqmcl tune``: successive halving of candidates over segments of logs, all on the same ones.
+
+Candidates come in rounds. A round measures its candidates on a ninth of the training segments, a
+third of them go on to a third of the segments, and a third of these to all (Jamieson & Talwalkar
+2016, η = 3). Half of each later round is drawn near the two best so far. The held-out segments are
+run once, at the end, by the default and by the winner. A budget of time decides only how many
+rounds there are.
+"""
+
+import json
+import math
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from msgspec import to_builtins
+
+from benchmarks.execution.apart import check_methods, check_settings, provenance
+from benchmarks.files import is_empty, locked
+from benchmarks.replay.options import NAME
+from benchmarks.replay.space import ASSUMED, DRAWS, ORDER, Segment, Space, beside, spread, stream
+from benchmarks.setup.changes import NOTHING, Changes
+from benchmarks.sweeps.manifest import differences
+from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
+from benchmarks.sweeps.store import Store
+from benchmarks.tables.pairing import milliseconds_per_step
+from benchmarks.trials.provenance import Provenance
+from benchmarks.trials.scoring import Finished
+from benchmarks.trials.spec import Trial
+from deqmcl_gym.files import UnreadableError, content_of, json_of, write_text
+from deqmcl_gym.validation import InputError
+
+STATE = "tune.json"
+ROUND = 18  # candidates
+ETA = 3  # one of so many goes on
+RUNS = 3  # of default and winner on each held-out segment
+_FINALISTS, _FINAL_RUNS = 3, 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """What is to be small; ``sign`` -1: large.
+
+    Attributes:
+        words: what it is.
+        unit: "m", or "share" of records.
+        column: of a run on a log, or of its whole run.
+    """
+
+    words: str
+    unit: str
+    column: str
+    sign: int = 1
+
+    def of(self, record: Finished) -> float:
+        """Return the value of a run; NaN is not available."""
+        journey = {} if record.journey is None else record.journey.scores
+        value = ({} if record.track is None else record.track.scores).get(self.column)
+        value = journey.get(self.column) if value is None else value
+        return math.nan if value is None else float(value)
+
+
+SCORES = {
+    "median": Score(words="median position error", unit="m", column="position_median"),
+    "p95": Score(words="95 % position error", unit="m", column="position_p95"),
+    "localized": Score(
+        words="share of records within 1 m and 30°", unit="share", column="within_1m", sign=-1
+    ),
+    "false-commitment": Score(
+        words="share of records with quality above 0.5 while more than 2 m off",
+        unit="share",
+        column="false_steps",
+    ),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """What is searched for, and on what.
+
+    Attributes:
+        localizer: its name.
+        base: its parameters before the search.
+        usual: values of the default, as far as they are known, by name in ``space``.
+        space: what is searched.
+        segments: to train on and held out.
+        score: a name in ``SCORES``.
+        max_ms: most ms per step that a winner may take; None: any.
+        seed: root of all randomness.
+    """
+
+    localizer: str
+    base: Changes
+    usual: Mapping[str, Any]
+    space: Space
+    segments: Sequence[Segment]
+    score: str
+    max_ms: float | None
+    seed: int
+
+    @property
+    def goal(self) -> Score:
+        """The score."""
+        return SCORES[self.score]
+
+    @property
+    def training(self) -> list[Segment]:
+        """The segments that the search sees."""
+        return [one for one in self.segments if not one.held_out]
+
+    @property
+    def held_out(self) -> list[Segment]:
+        """Those that it does not."""
+        return [one for one in self.segments if one.held_out]
+
+    @property
+    def rungs(self) -> list[int]:
+        """How many training segments candidates run on, rung by rung."""
+        count = len(self.training)
+        return sorted({-(-count // ETA**2), -(-count // ETA), count})
+
+    def parts(self, candidate: Changes) -> tuple[Changes, Changes]:
+        """Return the parameters of the localizer, and what it assumes beside the log's own."""
+        assumed = {n: v for n, v in candidate.items() if n.partition(".")[0] in ASSUMED}
+        own = {n: v for n, v in candidate.items() if n not in assumed}
+        return self.base | own, Changes(assumed)
+
+    def trial(self, candidate: Changes, segment: Segment, run: int) -> Trial:
+        """Return the run of a candidate on a segment."""
+        params, assumed = self.parts(candidate)
+        return Trial(
+            scenario=NAME,
+            world=segment.world,
+            assumed=segment.assumed | assumed,
+            localizer=self.localizer,
+            params=params,
+            lag=0,
+            seed=self.seed,
+            trial=segment.number,
+            filter_seed=run,
+        )
+
+    def check(self) -> None:
+        """Set up each log, and let the localizer look at the ends of all ranges.
+
+        Raises:
+            InputError: something of it is refused.
+        """
+        first = {one.world["log"]: one for one in self.segments}
+        check_settings([self.trial(NOTHING, one, 0) for one in first.values()])
+        ends = [Changes({name: end}) for name, one in self.space.items() for end in one.ends]
+        try:
+            check_methods([self.trial(one, self.segments[0], 0) for one in (NOTHING, *ends)])
+        except InputError as error:
+            raise InputError(f"the default, or an end of a range, is refused: {error}") from None
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Everything that the search depends on, but for its code and how long it goes on."""
+        return {
+            "localizer": self.localizer,
+            "params": self.base.json(),
+            "space": {name: one.json() for name, one in self.space.items()},
+            "score": self.score,
+            "max_ms": self.max_ms,
+            "seed": self.seed,
+            "segments": [
+                [one.held_out, one.world.json(), one.assumed.json()] for one in self.segments
+            ],
+        }
+
+
+@dataclass(kw_only=True)
+class Tried:
+    """A candidate, as far as it has come.
+
+    Attributes:
+        values: what it changes; nothing is the default.
+        round: in which it was drawn.
+        free: whether it was drawn from the whole space.
+        rank: in the first rung of its round, from 0 (best) to 1.
+        segments: how many it has run on.
+        value: its mean score over them; inf if a run failed.
+        ms: median ms per step; NaN unknown.
+    """
+
+    values: Changes
+    round: int
+    free: bool
+    rank: float = math.nan
+    segments: int = 0
+    value: float = math.inf
+    ms: float = math.nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """What came of a search.
+
+    Attributes:
+        task: what was searched.
+        tried: all candidates, the default first.
+        best: the winner; the default if nothing was better on the training segments.
+        default_runs, best_runs: of each held-out segment.
+        rounds: how many there were.
+    """
+
+    task: Task
+    tried: Sequence[Tried]
+    best: Tried
+    default_runs: Sequence[Sequence[Finished]]
+    best_runs: Sequence[Sequence[Finished]]
+    rounds: int
+
+
+@dataclass
+class Searching:
+    """A search in its folder.
+
+    Attributes:
+        task: what is searched.
+        store: of its runs.
+        options: how they run.
+        now: what their numbers depend on.
+        state: of ``STATE``: seconds of each round that was done.
+    """
+
+    task: Task
+    store: Store
+    options: Options
+    now: Provenance
+    state: dict[str, Any]
+    _records: dict[tuple[Changes, int, int], Finished | None] = field(default_factory=dict)
+
+    def found(self, *, candidates: int | None, budget: float | None) -> Found:
+        """Search until so many candidates were tried, or the budget (s) leaves no further round.
+
+        Raises:
+            TrialsFailedError: the default fails.
+        """
+        tried: list[Tried] = []
+        number = 0
+        while True:
+            count = ROUND if candidates is None else min(ROUND, candidates - len(tried))
+            if count <= 0 or (
+                budget is not None and number and not self._time_left(number, budget)
+            ):
+                break
+            began = time.monotonic()
+            tried += self._round(number, count, tried)
+            number += 1
+            if number > len(self.state["rounds"]):
+                self.state["rounds"].append(time.monotonic() - began)
+                self.save()
+            self._say(tried, number)
+        best = self._final(tried)
+        asked = [NOTHING] + [best.values] * (best is not tried[0])
+        self._measure(asked, self.task.held_out, RUNS)
+        default, won = (self._all(one, self.task.held_out, RUNS) for one in (NOTHING, best.values))
+        return Found(
+            task=self.task,
+            tried=tried,
+            best=best,
+            default_runs=default,
+            best_runs=won,
+            rounds=number,
+        )
+
+    def save(self) -> None:
+        """Write how far it is."""
+        write_text(self.store.out / STATE, json.dumps(self.state, indent=1) + "\n")
+
+    def _time_left(self, number: int, budget: float) -> bool:
+        """Whether a further round, the final and the held-out runs fit; rounds done always do."""
+        done = self.state["rounds"]
+        if number < len(done):
+            return True
+        task, last = self.task, done[-1]
+        train, held = len(task.training), len(task.held_out)
+        rungs, left, runs = [0, *task.rungs], ROUND, 0
+        for before, size in pairwise(rungs):
+            runs += left * (size - before)
+            left = -(-left // ETA)
+        ending = (_FINALISTS + 1) * (_FINAL_RUNS - 1) * train + 2 * RUNS * held
+        return bool(sum(done) + last * (1 + ending / runs) <= budget)
+
+    def _round(self, number: int, count: int, before: Sequence[Tried]) -> list[Tried]:
+        """Draw the candidates of a round and halve them."""
+        task = self.task
+        rng = stream(task.seed, DRAWS, number)
+        order = stream(task.seed, ORDER, number).permutation(len(task.training))
+        near = count // 2 if number else 0
+        free = spread(task.space, count - near - (number == 0), rng)
+        drawn = [Tried(values=values, round=number, free=True) for values in free]
+        if number == 0:
+            drawn.insert(0, Tried(values=NOTHING, round=0, free=False))
+        for i in range(near):
+            parent = self._best(before)[i % 2].values
+            values = beside(task.space, parent, task.usual, rng)
+            drawn.append(Tried(values=values, round=number, free=False))
+        alive = list(drawn)
+        for rung, size in enumerate(task.rungs):
+            segments = [task.training[i] for i in order[:size]]
+            self._measure([one.values for one in alive], segments, 1)
+            for one in alive:
+                self._judge(one, segments, 1)
+            self._refuse_unscored(alive[0], segments)
+            alive.sort(key=self._key)
+            if rung == 0:
+                for place, one in enumerate(alive):
+                    one.rank = place / max(1, len(alive) - 1)
+            if size < len(task.training):
+                kept = alive[: -(-len(alive) // ETA)]
+                lost = [one for one in alive if one.values == NOTHING and one not in kept]
+                alive = kept + lost  # the default is compared with to the end
+        return drawn
+
+    def _final(self, tried: Sequence[Tried]) -> Tried:
+        """Return the winner: the best and the default once more on all training segments."""
+        task = self.task
+        last = self._best(tried)[:_FINALISTS]
+        last += [tried[0]] * (tried[0] not in last)
+        self._measure([one.values for one in last], task.training, _FINAL_RUNS)
+        for one in last:
+            self._judge(one, task.training, _FINAL_RUNS)
+        return min(last, key=self._key)
+
+    def _best(self, tried: Sequence[Tried]) -> list[Tried]:
+        """Those that ran on all training segments, the best first."""
+        whole = [one for one in tried if one.segments == len(self.task.training)]
+        return sorted(whole, key=self._key)
+
+    def _key(self, one: Tried) -> tuple[bool, bool, float, bool]:
+        """Return what is smaller for the better one; of equals, the default is better."""
+        slow = self.task.max_ms is not None and not one.ms <= self.task.max_ms
+        value = self.task.goal.sign * one.value
+        return not math.isfinite(one.value), slow, value, one.values != NOTHING
+
+    def _judge(self, one: Tried, segments: Sequence[Segment], runs: int) -> None:
+        """Set a candidate's score on segments, each counting as much as any other."""
+        records = [r for own in self._all(one.values, segments, runs) for r in own]
+        whole = len(records) == len(segments) * runs
+        values = [self.task.goal.of(record) for record in records]
+        one.segments = len(segments)
+        one.value = float(np.mean(values)) if whole and not np.isnan(values).any() else math.inf
+        one.ms = milliseconds_per_step(records)
+
+    def _refuse_unscored(self, one: Tried, segments: Sequence[Segment]) -> None:
+        if one.values != NOTHING or math.isfinite(one.value):
+            return
+        for segment in segments:
+            trial = self.task.trial(NOTHING, segment, 0)
+            if why := self.store.failure(self.now.key(trial), trial):
+                raise TrialsFailedError(
+                    f"the default of {self.task.localizer} failed on the segment at "
+                    f"{segment.begins:.1f} s: {why}"
+                )
+        raise InputError(
+            f"--score is {self.task.score}, which {self.task.localizer} does not have: choose "
+            "another one."
+        )
+
+    def _measure(
+        self, candidates: Sequence[Changes], segments: Sequence[Segment], runs: int
+    ) -> None:
+        asked = [
+            (one, segment, run)
+            for one in candidates
+            for segment in segments
+            for run in range(runs)
+            if (one, segment.number, run) not in self._records
+        ]
+        trials = {self.now.key(t): t for t in (self.task.trial(*one) for one in asked)}
+        run_missing(trials, self.store, self.options, self.now)
+        for one, segment, run in asked:
+            trial = self.task.trial(one, segment, run)
+            key = self.now.key(trial)
+            self._records[one, segment.number, run] = self.store.get(key, trial)
+
+    def _all(self, one: Changes, segments: Sequence[Segment], runs: int) -> list[list[Finished]]:
+        """Return the finished runs of a candidate by segment."""
+        each = [[self._records[one, s.number, run] for run in range(runs)] for s in segments]
+        return [[record for record in own if record is not None] for own in each]
+
+    def _say(self, tried: Sequence[Tried], number: int) -> None:
+        best, default = self._best(tried)[0], tried[0]
+        spent = sum(self.state["rounds"]) / 60
+        print(
+            f"deqmcl: round {number}: {len(tried)} candidates in {spent:.1f} min; on the training "
+            f"segments default {default.value:.3f}, best {best.value:.3f}",
+            file=sys.stderr,
+            flush=True,
+        )
+
+
+@contextmanager
+def searching(task: Task, out: Path, options: Options) -> Iterator[Searching]:
+    """Open the folder of a search that was checked: a new one, or one that goes on.
+
+    Raises:
+        InputError: the folder is of something else, or in use.
+    """
+    first = {one.world["log"]: one for one in task.segments}
+    now = provenance([task.trial(NOTHING, one, 0) for one in first.values()])
+    ours = json.loads(json.dumps({"search": task.identity, **to_builtins(now)}))
+    state = {"identity": ours, "rounds": []}
+    if not is_empty(out):
+        state = _read(out)
+        if apart := list(differences(state["identity"], ours)):
+            raise InputError(
+                f"{out} holds a search for something else ({'; '.join(apart[:3])}): give a new "
+                "--out, or the same options."
+            )
+    with locked((store := Store(out)).out):
+        search = Searching(task, store, options, now, state)
+        search.save()
+        yield search
+
+
+def _read(out: Path) -> dict[str, Any]:
+    try:
+        state = json_of(content_of(out / STATE))
+    except FileNotFoundError:
+        raise InputError(f"{out} holds files, but no {STATE}: give a new --out.") from None
+    except UnreadableError as error:
+        raise InputError(f"{out / STATE} {error}: give a new --out.") from None
+    rounds = state.get("rounds")
+    if not isinstance(rounds, list) or not all(isinstance(s, int | float) for s in rounds):
+        raise InputError(f"{out / STATE} is not as deqmcl tune writes it: give a new --out.")
+    return {"identity": state.get("identity"), "rounds": rounds}

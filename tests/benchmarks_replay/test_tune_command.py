@@ -1,0 +1,358 @@
+"""``deqmcl tune``: what it searches, on what, and that it tells no more than was measured."""
+
+import csv
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import yaml
+from deqmcl_command import exit_code, files
+from hall import recorded_in_a_hall
+from refusals import refused
+
+from benchmarks.replay.nav2 import nav2_document, read_nav2, usual_params
+from benchmarks.replay.options import replay_of
+from benchmarks.replay.space import (
+    Choice,
+    Range,
+    beside,
+    built_in,
+    read_space,
+    segments_of,
+    spread,
+)
+from benchmarks.replay.tuned import importance
+from benchmarks.replay.tuning import Tried
+from benchmarks.setup.changes import Changes
+from benchmarks.sweeps.sweepfile import read_sweep
+from deqmcl_gym import logs
+
+COMMAND = ("tune", "lap.csv", "--map", "hall.yaml", "--segment", "0.8", "--gap", "0.1")
+MCL = (*COMMAND, "--reference", "lap.tum", "--localizer", "mcl", "--space", "space.toml")
+MCL += ("--scan", "power=0.2", "--every", "0.1m,5deg", "--max-beams", "20", "--seed", "3")
+SPACE = """
+only = true
+particles = { low = 20, high = 200, log = true, whole = true }
+resampler = ["systematic", "multinomial"]
+scan.sigma = { low = 0.05, high = 0.5, log = true }
+motion.alpha1 = { low = 0.05, high = 0.5 }
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a hall, a lap in it, and a search on it."""
+    at = tmp_path_factory.mktemp("tune")
+    hall, log = recorded_in_a_hall(steps=60)
+    hall.save(at / "hall.yaml")
+    logs.Trajectory(log.times, log.reference).write(at / "lap.tum")
+    bare = logs.Log(log.scanner, log.times, log.odometry, log.ranges, None, "m")
+    logs.write(bare, at / "lap.csv")
+    (at / "space.toml").write_text(SPACE)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(at)
+        assert exit_code(*MCL, "--candidates", "22", "--jobs", "1", "--out", "whole") == 0
+    return at
+
+
+@pytest.fixture
+def here(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def lines(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def told(folder):
+    """What a search found, but for times."""
+    tried = lines(folder / "candidates.csv")
+    for row in tried:
+        del row["ms_per_step"]
+    return tried, (folder / "tuned.csv").read_bytes(), (folder / "best.toml").read_text().split(
+        "\n", 1
+    )[1]  # fmt: skip
+
+
+def test_an_interrupted_search_goes_on_to_the_same_end_on_one_or_two_workers(here, tmp_path):
+    begun = tmp_path / "begun"
+    words = (*MCL, "--out", begun, "--jobs", "2")
+    assert exit_code(*words, "--candidates", "18") == 0
+    kept = sorted((begun / "trials").iterdir())
+    for path in kept[::2]:
+        path.unlink()
+    before = {path: path.stat().st_mtime_ns for path in kept[1::2]}
+    assert exit_code(*words, "--candidates", "22") == 0
+    assert told(begun) == told(here / "whole")
+    assert before == {path: path.stat().st_mtime_ns for path in before}
+
+
+def test_a_search_that_is_done_runs_nothing_again(here, monkeypatch):
+    def run(*_):
+        raise AssertionError("a trial is run again")
+
+    monkeypatch.setattr("benchmarks.sweeps.running.outcomes", run)
+    before = {n: c for n, c in files(here / "whole").items() if n.startswith(("trials", "cand"))}
+    assert exit_code(*MCL, "--candidates", "22", "--jobs", "1", "--out", "whole") == 0
+    assert {name: files(here / "whole")[name] for name in before} == before
+
+
+def test_the_search_does_not_see_the_held_out_segments(here, tmp_path):
+    log = logs.read("lap.csv", reference="lap.tum")
+    replay = replay_of("lap.csv", "hall.yaml", reference="lap.tum", every="0.1m,5deg")
+    ranges = log.ranges.copy()
+    for one in segments_of([replay], 0.8, 0.1, (0.2, 0.1), 3):
+        if one.held_out:
+            ranges[one.start : one.start + one.length] = 0.5
+    bare = logs.Log(log.scanner, log.times, log.odometry, ranges, None, "m")
+    logs.write(bare, tmp_path / "lap.csv")
+    words = [tmp_path / "lap.csv" if word == "lap.csv" else word for word in MCL]
+    assert exit_code(*words, "--candidates", "22", "--jobs", "1", "--out", tmp_path / "o") == 0
+    theirs, ours = told(tmp_path / "o"), told(here / "whole")
+    assert theirs[0] == ours[0]
+    assert theirs[1] != ours[1]
+
+
+def test_the_gain_that_is_told_is_that_of_the_lines_of_tuned_csv(here):
+    rows = lines(here / "whole" / "tuned.csv")
+    default, tuned = (np.mean([float(row[name]) for row in rows]) for name in ("default", "tuned"))
+    better = sum(float(row["tuned"]) < float(row["default"]) for row in rows)
+    said = (here / "whole" / "tuned.md").read_text()
+    assert f"{default:.3f} → {tuned:.3f} m, {better} of {len(rows)} segments better" in said
+    assert "Fewer than 6 segments are too few for an interval: a gain is not shown." in said
+    for row in rows:
+        assert float(row["difference"]) == float(row["tuned"]) - float(row["default"])
+
+
+def test_where_nothing_is_better_the_default_wins_and_no_gain_is_told(here, tmp_path, capsys):
+    (tmp_path / "space.toml").write_text("only = true\nparticles = [1, 2]\n")
+    words = [tmp_path / "space.toml" if word == "space.toml" else word for word in MCL]
+    out = tmp_path / "out"
+    assert exit_code(*words, "--candidates", "4", "--jobs", "1", "--out", out) == 0
+    assert capsys.readouterr().out.startswith("No gain: no candidate was better than the default")
+    for row in lines(out / "tuned.csv"):
+        assert row["tuned"] == row["default"]
+
+
+def test_too_slow_a_candidate_does_not_win(here, tmp_path):
+    out = tmp_path / "out"
+    limit = ("--max-ms", "1e-6", "--candidates", "4", "--jobs", "1")
+    assert exit_code(*MCL, *limit, "--out", out) == 0
+    assert "No candidate kept to that." in (out / "tuned.md").read_text()
+
+
+def test_best_toml_is_the_winner_as_a_sweep(here):
+    (cell,) = read_sweep(here / "whole" / "best.toml").cells()
+    rows = lines(here / "whole" / "candidates.csv")
+    full = {**cell.params, **cell.assumed}
+    names = ("particles", "resampler", "scan.sigma", "motion.alpha1")
+    fits = [r for r in rows if all(r[n] == str(full.get(n)) for n in names)]
+    assert len(fits) == 1
+    assert int(fits[0]["segments"]) == 3
+    assert full["scan.power"] == 0.2
+    assert cell.scenario == "replay"
+    assert not any(name.startswith("prior.") for name in cell.assumed)
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_nav2_yaml_is_read_back_as_the_winner_and_keeps_the_rest_of_a_file(here, tmp_path, own):
+    given = tmp_path / "nav2.yaml"
+    given.write_text(
+        "controller:\n  ros__parameters: {hz: 20.0}\nrobot1:\n  amcl:\n    ros__parameters:\n"
+        "      {base_frame_id: base, alpha1: 0.07, max_particles: 300, min_particles: 100}\n"
+    )
+    (tmp_path / "s.toml").write_text("only = true\nsigma_hit = [0.05, 0.06]\nz_hit = [1, 0.9]\n")
+    words = (*COMMAND, "--reference", "lap.tum", "--localizer", "amcl", "--candidates", "3")
+    words += ("--space", tmp_path / "s.toml", "--jobs", "1", "--max-beams", "20")
+    words += ("--nav2", given) if own else ("--param", "amcl.max_particles=300",
+                                            "--param", "amcl.min_particles=100")  # fmt: skip
+    assert exit_code(*words, "--every", "0.1m,5deg", "--out", tmp_path / "o") == 0
+    (cell,) = read_sweep(tmp_path / "o" / "best.toml").cells()
+    read = read_nav2(tmp_path / "o" / "nav2.yaml")
+    assert read.params == {**usual_params(), **cell.params}
+    assert read.params["alpha1"] == (0.07 if own else 0.2)
+    assert read.notes == []
+    document = yaml.safe_load((tmp_path / "o" / "nav2.yaml").read_text())
+    if own:
+        assert document["controller"] == {"ros__parameters": {"hz": 20.0}}
+        assert document["robot1"]["amcl"]["ros__parameters"]["base_frame_id"] == "base"
+    else:
+        assert list(document) == ["amcl"]
+
+
+def test_numbers_in_nav2_yaml_have_the_types_that_ros_asks_for():
+    document = nav2_document({"alpha1": 1, "max_particles": 700})
+    written = yaml.safe_load(yaml.safe_dump(document))["amcl"]["ros__parameters"]
+    for name, value in usual_params().items():
+        assert type(written[name]) is type(value), name
+    assert (written["alpha1"], written["max_particles"]) == (1.0, 700)
+
+
+@pytest.mark.parametrize(
+    ("params", "words"),
+    [
+        ({"robot": True}, "robot is no parameter"),
+        ({"selective_resampling": True}, "selective_resampling is no parameter"),
+        ({"laser_model_type": "robot"}, "laser_model_type is 'robot'"),
+        ({"robot_model_type": "robot"}, "robot_model_type is 'robot'"),
+    ],
+)
+def test_what_navs_filter_does_not_have_gives_no_file(params, words):
+    with refused(words):
+        nav2_document(params)
+
+
+def test_segments_share_no_record_and_take_turns(here):
+    replay = replay_of("lap.csv", "hall.yaml", reference="lap.tum", every="0.1m,5deg")
+    whole = replay.scenario.whole
+    found = sorted(segments_of([replay], 0.8, 0.1, (0.2, 0.1), 0), key=lambda one: one.start)
+    assert [one.held_out for one in found] == [i % 2 == 1 for i in range(len(found))]
+    for one, following in pairwise(found):
+        last = one.start + one.length - 1
+        assert whole.driven[last] - whole.driven[one.start] >= 0.8
+        assert whole.driven[following.start] - whole.driven[last] >= 0.1
+    ground = replay.scenario.recording()[1]
+    assert ground.free(np.array([one.assumed["prior.mean"] for one in found])).all()
+
+
+def test_starts_are_off_by_as_much_as_is_said(here):
+    replay = replay_of("lap.csv", "hall.yaml", reference="lap.tum", every="0.1m,5deg")
+    off = []
+    for seed in range(60):
+        for one in segments_of([replay], 0.8, 0.1, (0.02, 0.1), seed):
+            true = replay.scenario.whole.reference[one.start]
+            off.append((np.array(one.assumed["prior.mean"]) - true) / [0.02, 0.02, 0.1])
+    n = len(off)
+    assert np.std(off, axis=0) == pytest.approx(1, abs=4 / math.sqrt(2 * n))  # once in 16,000
+
+
+def test_a_latin_hypercube_has_one_candidate_in_each_strip():
+    one = Range(low=1.0, high=100.0, log=True)
+    space = {"a": one, "b": Range(low=0.0, high=1.0), "c": Choice((1, 2, 3, 4))}
+    drawn = spread(space, 12, np.random.default_rng(0))
+    for name in ("a", "b"):
+        places = sorted(space[name].place(own[name]) for own in drawn)
+        strips = (np.arange(13) / 12).tolist()
+        for low, place, high in zip(strips, places, strips[1:], strict=False):
+            assert low - 0.005 <= place <= high + 0.005  # three digits
+    assert sorted(own["c"] for own in drawn) == sorted([1, 2, 3, 4] * 3)
+
+
+def test_a_candidate_beside_another_stays_in_the_space_and_moves_something():
+    space = {
+        "n": Range(low=5, high=50, log=True, whole=True),
+        "x": Range(low=-1.0, high=1.0),
+        "c": Choice(("a", "b")),
+    }
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        found = beside(space, {"x": 0.99, "c": "a"}, {"n": 1000}, rng)
+        assert found != Changes({"x": 0.99, "c": "a"})
+        assert 5 <= found.get("n", 5) <= 50
+        assert isinstance(found.get("n", 5), int)
+        assert -1 <= found["x"] <= 1
+        assert found["c"] in ("a", "b")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("particle = [1, 2]", "did you mean 'particles'"),
+        ("particles = 5", "must be a table like"),
+        ("particles = [5]", "two or more values"),
+        ("particles = [5, 5]", "each once"),
+        ("particles = [[1], [2]]", "numbers, words, true or false"),
+        ("particles = { low = 5 }", "lacks low or high"),
+        ("particles = { low = 5, high = 5 }", "low must be below high"),
+        ("particles = { low = 0, high = 5, log = true }", "needs low above 0"),
+        ("particles = { low = 1.5, high = 5, whole = true }", "whole number"),
+        ("particles = { low = 1, high = 5, step = 1 }", "step"),
+        ("particles = { low = 1, high = 5, log = 1 }", "True or False"),
+        ("only = true", "nothing is left"),
+        ("particles = [", "not valid TOML"),
+    ],
+)
+def test_a_bad_space_is_refused(tmp_path, text, words):
+    path = tmp_path / "space.toml"
+    path.write_text(text)
+    with refused(words):
+        read_space(path, "mcl", built_in("mcl", ["alpha1"]))
+
+
+def test_a_file_changes_what_it_names_and_false_leaves_out(tmp_path):
+    path = tmp_path / "space.toml"
+    path.write_text("scan.sigma = [0.1, 0.2]\nparticles = false\n")
+    known = built_in("mcl", ["alpha1", "alpha2"])
+    found = read_space(path, "mcl", known)
+    assert found["scan.sigma"] == Choice((0.1, 0.2))
+    assert set(known) - set(found) == {"particles"}
+    assert all(found[name] == known[name] for name in set(found) - {"scan.sigma"})
+
+
+def test_importance_is_the_share_of_variance_between_groups_beyond_chance():
+    rng = np.random.default_rng(5)
+    space = {"x": Range(low=0.0, high=1.0), "c": Choice((1, 2)), "idle": Range(low=0.0, high=1.0)}
+    drawn = spread(space, 80, rng)
+    worth = [one["x"] + 0.3 * (one["c"] == 2) for one in drawn]
+    ranks = np.argsort(np.argsort(worth)) / 79
+    tried = [
+        replace(Tried(values=one, round=0, free=True), rank=rank)
+        for one, rank in zip(drawn, ranks.tolist(), strict=True)
+    ]
+    found = importance(space, [*tried, Tried(values=Changes(), round=0, free=False)])
+    groups = {kind: [r for one, r in zip(drawn, ranks, strict=True) if one["c"] == kind]
+              for kind in (1, 2)}  # fmt: skip
+    within = sum(sum((r - np.mean(own)) ** 2 for r in own) for own in groups.values())
+    total = sum((r - np.mean(ranks)) ** 2 for r in ranks)
+    assert found["c"][0] == pytest.approx(1 - (within / 78) / (total / 79))
+    assert found["c"][2] == "1"
+    assert found["x"][0] > 0.6
+    assert found["x"][2].startswith("0.00")
+    # a fixed draw: chance would tell of an idle parameter once in 20
+    assert found["idle"][0] <= found["idle"][1]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (COMMAND, "has no reference"),
+        ((*MCL, "--score", "mean"), "unknown score"),
+        ((*MCL, "--candidates", "1"), "--candidates is 1"),
+        ((*MCL, "--budget", "0"), "--budget is 0"),
+        ((*MCL, "--budget", "1", "--candidates", "2"), "not allowed with"),
+        ((*MCL, "--max-ms", "0"), "--max-ms is 0"),
+        ((*MCL, "--segment", "3"), "give a smaller --segment"),
+        ((*MCL, "--segment", "-1"), "--segment is -1"),
+        ((*MCL, "--start-sd", "0.2m"), "--start-sd is '0.2m'"),
+        ((*MCL, "--map", "hall.yaml", "--map", "hall.yaml"), "--map is given 3 times for 1 logs"),
+        ((*MCL, "--localizer", "mcl,amcl"), "must name one localizer"),
+        ((*MCL, "--localizer", "mcll"), "did you mean 'mcl'"),
+        ((*MCL, "--nav2", "x.yaml"), "--nav2 is given, but mcl is tuned"),
+        ((*MCL, "--node", "amcl"), "--node is given without --nav2"),
+        ((*COMMAND, "--reference", "lap.tum", "--localizer", "dead-reckoning"), "--space"),
+        ((*MCL, "--space", "bad.toml"), "particles"),
+        ((*MCL, "--param", "mcl.particle=5"), "particle"),
+    ],
+)
+def test_what_cannot_be_tuned_is_refused_and_nothing_is_written(
+    here, tmp_path, capsys, words, said
+):
+    (here / "bad.toml").write_text("particles = [0, 10]\n")
+    assert exit_code(*words, "--out", tmp_path / "o") == 2
+    sentence = capsys.readouterr().err.splitlines()[-1]
+    assert said in sentence
+    assert sentence.endswith(".")
+    assert not (tmp_path / "o").exists()
+
+
+def test_a_folder_of_another_search_or_of_other_files_is_refused(here, tmp_path, capsys):
+    assert exit_code(*MCL, "--score", "p95", "--candidates", "22", "--out", "whole") == 2
+    assert "holds a search for something else (identity" not in capsys.readouterr().err
+    (tmp_path / "mine.txt").write_text("mine")
+    assert exit_code(*MCL, "--candidates", "22", "--out", tmp_path) == 2
+    assert "no tune.json" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.txt"]
