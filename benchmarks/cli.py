@@ -36,9 +36,13 @@ class _Parser(argparse.ArgumentParser):
         if message.startswith("unrecognized arguments: "):
             given = message.removeprefix("unrecognized arguments: ").split()[0]
             sentence = f"unknown argument {given!r}"
+            flag = given.split("=")[0]
             known = [flag for action in self._actions for flag in action.option_strings]
-            nearest = difflib.get_close_matches(given.split("=")[0], known, n=1)
-            sentence += f" (did you mean {nearest[0]}?)" if nearest else ""
+            nearest = difflib.get_close_matches(flag, known, n=1)
+            if flag in known:  # argparse knows the options of a command only after its name
+                sentence = f"{flag} stands before the command: write it after {self.prog}"
+            elif nearest:
+                sentence += f" (did you mean {nearest[0]}?)"
         if message.endswith("expected one argument"):  # argparse takes -1,0,0 for a flag
             flag = message.removeprefix("argument ").split(":")[0]
             sentence += f" (write {flag}=VALUE if it begins with -)"

@@ -91,9 +91,9 @@ _DRIVING = replace(
     prior=_around(_START),
 )
 _WRONG: dict[str, Any] = {
-    "clutter": {"number": 20},
-    "changed_walls": {"share": 0.2},
-    "people": {"number": 10},
+    "clutter": {"number": 40},
+    "changed_walls": {"share": 0.3},
+    "people": {"number": 20},
 }
 
 SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
@@ -155,7 +155,7 @@ SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
         "wrong-map": replace(
             _as(
                 _LOST,
-                "the start is known, but not 20 things, a fifth of the inner walls and 10 people",
+                "the start is known, but not 40 things, 30 % of the inner walls and 20 people",
                 start=_START,
                 **_WRONG,
             ),

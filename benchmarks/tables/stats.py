@@ -151,7 +151,8 @@ def wilson(share: float, n: int, level: float = 0.95) -> tuple[float, float]:
     z = NormalDist().inv_cdf((1 + level) / 2)
     centre = (share + z * z / (2 * n)) / (1 + z * z / n)
     half = z / (1 + z * z / n) * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
-    return max(0.0, centre - half), min(1.0, centre + half)
+    # exact ends at shares of 0 and 1, where the difference leaves round-off
+    return min(share, max(0.0, centre - half)), max(share, min(1.0, centre + half))
 
 
 def multiplicities(n: int) -> Floats:

@@ -130,6 +130,7 @@ CONTENTS = {
         "Results",
         "docs/plan-sensor",
         "docs/lost",
+        "docs/wrong-map",
         "docs/study",
         "docs/phase",
         "docs/classical",

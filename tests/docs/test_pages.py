@@ -23,10 +23,12 @@ from localizers.checks import LAWS, check_localizer
 
 FEWER = ("--particles 3000 --seeds 2", "--particles 300 --seeds 1")  # global: whether it runs
 NAMED = "./my_localizer.py:MyLocalizer"
-LOCALIZER, LOG, SCORE, ROBOT = (
+LOCALIZER, LOG, SCORE, ROBOT, WRONG = (
     (ROOT / "docs" / f"{name}.md").read_text()
-    for name in ("write-a-localizer", "your-map-your-log", "score-your-stack", "run-on-your-robot")
-)
+    for name in (
+        "write-a-localizer", "your-map-your-log", "score-your-stack", "run-on-your-robot", "wrong-map"
+    )
+)  # fmt: skip
 
 
 def blocks(page, language):
@@ -107,6 +109,9 @@ def test_the_page_on_ones_own_log_works_from_top_to_bottom(lap, capsys):
     assert float(found["mcl"]["success_1m"]) == float(found["amcl"]["success_1m"]) == 1
     Path("starts.toml").write_text(STARTS)
     assert exit_code("sweep", "starts.toml", "--dry-run") == 0, capsys.readouterr().err
+    (out_of_date,) = blocks(WRONG, "toml")
+    Path("known.toml").write_text(out_of_date)
+    assert exit_code("sweep", "known.toml", "--dry-run") == 0, capsys.readouterr().err
     capsys.readouterr()
     exec(compile(REPLAY, "replay", "exec"), {})
     estimate = np.array(re.findall(r"-?\d+\.\d+", capsys.readouterr().out), float)

@@ -1,0 +1,163 @@
+"""The tables of docs/wrong-map.md."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+
+from docs.numbers.reading import AMCL, OWN, ROBOT, SUCCESS, Cells, filled, read, table
+
+Row = Mapping[str, str]
+Level = tuple[int, float, int]  # things, share of the inner walls, people
+
+LEVELS: Sequence[Level] = ((0, 0.0, 0), (20, 0.15, 10), (40, 0.3, 20), (80, 0.5, 40))
+MIDDLE = LEVELS[2]
+ALONE: Sequence[Level] = ((80, 0.0, 0), (0, 0.5, 0), (0, 0.0, 40))
+LATENT = "latent-share"
+SKIPPING = {"laser_model_type": "likelihood_field_prob"}
+DISTANCE, ENTROPY = {"beam_filter": "distance"}, {"beam_filter": "entropy"}
+DRAWS = {"start_draws": 20}
+FILTERS: Mapping[str, tuple[str, Mapping[str, object]]] = {
+    "`mcl-map`": ("mcl-map", {}),
+    "… `beam_filter=distance`": ("mcl-map", DISTANCE),
+    "… `beam_filter=entropy`": ("mcl-map", ENTROPY),
+    "`mcl-plan`": ("mcl-plan", {}),
+    "`mcl-plan-hedged`": ("mcl-plan-hedged", {}),
+    OWN: ("amcl", ROBOT),
+    AMCL: ("amcl", {}),
+    "… with `do_beamskip`": ("amcl", SKIPPING),
+}
+FEW = {"particles": 5_000}
+LOST: Mapping[str, tuple[str, Mapping[str, object]]] = {
+    "`mcl`, N = 5,000": ("mcl", FEW),
+    "`mcl`, N = 12,500": ("mcl", {"particles": 12_500}),
+    "`mcl-map`, N = 5,000, the route used at the start": ("mcl-map", DRAWS),
+    f"{OWN}, at most 10,000": ("amcl", ROBOT),
+}
+SIGNALS = ("quality", "explained", "beyond_random", "short", "long", "repeated", "elsewhere")
+AUROC = "{auroc:.2f} ({auroc_low:.2f} to {auroc_high:.2f})"
+ERROR, RELATIVE = "{error:.3f}", "{relative:+.1p} % ({relative_low:+.1p} to {relative_high:+.1p})"
+_TELLING = {*ROBOT, *DISTANCE, *DRAWS}  # parameters by which methods of one name differ
+
+
+def _found(
+    report: str, level: Level, method: str, given: Mapping[str, object], kind: str = "", **more: str
+) -> Row:
+    """The only row of a report for a level, a filter and a model of scans."""
+    for row in _at(report, level, kind):
+        params = json.loads(row["params"])
+        told = {name: params[name] for name in (_TELLING | given.keys()) & params.keys()}
+        own = row["method"] == method and told == dict(given)
+        if own and all(row[name] == value for name, value in more.items()):
+            return row
+    raise LookupError(f"{report}.csv has no {method} {dict(given)} at {level}")
+
+
+def _at(report: str, level: Level, kind: str) -> Iterator[Row]:
+    names = ("clutter.number", "changed_walls.share", "people.number")
+    for row in read(report):
+        world, scan = json.loads(row["world"]), json.loads(row["assumed"]).get("scan.kind", "")
+        given = scan == kind or (not kind and scan == "censored-gaussian-uniform")
+        if tuple(world[name] for name in names) == level and given:
+            yield row
+
+
+def _tracked() -> str:
+    report, rows = "wrong-map/known", []
+    for kind in ("", LATENT):
+        for label, (method, params) in FILTERS.items():
+            if kind and method == "amcl" and params != ROBOT:
+                continue  # it has a model of scans of its own
+            shares = [filled(SUCCESS, _found(report, l, method, params, kind)) for l in LEVELS]
+            rows.append([f"{label}, `{kind}`" if kind else label, *shares])
+    return table("filter | right map: | low: | middle: | high:", rows)
+
+
+def _costs() -> str:
+    report, rows = "wrong-map/known", []
+    for kind in ("", LATENT):
+        for label, (method, params) in FILTERS.items():
+            if kind and (method != "mcl-map" or params):
+                continue
+            cells = [f"{label}, `{kind}`" if kind else label]
+            for level in (LEVELS[0], MIDDLE):
+                found = _found(report, level, method, params, kind)
+                cells += [filled(ERROR, found), "" if kind else filled(RELATIVE, found)]
+            costs = _found(report, MIDDLE, method, params, kind)
+            rows.append([*cells, filled("{ms_per_step:.1f}", costs)])
+    head = "filter | error with a right map, m: | − that of `mcl-map`, of it:"
+    return table(f"{head} | error at the middle level, m: | − that of `mcl-map`, of it: | ms per step:", rows)
+
+
+def _alone() -> str:
+    def cells(label: str, method: str, params: Mapping[str, object]) -> Cells:
+        found = (_found("wrong-map/known", level, method, params) for level in ALONE)
+        return [label, *(filled(SUCCESS, row) for row in found)]
+
+    rows = [cells(label, *of) for label, of in FILTERS.items()]
+    return table("filter | 80 things: | half of the inner walls: | 40 people:", rows)
+
+
+def _lost() -> str:
+    rows = []
+    for label, (method, params) in LOST.items():
+        found = [_found("wrong-map/lost", level, method, params) for level in LEVELS[:3]]
+        rows.append([label, *(filled(SUCCESS, row) for row in found)])
+        rows[-1].append(filled("{ms_per_step:.1f}", found[-1]))
+    return table("filter | right map: | low: | middle: | ms per step:", rows)
+
+
+def _told_apart() -> str:
+    rows = []
+    for signal in SIGNALS:
+        cells = [f"`{signal}`"]
+        for question in ("lost", "wrong", "wrong_localized", "which"):
+            found = _found("wrong-map/maps", MIDDLE, "mcl", FEW, question=question, signal=signal)
+            cells.append(filled(AUROC, found))
+        rows.append(cells)
+    head = "signal | lost, against the rest: | the map is wrong here, against the rest:"
+    return table(f"{head} | the same, among steps that are not lost: | lost, against the map is wrong:", rows)
+
+
+def _equal_time() -> str:
+    rows = []
+    for row in read("wrong-map/equal-time"):
+        params = json.loads(row["params"])
+        chosen = params.get("beam_filter")
+        label = f"`{row['method']}`" + (f", `beam_filter={chosen}`" if chosen else "")
+        cells = (SUCCESS, ERROR, RELATIVE, "{ms_per_step:.1f}")
+        rows.append([label, f"{params['particles']:,}", *(filled(c, row) for c in cells)])
+    head = "filter | N: | localized to the end (1 m, 30°): | error, m:"
+    return table(f"{head} | − that of `mcl-map`, of it: | ms per step:", rows)
+
+
+def _two_buildings() -> str:
+    """By building and share of walls changed, from a known start and from anywhere."""
+    rows = []
+    for start in ("known", "anywhere"):
+        labels: dict[str, list[str]] = {}
+        for row in read(f"wrong-map/logs-{start}"):
+            params = json.loads(row["params"])
+            label = next(
+                label
+                for label, (method, given) in (FILTERS | LOST).items()
+                if row["method"] == method
+                and given.items() <= params.items()
+                and (_TELLING & params.keys()) <= given.keys()
+            )
+            labels.setdefault(label, []).append(
+                filled("{success_1m:.0p} %", row) + filled(", {error:.2f} m", row)
+            )
+        rows += [["" if k else f"start {start}", label.split(", N =")[0], *cells]
+                 for k, (label, cells) in enumerate(labels.items())]  # fmt: skip
+    head = "| filter | freiburg-079: | 10 % changed: | 30 % changed:"
+    return table(f"{head} | intel: | 10 % changed: | 30 % changed:", rows)
+
+
+TABLES = {
+    "wrong-map, tracked": _tracked,
+    "wrong-map, costs": _costs,
+    "wrong-map, alone": _alone,
+    "wrong-map, lost": _lost,
+    "wrong-map, equal time": _equal_time,
+    "wrong-map, told apart": _told_apart,
+    "wrong-map, two buildings": _two_buildings,
+}
