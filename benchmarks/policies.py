@@ -190,8 +190,7 @@ class LookAhead(Still):
         k, n, _ = path.shape
         lidar = self._robot.lidar
         flat = path.reshape(k * n, 3)
-        origins = lidar.origins(flat.T.astype(np.float32)).T
-        seen = self._robot.floor_plan.ranges(origins, lidar.bearings)
+        seen = lidar.ranges(self._robot.floor_plan, flat.T.astype(np.float32))
         seen = np.nan_to_num(np.minimum(seen, lidar.max_range), nan=0.0)
         scans = seen.reshape(k, n, -1).transpose(1, 0, 2).reshape(n, -1).astype(np.float64)
         squares = (scans**2).sum(axis=1)

@@ -31,7 +31,6 @@ class MyLocalizer:
         """Log p(ranges | pose, map) of each pose; beams out of range are skipped."""
         lidar = self.robot.lidar
         usable = (ranges >= 0) & (ranges <= lidar.max_range)
-        origins = lidar.origins(self.cloud)  # where on the robot the lidar is mounted
-        expected = self.robot.floor_plan.ranges(origins.T, lidar.bearings[usable])
+        expected = lidar.ranges(self.robot.floor_plan, self.cloud, usable)
         found = self.robot.scan.log_likelihood(ranges[usable], expected, lidar.max_range)
         return np.fmax(found, -1e6)  # no pose is impossible, not even outside the walls (NaN)

@@ -48,8 +48,7 @@ def beams_of(log: Log, floor_plan: Map) -> BeamFit:
         raise InputError(f"{log.source} has no reference, from which beams could be fitted.")
     if log.interpolated is not None:
         at = at[~log.interpolated[at]]
-    origins = log.scanner.origins(log.reference[at].T).T
-    expected = floor_plan.ranges(origins, log.scanner.bearings)
+    expected = log.scanner.ranges(floor_plan, log.reference[at].T)
     ranges = log.ranges[at].astype(np.float64)
     try:
         return fitted(ranges.ravel(), expected.ravel(), log.scanner.max_range)

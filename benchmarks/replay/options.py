@@ -92,8 +92,9 @@ class Replay:
         """What the localizers assume."""
         setup, log = self.scenario, self.log
         motion = ", ".join(f"{name} {value:.3g}" for name, value in vars(self.motion).items())
-        x, y = log.scanner.mounting
-        mounted = f" The scanner is mounted at ({x:g}, {y:g}) {log.unit} on it, ahead and left."
+        places = log.scanner.places
+        said = " and ".join(f"({x:g}, {y:g})" for x, y in places)
+        mounted = f" The scanner is mounted at {said} {log.unit} on it, ahead and left."
         told = [
             f"Motion model: {kind_of(self.motion)}, {motion} ({self.noise}).",
             f"Scan model: {setup.scan}. Radius of the robot: {setup.room().radius:g} {log.unit}.",
@@ -103,7 +104,7 @@ class Replay:
             self._changed,
             self._start,
             "Poses are of the robot's base (ROS: base_link): the start, the reference and "
-            f"tracks/*.tum.{mounted if x or y else ''}",
+            f"tracks/*.tum.{mounted if any(map(any, places)) else ''}",
             self.reference or NO_ERROR,
         ]
         return [fact for fact in told if fact]

@@ -112,7 +112,7 @@ class Expected(NamedTuple):
 
 def cast(floor_plan: Map, lidar: Lidar, poses: Reals) -> Reals:
     """Return the ranges of a robot's lidar by a map, (n, B)."""
-    return floor_plan.ranges(lidar.origins(poses.T).T, lidar.bearings)
+    return lidar.ranges(floor_plan, poses.T)
 
 
 @dataclass(frozen=True)
@@ -308,7 +308,7 @@ class Rays(NamedTuple):
 
     Attributes:
         lattice: the cells.
-        x, y: where the rays of each scan start, (n,).
+        x, y: where the rays start, (n, B).
         angles: in the map, (n, B).
     """
 
@@ -320,14 +320,15 @@ class Rays(NamedTuple):
     @classmethod
     def of(cls, lattice: Lattice, lidar: Lidar, poses: Reals) -> "Rays":
         """Return the rays of a robot's lidar at poses (n, 3)."""
-        x, y, heading = lidar.origins(poses.T)
-        return cls(lattice, x, y, np.add.outer(heading.astype(np.float64), lidar.bearings))
+        x, y, angles = np.empty((3, len(poses), lidar.beams))
+        for origins, rows in lidar.fans(poses.T):
+            x[:, rows], y[:, rows], angles[:, rows] = origins[:, :, None]
+        return cls(lattice, x, y, angles + lidar.bearings)
 
     def points(self, ranges: Reals) -> tuple[Floats, Floats]:
         """Return the point on each ray so far away, (n, B) each; NaN for ∞."""
         far = np.where(np.isfinite(ranges), ranges, np.nan)
-        x, y = self.x[:, None], self.y[:, None]
-        return x + far * np.cos(self.angles), y + far * np.sin(self.angles)
+        return self.x + far * np.cos(self.angles), self.y + far * np.sin(self.angles)
 
     def cells(self, ranges: Reals) -> Indices:
         """Return the cell of the point on each ray so far away, (n, B); -1 outside."""
@@ -337,7 +338,8 @@ class Rays(NamedTuple):
         """Count the rays that pass each cell before they are so far, sampled at each cell."""
         found = np.zeros(self.lattice.size, np.intp)
         scan, beam = np.nonzero(ranges > 0)
-        x, y, angle, far = self.x[scan], self.y[scan], self.angles[scan, beam], ranges[scan, beam]
+        x, y = self.x[scan, beam], self.y[scan, beam]
+        angle, far = self.angles[scan, beam], ranges[scan, beam]
         ahead = np.column_stack([np.cos(angle), np.sin(angle)]) * self.lattice.cell
         step = 0
         while far.size:

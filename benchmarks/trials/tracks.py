@@ -79,8 +79,7 @@ def agreement(log: Log, floor_plan: Map, poses: Floats) -> tuple[float, float]:
         floor_plan: the map.
         poses: assumed for each scan, (n, 3).
     """
-    origins = log.scanner.origins(poses.T).T
-    expected = floor_plan.ranges(origins, log.scanner.bearings)
+    expected = log.scanner.ranges(floor_plan, poses.T)
     seen = np.isfinite(log.ranges)
     with np.errstate(invalid="ignore"):
         off = np.abs(expected - log.ranges)[seen] / metre(log.unit)

@@ -204,7 +204,7 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         best = best_cluster(poses, weights, unit=self.floor_plan.unit).mean
         drawing = Drawing(View(self.floor_plan)).points(poses[:, :2], ORANGE, 2)
         drawing.points(self._marks(), LIGHT_BLUE, 9)
-        drawing.beams(self.lidar.origin(self.pose), self.lidar.bearings, self._scan)
+        drawing.beams(self.lidar.rays(self.pose), self._scan)
         drawing.robot(best, self.radius, PINK).robot(self.pose, self.radius)
         return drawing.number(self.steps).image
 

@@ -395,7 +395,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         view = _blank(poses[at], log.unit) if ground is None else View(ground)
         drawing = Drawing(view).path(poses[at], LIGHT_BLUE)
         if not known.size or step in known:
-            drawing.beams(self.lidar.origin(poses[step]), self.lidar.bearings, log.ranges[step])
+            drawing.beams(self.lidar.rays(poses[step]), log.ranges[step])
             drawing.robot(poses[step], self.radius)
         return drawing.number(self.elapsed_steps).image
 

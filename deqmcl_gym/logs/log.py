@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any, final
 
@@ -17,7 +17,7 @@ from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, array, integer, number, one_of, real
 
-_NAMES = ("angles", "mounting", "turn", "max_range", "min_range", "no_return", "sigma")
+_NAMES = ("angles", "mounting", "turn", "mounts", "max_range", "min_range", "no_return", "sigma")
 _EVEN = 1e-5  # rad: float32 angles of a LaserScan are no better
 
 
@@ -30,8 +30,8 @@ class Scanner(Lidar):
     ranges are +inf in a record: nothing was in range, or the beam failed.
 
     Attributes:
-        angles: of the beams against the robot's heading, including the turn of the mounting,
-            counterclockwise, in the order of the ranges, (beams,) rad.
+        angles: of the beams against the robot's heading, including the turn of the mounting and of
+            its mounts, counterclockwise, in the order of the ranges, (beams,) rad.
         turn: of the mounting, rad.
         min_range: smallest range that is a measurement.
         no_return: smallest range reported where nothing is in range.
@@ -43,22 +43,22 @@ class Scanner(Lidar):
     sigma: float = field(default=0.0, metadata=LENGTH)
     angles: tuple[float, ...] = field(repr=False)
     turn: float = 0.0
-    min_range: float = field(default=0.0, metadata=LENGTH)
     no_return: float = field(default=math.inf, metadata=LENGTH)
 
     def __post_init__(self) -> None:
         angles = array("scanner.angles", self.angles, (None,)).tolist()
         if not angles:
             raise InputError("scanner.angles is empty, but a scanner needs 1 beam or more.")
-        span = max(angles) - min(angles)
+        object.__setattr__(self, "angles", tuple(angles))
+        object.__setattr__(self, "beams", len(angles))
+        object.__setattr__(self, "field_of_view", 2 * math.pi)
+        super().__post_init__()
+        span = max(max(angles[rows]) - min(angles[rows]) for rows in self.rows)
         if span > 2 * math.pi + _EVEN:
             raise InputError(
                 f"scanner.angles span {span:.4g} rad, but must span at most 2π: are they degrees?"
             )
-        object.__setattr__(self, "angles", tuple(angles))
-        object.__setattr__(self, "beams", len(angles))
         object.__setattr__(self, "field_of_view", min(span or 2 * math.pi, 2 * math.pi))
-        super().__post_init__()
         number("the turn of mounting, in rad,", self.turn, low=-2 * math.pi, high=2 * math.pi)
         number("scanner.min_range", self.min_range, low=0, high=self.max_range)
         least = self.min_range
@@ -72,6 +72,11 @@ class Scanner(Lidar):
             max_range=float(lidar.max_range),
             sigma=lidar.sigma,
             mounting=lidar.mounting,
+            mounts=tuple(
+                replace(one, beams=rows.stop - rows.start)
+                for one, rows in zip(lidar.mounts, lidar.rows, strict=False)
+            ),
+            min_range=lidar.min_range,
         )
 
     @classmethod
@@ -97,9 +102,10 @@ class Scanner(Lidar):
     @property
     def json(self) -> str:
         """This scanner as JSON without blanks."""
-        told = (name for name in _NAMES if name != "turn" or self.turn)  # as logs were before it
+        # "turn" and "mounts" only if there are any: as logs were before them
+        told = (name for name in _NAMES if name not in ("turn", "mounts") or getattr(self, name))
         values = {name: getattr(self, name) for name in told}
-        return json.dumps(values, separators=(",", ":"))
+        return json.dumps(values, separators=(",", ":"), default=asdict)
 
     @property
     def bearings(self) -> Floats:
@@ -135,7 +141,12 @@ class Scanner(Lidar):
             return self, range(self.beams)
         ends = (0.0, self.beams - 1.0) if max_beams > 1 else ((self.beams - 1) / 2,) * 2
         kept = np.rint(np.linspace(*ends, max_beams)).astype(int).tolist()
-        return replace(self, angles=tuple(self.angles[i] for i in kept)), kept
+        angles = tuple(self.angles[i] for i in kept)
+        left = [sum(rows.start <= i < rows.stop for i in kept) for rows in self.rows]
+        mounts = zip(self.mounts, left, strict=False)
+        return replace(
+            self, angles=angles, mounts=tuple(replace(one, beams=n) for one, n in mounts if n)
+        ), kept
 
 
 Pose = tuple[float, float, float]

@@ -119,7 +119,13 @@ def write(log: Log, path: str | PathLike[str]) -> None:
     Raises:
         InputError: the format is unknown or cannot hold the log, or the file cannot be written.
     """
-    _WRITERS[check_writable(path)](log, Path(path))
+    ending = check_writable(path)
+    if log.scanner.mounts and ending not in (".csv", ".npz"):
+        raise InputError(
+            f"{path} is of a format that is written with one place of the scanner only, but this "
+            "log's scanner has mounts: end the name in .csv or .npz."
+        )
+    _WRITERS[ending](log, Path(path))
 
 
 def check_writable(path: str | PathLike[str]) -> str:
@@ -162,6 +168,11 @@ def _changed(
         near = number("min_range", min_range, low=0)
         scanner = replace(scanner, min_range=max(near, scanner.min_range))
     if mounting is not None:
+        if scanner.mounts:
+            raise InputError(
+                f"mounting is given, but the scanner of {log.source} has mounts of its own: leave "
+                "it out, or change them in the log."
+            )
         x, y, turn = array("mounting", mounting, (3,)).tolist()
         angles = tuple((scanner.bearings - scanner.turn + turn).tolist())
         scanner = replace(scanner, angles=angles, mounting=(x, y), turn=turn)

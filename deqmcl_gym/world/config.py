@@ -282,11 +282,13 @@ class World:
                 "a world has a route or lap.waypoints: give only one of them, or "
                 'route = "none" for the lap.'
             )
-        place, radius = self.lidar.mounting, self.robot.radius
+        radius = self.robot.radius
+        place = max(self.lidar.places, key=lambda at: math.hypot(*at))
         if math.hypot(*place) > radius:
+            name = "a place in lidar.mounts" if self.lidar.mounts else "lidar.mounting"
             raise InputError(
-                f"lidar.mounting is {place}, {math.hypot(*place):.4g} {self.floor_plan.unit} from "
-                f"the robot's centre, but its radius is {radius:g}: give a mounting on the robot, "
+                f"{name} is {place}, {math.hypot(*place):.4g} {self.floor_plan.unit} from the "
+                f"robot's centre, but its radius is {radius:g}: give a mounting on the robot, "
                 "or a larger robot.radius."
             )
 

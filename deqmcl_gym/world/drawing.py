@@ -132,11 +132,15 @@ class Drawing:
         cv2.polylines(self.image, [line], False, color, thickness, cv2.LINE_AA, _SHIFT)
         return self
 
-    def beams(self, pose: ArrayLike, bearings: ArrayLike, ranges: ArrayLike) -> "Drawing":
-        """Draw measured ranges as thin lines from a pose; beams without a number are left out."""
-        x, y, heading = np.asarray(pose, dtype=np.float64)
-        angles = heading + np.asarray(bearings, dtype=np.float64)
-        for angle, distance in zip(angles, np.asarray(ranges, dtype=np.float64), strict=True):
+    def beams(self, rays: ArrayLike, ranges: ArrayLike) -> "Drawing":
+        """Draw measured ranges as thin lines; beams without a number are left out.
+
+        Args:
+            rays: where each beam starts and points, (x, y, angle), (B, 3).
+            ranges: (B,).
+        """
+        starts, seen = np.asarray(rays, np.float64), np.asarray(ranges, np.float64)
+        for (x, y, angle), distance in zip(starts, seen, strict=True):
             if math.isfinite(distance):
                 tip = (x + distance * math.cos(angle), y + distance * math.sin(angle))
                 self.path([(x, y), tip], (220, 120, 120))

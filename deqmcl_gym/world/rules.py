@@ -370,7 +370,7 @@ class RoomRules:
         ground.path(course.path.outline, LIGHT_BLUE)
         if course.goal is not None:
             ground.points([course.goal], LIGHT_BLUE, 9)
-        ground.beams(lidar.origin(pose), lidar.bearings, scan)
+        ground.beams(lidar.rays(pose), scan)
         return ground.robot(pose, self.world.robot.radius).number(step).image
 
     @cached_property
@@ -402,5 +402,6 @@ class RoomRules:
 
 
 def scan_space(lidar: Lidar) -> gym.spaces.Box:
-    """Return the space of all scans of a lidar."""
-    return gym.spaces.Box(0.0, lidar.max_range, (lidar.beams,), np.float32)
+    """Return the space of all scans of a lidar; a lost beam reads +inf."""
+    most = np.inf if lidar.loses else lidar.max_range
+    return gym.spaces.Box(0.0, most, (lidar.beams,), np.float32)

@@ -125,7 +125,10 @@ class ThroughGlass:
 
 
 class LidarSensor:
-    """The lidar of one robot: o = clip(r + ε, 0, max_range), r exact, ε ~ N(0, σ²)."""
+    """The lidar of one robot: o = clip(r + ε, 0, max_range), r exact, ε ~ N(0, σ²).
+
+    Readings that the lidar loses (``Lidar.lose``) are +inf.
+    """
 
     def __init__(
         self, caster: Caster, datum: Point, lidar: Lidar, rng: np.random.Generator
@@ -135,21 +138,22 @@ class LidarSensor:
         ``caster`` is for poses relative to ``datum``.
         """
         self._lidar = lidar
-        self._caster, self._bearings = caster, lidar.bearings.astype(np.float32)
+        self._caster = caster
         self._x, self._y = datum
         self._max_range, self._sigma, self._rng = lidar.max_range, lidar.sigma, rng
         self._origin = np.empty((3, 1), np.float32)
         self._exact = np.empty((lidar.beams, 1), np.float32)
 
     def scan(self, pose: Pose) -> Singles:
-        """Return the ranges seen from a pose as a fresh array, (B,), in [0, max_range]."""
+        """Return the ranges seen from a pose as a fresh array, (B,), in [0, max_range] or +inf."""
         origin, exact = self._origin, self._exact
         x, y, heading = pose
         origin[0, 0], origin[1, 0], origin[2, 0] = x - self._x, y - self._y, heading
-        self._caster.cast(self._lidar.origins(origin), self._bearings, exact)
+        self._lidar.cast(self._caster, origin, exact)
         seen = np.empty(exact.size, np.float32)
         normals = self._rng.standard_normal(exact.size)
         _report(exact, normals, self._sigma, self._max_range, seen)
+        self._lidar.lose(seen)
         return seen
 
 
@@ -164,7 +168,7 @@ class LidarSensors:
     def __init__(self, floor_plan: Map, lidar: Lidar, rooms: int, most: int) -> None:
         """Mount ``lidar`` in n ``rooms``, for at most ``most`` scans in an episode."""
         self._lidar = lidar
-        self._caster, self._bearings = floor_plan.local.caster, lidar.bearings.astype(np.float32)
+        self._caster = floor_plan.local.caster
         self._datum = np.array([*floor_plan.datum, 0.0])
         self._max_range, self._sigma = lidar.max_range, lidar.sigma
         self.own: dict[int, Caster] = {}
@@ -177,20 +181,20 @@ class LidarSensors:
 
     def scan(self, rooms: Indices, poses: Floats) -> None:
         """Take a scan in each of ``rooms`` (k,), at ``poses`` (k, 3)."""
-        origins = (poses - self._datum).T.astype(np.float32, order="C")
-        origins = self._lidar.origins(origins)
-        exact = np.empty((self._bearings.size, rooms.size), np.float32)
+        local = (poses - self._datum).T.astype(np.float32, order="C")
+        exact = np.empty((self._lidar.beams, rooms.size), np.float32)
         if self.own:
-            single = np.empty((self._bearings.size, 1), np.float32)
+            single = np.empty((self._lidar.beams, 1), np.float32)
             for i, room in enumerate(rooms.tolist()):
-                alone = np.ascontiguousarray(origins[:, i : i + 1])
-                self.own[room].cast(alone, self._bearings, single)
+                alone = np.ascontiguousarray(local[:, i : i + 1])
+                self._lidar.cast(self.own[room], alone, single)
                 exact[:, i : i + 1] = single
         else:
-            self._caster.cast(origins, self._bearings, exact)
+            self._lidar.cast(self._caster, local, exact)
         noise = self._noise
         noise.fill()
         _report_rooms(rooms, exact, noise.drawn, noise.at, self._sigma, self._max_range, self.scans)
+        self._lidar.lose(self.scans)
 
 
 @compiled

@@ -84,7 +84,7 @@ def random_drive(robot: RobotModel, rng: np.random.Generator) -> Drive:
         poses.append(pose)
     lidar = robot.lidar
     exact = np.asarray(
-        robot.floor_plan.ranges(lidar.origins(np.array(poses[1 : STEPS + 1]).T).T, lidar.bearings),
+        lidar.ranges(robot.floor_plan, np.array(poses[1 : STEPS + 1]).T),
         np.float64,
     )
     noisy = exact + rng.normal(0.0, 0.01 * stride, exact.shape)

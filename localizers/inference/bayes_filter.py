@@ -165,9 +165,15 @@ def checked_step(
     ):
         measured, command, ahead = _copied(ranges), _copied(action), _copied(plan)
         if _is_sound(measured, command, ahead, lidar.beams):
-            return Scan.of(measured, lidar.max_range), increments(command), increments(ahead)
-    scan = Scan.of(checked_scan(ranges, lidar), lidar.max_range)
+            return _scan(measured, lidar), increments(command), increments(ahead)
+    scan = _scan(checked_scan(ranges, lidar), lidar)
     return scan, checked_action(action), checked_plan(plan)
+
+
+def _scan(ranges: Floats, lidar: Lidar) -> Scan:
+    """Return a scan of ranges (B,), which are kept and lose what the lidar does not measure."""
+    lidar.lose(ranges, blind=np.nan)
+    return Scan.of(ranges, lidar.max_range)
 
 
 @compiled

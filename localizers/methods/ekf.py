@@ -139,8 +139,7 @@ class KalmanFilter:
         floor_plan, lidar = self.scan.floor_plan, self.scan.lidar
         steps = STEPS * np.array([pixel(floor_plan.unit), pixel(floor_plan.unit), 1.0])
         shifts = np.vstack([np.zeros(3), np.diag(steps), -np.diag(steps)])
-        origins = lidar.origins((mean + shifts).T).T
-        seen = floor_plan.ranges(origins, lidar.bearings[scan.usable])
+        seen = lidar.ranges(floor_plan, (mean + shifts).T, scan.usable)
         predicted = np.isfinite(seen).all(axis=0)
         expected, variances = self.beam.hit_moments(
             seen[:, predicted].astype(np.float64), lidar.max_range

@@ -246,9 +246,14 @@ class _Field:
     def squares(self, states: Singles, ranges: Floats) -> Singles:
         """Squared distances, in cells of the table, at the ends of the beams that count, (b, n)."""
         counted = self.informative(ranges)
-        return self.table.at_ends(
-            _origins(self.lidar, states), ranges[counted], self.lidar.bearings[counted]
-        )
+        looked_at, bearings = ranges[counted], self.lidar.bearings[counted]
+        found = [
+            self.table.at_ends(
+                np.ascontiguousarray(origins, dtype=np.float32), looked_at[rows], bearings[rows]
+            )
+            for origins, rows in self.lidar.fans(states, counted)
+        ]
+        return found[0] if len(found) == 1 else np.concatenate(found)
 
     def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
         """Log w of each pose (3, n) of the robot for a scan, (n,)."""
@@ -378,15 +383,14 @@ class BeamCubes:
         max_range = self.lidar.max_range
         # below the sensor's least range is as no return, and so is infinitely far
         told = np.where((ranges >= 0.0) & (ranges <= max_range), ranges, max_range)[counted]
-        bearings = self.lidar.bearings[counted].astype(np.float32)
         metres = metres_in(self.floor_plan)
         shares = float(self.hit), float(self.short), float(self.max), float(self.rand)
         model = max_range * metres, self.sigma * metres, self.decay / metres
         out = np.zeros(states.shape[1])
         for start in range(0, out.size if told.size else 0, _BLOCK):
-            some = _origins(self.lidar, states[:, start : start + _BLOCK])
+            some = states[:, start : start + _BLOCK]
             expected = np.empty((told.size, some.shape[1]), np.float32)
-            self._stopping.caster.cast(some, bearings, expected)
+            self.lidar.cast(self._stopping.caster, some, expected, counted)
             beams_cubed(told * metres, expected, metres, shares, model, out[start : start + _BLOCK])
         return out
 
@@ -405,7 +409,3 @@ def metres_in(floor_plan: Map) -> float:
 
 def _every(beams: int, most: int) -> int:
     return max(1, (beams - 1) // (most - 1))
-
-
-def _origins(lidar: Lidar, states: Singles) -> Singles:
-    return np.ascontiguousarray(lidar.origins(states), dtype=np.float32)

@@ -67,8 +67,8 @@ class LidarScan:
     """Log p(o_t | x_t, m) = Σ over usable beams of log p(o | ô), ô by ray casting.
 
     A beam that is NaN, infinite or outside [0, max_range] is skipped; a scan without a usable beam
-    has log-likelihood 0. Rays start at the lidar's mounting; if that is outside the outer wall see
-    ``outside``.
+    has log-likelihood 0. Rays start at the lidar's mounts; if a beam of one that is outside the
+    outer wall is used, see ``outside``.
     """
 
     floor_plan: Map
@@ -96,12 +96,12 @@ class LidarScan:
 
     def compared(self, states: Singles, scan: Scan) -> tuple[Floats, Singles]:
         """Usable ranges, (B,), and the exact ones at each pose (3, n), NaN outside, (B, n)."""
-        measured, bearings = scan.ranges, self._bearings
+        measured, used = scan.ranges, None
         if scan.beams < measured.size:
-            measured, bearings = measured[scan.usable], bearings[scan.usable]
+            measured, used = measured[scan.usable], scan.usable
         expected = np.empty((measured.size, states.shape[1]), np.float32)
-        poses = np.ascontiguousarray(self.lidar.origins(states), dtype=np.float32)
-        self.floor_plan.caster.cast(poses, bearings, expected)
+        self.lidar.cast(self.floor_plan.caster, states, expected, used)
+        _leave_out(expected, self.lidar)
         return measured, expected
 
     def weighed(self, measured: Floats, expected: Singles) -> Floats:
@@ -111,12 +111,14 @@ class LidarScan:
         return found
 
     @cached_property
-    def _bearings(self) -> Singles:
-        return self.lidar.bearings.astype(np.float32)
-
-    @cached_property
     def _outside(self) -> float:
         return outside(self.beam.least_density(self.lidar.max_range))
+
+
+def _leave_out(expected: Singles, lidar: Lidar) -> None:
+    """Mark a pose as outside, NaN in all of ``expected`` (b, n), if one of several mounts is."""
+    if len(lidar.places) > 1:
+        expected[:, np.isnan(expected).any(axis=0)] = np.nan
 
 
 class ScanTable:
@@ -125,8 +127,8 @@ class ScanTable:
     def __init__(self, scan: LidarScan, states: Singles) -> None:
         """Cast the rays of poses (3, n)."""
         self._scan = scan
-        origins = scan.lidar.origins(states)
-        self._expected = scan.floor_plan.ranges(origins.T, scan.lidar.bearings).T  # (B, n)
+        self._expected = scan.lidar.ranges(scan.floor_plan, states).T  # (B, n)
+        _leave_out(self._expected, scan.lidar)
 
     def log_likelihood(self, scan: Scan) -> Floats:
         """Log-likelihood of a scan at each pose, (n,)."""

@@ -81,7 +81,11 @@ def test_points_are_dots_at_their_pixels_and_those_outside_the_frame_are_left_ou
 def test_beams_end_at_their_ranges_and_beams_without_a_number_are_left_out():
     blank = Drawing(View(PAPER_ROOM)).image
     fan = [-math.pi / 2, 0.0, math.pi / 2]
-    drawn = Drawing(View(PAPER_ROOM)).beams((175, 60, 0.0), fan, [20.0, math.inf, math.nan]).image
+    drawn = (
+        Drawing(View(PAPER_ROOM))
+        .beams([(175, 60, angle) for angle in fan], [20.0, math.inf, math.nan])
+        .image
+    )
     changed = (drawn != blank).any(axis=2)
     rows, columns = np.nonzero(changed)
     assert abs(columns - (175 * SCALE + MARGIN)).max() <= 1  # one vertical line

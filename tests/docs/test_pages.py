@@ -31,7 +31,6 @@ LOCALIZER, LOG, SCORE, ROBOT, TUNE, WRONG, BASIN, LOOK = (
         *("tune-on-your-log", "wrong-map", "how-wrong-may-the-start-be", "look-at-it"),
     )
 )
-)
 
 
 def blocks(page, language):

@@ -1,0 +1,295 @@
+"""Lidar: where the beams of a robot's scanners start and point, and what counts as a reading."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from deqmcl_gym.maps.drive_kernels import mounted
+from deqmcl_gym.maps.map import LENGTH, Caster, Map, Point
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.elementary import cos64, sin64
+from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.validation import (
+    InputError,
+    array,
+    boolean,
+    integer,
+    keep_plain,
+    number,
+    part,
+    shown,
+)
+
+CENTRE = (0.0, 0.0)
+_TURN = 2 * math.pi
+_SLACK = 1e-9  # rad
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mount:
+    """A scanner on the robot. Lengths are in the map's unit, angles in rad.
+
+    Attributes:
+        x, y: where its rays start, ahead and left of the robot's centre.
+        heading: of the scanner against the robot's.
+        upside_down: whether its angles count clockwise, seen from above.
+        beams: number of its beams; None is an equal share of the lidar's.
+        blind: sectors (from, to), counterclockwise in the scanner's own angles, in which beams
+            measure nothing: parts of the robot stand there.
+    """
+
+    x: float = field(default=0.0, metadata=LENGTH)
+    y: float = field(default=0.0, metadata=LENGTH)
+    heading: float = 0.0
+    upside_down: bool = False
+    beams: int | None = None
+    blind: tuple[tuple[float, float], ...] = ()
+
+    def __post_init__(self) -> None:
+        keep_plain(self)
+        number("x of a mount", self.x, low=-math.inf)
+        number("y of a mount", self.y, low=-math.inf)
+        number("heading of a mount", self.heading, low=-_TURN, high=_TURN)
+        object.__setattr__(self, "upside_down", boolean("upside_down", self.upside_down))
+        if self.beams is not None:
+            integer("beams of a mount", self.beams, low=1, high=100_000)
+        none = isinstance(self.blind, list | tuple) and not self.blind
+        sectors = [] if none else array("blind of a mount", self.blind, (None, 2)).tolist()
+        if any(abs(end) > _TURN for sector in sectors for end in sector):
+            raise InputError(
+                f"blind of a mount is {shown(self.blind)}, but must have angles from -2π to 2π rad."
+            )
+        object.__setattr__(self, "blind", tuple(map(tuple, sectors)))
+
+    @classmethod
+    def of(cls, given: Any) -> "Mount":
+        """Return a mount of itself, a mapping of its attributes, or a row (x, y, heading).
+
+        Raises:
+            InputError: it is none of these.
+        """
+        if isinstance(given, cls | Mapping):
+            return part("a mount of a lidar", cls, given, cls())
+        x, y, heading = array("a mount of a lidar", given, (3,)).tolist()
+        return cls(x=x, y=y, heading=heading)
+
+    def seen(self, own: Floats) -> Floats:
+        """Return the angles against the robot's heading, in [-π, π], of the scanner's own."""
+        return _wrapped(self.heading - own if self.upside_down else self.heading + own)
+
+    def hides(self, bearings: Floats) -> Bools:
+        """Return which beams, by their angles against the robot's heading, are blind, (B,)."""
+        own = bearings - self.heading
+        own = -own if self.upside_down else own
+        hidden = np.zeros(own.shape, np.bool_)
+        for low, high in self.blind:
+            hidden |= np.mod(own - low + _SLACK, _TURN) <= np.mod(high - low, _TURN) + 2 * _SLACK
+        return hidden
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lidar:
+    """A fan of range beams, centred on the robot's heading, or one fan for each of its mounts.
+
+    Lengths are in the map's unit. The defaults are the paper preset's, in px.
+
+    Attributes:
+        beams: number of beams, 1 or more; of all mounts together. One beam looks straight ahead.
+        field_of_view: angle between the outermost beams of a fan, in (0, 2π] rad. At 2π the beams
+            are spread evenly, with only one at the back.
+        max_range: largest range reported.
+        sigma: standard deviation of the range noise; added before clipping to [0, max_range].
+        mounting: place on the robot from which the rays start, x ahead and y left of its centre.
+        mounts: several scanners, or one that is turned, hangs upside down or is blind in places,
+            instead of ``mounting``: each a :class:`Mount`, a mapping, or a row (x, y, heading).
+            Their beams follow one another in this order.
+        min_range: shorter readings are no measurements.
+    """
+
+    beams: int = 1
+    field_of_view: float = math.pi / 2
+    max_range: float = field(default=400.0, metadata=LENGTH)
+    sigma: float = field(default=100.0, metadata=LENGTH)
+    mounting: tuple[float, float] = field(default=CENTRE, metadata=LENGTH)
+    mounts: tuple[Mount, ...] = ()
+    min_range: float = field(default=0.0, metadata=LENGTH)
+
+    def __post_init__(self) -> None:
+        keep_plain(self)
+        integer("lidar.beams", self.beams, low=1, high=100_000)
+        number("lidar.field_of_view", self.field_of_view, low=0, high=_TURN, above=True)
+        number("lidar.max_range", self.max_range, low=0, above=True)
+        number("lidar.sigma", self.sigma, low=0)
+        number("lidar.min_range", self.min_range, low=0, high=self.max_range)
+        ahead, aside = array("lidar.mounting", self.mounting, (2,)).tolist()
+        object.__setattr__(self, "mounting", (ahead, aside))
+        if not isinstance(self.mounts, list | tuple):
+            raise InputError(
+                f"lidar.mounts is {shown(self.mounts)}, but must be a list of mounts, each with "
+                "x, y and heading."
+            )
+        object.__setattr__(self, "mounts", tuple(map(Mount.of, self.mounts)))
+        if self.mounts:
+            self._check_mounts()
+
+    def _check_mounts(self) -> None:
+        if self.mounting != CENTRE:
+            raise InputError(
+                f"lidar.mounting is {self.mounting} and lidar.mounts has {len(self.mounts)}: give "
+                "only one of them."
+            )
+        told = [one.beams for one in self.mounts if one.beams is not None]
+        each = len(self.mounts)
+        if not told and self.beams % each:
+            raise InputError(
+                f"lidar.beams is {self.beams}, but must be a multiple of {each}, the number of its "
+                "mounts, unless each mount has its own beams."
+            )
+        if told and (len(told) != each or sum(told) != self.beams):
+            raise InputError(
+                f"lidar.beams is {self.beams} and its {each} mounts have "
+                f"{', '.join(map(str, told))}: give beams to none or to all, with the sum as "
+                "lidar.beams."
+            )
+
+    @property
+    def bearings(self) -> Floats:
+        """Angles of the beams against the robot's heading, counterclockwise, (beams,) rad.
+
+        Ascending if there are no mounts.
+        """
+        if not self.mounts:
+            return _fan(self.beams, self.field_of_view)
+        fans = [
+            one.seen(_fan(rows.stop - rows.start, self.field_of_view))
+            for one, rows in zip(self.mounts, self.rows, strict=True)
+        ]
+        return np.concatenate(fans)
+
+    @property
+    def places(self) -> tuple[Point, ...]:
+        """Where on the robot the rays start, a place for each mount."""
+        return tuple((one.x, one.y) for one in self.mounts) or (self.mounting,)
+
+    @cached_property
+    def rows(self) -> tuple[slice, ...]:
+        """The beams of each of ``places``."""
+        share = self.beams // max(len(self.mounts), 1)
+        counts = [one.beams or share for one in self.mounts] or [self.beams]
+        ends = np.cumsum(counts).tolist()
+        return tuple(slice(end - count, end) for end, count in zip(ends, counts, strict=True))
+
+    @cached_property
+    def blind(self) -> Bools:
+        """Which beams lie in a blind sector of their mount, (beams,)."""
+        hidden, bearings = np.zeros(self.beams, np.bool_), self.bearings
+        for one, rows in zip(self.mounts, self.rows, strict=False):
+            hidden[rows] = one.hides(bearings[rows])
+        return hidden
+
+    @cached_property
+    def loses(self) -> bool:
+        """Whether it may lose readings: in a blind sector, or below ``min_range``."""
+        return self.min_range > 0 or bool(self.blind.any())
+
+    def lose(self, ranges: NDArray[Any], blind: float = math.inf) -> None:
+        """Overwrite readings (..., beams) that are no measurements, in place.
+
+        Those in blind sectors by ``blind``, those below ``min_range`` by +inf.
+        """
+        if self.loses:
+            ranges[..., self.blind] = blind
+            ranges[ranges < np.float32(self.min_range)] = np.inf
+
+    def origins(self, poses: NDArray[Any]) -> NDArray[Any]:
+        """Return the poses that the rays of robots at ``poses`` (3, n) start from, (3, n) float32.
+
+        Rows x, y, θ; the poses themselves if the lidar is in the robot's centre.
+
+        Raises:
+            InputError: the rays start from several places; :meth:`ranges` casts them.
+        """
+        if len(self.places) > 1:
+            raise InputError(
+                f"the rays of this lidar start from {len(self.places)} places: cast them by "
+                "lidar.ranges(floor_plan, poses)."
+            )
+        return _moved(poses, self.places[0])
+
+    def fans(
+        self, poses: NDArray[Any], used: Bools | None = None
+    ) -> Iterator[tuple[NDArray[Any], slice]]:
+        """Yield, for each mount, where its rays start, (3, n), and its rows of the beams used.
+
+        Args:
+            poses: of the robot, rows x, y, θ, (3, n).
+            used: which beams are, (beams,); None: all.
+        """
+        end = 0
+        for place, rows in zip(self.places, self.rows, strict=True):
+            size = rows.stop - rows.start if used is None else int(np.count_nonzero(used[rows]))
+            yield _moved(poses, place), slice(end, end + size)
+            end += size
+
+    def cast(self, caster: Caster, poses: Singles, out: Singles, used: Bools | None = None) -> None:
+        """Fill in the exact ranges of robots at ``poses`` (3, n) float32, (b, n).
+
+        ``used`` says which b of the beams are cast; None: all. See ``Caster`` for ∞ and NaN.
+        """
+        bearings = self._singles if used is None else self._singles[used]
+        for origins, rows in self.fans(poses, used):
+            start = np.ascontiguousarray(origins, dtype=np.float32)
+            caster.cast(start, bearings[rows], out[rows])
+
+    def ranges(self, floor_plan: Map, poses: NDArray[Any], used: Bools | None = None) -> Singles:
+        """Return the exact ranges of robots at ``poses`` (3, n) on a map, (n, b).
+
+        ``used`` says which b of the beams are cast; None: all. ∞ where there is no wall, NaN where
+        a ray starts outside.
+        """
+        bearings = self.bearings if used is None else self.bearings[used]
+        seen = [
+            floor_plan.ranges(origins.T, bearings[rows]) for origins, rows in self.fans(poses, used)
+        ]
+        return seen[0] if len(seen) == 1 else np.concatenate(seen, axis=1)
+
+    def rays(self, pose: ArrayLike) -> Floats:
+        """Return where each ray of a robot at ``pose`` (x, y, θ) starts and points, (beams, 3)."""
+        x, y, heading = np.asarray(pose, dtype=np.float64).tolist()
+        cosine, sine = cos64(heading), sin64(heading)
+        out = np.empty((self.beams, 3))
+        for (ahead, aside), rows in zip(self.places, self.rows, strict=True):
+            out[rows, 0] = x + (ahead * cosine - aside * sine)
+            out[rows, 1] = y + (ahead * sine + aside * cosine)
+        out[:, 2] = heading + self.bearings
+        return out
+
+    @cached_property
+    def _singles(self) -> Singles:
+        return self.bearings.astype(np.float32)
+
+
+def _fan(beams: int, field_of_view: float) -> Floats:
+    """Return the angles of a scanner's beams, ascending, (beams,)."""
+    if beams == 1:
+        return np.zeros(1)
+    half = field_of_view / 2
+    full_circle = field_of_view > _TURN - 1e-9
+    return np.linspace(-half, half, beams, endpoint=not full_circle)
+
+
+def _wrapped(angles: Floats) -> Floats:
+    return np.where(np.abs(angles) > math.pi, arrays.wrapped(angles), angles)
+
+
+def _moved(poses: NDArray[Any], place: Point) -> NDArray[Any]:
+    if place == CENTRE:
+        return poses
+    out = np.empty(poses.shape, np.float32)
+    mounted(np.ascontiguousarray(poses, np.float32), *place, out)
+    return out

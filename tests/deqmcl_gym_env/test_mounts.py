@@ -1,0 +1,175 @@
+"""A lidar of several scanners: exact rays from each, blind sectors, a range floor, upside down."""
+
+import math
+import pickle
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from refusals import refused
+
+import deqmcl_gym  # noqa: F401  # registers the environments
+from deqmcl_gym.maps import Lidar, Mount
+from deqmcl_gym.validation import InputError
+from localizers.inference.bayes_filter import checked_step
+
+BACK_TO_BACK = (Mount(x=5.0, y=2.0, heading=0.3), Mount(x=-6.0, y=-1.0, heading=math.pi))
+TWO = Lidar(beams=14, field_of_view=1.2 * math.pi, max_range=400.0, sigma=0.0, mounts=BACK_TO_BACK)
+NEITHER = np.zeros(2, np.float32)
+
+
+def room(lidar, **how):
+    return gym.make("deqmcl_gym/Room-v0", preset="guided", lidar=lidar, **how)
+
+
+def brute_force(pose, mount, beams, field_of_view, walls):
+    """Distance along each beam of one mount to the nearest wall, by lines cut pair by pair."""
+    x, y, heading = pose
+    start = np.array(
+        [
+            x + mount.x * math.cos(heading) - mount.y * math.sin(heading),
+            y + mount.x * math.sin(heading) + mount.y * math.cos(heading),
+        ]
+    )
+    sign = -1.0 if mount.upside_down else 1.0
+    found = []
+    for k in range(beams):
+        own = -field_of_view / 2 + k * field_of_view / (beams - 1)
+        angle = heading + mount.heading + sign * own
+        ahead = np.array([math.cos(angle), math.sin(angle)])
+        nearest = math.inf
+        for x0, y0, x1, y1 in walls:
+            side, to = np.array([x1 - x0, y1 - y0]), np.array([x0, y0]) - start
+            cross = ahead[0] * side[1] - ahead[1] * side[0]
+            if abs(cross) < 1e-12:
+                continue
+            far = (to[0] * side[1] - to[1] * side[0]) / cross
+            along = (to[0] * ahead[1] - to[1] * ahead[0]) / cross
+            if far >= 0 and 0 <= along <= 1:
+                nearest = min(nearest, far)
+        found.append(nearest)
+    return found
+
+
+@pytest.mark.parametrize("upside_down", [False, True])
+def test_the_beams_of_each_scanner_are_exact_from_where_it_is_mounted(upside_down):
+    mounts = (BACK_TO_BACK[0], Mount(x=-6.0, y=-1.0, heading=2.0, upside_down=upside_down))
+    env = room(Lidar(**{**vars_of(TWO), "mounts": mounts}), ends_at_goal=False)
+    scan, info = env.reset(seed=3)
+    walls = env.unwrapped.floor_plan.walls
+    for _ in range(12):
+        pose = env.unwrapped.pose
+        expected = [
+            far for one in mounts for far in brute_force(pose, one, 7, TWO.field_of_view, walls)
+        ]
+        # float32 at 400 px: half a step is 1.5e-5 px, over a few additions and a corner's slant
+        np.testing.assert_allclose(scan, np.minimum(expected, 400.0), atol=2e-3)
+        scan, _, _, _, info = env.step(info["planned_actions"][0])
+
+
+def vars_of(lidar):
+    names = ("beams", "field_of_view", "max_range", "sigma", "mounts", "min_range")
+    return {name: getattr(lidar, name) for name in names}
+
+
+def test_one_mount_in_the_centre_is_the_plain_lidar_to_the_bit():
+    plain = room({"beams": 9, "field_of_view": 3.0})
+    mounted = room({"beams": 9, "field_of_view": 3.0, "mounts": [(0.0, 0.0, 0.0)]})
+    (scan, info), (same, _) = plain.reset(seed=1), mounted.reset(seed=1)
+    for _ in range(20):
+        np.testing.assert_array_equal(scan, same)
+        action = info["planned_actions"][0]
+        scan, _, _, _, info = plain.step(action)
+        same = mounted.step(action)[0]
+
+
+@pytest.mark.parametrize("clutter", [None, {"number": 2}])
+def test_many_rooms_scan_as_one_does_beam_for_beam(clutter):
+    blind = Mount(x=-6.0, heading=2.5, upside_down=True, blind=((0.1, 1.0),))
+    lidar = Lidar(beams=10, sigma=5.0, mounts=(BACK_TO_BACK[0], blind), min_range=30.0)
+    rooms = gym.make_vec(
+        "deqmcl_gym/Room-v0", 2, vectorization_mode="vector_entry_point", preset="sharp",
+        lidar=lidar, clutter=clutter,
+    )  # fmt: skip
+    singles = [
+        gym.make("deqmcl_gym/Room-v0", preset="sharp", lidar=lidar, clutter=clutter)
+        for _ in range(2)
+    ]
+    scans, info = rooms.reset(seed=5)
+    alone = [one.reset(seed=5 + i)[0] for i, one in enumerate(singles)]
+    lost = 0
+    for _ in range(15):
+        np.testing.assert_array_equal(scans, alone)
+        lost += int(np.isinf(scans).sum())
+        actions = info["planned_actions"][:, 0]
+        scans, _, _, _, info = rooms.step(actions)
+        alone = [one.step(action)[0] for one, action in zip(singles, actions, strict=True)]
+    assert lost > 0
+
+
+def test_a_blind_sector_and_the_range_floor_lose_readings_and_change_no_other():
+    free = Lidar(**{**vars_of(TWO), "sigma": 5.0})
+    blind = (BACK_TO_BACK[0], Mount(**{**vars(BACK_TO_BACK[1]), "blind": ((-0.7, 0.7),)}))
+    held = Lidar(**{**vars_of(free), "mounts": blind, "min_range": 60.0})
+    hidden = np.abs(np.linspace(-0.6 * math.pi, 0.6 * math.pi, 7)) <= 0.7
+    hidden = np.concatenate([np.zeros(7, bool), hidden])
+    assert hidden.any()
+    np.testing.assert_array_equal(held.blind, hidden)
+    one, other = room(free), room(held)
+    (scan, info), (less, _) = one.reset(seed=2), other.reset(seed=2)
+    short = 0
+    for _ in range(20):
+        lost = hidden | (scan < 60.0)
+        short += int((scan < 60.0).sum())
+        np.testing.assert_array_equal(less, np.where(lost, np.inf, scan))
+        # a filter that is given the raw scan uses the same readings
+        taken, _, _ = checked_step(scan, info["action"], info["planned_actions"], held)
+        np.testing.assert_array_equal(taken.usable, ~lost)
+        action = info["planned_actions"][0]
+        scan, _, _, _, info = one.step(action)
+        less = other.step(action)[0]
+    assert short > 0
+
+
+def test_sectors_may_cross_the_back_and_turn_with_an_upside_down_scanner():
+    mount = Mount(heading=1.0, upside_down=True, blind=((2.0, -2.0),))
+    own = np.linspace(-3.0, 3.0, 25)
+    np.testing.assert_array_equal(mount.hides(mount.seen(own)), np.abs(own) >= 2.0)
+
+
+@pytest.mark.filterwarnings("ignore")  # of spaces that are not finite
+def test_gymnasium_accepts_it_and_it_survives_a_pickle():
+    lidar = Lidar(beams=6, mounts=BACK_TO_BACK, min_range=3.0)
+    check_env(room(lidar).unwrapped, skip_render_check=True)
+    assert pickle.loads(pickle.dumps(lidar)) == lidar
+    rows = [(one.x, one.y, one.heading) for one in BACK_TO_BACK]
+    assert Lidar(beams=6, mounts=rows, min_range=3.0) == lidar
+
+
+REFUSALS = {
+    "a number that the mounts cannot share": ({"beams": 5}, "must be a multiple of 2"),
+    "beams of mounts with another sum": (
+        {"beams": 5, "mounts": [{"beams": 2}, {"beams": 4}]}, "with the sum"),
+    "beams of one mount only": ({"mounts": [{"beams": 3}, {}]}, "to none or to all"),
+    "mounting and mounts": ({"mounting": (1.0, 0.0)}, "give only one of them"),
+    "mounts that are not a list": ({"mounts": "front"}, "must be a list of mounts"),
+    "an unknown key": ({"mounts": [{"yaw": 1.0}] * 2}, "key in a mount of a lidar"),
+    "a row that is too short": ({"mounts": [(1.0, 2.0)] * 2}, "3 finite numbers"),
+    "degrees": ({"mounts": [{"heading": 180.0}] * 2}, "heading of a mount"),
+    "a sector in degrees": ({"mounts": [{"blind": [[0, 90]]}] * 2}, "angles from -2π to 2π"),
+    "half a sector": ({"mounts": [{"blind": [[0.1]]}] * 2}, "blind of a mount"),
+    "a floor above the ceiling": ({"min_range": 500.0}, "lidar.min_range"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSALS)
+def test_a_bad_mounting_is_refused(case):
+    given, said = REFUSALS[case]
+    with refused(said):
+        Lidar(**{"beams": 4, "mounts": BACK_TO_BACK, **given})
+
+
+def test_a_mount_off_the_robot_is_refused():
+    with pytest.raises(InputError, match=r"a place in lidar.mounts is \(9\.0, 0\.0\)"):
+        room({"mounts": [(9.0, 0.0, 0.0)]})
