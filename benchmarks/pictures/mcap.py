@@ -217,21 +217,22 @@ class _Recording:
         """A LaserScan; the ends of the beams as a cloud if their angles are not evenly spaced."""
         from foxglove.messages import LaserScan, Pose
 
-        bearings, seen = self._lidar.bearings, np.asarray(ranges, np.float64)
+        rays, seen = self._lidar.rays(np.zeros(3)), np.asarray(ranges, np.float64)
         seen = np.where(seen <= self._lidar.max_range, seen, np.inf)
-        mounted = self._lidar.origin(np.zeros(3))
         if self._even:
             return LaserScan(
                 timestamp=self._stamp,
                 frame_id=_BASE,
-                pose=Pose(**self._pose(mounted)),
-                start_angle=float(bearings[0]),
-                end_angle=float(bearings[-1]),
+                pose=Pose(**self._pose(np.array([*rays[0, :2], 0.0]))),
+                start_angle=float(rays[0, 2]),
+                end_angle=float(rays[-1, 2]),
                 ranges=(seen / self._metre).tolist(),
             )
         hit = np.isfinite(seen)
-        ways = np.column_stack([np.cos(bearings[hit]), np.sin(bearings[hit])])
-        ends = np.column_stack([mounted[:2] + seen[hit, None] * ways, bearings[hit]])
+        x, y, bearings = rays[hit].T
+        ends = np.column_stack(
+            [x + seen[hit] * np.cos(bearings), y + seen[hit] * np.sin(bearings), bearings]
+        )
         return self._cloud(ends, np.ones(len(ends)), _BASE)
 
     def _cloud(self, poses: Reals, weights: Reals, frame: str = _MAP) -> Any:
@@ -327,4 +328,5 @@ def _identity() -> Any:
 
 def _is_even(lidar: Lidar) -> bool:
     steps = np.diff(lidar.bearings)
-    return bool(steps.size == 0 or np.abs(steps - steps[0]).max() <= _EVEN)
+    alike = steps.size == 0 or np.abs(steps - steps[0]).max() <= _EVEN
+    return bool(alike and len(lidar.places) == 1)

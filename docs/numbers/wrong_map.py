@@ -66,7 +66,8 @@ def _tracked() -> str:
         for label, (method, params) in FILTERS.items():
             if kind and method == "amcl" and params != ROBOT:
                 continue  # it has a model of scans of its own
-            shares = [filled(SUCCESS, _found(report, l, method, params, kind)) for l in LEVELS]
+            found = [_found(report, level, method, params, kind) for level in LEVELS]
+            shares = [filled(SUCCESS, row) for row in found]
             rows.append([f"{label}, `{kind}`" if kind else label, *shares])
     return table("filter | right map: | low: | middle: | high:", rows)
 

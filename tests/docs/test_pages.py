@@ -168,6 +168,8 @@ def test_the_page_on_looking_works_and_names_the_topics(lap, capsys):
             assert schema in row or "JSON" in row
             topics.add(topic)
     assert topics == set(re.findall(r"`(/(?:NAME/)?[a-z]+)`", LOOK)) - {"/NAME/future"}
+
+
 @pytest.mark.slow
 def test_the_commands_that_tune_work_as_the_page_says(lap, capsys):
     (commands,) = blocks(TUNE, "sh")
