@@ -76,7 +76,7 @@ def _costs() -> str:
     report, rows = "wrong-map/known", []
     for kind in ("", LATENT):
         for label, (method, params) in FILTERS.items():
-            if kind and (method != "mcl-map" or params):
+            if (kind and (method != "mcl-map" or params)) or (method == "amcl" and params != ROBOT):
                 continue
             cells = [f"{label}, `{kind}`" if kind else label]
             for level in (LEVELS[0], MIDDLE):
@@ -113,7 +113,9 @@ def _told_apart() -> str:
     for signal in SIGNALS:
         cells = [f"`{signal}`"]
         for question in ("lost", "wrong", "wrong_localized", "which"):
-            found = _found("wrong-map/maps", MIDDLE, "mcl", FEW, question=question, signal=signal)
+            found = _found(
+                "wrong-map/lost-maps", MIDDLE, "mcl", FEW, question=question, signal=signal
+            )
             cells.append(filled(AUROC, found))
         rows.append(cells)
     head = "signal | lost, against the rest: | the map is wrong here, against the rest:"
@@ -122,47 +124,10 @@ def _told_apart() -> str:
     )
 
 
-def _equal_time() -> str:
-    rows = []
-    for row in read("wrong-map/equal-time"):
-        params = json.loads(row["params"])
-        chosen = params.get("beam_filter")
-        label = f"`{row['method']}`" + (f", `beam_filter={chosen}`" if chosen else "")
-        cells = (SUCCESS, ERROR, RELATIVE, "{ms_per_step:.1f}")
-        rows.append([label, f"{params['particles']:,}", *(filled(c, row) for c in cells)])
-    head = "filter | N: | localized to the end (1 m, 30°): | error, m:"
-    return table(f"{head} | − that of `mcl-map`, of it: | ms per step:", rows)
-
-
-def _two_buildings() -> str:
-    """By building and share of walls changed, from a known start and from anywhere."""
-    rows = []
-    for start in ("known", "anywhere"):
-        labels: dict[str, list[str]] = {}
-        for row in read(f"wrong-map/logs-{start}"):
-            params = json.loads(row["params"])
-            label = next(
-                label
-                for label, (method, given) in (FILTERS | LOST).items()
-                if row["method"] == method
-                and given.items() <= params.items()
-                and (_TELLING & params.keys()) <= given.keys()
-            )
-            labels.setdefault(label, []).append(
-                filled("{success_1m:.0p} %", row) + filled(", {error:.2f} m", row)
-            )
-        rows += [["" if k else f"start {start}", label.split(", N =")[0], *cells]
-                 for k, (label, cells) in enumerate(labels.items())]  # fmt: skip
-    head = "| filter | freiburg-079: | 10 % changed: | 30 % changed:"
-    return table(f"{head} | intel: | 10 % changed: | 30 % changed:", rows)
-
-
 TABLES = {
     "wrong-map, tracked": _tracked,
     "wrong-map, costs": _costs,
     "wrong-map, alone": _alone,
     "wrong-map, lost": _lost,
-    "wrong-map, equal time": _equal_time,
     "wrong-map, told apart": _told_apart,
-    "wrong-map, two buildings": _two_buildings,
 }
