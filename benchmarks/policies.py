@@ -226,5 +226,5 @@ def rng_of(info: dict[str, Any]) -> np.random.Generator:
 
 
 def four_deep(robot: RobotModel) -> LookAhead:
-    """Return a ``LookAhead`` over four motions."""
+    """As greedy, over four motions, of which it carries out the first."""
     return LookAhead(robot, depth=4)

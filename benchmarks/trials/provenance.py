@@ -18,7 +18,7 @@ from benchmarks.trials.spec import Trial
 # Libraries whose arithmetic or random numbers reach the results.
 _LIBRARIES = ("numpy", "numba", "pymunk", "gymnasium")
 # All that a trial runs: a new table or report makes no result out of date.
-_OURS = ("setup", "scenarios", "agents", "trials")
+_OURS = ("setup", "scenarios", "agents", "policies", "trials")
 _DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 PACKAGES = ("deqmcl_gym", "localizers", *(f"benchmarks.{own}" for own in _OURS))
 

@@ -16,7 +16,7 @@ from deqmcl_gym.maps.office import Office
 
 PAGE = Path(__file__).parents[2] / "docs" / "scenarios.md"
 BLOCKS = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
-ROOM, OFFICE, IN_A_ROOM, PLACES, AS_WORLD = BLOCKS
+ROOM, OFFICE, IN_A_ROOM, PLACES, _, AS_WORLD = BLOCKS  # displaced: test_basin.py
 FEW = ("--scenario", "room.toml", "--particles", "20", "--lag", "3")
 
 
