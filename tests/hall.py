@@ -1,13 +1,14 @@
 """A hall of cells, and what a robot saw that drove in it."""
 
 import math
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 
 import deqmcl_gym  # noqa: F401  # registers the envs
 from deqmcl_gym.envs.wrappers import RecordLog
-from deqmcl_gym.logs import Log
+from deqmcl_gym.logs import Log, Trajectory, write
 from deqmcl_gym.maps import GridMap
 
 
@@ -27,3 +28,12 @@ def recorded_in_a_hall(steps: int) -> tuple[GridMap, Log]:
     for _ in range(steps):
         *_, info = env.step(info["planned_actions"][0])
     return hall, env.log
+
+
+def write_lap(lap: tuple[GridMap, Log], folder: Path) -> None:
+    """Write hall.yaml, lap.csv, the log without its poses, and these as lap.tum."""
+    hall, log = lap
+    hall.save(folder / "hall.yaml")
+    Trajectory(log.times, log.reference).write(folder / "lap.tum")
+    bare = Log(log.scanner, log.times, log.odometry, log.ranges, None, "m")
+    write(bare, folder / "lap.csv")

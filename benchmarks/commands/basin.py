@@ -21,13 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("log", nargs="?", metavar="LOG", help="a CARMEN log, ROS bag, CSV or npz file")
     add("--map", metavar="MAP.yaml", help="the map of the log, as for ROS' map_server")
     add("--reference", metavar="REF.tum", help="true poses (the log's own, if any)")
-    add(
-        "--read",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="how to read the log, as for replay (one --read each)",
-    )
+    shared.add_read(parser)
     add("--segment", type=float, metavar="M", help="metres of a run on a log (20)")
     add("--every", metavar="D,A", help="play a record each time the robot has moved this far "
         "(0.2m,5deg)")  # fmt: skip

@@ -36,14 +36,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="REF.tum",
         help="true poses in the map's frame (the log's own, if any)",
     )
-    add(
-        "--read",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="how to read the log, as in scan_topic=/front, base_frame=base, max_range=20 "
-        "(one --read each)",
-    )
+    shared.add_read(parser)
     add(
         "--localizers",
         default="mcl,amcl",

@@ -28,13 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--log", metavar="LOG", help="score at the records of a log, as replay does")
     add("--map", metavar="MAP.yaml", help="compare the log's scans with a map")
-    add(
-        "--read",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="how to read the log, as for replay (one --read each)",
-    )
+    shared.add_read(parser)
     add("--every", metavar="D,A", help="score a record each time the robot has moved this far "
         "(0.2m,5deg)")  # fmt: skip
     add(

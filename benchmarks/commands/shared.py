@@ -66,6 +66,15 @@ def checking() -> Iterator[None]:
     warn(said)
 
 
+def add_read(parser: argparse.ArgumentParser) -> None:
+    """Add how a log is read."""
+    help_ = (
+        "how to read the log, as in scan_topic=/front, base_frame=base, max_range=20 (one --read "
+        "each)"
+    )
+    parser.add_argument("--read", action="append", default=[], metavar="NAME=VALUE", help=help_)
+
+
 def add_jobs(parser: argparse.ArgumentParser, what: str = "trials") -> None:
     """Add how many processes there are."""
     help_ = f"{what} at a time (one per processor)"

@@ -65,7 +65,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--max-beams", type=int, metavar="B", help="beams of a scan (60; for amcl 180)")
     add("--radius", type=float, metavar="R", help="radius of the robot in m (0.16)")
     add("--unknown", choices=("obstacle", "transparent", "free"), help="as for replay")
-    add("--read", action="append", default=[], metavar="NAME=VALUE", help="as for replay")
+    shared.add_read(parser)
     shared.add_seed(parser)
     shared.add_jobs(parser, "runs")
     shared.add_timeout(parser, "run")

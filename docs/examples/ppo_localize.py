@@ -96,8 +96,7 @@ class Motions(gym.Wrapper):
     def _seen(self, turn: float, collided: bool) -> Any:
         seen, room = self._dict, self.env.unwrapped
         clusters = np.float32([seen["best"], seen["second"]])
-        origins = room.lidar.origins(clusters.T.copy()).T
-        expected = np.nan_to_num(room.floor_plan.ranges(origins, room.lidar.bearings))
+        expected = np.nan_to_num(room.lidar.ranges(room.floor_plan, clusters.T))
         scans = np.concatenate([seen["scan"], *expected]).clip(0, room.lidar.max_range)
         (x, y, heading), second = clusters
         dx, dy = second[:2] - (x, y)
@@ -171,7 +170,8 @@ def scored(policy: PPO, seed: int) -> Played:
 
 
 def draw(curves: list[Any], file: str, window: int = 200) -> None:
-    """Draw return and share of right episodes over the last ``window`` episodes."""
+    """Draw return and share of right episodes over the last ``window`` episodes, or over all."""
+    window = min(window, *map(len, curves))
     plt.rcParams["svg.fonttype"] = "none"  # text stays text
     figure, (above, below) = plt.subplots(2, sharex=True, figsize=(6.4, 4.4), layout="constrained")
     for seed, (curve, color) in enumerate(

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from deqmcl_command import exit_code, lines
-from hall import recorded_in_a_hall
+from hall import recorded_in_a_hall, write_lap
 from refusals import refused
 
 from benchmarks.setup.logs import motion_noise
@@ -14,7 +14,6 @@ from benchmarks.setup.names import scenario, scenario_digest
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.stage import Stage
-from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import increments_of, lengths_of
 from localizers import OdometryMotion
 from localizers.models.nav2_motion import MOTION_MODELS, DifferentialMotion, unknown_motion
@@ -52,13 +51,9 @@ def drive():
 @pytest.fixture
 def folder(drive, tmp_path, monkeypatch):
     """A folder with sweep and scenario, their data below it; nobody stands in it."""
-    hall, log = drive
     home = tmp_path / "home"
     (home / "data").mkdir(parents=True)
-    hall.save(home / "data" / "hall.yaml")
-    logs.Trajectory(log.times, log.reference).write(home / "data" / "lap.tum")
-    blind = logs.Log(log.scanner, log.times, log.odometry, log.ranges, None, "m")
-    logs.write(blind, home / "data" / "lap.csv")
+    write_lap(drive, home / "data")
     (home / "hall.toml").write_text(SCENARIO)
     (home / "sweep.toml").write_text(SWEEP)
     monkeypatch.chdir(tmp_path)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from deqmcl_command import exit_code, files
-from hall import recorded_in_a_hall
+from hall import recorded_in_a_hall, write_lap
 from refusals import refused
 
 from benchmarks.replay.basin import MOSTLY, Question, _boundary
@@ -17,7 +17,6 @@ from benchmarks.setup.names import scenario
 from benchmarks.trials.journeys import WholeRun
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from deqmcl_gym import logs
 from localizers import GaussianPrior
 
 ON_LOG = ("basin", "lap.csv", "--map", "hall.yaml", "--reference", "lap.tum", "--segment", "2")
@@ -34,10 +33,7 @@ def lap():
 def recorded(lap, tmp_path, monkeypatch):
     """The current folder, with the hall, the log without poses, and its reference."""
     monkeypatch.chdir(tmp_path)
-    hall, log = lap
-    hall.save("hall.yaml")
-    logs.Trajectory(log.times, log.reference).write("lap.tum")
-    logs.write(logs.Log(log.scanner, log.times, log.odometry, log.ranges, None, "m"), "lap.csv")
+    write_lap(lap, tmp_path)
     return tmp_path
 
 

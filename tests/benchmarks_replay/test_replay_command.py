@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hall import recorded_in_a_hall
+from hall import recorded_in_a_hall, write_lap
 
 from benchmarks.cli import main
 from benchmarks.replay.options import replay_of
@@ -46,10 +46,7 @@ def lap():
 def recorded(lap, tmp_path, monkeypatch):
     """The current folder, with the hall, the log without poses, and its reference."""
     monkeypatch.chdir(tmp_path)
-    hall, log = lap
-    hall.save("hall.yaml")
-    logs.Trajectory(log.times, log.reference).write("lap.tum")
-    logs.write(logs.Log(log.scanner, log.times, log.odometry, log.ranges, None, "m"), "lap.csv")
+    write_lap(lap, tmp_path)
     return tmp_path
 
 

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from deqmcl_command import exit_code
-from hall import recorded_in_a_hall
+from hall import recorded_in_a_hall, write_lap
 from scipy.stats import chi2
 
 from benchmarks.replay.theirs import Yardstick
@@ -23,11 +23,7 @@ WHOLE = ("--reference", "lap.tum", "--log", "lap.csv", "--map", "hall.yaml")
 def folder(tmp_path_factory):
     """A folder with a hall, a lap in it and a replay of it."""
     at = tmp_path_factory.mktemp("score")
-    hall, log = recorded_in_a_hall(steps=40)
-    hall.save(at / "hall.yaml")
-    logs.Trajectory(log.times, log.reference).write(at / "lap.tum")
-    bare = logs.Log(log.scanner, log.times, log.odometry, log.ranges, None, "m")
-    logs.write(bare, at / "lap.csv")
+    write_lap(recorded_in_a_hall(steps=40), at)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(at)
         assert exit_code(*REPLAY, "--out", "mcl") == 0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from deqmcl_command import exit_code, files
-from hall import recorded_in_a_hall
+from hall import recorded_in_a_hall, write_lap
 from refusals import refused
 
 from benchmarks.replay.nav2 import nav2_document, read_nav2, usual_params
@@ -45,11 +45,7 @@ motion.alpha1 = { low = 0.05, high = 0.5 }
 def folder(tmp_path_factory):
     """A folder with a hall, a lap in it, and a search on it."""
     at = tmp_path_factory.mktemp("tune")
-    hall, log = recorded_in_a_hall(steps=60)
-    hall.save(at / "hall.yaml")
-    logs.Trajectory(log.times, log.reference).write(at / "lap.tum")
-    bare = logs.Log(log.scanner, log.times, log.odometry, log.ranges, None, "m")
-    logs.write(bare, at / "lap.csv")
+    write_lap(recorded_in_a_hall(steps=60), at)
     (at / "space.toml").write_text(SPACE)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(at)

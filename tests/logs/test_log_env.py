@@ -11,7 +11,7 @@ import pytest
 from checked import has_nothing_to_say
 from drives import ENDINGS, NAN, SQUARE, episode, real, same
 from gymnasium.envs.registration import EnvSpec
-from hall import recorded_in_a_hall
+from hall import recorded_in_a_hall, write_lap
 from hypothesis import given
 from hypothesis import strategies as st
 from refusals import refused
@@ -356,10 +356,7 @@ ENV = 'log = "lap.csv"\nmap = "hall.yaml"\nreference = "lap.tum"\nsegment = 1.0\
 def folder(tmp_path, monkeypatch):
     """The current folder, with a log and a map."""
     monkeypatch.chdir(tmp_path)
-    hall, log = recorded_in_a_hall(steps=30)
-    hall.save("hall.yaml")
-    logs.Trajectory(log.times, log.reference).write("lap.tum")
-    logs.write(logs.Log(log.scanner, log.times, log.odometry, log.ranges, None, "m"), "lap.csv")
+    write_lap(recorded_in_a_hall(steps=30), tmp_path)
     return tmp_path
 
 
