@@ -182,26 +182,28 @@ def validity_table(panels: Sequence[Panel]) -> Table | None:
 
 def told_apart_table(panel: Panel) -> Table | None:
     """The AUROC of what may tell lost robots from wrong maps; None where none is wrong."""
-    lines, names = [], dict[str, None]()
+    rows = []
     for row in told_apart([panel]):
         for question, signals in row.answers.items():
-            told = {name: own for name, own in signals.items() if _tells(own)}
-            if told:
-                names |= dict.fromkeys(signals)
-                share = percent(next(iter(told.values())).far_steps, 1)
-                cells = [estimated(told[n].auroc) if n in told else "–" for n in signals]
-                lines.append([panel.labels[row.method], QUESTIONS[question], *cells, share])
-    if not lines:
+            if told := {name: own for name, own in signals.items() if _tells(own)}:
+                rows.append((panel.labels[row.method], QUESTIONS[question], told))
+    if not rows:
         return None
+    names = list(dict.fromkeys(name for *_, told in rows for name in told))
+    lines = []
+    for label, question, told in rows:
+        cells = [estimated(told[name].auroc) if name in told else "–" for name in names]
+        share = percent(next(iter(told.values())).far_steps, 1)
+        lines.append([label, question, *cells, share])
     caption = (
         "AUROC of what is seen at the best cluster. lost: it is not within 1 m and 30° of the true "
         f"pose; the map is wrong here: more than {percent(WRONG)} of the returns contradict it "
         "at the true pose. quality: P(not lost); explained: share of the returns that agree with "
         "the map; beyond_random: explained, less the most at one of 256 random poses; short, long: "
         "shares that contradict it; repeated, elsewhere: shares that do so where the map was "
-        "contradicted from another pose before, and where it was not. 1: trouble always has the "
-        "smaller quality, explained or beyond_random, or the larger share; ½: chance; below ½: "
-        "the opposite."
+        "contradicted from another pose before, and where it was not; trusted: the belief that the "
+        "plan is about this robot. 1: trouble always has the smaller quality, explained, "
+        "beyond_random or trust, or the larger share; ½: chance; below ½: the opposite."
     )
     return Table(caption, ["method", "question", *names, "steps that are"], lines)
 

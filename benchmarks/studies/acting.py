@@ -11,20 +11,25 @@ from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import repeat
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import PIL.Image
 
 import deqmcl_gym  # noqa: F401 # registers the environments
 from benchmarks.agents import AGENTS
+from benchmarks.pictures.film import webp
 from benchmarks.setup.scenario import Agent
 from benchmarks.tables.stats import wilson
 from benchmarks.tasks import OFFICE, POWER, robot_model
 from deqmcl_gym.envs.acting import ActingEnv, TrackEnv
+from deqmcl_gym.files import write_bytes
 from deqmcl_gym.numerics.types import Floats, Singles
 
 _BUILDINGS = 20  # of Localize-v0: episode k takes place in that of seed k modulo this
+_PICTURES = 80  # of a film, about
 _SURE = 0.9
 _VAGUE = 0.1  # of the tolerance: standard deviation from which on a scan is taken
 _BASELINE = "spin"
@@ -32,8 +37,8 @@ _PLAIN = ("still", "spin", "random")
 _SENSING = {
     **dict.fromkeys(_PLAIN, "never"),
     "to-goal": "always",
-    "to-goal, blind": "never",
-    "to-goal, if vague": "if vague",
+    "to-goal-blind": "never",
+    "to-goal-if-vague": "if vague",
     "free-energy": "if vague",
 }
 SCORED: dict[str, tuple[str, ...]] = {
@@ -42,7 +47,7 @@ SCORED: dict[str, tuple[str, ...]] = {
     "Localize-v0": (*_PLAIN, "wall-follower", "route", "greedy", "four-deep", "free-energy"),
     "Track-v0": tuple(_SENSING),
 }
-_DRIVER = {"plan": "open-loop", "to-goal, blind": "to-goal", "to-goal, if vague": "to-goal"}
+_DRIVER = {"plan": "open-loop", "to-goal-blind": "to-goal", "to-goal-if-vague": "to-goal"}
 
 
 @dataclass(frozen=True)
@@ -68,15 +73,18 @@ class Played:
     scans: int
 
 
-def play(task: str, policy: str, seed: int, **made: Any) -> Played:
+def play(task: str, policy: str, seed: int, film: list[Any] | None = None, **made: Any) -> Played:
     """Play an episode, and return its scores.
 
     Args:
         task: an id without ``deqmcl_gym/``.
         policy: a name among ``SCORED`` of the task.
         seed: of the episode, and of the building in ``Localize-v0``.
+        film: takes a picture before each step and one at the end; None: nothing is drawn.
         made: further arguments of ``gym.make``.
     """
+    if film is not None:
+        made = {"render_mode": "rgb_array"} | made
     if task == "Localize-v0":
         office = {"office": {**OFFICE, "seed": seed % _BUILDINGS}}
         made = {"floor_plan": office} | made
@@ -90,6 +98,8 @@ def play(task: str, policy: str, seed: int, **made: Any) -> Played:
     terminated = truncated = False
     while not (terminated or truncated):
         before = info["truth"]
+        if film is not None:
+            film.append(env.render())
         action = _acted(room, agent, _SENSING.get(policy, "never"), seen, info)
         seen, reward, terminated, truncated, info = env.step(action)
         score += float(reward)
@@ -97,6 +107,8 @@ def play(task: str, policy: str, seed: int, **made: Any) -> Played:
         metres += math.dist(before[:2], info["truth"][:2])
         contacts += info["collided"]
         scans += int(seen["sensed"][0]) if isinstance(room, TrackEnv) else 1
+    if film is not None:
+        film.append(env.render())
     success = bool(info.get("is_success", terminated))
     per_metre = 1.0 if room.floor_plan.unit == "m" else 50.0
     return Played(
@@ -108,6 +120,16 @@ def play(task: str, policy: str, seed: int, **made: Any) -> Played:
         contacts,
         scans,
     )
+
+
+def film(task: str, policy: str) -> bytes:
+    """Return the episode of seed 0 as an animated WebP of about 80 pictures, at half their size."""
+    taken: list[Any] = []
+    play(task, policy, 0, taken)
+    every = math.ceil(len(taken) / _PICTURES)
+    few = [*taken[:-1:every], taken[-1]]
+    small = [np.asarray(PIL.Image.fromarray(picture).reduce(2)) for picture in few]
+    return webp(small, 40 * every)
 
 
 def _shown(seen: Any, info: dict[str, Any]) -> dict[str, Any]:
@@ -166,6 +188,8 @@ def main() -> None:
     parser.add_argument("tasks", nargs="*", metavar="TASK", help=f"of {', '.join(SCORED)}; all")
     parser.add_argument("--policies", help="some of the task's, separated by commas without space")
     parser.add_argument("--episodes", type=int, default=20, help="seeds 0, 1, …; default 20")
+    parser.add_argument("--films", type=Path, metavar="DIR", help="films only: TASK-POLICY.webp, "
+        "the episode of seed 0")  # fmt: skip
     parser.add_argument("--jobs", type=int, default=2, help="processes; default 2")
     given = parser.parse_args()
     for name, value in (("--episodes", given.episodes), ("--jobs", given.jobs)):
@@ -179,6 +203,10 @@ def main() -> None:
             if policy not in SCORED[task]:
                 known = ", ".join(SCORED[task])
                 parser.error(f"unknown policy {policy!r} of {task}: choose from {known}")
+        if given.films is not None:
+            for name in policies:
+                write_bytes(given.films / f"{task}-{name}.webp", film(task, name))
+            continue
         print(f"\n{task}, {given.episodes} episodes\n")
         with ProcessPoolExecutor(given.jobs) as pool:
             seeds = range(given.episodes)

@@ -1,7 +1,8 @@
 """Lost, or the map is wrong here? AUROC of what is seen at the best cluster against what is true.
 
-Signals: see ``trials.map_signals``. Of each the AUROC is that of its natural order: a small
-``quality``, a large share ``short``; below ½ it says the opposite.
+Signals: see ``trials.map_signals``; and ``trusted``, of a method that doubts its plan. Of each the
+AUROC is that of its natural order: a small ``quality``, a large share ``short``; below ½ it says
+the opposite.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -53,8 +54,11 @@ def told_apart(panels: Iterable[Panel]) -> list[ToldApart]:
 def _answers(records: Sequence[Finished]) -> dict[str, dict[str, Auroc]]:
     worlds: dict[int, list[dict[str, Floats]]] = {}
     for record in records:
-        columns = (record.against_map or {}).items()
-        own = {name: np.array(values, np.float64) for name, values in columns}
+        columns = dict(record.against_map or {})
+        trusted = (record.plan or {}).get("trusted", [])
+        if any(value is not None for value in trusted):
+            columns["trusted"] = trusted
+        own = {name: np.array(values, np.float64) for name, values in columns.items()}
         worlds.setdefault(record.trial.trial, []).append(own)
     by_world = [own for _, own in sorted(worlds.items())]
     signals = [name for name in by_world[0][0] if name not in ("off", "wrong")]

@@ -17,6 +17,7 @@ import argparse
 import math
 import sys
 from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -169,6 +170,18 @@ def scored(policy: PPO, seed: int) -> Played:
     return Played(returned, success, wrong, steps, metres, env.played["contacts"], steps)
 
 
+def policy_of(seed: int, given: argparse.Namespace) -> tuple[Any, list[Played]]:
+    """Train a policy, or read it if an earlier call has; return its curve and its scores."""
+    torch.set_num_threads(1)  # the nets are small
+    saved, curve = given.out / f"ppo-{seed}.zip", given.out / f"curve-{seed}.npy"
+    if not saved.exists():
+        policy, points = trained(seed, given.decisions)
+        np.save(curve, points)
+        policy.save(saved)
+    policy = PPO.load(saved, device="cpu")
+    return np.load(curve), [scored(policy, episode) for episode in range(given.episodes)]
+
+
 def draw(curves: list[Any], file: str, window: int = 200) -> None:
     """Draw return and share of right episodes over the last ``window`` episodes, or over all."""
     window = min(window, *map(len, curves))
@@ -200,24 +213,17 @@ def main() -> None:
     parser.add_argument("--against", default="spin,wall-follower,four-deep", help="policies")
     parser.add_argument("--out", type=Path, default=Path("ppo-localize"), help="folder")
     given = parser.parse_args()
-    torch.set_num_threads(1)  # the nets are small
     given.out.mkdir(exist_ok=True)
-    curves, played, seeds = [], {}, range(given.episodes)
-    for seed in range(given.seeds):
-        saved = given.out / f"ppo-{seed}.zip"
-        if not saved.exists():
-            policy, curve = trained(seed, given.decisions)
-            np.save(given.out / f"curve-{seed}", curve)
-            policy.save(saved)
-        policy = PPO.load(saved, device="cpu")
-        curves.append(np.load(given.out / f"curve-{seed}.npy"))
-        played[f"ppo, seed {seed}"] = [scored(policy, k) for k in seeds]
-    draw(curves, str(given.out / "curve.svg"))
+    seeds, episodes = range(given.seeds), range(given.episodes)
+    played = {}
     with ProcessPoolExecutor(2) as pool:
+        ours = list(pool.map(partial(policy_of, given=given), seeds))
+        for seed, (_, scores) in zip(seeds, ours, strict=True):
+            played[f"ppo, seed {seed}"] = scores
         for name in given.against.split(","):
-            played[name] = list(
-                pool.map(play, ["Localize-v0"] * len(seeds), [name] * len(seeds), seeds)
-            )
+            of = partial(play, "Localize-v0", name)
+            played[name] = list(pool.map(of, episodes))
+    draw([curve for curve, _ in ours], str(given.out / "curve.svg"))
     print("\n".join(table(played)))
 
 

@@ -15,6 +15,7 @@ from benchmarks.trials.episode import Moment
 from benchmarks.trials.map_signals import MAP_COLUMNS, SIGNALS, MapSignals
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
+from benchmarks.trials.trace import PLAN_COLUMNS
 from deqmcl_gym.maps import Lidar, PolygonMap
 from localizers import PointsBelief
 
@@ -99,6 +100,17 @@ def test_each_question_is_of_its_own_steps_and_a_signal_has_its_natural_order():
     assert maps_csv([row]).count("\n") == 1 + len(QUESTIONS) * len(SIGNALS)
     table = told_apart_table(panels(records)[0])
     assert [line[1] for line in table.lines] == list(QUESTIONS.values())
+
+
+def test_the_trust_in_a_plan_is_a_signal_of_those_who_doubt_it():
+    plan = dict.fromkeys(PLAN_COLUMNS, [0.5] * STEPS)
+    ours, theirs = ([run(w, [0.0, 1.0], [0.0, 0.0]) for w in (0, 1)] for _ in range(2))
+    trusted = [0.9, 0.2] + [None] * (STEPS - 2)
+    ours = [changed(one, plan=plan | {"trusted": trusted}) for one in ours]
+    theirs = [changed(one, plan=plan | {"trusted": [None] * STEPS}) for one in theirs]
+    assert told_apart(panels(ours))[0].answers["lost"]["trusted"].auroc.mean == 1.0
+    assert "trusted" not in told_apart(panels(theirs))[0].answers["lost"]
+    assert "trusted" in told_apart_table(panels(ours)[0]).header
 
 
 def test_a_sweep_on_worlds_that_are_their_map_has_no_table():

@@ -316,8 +316,8 @@ def test_in_a_small_office_who_looks_for_information_beats_who_stands_still():
 
 def test_who_drives_and_looks_when_it_is_vague_beats_all_who_do_not_drive_or_look():
     seeds = range(6)
-    best = score("Track-v0", "to-goal, if vague", seeds)
-    assert best > score("Track-v0", "to-goal, blind", seeds)
+    best = score("Track-v0", "to-goal-if-vague", seeds)
+    assert best > score("Track-v0", "to-goal-blind", seeds)
     assert best > max(score("Track-v0", name, seeds) for name in ("still", "spin", "random"))
 
 

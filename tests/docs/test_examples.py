@@ -42,7 +42,7 @@ def test_a_script_of_the_gallery_runs(script, monkeypatch):
 def test_ppo_trains_and_draws_its_curve(tmp_path):
     pytest.importorskip("stable_baselines3")
     said = run("ppo.py", "--steps", 1024, "--curve", tmp_path / "ppo.svg")
-    assert re.search(r"\d+ of 20 laps finished", said)
+    assert re.search(r"\d+ of 20 episodes finished", said)
     assert "<svg" in (tmp_path / "ppo.svg").read_text()
 
 
@@ -51,7 +51,7 @@ def test_ppo_learns_to_finish_laps(tmp_path):
     pytest.importorskip("stable_baselines3")
     said = run("ppo.py", "--curve", tmp_path / "ppo.svg")
     assert "0 steps:   0% finish" in said
-    assert int(re.search(r"(\d+) of 20 laps finished", said)[1]) >= 18
+    assert int(re.search(r"(\d+) of 20 episodes finished", said)[1]) >= 18
 
 
 @pytest.mark.slow

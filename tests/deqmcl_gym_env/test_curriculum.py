@@ -1,0 +1,80 @@
+"""Curriculum: when it goes on, what it tells, and what it refuses."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from refusals import refused
+
+import deqmcl_gym  # noqa: F401  # registers the environments
+from deqmcl_gym.envs.curriculum import Curriculum
+
+SIZE = gym.spaces.Box(0, 1, (1,), np.float32)
+
+
+class Task(gym.Env):
+    """Ends after a step, done if the action is 1; shows a random number."""
+
+    observation_space, action_space = SIZE, SIZE
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        return self._seen(), {}
+
+    def step(self, action):
+        return self._seen(), 0.0, True, False, {"is_success": bool(action[0] == 1)}
+
+    def _seen(self):
+        return self.np_random.random(1, np.float32)
+
+
+def stages(env, successes, seed=0):
+    """The stage of each episode, and what is seen at its start."""
+    found = []
+    for number, success in enumerate(successes):
+        seen, info = env.reset(seed=seed if number == 0 else None)
+        found.append((info["stage"], float(seen[0])))
+        *_, told = env.step(np.array([success], np.float32))
+        assert told["stage"] == info["stage"]
+    return found
+
+
+def test_it_goes_on_when_enough_of_the_last_episodes_of_a_stage_were_done():
+    env = Curriculum([Task(), Task(), Task()], success=0.5, window=4)
+    done = [0, 0, 1, 0, 1, 1, 0, 1, 1, 0, 0, 0, 0]
+    # after five episodes two of the last four were done; counting starts again at stage 1
+    assert [stage for stage, _ in stages(env, done)] == [0] * 5 + [1] * 4 + [2] * 4
+
+
+def test_the_first_seed_determines_the_episodes_of_all_stages():
+    one, same = (stages(Curriculum([Task(), Task()], window=2), [1] * 6, seed=5) for _ in "ab")
+    other = stages(Curriculum([Task(), Task()], window=2), [1] * 6, seed=6)
+    assert one == same
+    assert not {seen for _, seen in one} & {seen for _, seen in other}
+
+
+def test_an_env_that_does_not_tell_success_is_done_by_termination():
+    env = Curriculum([gym.make("deqmcl_gym/Sharp-v0", max_episode_steps=1) for _ in range(2)],
+                     success=0.0, window=1)  # fmt: skip
+    _, info = env.reset(seed=0)
+    *_, truncated, info = env.step(info["planned_actions"][0])
+    assert truncated
+    assert env.reset()[1]["stage"] == 1
+    strict = Curriculum(env._envs, success=0.1, window=1)
+    _, info = strict.reset(seed=0)
+    strict.step(info["planned_actions"][0])
+    assert strict.reset()[1]["stage"] == 0
+    env.close()
+
+
+def test_stages_of_other_spaces_and_none_at_all_are_refused():
+    few, many = (gym.make("deqmcl_gym/Sharp-v0", lidar={"beams": beams}) for beams in (3, 9))
+    with refused("stage 1 has the observation_space", "stage 0"):
+        Curriculum([few, many])
+    with refused("envs is empty"):
+        Curriculum([])
+
+
+@pytest.mark.parametrize(("name", "value"), [("success", 1.5), ("window", 0)])
+def test_a_bad_threshold_is_refused(name, value):
+    with refused(name):
+        Curriculum([Task()], **{name: value})
