@@ -2,9 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from functools import partial
 
-from docs.numbers import reading
 from docs.numbers.reading import AMCL, OWN, ROBOT, SUCCESS, Cells, filled, read, table
 
 Row = Mapping[str, str]
@@ -110,55 +108,6 @@ def _lost() -> str:
     return table("filter | right map: | low: | middle: | ms per step:", rows)
 
 
-def _equal_time() -> str:
-    rows = []
-    for label, many, given in (
-        ("`mcl-map`", 4_000, {}),
-        ("… `beam_filter=distance`", 2_600, DISTANCE),
-        ("… `beam_filter=entropy`", 3_000, ENTROPY),
-        ("`mcl-plan`", 2_000, {}),
-        ("`mcl-plan-hedged`", 2_000, {}),
-    ):
-        method = label.strip("`") if not given else "mcl-map"
-        own = reading.row("wrong-map/equal-time", "wrong-map", method, many, **given)
-        values = (filled(form, own) for form in (SUCCESS, ERROR, RELATIVE, "{ms_per_step:.1f}"))
-        rows.append([label, f"{many:,}", *values])
-    return table(
-        "filter | N: | localized: | error, m: | − that of `mcl-map`, of it: | ms per step:", rows
-    )
-
-
-ON_LOGS: Mapping[str, Mapping[str, tuple[str, Mapping[str, object]]]] = {
-    "known": FILTERS,
-    "anywhere": {
-        "`mcl`": ("mcl", {}),
-        "… `beam_filter=distance`": ("mcl", DISTANCE),
-        "`mcl-map`, the route used at the start": ("mcl-map", DRAWS),
-        OWN: ("amcl", ROBOT),
-        f"{AMCL}, with `do_beamskip`": ("amcl", SKIPPING),
-    },
-}
-BUILDINGS, CHANGED = ("freiburg-079", "intel"), (0.0, 0.1, 0.3)
-
-
-def _on_logs(start: str) -> str:
-    def found(building: str, share: float, method: str, given: Mapping[str, object]) -> Row:
-        for row in read(f"wrong-map/log-{start}"):
-            world, params = json.loads(row["world"]), json.loads(row["params"])
-            told = {name: params[name] for name in _TELLING & params.keys()}
-            here = world["map"], world["changed_walls.share"], row["method"]
-            if here == (f"{building}.yaml", share, method) and told == dict(given):
-                return row
-        raise LookupError(f"log-{start}.csv has no {method} {dict(given)} in {building}, {share}")
-
-    rows = []
-    for label, (method, given) in ON_LOGS[start].items():
-        own = [found(one, share, method, given) for one in BUILDINGS for share in CHANGED]
-        rows.append([label, *(filled("{success_1m:.0p} %, {error:.2f} m", row) for row in own)])
-    heads = (f"{one}, {share:.0%}".replace("%", " %:") for one in BUILDINGS for share in CHANGED)
-    return table(" | ".join(["filter", *heads]), rows)
-
-
 def _told_apart() -> str:
     rows = []
     for signal in SIGNALS:
@@ -180,8 +129,5 @@ TABLES = {
     "wrong-map, costs": _costs,
     "wrong-map, alone": _alone,
     "wrong-map, lost": _lost,
-    "wrong-map, equal time": _equal_time,
-    "wrong-map, logs, known": partial(_on_logs, "known"),
-    "wrong-map, logs, anywhere": partial(_on_logs, "anywhere"),
     "wrong-map, told apart": _told_apart,
 }
