@@ -3,7 +3,7 @@
 import itertools
 import json
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
@@ -12,7 +12,7 @@ from benchmarks.execution.apart import takes
 from benchmarks.setup.changes import NOTHING, Changes, Named, jsonable
 from benchmarks.setup.names import absolute_agent, absolute_scenario
 from benchmarks.tables.pairing import BASELINE
-from benchmarks.trials.spec import Method, Run, Trial, changes_of
+from benchmarks.trials.spec import Method, Run, Setting, Trial, changes_of
 from deqmcl_gym.validation import InputError, integer, number, one_of
 
 GROUPS = ("world", "assumed", "params")  # of dotted names; agent.… are the agent's parameters
@@ -305,6 +305,14 @@ class Sweep:
         for world in range(trials):
             for filter_seed in range(filter_seeds):
                 yield Trial(**same, trial=world, filter_seed=filter_seed)
+
+
+def cells_of(trials: Iterable[Trial]) -> dict[tuple[Setting, Method], list[Trial]]:
+    """Sort trials by setting and method, in the order in which these come first."""
+    cells: dict[tuple[Setting, Method], list[Trial]] = {}
+    for trial in trials:
+        cells.setdefault((trial.setting, trial.method), []).append(trial)
+    return cells
 
 
 @cache

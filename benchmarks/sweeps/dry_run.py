@@ -10,7 +10,7 @@ from tabulate import tabulate
 from benchmarks.execution.apart import provenance
 from benchmarks.execution.engines import Engine, available_cpus, outcomes
 from benchmarks.setup.changes import Changes
-from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.design import Sweep, cells_of
 from benchmarks.sweeps.running import Options
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.spec import Trial
@@ -22,16 +22,20 @@ _USUAL = 1000  # particles, where none are named
 
 def dry_run(sweep: Sweep, options: Options) -> str:
     """Return the cells (setting and method) of a sweep with the time of a trial in each."""
-    cells: dict[str, list[Trial]] = {}
     trials = sweep.distinct()
-    for trial in trials:
-        cells.setdefault(trial.cell(), []).append(trial)
+    cells = cells_of(trials)
     here = replace(options.where, executor="process", scheduler=None, jobs=1)
     with here.engine(trials) as engine:
         times = _times([own[0] for own in cells.values()], engine, provenance(sweep.cells()))
+    words = [own[0].words() for own in cells.values()]
+    alike = [part for part in words[0] if len(words) > 1 and all(part in own for own in words)]
     rows = [
-        [name, len(own), "failed" if s is None else f"{s:.2f} s" if measured else f"≈ {s:.2f} s"]
-        for (name, own), (s, measured) in zip(cells.items(), times, strict=True)
+        [
+            len(own),
+            "failed" if s is None else f"{s:.2f} s" if measured else f"≈ {s:.2f} s",
+            " ".join(part for part in name if part not in alike),
+        ]
+        for name, own, (s, measured) in zip(words, cells.values(), times, strict=True)
     ]
     total = sum((s or 0.0) * len(own) for own, (s, _) in zip(cells.values(), times, strict=True))
     share = 1 if options.shard is None else options.shard[1]
@@ -41,7 +45,9 @@ def dry_run(sweep: Sweep, options: Options) -> str:
     lines = [f"{sweep.title}: {most}{len(trials):,} trials in {len(cells):,} cells"]
     if equal := sweep.combinations - len(trials):
         lines.append(f"{equal:,} combinations equal others and are run once")
-    lines.append(tabulate(rows[:_SHOWN], ["cell", "trials", "one trial"], disable_numparse=True))
+    if alike:
+        lines.append(f"in all cells: {' '.join(alike)}")
+    lines.append(tabulate(rows[:_SHOWN], ["trials", "one trial", "cell"], disable_numparse=True))
     if len(rows) > _SHOWN:
         lines.append(f"… and {len(rows) - _SHOWN:,} more cells")
     part = "" if share == 1 else f" for this shard of {share}"

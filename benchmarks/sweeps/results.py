@@ -1,6 +1,5 @@
 """How far a sweep has come: what a store holds of it, and the same in words."""
 
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -9,7 +8,7 @@ from typing import Any
 
 from benchmarks.setup import changes
 from benchmarks.sweeps import manifest
-from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.design import Sweep, cells_of
 from benchmarks.sweeps.manifest import Manifest
 from benchmarks.sweeps.stopping import due, rule_of
 from benchmarks.sweeps.store import Store, named
@@ -199,12 +198,11 @@ def _incomplete(sweep: Sweep, results: Results) -> list[str]:
     if not results.failures and not results.missing:
         return []
     there = {named(record.trial.canonical()) for record in results.finished}
-    planned: Counter[str] = Counter()
-    done: Counter[str] = Counter()
-    for trial in sweep.distinct():
-        planned[trial.cell()] += 1
-        done[trial.cell()] += named(trial.canonical()) in there
-    lines = [f"  {done[cell]} of {n}: {cell}" for cell, n in planned.items() if done[cell] < n]
+    lines = []
+    for own in cells_of(sweep.distinct()).values():
+        done = sum(named(trial.canonical()) in there for trial in own)
+        if done < len(own):
+            lines.append(f"  {done} of {len(own)}: {' '.join(own[0].words())}")
     more = [f"  … and {len(lines) - _SHOWN} more"] if len(lines) > _SHOWN else []
     return ["Not complete:", *lines[:_SHOWN], *more]
 

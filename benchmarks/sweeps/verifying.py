@@ -138,6 +138,6 @@ def _sentence(folder: Path, chosen: Mapping[str, Trial], differing: Mapping[str,
     trial = chosen[key]
     return (
         f"{folder}: {len(differing)} of {len(chosen)} trials differ from those before; the first "
-        f"is {trial.cell()}, world {trial.trial}, filter seed {trial.filter_seed}: "
+        f"is {' '.join(trial.words())}, world {trial.trial}, filter seed {trial.filter_seed}: "
         f"{differing[key]}. Give a new --out."
     )

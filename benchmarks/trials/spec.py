@@ -149,12 +149,12 @@ class Trial:
         said = {own.name: jsonable(getattr(self, own.name)) for own in fields(self)}
         return {name: value for name, value in said.items() if name != "agent" or value}
 
-    def cell(self) -> str:
-        """Return its setting and method in words: what trials are counted by."""
-        parts = [self.scenario, *(f"{name}={value}" for name, value in self.world.items())]
+    def words(self) -> list[str]:
+        """Return its setting and method, a part each; files without their folder."""
+        parts = [self.scenario, *(f"{name}={value}" for name, value in self.world.short().items())]
         parts += [f"assumed {name}={value}" for name, value in self.assumed.items()]
         parts += [str(wrapper.get("kind")) for wrapper in self.disturbance]
-        return " ".join([*parts, f"L={self.lag}", str(self.method)])
+        return [*parts, f"L={self.lag}", str(self.method)]
 
     def key(self, provenance: str) -> str:
         """Name of its result: a hash of the canonical configuration and of what computes it."""

@@ -147,7 +147,8 @@ def test_a_dry_run_shows_the_cells_and_a_time_and_writes_nothing(tmp_path, monke
     assert sweep(file, tmp_path / "out", "--dry-run") == 0
     said = capsys.readouterr().out
     assert "small: 200 trials in 4 cells" in said
-    assert re.search(r"sharp L=4 mcl particles=15 +50 +\d", said)
+    assert "in all cells: L=4" in said
+    assert re.search(r"\n50 +\d.* s +sharp mcl particles=15\n", said)
     assert re.search(r"About \d+ (s|min) with 1 job: estimated from one measured trial", said)
     assert [path.name for path in tmp_path.iterdir()] == ["small.toml"]
 
@@ -159,8 +160,8 @@ def test_a_dry_run_scales_the_time_of_the_limit_by_its_particles(tmp_path, monke
     assert sweep(file, tmp_path / "out", "--dry-run") == 0
     said = capsys.readouterr().out
     assert "small: 103 trials in 3 cells" in said
-    one = float(re.search(r"mcl particles=15 +50 +([\d.]+) s", said)[1])
-    many = float(re.search(r"mcl particles=1500000 +3 +≈ ([\d.]+) s", said)[1])
+    one = float(re.search(r"50 +([\d.]+) s +mcl particles=15\n", said)[1])
+    many = float(re.search(r"3 +≈ ([\d.]+) s +mcl particles=1500000\n", said)[1])
     assert many == pytest.approx(1e5 * one, abs=0.006e5)  # it is shown to 0.01 s
 
 
