@@ -29,7 +29,7 @@ from deqmcl_gym.files import write_bytes
 from deqmcl_gym.numerics.types import Floats, Singles
 
 _BUILDINGS = 20  # of Localize-v0: episode k takes place in that of seed k modulo this
-_PICTURES = 80  # of a film, about
+_PICTURES = 40  # of a film, about
 _SURE = 0.9
 _VAGUE = 0.1  # of the tolerance: standard deviation from which on a scan is taken
 _BASELINE = "spin"
