@@ -180,7 +180,8 @@ def verified(name: str, sweep: Sweep, where: Where) -> tuple[str, int]:
                 differing[waiting[key]] = f"had error {row['error']} and has {error}"
     for trial in kept:
         if trial in differing:
-            words = f"{' '.join(trials[trial].words())}, world {trials[trial].trial}, {differing[trial]}"
+            own = trials[trial]
+            words = f"{' '.join(own.words())}, world {own.trial}, {differing[trial]}"
             return f"{len(differing)} of {len(kept)} trials differ; the first, {words}", len(kept)
     return "", len(kept)
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 
 from docs.numbers.reading import AMCL, OWN, ROBOT, SUCCESS, Cells, filled, read, table
 
@@ -108,6 +109,38 @@ def _lost() -> str:
     return table("filter | right map: | low: | middle: | ms per step:", rows)
 
 
+ON_LOGS: Mapping[str, Mapping[str, tuple[str, Mapping[str, object]]]] = {
+    "known": FILTERS,
+    "anywhere": {
+        "`mcl`": ("mcl", {}),
+        "… `beam_filter=distance`": ("mcl", DISTANCE),
+        "`mcl-map`, the route used at the start": ("mcl-map", DRAWS),
+        OWN: ("amcl", ROBOT),
+        f"{AMCL}, with `do_beamskip`": ("amcl", SKIPPING),
+    },
+}
+BUILDINGS, CHANGED = ("freiburg-079", "intel"), (0.0, 0.1, 0.3)
+
+
+def _on_logs(start: str) -> str:
+    def found(building: str, share: float, method: str, given: Mapping[str, object]) -> Row:
+        for row in read(f"wrong-map/log-{start}"):
+            world, params = json.loads(row["world"]), json.loads(row["params"])
+            told = {name: params[name] for name in _TELLING & params.keys()}
+            here = world["map"], world["changed_walls.share"], row["method"]
+            if here == (f"{building}.yaml", share, method) and told == dict(given):
+                return row
+        raise LookupError(f"log-{start}.csv has no {method} {dict(given)} in {building}, {share}")
+
+    form = ("{success_1m" if start == "anywhere" else "{lost_rate") + ":.0p} %, {error:.3f} m"
+    rows = []
+    for label, (method, given) in ON_LOGS[start].items():
+        own = [found(one, share, method, given) for one in BUILDINGS for share in CHANGED]
+        rows.append([label, *(filled(form, row) for row in own)])
+    heads = (f"{one}, {share:.0%}".replace("%", " %:") for one in BUILDINGS for share in CHANGED)
+    return table(" | ".join(["filter", *heads]), rows)
+
+
 def _told_apart() -> str:
     rows = []
     for signal in SIGNALS:
@@ -129,5 +162,6 @@ TABLES = {
     "wrong-map, costs": _costs,
     "wrong-map, alone": _alone,
     "wrong-map, lost": _lost,
+    "wrong-map, logs, known": partial(_on_logs, "known"),
     "wrong-map, told apart": _told_apart,
 }
