@@ -4,6 +4,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
+from docs.numbers import reading
 from docs.numbers.reading import AMCL, OWN, ROBOT, SUCCESS, Cells, filled, read, table
 
 Row = Mapping[str, str]
@@ -109,6 +110,23 @@ def _lost() -> str:
     return table("filter | right map: | low: | middle: | ms per step:", rows)
 
 
+def _equal_time() -> str:
+    rows = []
+    for label, many, given in (
+        ("`mcl-map`", 4_000, {}),
+        ("… `beam_filter=distance`", 2_600, DISTANCE),
+        ("… `beam_filter=entropy`", 3_000, ENTROPY),
+        ("`mcl-plan`", 2_000, {}),
+        ("`mcl-plan-hedged`", 2_000, {}),
+    ):
+        method = label.strip("`") if not given else "mcl-map"
+        own = reading.row("wrong-map/equal-time", "wrong-map", method, many, **given)
+        interval = f"{ERROR} ({{error_low:.3f}} to {{error_high:.3f}})"
+        values = (filled(form, own) for form in (SUCCESS, interval, "{ms_per_step:.1f}"))
+        rows.append([label, f"{many:,}", *values])
+    return table("filter | N: | localized: | error, m: | ms per step:", rows)
+
+
 ON_LOGS: Mapping[str, Mapping[str, tuple[str, Mapping[str, object]]]] = {
     "known": FILTERS,
     "anywhere": {
@@ -162,6 +180,8 @@ TABLES = {
     "wrong-map, costs": _costs,
     "wrong-map, alone": _alone,
     "wrong-map, lost": _lost,
+    "wrong-map, equal time": _equal_time,
     "wrong-map, logs, known": partial(_on_logs, "known"),
+    "wrong-map, logs, anywhere": partial(_on_logs, "anywhere"),
     "wrong-map, told apart": _told_apart,
 }
