@@ -310,7 +310,7 @@ class RoomRules:
         planned: Singles,
         covered: Any,
         elapsed: Any,
-        goal: Point | None = None,
+        goal: ArrayLike | None = None,
     ) -> Any:
         """Return an observation of one room or of n, all arrays fresh.
 
@@ -319,7 +319,7 @@ class RoomRules:
             planned: the actions to come, (h, 2) or (n, h, 2).
             covered: progress since reset as a share of the path, a number or (n,).
             elapsed: steps as a share of the plan's, a number or (n,).
-            goal: the end of the route, if there is one.
+            goal: the end of the route, if there is one, (2,) or (n, 2).
         """
         if self.observation == "scan":
             return scan.copy()

@@ -164,11 +164,6 @@ def test_gymnasium_finds_nothing_wrong_and_one_draws_it():
     assert (image[:, :, 2] - image[:, :, 0] > 60).sum() > 300  # the way in blue, the goal is 81
 
 
-def test_many_rooms_with_routes_run_one_by_one():
-    with pytest.raises(InputError, match=r'with a route .* vectorization_mode="sync", horizon='):
-        gym.make_vec(ROOM_ID, num_envs=2, floor_plan={"office": SMALL}, **WORLD)
-
-
 def test_routes_longer_than_the_map_allows_and_goals_behind_walls_are_refused():
     with pytest.raises(InputError, match="no route of 500 to 600 m was found"):
         office(route={"min_length": 500.0, "max_length": 600.0}).reset(seed=0)
