@@ -53,19 +53,22 @@ def _register(registry: ModuleType) -> None:
     _register_room(registry, ENV_ID, {})
     for preset in WORLDS:
         _register_room(registry, preset_id(preset), {"preset": preset})
-    registry.register(id=JOURNEY_ENV_ID, entry_point=_ROOM, kwargs=_JOURNEY)
+    registry.register(
+        id=JOURNEY_ENV_ID,
+        entry_point=_ROOM,
+        vector_entry_point="deqmcl_gym.envs.vector:journeys",
+        kwargs=_JOURNEY,
+    )
     registry.register(id=LOG_ENV_ID, entry_point="deqmcl_gym.envs.log:LogEnv")
     for name, task in TASKS.items():  # localizers are imported when one is made
         registry.register(id=name, entry_point=f"benchmarks.tasks:{task}")
 
 
 def _register_room(registry: ModuleType, name: str, kwargs: dict[str, Any]) -> None:
-    together = WORLDS[kwargs.get("preset", "paper")].driver is None
     registry.register(
         id=name,
         entry_point=_ROOM,
-        # None: rooms with drivers run one by one, in Gymnasium's own vector env
-        vector_entry_point="deqmcl_gym.envs.vector:RoomVectorEnv" if together else None,
+        vector_entry_point="deqmcl_gym.envs.vector:RoomVectorEnv",
         max_episode_steps=MAX_EPISODE_STEPS,
         kwargs=kwargs,
     )

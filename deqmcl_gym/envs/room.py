@@ -17,7 +17,7 @@ from deqmcl_gym.world.driver import FixedPlan
 from deqmcl_gym.world.episode import Episode, contacts_of
 from deqmcl_gym.world.people import People
 from deqmcl_gym.world.rules import RoomInfo, RoomRules, check_no_options
-from deqmcl_gym.world.sensor import Stream, episode_stream
+from deqmcl_gym.world.sensor import Stream
 
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing, View
@@ -214,11 +214,8 @@ class RoomEnv(gym.Env[Any, Singles]):
             root, number = self.np_random_seed, self._number + 1
         else:  # np_random was set, and its seed is unknown
             root, number = int(self.np_random.integers(2**63)), 0
-        rules, walls, building = self._rules, self._walls, None
-        if rules.offices is not None:
-            building = rules.offices.drawn(episode_stream(root, number, Stream.BUILDING))
-            rules = rules.in_office(building)
-            walls = contacts_of(rules.world)
+        rules, building = self._rules.of_episode(root, number)
+        walls = self._walls if building is None else contacts_of(rules.world)
         episode = Episode(rules, walls, seed=root, number=number)
         super().reset(seed=None if seed is None else root)
         self._rules, self._walls, self.building = rules, walls, building

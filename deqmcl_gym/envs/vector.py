@@ -2,9 +2,7 @@
 
 import secrets
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -12,159 +10,18 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, iterate
 from numpy.typing import NDArray
 
-from deqmcl_gym.envs import vector_kernels as kernels
-from deqmcl_gym.maps import GridMap, Map
-from deqmcl_gym.maps.grid_kernels import NO_CELLS
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
+from deqmcl_gym.envs.vector_rooms import Rooms
+from deqmcl_gym.maps import Map
+from deqmcl_gym.numerics.types import Bools, Indices, Singles
 from deqmcl_gym.registration import MAX_EPISODE_STEPS
 from deqmcl_gym.validation import InputError, integer, one_of, shown
-from deqmcl_gym.world.config import World
-from deqmcl_gym.world.driver import FixedPlan
-from deqmcl_gym.world.reality import Reality
-from deqmcl_gym.world.rules import RoomInfo, RoomRules
-from deqmcl_gym.world.sensor import LidarSensors, NormalTable, Stream, episode_stream
-
-if TYPE_CHECKING:  # OpenCV is only loaded for pictures
-    from deqmcl_gym.world.drawing import Drawing
-
-
-class Rooms:
-    """:class:`deqmcl_gym.world.episode.Episode` for n rooms at a time.
-
-    Attributes:
-        poses: the true ones (x, y, θ), (n, 3).
-        steps: number carried out, (n,).
-        progress: along the path since reset, (n,).
-        scans: the last ones, (n, B).
-    """
-
-    def __init__(self, rules: RoomRules, number: int, limit: int) -> None:
-        """Make ``number`` rooms, with at most ``limit`` steps; :meth:`begin` starts episodes."""
-        world, course = rules.world, rules.course
-        self._rules = rules
-        most = len(course.actions)
-        walls, cells = _obstacles(world.floor_plan)
-        numbers = kernels.Rules(
-            noise=rules.noise, walls=walls, cells=cells,
-            radius=world.body, skin=world.skin, reach=world.reach,
-            edges=course.path.edges, length=course.path.length, rewards=rules.rewards, most=most,
-            limit=limit,
-        )  # fmt: skip
-        self._motion = NormalTable(number, 2, most)
-        self._lidars = LidarSensors(world.floor_plan, world.lidar, number, most + 1)
-        poses, steps = np.tile(course.start, (number, 1)), np.zeros(number, np.intp)
-        gaps, arcs, progress = np.zeros((3, number))
-        self._robots = kernels.Robots(poses, gaps, arcs, progress, steps)
-        self.poses, self.steps, self.progress = poses, steps, progress
-        self.scans = self._lidars.scans
-        self._numbers = numbers
-        self._fixed = tuple(self._robots), tuple(numbers)  # as the kernel takes them
-        # in a world that differs from its map, each room's own, as the kernel takes them
-        self._own: dict[int, tuple[tuple[Any, ...], tuple[Any, ...]]] = {}
-        self.realities: dict[int, Reality] = {}
-        self._every = np.arange(number)
-
-    @staticmethod
-    def bytes_each(rules: RoomRules) -> int:
-        """Approximate memory of a room: its random numbers, its scan and the plan shown."""
-        beams, steps = rules.world.lidar.beams, len(rules.course.actions)
-        rows = NormalTable.rows(2, steps), NormalTable.rows(beams, steps + 1)
-        numbers = 2 * rows[0] + beams * (rows[1] + 2) + 2 * rules.plan.horizon + 64
-        ground = rules.world.floor_plan
-        if isinstance(ground, GridMap) and _differs(rules.world):  # each room has cells of its own
-            numbers += ground.occupancy.size
-        return 8 * numbers
-
-    def begin(self, rooms: Indices, episodes: list[tuple[int, int]]) -> None:
-        """Begin an episode (seed, number) in each of ``rooms``; no scan is taken yet.
-
-        Raises:
-            InputError: no drawn start is free. All rooms are then unchanged.
-        """
-        rules = self._rules
-        if _differs(rules.world):
-            drawn = [
-                Reality.drawn(
-                    rules.world, rules.course, rules.plan, partial(episode_stream, *episode)
-                )
-                for episode in episodes
-            ]
-            there = [replace(rules, world=real.world) for real in drawn]
-        else:
-            drawn, there = [], [rules] * len(episodes)
-        starts = [
-            own.start(rules.course, *episode) for own, episode in zip(there, episodes, strict=True)
-        ]
-        arcs = [rules.first_arc(rules.course, (x, y)) for x, y, _ in starts]
-        self.poses[rooms], self._robots.arcs[rooms] = np.array(starts), np.array(arcs)
-        self._robots.gaps[rooms] = self.progress[rooms] = 0.0
-        self.steps[rooms] = 0
-        for room, episode in zip(rooms.tolist(), episodes, strict=True):
-            self._motion.renew(room, episode_stream(*episode, Stream.MOTION))
-            self._lidars.renew(room, episode_stream(*episode, Stream.SENSOR))
-        for room, real in zip(rooms.tolist(), drawn, strict=False):
-            self._become_real(room, real)
-
-    def _become_real(self, room: int, real: Reality) -> None:
-        """Let a room have walls of its own."""
-        ground, one = real.world.floor_plan, slice(room, room + 1)
-        self.realities[room] = real
-        self._lidars.own[room] = ground.local.caster
-        walls, cells = _obstacles(ground)
-        robots = tuple(values[one] for values in self._robots)
-        self._own[room] = robots, tuple(self._numbers._replace(walls=walls, cells=cells))
-
-    def move(self, commands: Singles, resting: Bools) -> tuple[Floats, Bools, Bools, Bools]:
-        """Turn and drive the robots that are not ``resting``: one step of noisy motion.
-
-        Returns:
-            ``kernels.Moved``: rewards, collided, terminated, truncated.
-        """
-        n = resting.size
-        moved = np.empty(n), np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.bool_)
-        noise = self._motion
-        noise.fill()
-        if not self._own:
-            kernels.step(*self._fixed, commands, noise.drawn, noise.at, resting, moved)
-        for room, own in self._own.items():
-            one = slice(room, room + 1)
-            said = tuple(values[one] for values in moved)
-            drawn, at = noise.drawn[one], noise.at[one]
-            kernels.step(*own, commands[one], drawn, at, resting[one], said)
-        return moved
-
-    def picture(self, room: int) -> "Drawing":
-        """Draw what is in a room, without its robot."""
-        from deqmcl_gym.world.drawing import Drawing
-
-        view, real = self._rules.view, self.realities.get(room)
-        return Drawing(view) if real is None else real.picture(view, None)
-
-    def observe(self, rooms: Indices | None = None) -> None:
-        """Take a scan in each of ``rooms``; None: in all."""
-        if rooms is None:
-            self._lidars.scan(self._every, self.poses)
-        else:
-            self._lidars.scan(rooms, self.poses[rooms])
-
-
-def _differs(world: World) -> bool:
-    """Whether each room has walls of its own."""
-    return world.clutter is not None or world.changed_walls is not None
-
-
-def _obstacles(ground: Map) -> tuple[Floats, tuple[Any, ...]]:
-    """Return the walls and the cells of a map, as ``kernels.Rules`` has them: one is empty."""
-    if isinstance(ground, GridMap):
-        return kernels.sides(np.empty((0, 4))), ground.cells
-    return kernels.sides(ground.walls), NO_CELLS
-
+from deqmcl_gym.world.course import Course
+from deqmcl_gym.world.rules import RoomRules
 
 Actions = Singles
 Info = dict[str, Any]
 StepResult = tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], Info]
 
-_MASKS = tuple(f"_{key}" for key in sorted(RoomInfo.__required_keys__))
 _MODES = {mode.value: mode for mode in AutoresetMode}
 MAX_BYTES = 16 * 2**30  # of all rooms
 
@@ -175,10 +32,10 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
     docs/environment.md describes what differs from one room.
 
     Attributes:
-        floor_plan: the map m, for localizers too.
+        floor_plan: the map m, for localizers too; where episodes draw offices, that of the first
+            seed: see :attr:`floor_plans`.
         lidar: the sensor's geometry and noise, for localizers too.
         world: all parts of the world, as configured.
-        course: the lap as planned: path, start and actions.
     """
 
     def __init__(
@@ -205,9 +62,9 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
             one_of("autoreset_mode", getattr(autoreset_mode, "value", autoreset_mode), _MODES)
         ]
         self._rules = rules = RoomRules.of(**room)
-        self._plan = _same_for_all(rules)
+        _check_together(rules)
         self.num_envs = _number(num_envs, rules)
-        self.world, self.course = rules.world, rules.course
+        self.world = rules.world
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
         self.metadata = {
             "render_modes": ["rgb_array"],
@@ -231,8 +88,38 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
 
     @property
     def plan(self) -> Actions:
-        """The actions planned for each episode, done and to come, (T, 2) float32."""
-        return self._plan.actions.copy()
+        """The actions planned for each episode, done and to come, (T, 2) float32.
+
+        Raises:
+            InputError: the rooms have a route each.
+        """
+        self._check_lap("plan")
+        return self._rules.plan.actions.copy()
+
+    @property
+    def course(self) -> Course:
+        """The lap as planned: path, start and actions.
+
+        Raises:
+            InputError: the rooms have a route each.
+        """
+        self._check_lap("course")
+        return self._rules.course
+
+    @property
+    def floor_plans(self) -> tuple[Map, ...]:
+        """The map of each room in its episode."""
+        return tuple(self.floor_plan if b is None else b.reality.mapped for b in self._rooms.begun)
+
+    @property
+    def courses(self) -> tuple[Course, ...]:
+        """The course of each room in its episode.
+
+        Raises:
+            RuntimeError: a room has not begun one.
+        """
+        self._check_begun("courses")
+        return tuple(begun.course for begun in self._rooms.begun if begun is not None)
 
     @property
     def np_random_seed(self) -> tuple[int | None, ...]:  # type: ignore[override]
@@ -295,11 +182,11 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
             gym.logger.warn('render() needs gym.make_vec(..., render_mode="rgb_array").')
             return None
         self._check_begun("render")
-        rooms = self._rooms
-        seen = zip(rooms.poses.tolist(), rooms.scans, rooms.steps.tolist(), strict=True)
+        rooms, drawn = self._rooms, self._rules.picture
+        states = zip(self.courses, rooms.poses.tolist(), rooms.scans, rooms.steps, strict=True)
         return tuple(
-            self._rules.picture(rooms.picture(room), self.course, *told)
-            for room, told in enumerate(seen)
+            drawn(rooms.picture(room), course, (x, y, heading), scan, int(step))
+            for room, (course, (x, y, heading), scan, step) in enumerate(states)
         )
 
     def _begin(self, rooms: Indices, seeds: Sequence[int | None] | None = None) -> None:
@@ -339,19 +226,18 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
 
     def _seen(self) -> Any:
         """Return the observations of all rooms, as fresh arrays."""
-        rooms, plan = self._rooms, self._plan
-        if self._rules.observation == "scan":
+        rooms, rules = self._rooms, self._rules
+        if rules.observation == "scan":
             return rooms.scans.copy()
-        planned, _ = plan.after_each(rooms.steps)
-        covered = rooms.progress / self._rules.course.path.length
-        return self._rules.seen(rooms.scans, planned, covered, rooms.steps / plan.limit)
+        goals = None if rules.journeys is None else rooms.goals
+        return rules.seen(rooms.scans, rooms.plans()[0], rooms.covered, rooms.elapsed, goals)
 
     def _info(self, among: Bools, commands: Actions, collided: Bools) -> Info:
         """Return ``RoomInfo`` as arrays over the rooms, zero and masked out if not ``among``.
 
         ``commands`` and ``collided`` become part of it and must not be used elsewhere.
         """
-        planned, count = self._plan.after_each(self._rooms.steps)
+        planned, count = self._rooms.plans()
         told: Info = {
             "planned_actions": planned,
             "planned_count": count,
@@ -359,10 +245,14 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
             "collided": collided,
             "truth": self._rooms.poses.copy(),
         }
+        if self._rules.journeys is not None:
+            told |= {"goal": self._rooms.goals.copy(), "route": self._rooms.routes.copy()}
+        if self._rules.offices is not None:
+            told["building"] = self._rooms.buildings.copy()
         if among is not self._all:
             for values in told.values():
-                values[~among] = 0
-        told.update({mask: among.copy() for mask in _MASKS})
+                values[~among] = None if values.dtype == object else 0
+        told.update({f"_{key}": among.copy() for key in told})
         return told
 
     def _chosen(self, options: object) -> Bools:
@@ -394,12 +284,24 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
             )
         return [None if one is None else integer("seed", one) for one in seed]
 
+    def _check_lap(self, wish: str) -> None:
+        if self._rules.journeys is not None:
+            raise InputError(
+                f"the rooms have a route each, so there is no one {wish}: see courses."
+            )
+
     def _check_begun(self, wish: str) -> None:
         if not self._all_begun:
             raise RuntimeError(
                 f"the episode in room {self._episodes.index(None)} has not begun: call reset() "
                 f"before {wish}()."
             )
+
+
+def journeys(*, max_episode_steps: int | None = None, **room: Any) -> RoomVectorEnv:
+    """Return rooms without a time limit unless one is given, as ``Journey-v1`` has none."""
+    steps = -1 if max_episode_steps is None else max_episode_steps
+    return RoomVectorEnv(max_episode_steps=steps, **room)
 
 
 def _limit(steps: int | None) -> int:
@@ -420,19 +322,17 @@ def _number(rooms: int, rules: RoomRules) -> int:
     return given
 
 
-def _same_for_all(rules: RoomRules) -> FixedPlan:
-    world, others = rules.world, ""
-    if rules.journeys is not None:
-        part, others = "a route have plans", ", horizon=50"
-    elif not isinstance(rules.plan, FixedPlan):
-        part = "a driver have plans"
-    elif world.people is not None:
-        part = "people have crowds"
-    elif world.glass is not None:
-        part = "glass have walls of glass"
-    else:
-        return rules.plan
-    raise InputError(
-        f"the rooms of a world with {part} of their own, so they run one by one: "
-        f'give gym.make_vec(..., vectorization_mode="sync"{others}).'
-    )
+def _check_together(rules: RoomRules) -> None:
+    """Refuse what single rooms only can do."""
+    world = rules.world
+    if world.people is not None or world.glass is not None:
+        part = "glass have walls of glass" if world.people is None else "people have crowds"
+        raise InputError(
+            f"the rooms of a world with {part} of their own, so they run one by one: "
+            'give gym.make_vec(..., vectorization_mode="sync").'
+        )
+    if rules.journeys is not None and rules.horizon is None:
+        raise InputError(
+            "the rooms have a route each, whose plans differ in length: give a horizon, such as "
+            "horizon=50."
+        )

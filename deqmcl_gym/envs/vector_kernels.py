@@ -8,10 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from deqmcl_gym.maps.contact_kernels import first_contact
+from deqmcl_gym.maps.grid_kernels import cast as cast_from
 from deqmcl_gym.maps.grid_kernels import distances
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
-from deqmcl_gym.world.path_kernels import drawn, judged
+from deqmcl_gym.world.driver_kernels import room_for_noise, steer
+from deqmcl_gym.world.path_kernels import drawn, judged, roll_out
 
 
 def sides(walls: Floats) -> Floats:
@@ -44,34 +46,97 @@ class Robots(NamedTuple):
     steps: Indices
 
 
+class Cells(NamedTuple):
+    """The cells of s maps, padded to the largest; empty for polygons.
+
+    Attributes:
+        reach, up, down: as ``grid_kernels.CellGrid``, flat, (s, c).
+        sight: the reach for beams, flat, (s, c).
+        shapes: rows and columns, (s, 2).
+        frames: of the maps, (s, 5).
+        yaws: of the maps, (s,).
+        endless: whether beams go on beyond the map's edge, (s,).
+    """
+
+    reach: Any
+    up: Any
+    down: Any
+    sight: Any
+    shapes: Indices
+    frames: Floats
+    yaws: Floats
+    endless: Bools
+
+
+class Grounds(NamedTuple):
+    """What is there in n rooms: s maps, n or one for all.
+
+    Attributes:
+        slots: the map of each room, (n,).
+        sizes: radius of the robots; distance at which they stop before a contact; a length that no
+            drive can have without contact, (s, 3).
+        walls: as :func:`sides` returns them, free space to their left, padded, (s, w, 5).
+        counts: number of walls, (s,).
+        cells: :class:`Cells`.
+    """
+
+    slots: Indices
+    sizes: Floats
+    walls: Floats
+    counts: Indices
+    cells: Any
+
+
+class Courses(NamedTuple):
+    """The paths of n rooms.
+
+    Attributes:
+        edges: as in ``deqmcl_gym.world.path_kernels``, padded, (n, k, 6).
+        counts: number of edges, (n,).
+        periods: length of a closed path, ∞ of an open one, (n,).
+        lengths: as ``Path.length`` adds them up, (n,).
+        goals: the last corner (x, y), (n, 2).
+        ends: progress at which a driver is done, ∞ on a route, (n,).
+        limits: number of steps after which the plan ends, (n,).
+    """
+
+    edges: Floats
+    counts: Indices
+    periods: Floats
+    lengths: Floats
+    goals: Floats
+    ends: Floats
+    limits: Indices
+
+
 class Rules(NamedTuple):
     """The values that are the same in all rooms and at every step.
 
     Attributes:
         noise: σ_dd, σ_φφ, σ_φd.
-        walls: as :func:`sides` returns them, free space to their left; empty for a grid.
-        cells: a ``grid_kernels.CellGrid`` as a plain tuple: a grid, or ``NO_CELLS``.
-        radius: of the robots.
-        skin: distance at which they stop before a contact.
-        reach: a length that no drive can have without contact.
-        edges: of the path, as in ``deqmcl_gym.world.path_kernels``.
-        length: of the path.
         rewards: goal, bonus and penalty, as in ``deqmcl_gym.world.path_kernels``.
-        most: number of steps of the plan.
+        near: distance from the end of a route at which the task is done; -1: never.
         limit: largest number of steps of an episode.
     """
 
     noise: tuple[float, float, float]
-    walls: Floats
-    cells: tuple[Any, ...]
-    radius: float
-    skin: float
-    reach: float
-    edges: Floats
-    length: float
     rewards: tuple[float, float, float]
-    most: int
+    near: float
     limit: int
+
+
+class Driver(NamedTuple):
+    """The driver of all rooms.
+
+    Attributes:
+        rules: the first four of ``path_kernels.roll_out``.
+        near: distance from the end of the path at which it is done.
+        clearance: most room kept to walls on a route among cells; -1: they are not looked at.
+    """
+
+    rules: tuple[float, float, float, float]
+    near: float
+    clearance: float
 
 
 class Moved(NamedTuple):
@@ -94,6 +159,8 @@ class Moved(NamedTuple):
 @compiled
 def step(
     robots: tuple[Any, ...],
+    grounds: tuple[Any, ...],
+    courses: tuple[Any, ...],
     rules: tuple[Any, ...],
     commands: Singles,
     normals: Floats,
@@ -104,7 +171,9 @@ def step(
     """Turn and drive the robots that are not ``resting``; fill in the results.
 
     Args:
-        robots: :class:`Robots`, as a plain tuple like the other two: numba takes it faster.
+        robots: :class:`Robots`, as a plain tuple like the next three: numba takes it faster.
+        grounds: :class:`Grounds`.
+        courses: :class:`Courses`.
         rules: :class:`Rules`.
         commands: distance, turn, (n, 2).
         normals: N(0, 1) for the drive and the turn, (n, rows, 2).
@@ -113,9 +182,10 @@ def step(
         moved: :class:`Moved`, filled in.
     """
     poses, gaps, arcs, progress, steps = robots
-    of_all, said = Rules(*rules), Moved(*moved)
-    noise, edges, length, rewards = of_all.noise, of_all.edges, of_all.length, of_all.rewards
-    reach, skin = of_all.reach, of_all.skin
+    slots, sizes, walls, counts, cells = grounds
+    edges, edge_counts, periods, _, goals, _, limits = courses
+    noise, rewards, near, limit = rules
+    said = Moved(*moved)
     # Numbers of each robot, not the tuples: passing a tuple on counts a reference to each of its
     # arrays, which took four fifths of a step when it was done for every robot.
     for i in range(resting.size):
@@ -126,48 +196,156 @@ def step(
         x, y, heading = poses[i, 0], poses[i, 1], poses[i, 2]
         distance, turn = np.float64(commands[i, 0]), np.float64(commands[i, 1])
         chance = normals[i, at[i], 0], normals[i, at[i], 1]
-        heading, way, dx, dy = drawn(heading, distance, turn, chance, noise, reach)
+        slot = slots[i]
+        skin = sizes[slot, 1]
+        heading, way, dx, dy = drawn(heading, distance, turn, chance, noise, sizes[slot, 2])
         at[i] += 1
         steps[i] += 1
         collided = False
         if way > 0.0 and gaps[i] <= way + skin:
-            gaps[i], share = _ahead(x, y, dx, dy, way, of_all)
+            own = walls[slot, : counts[slot]]
+            gaps[i], share = _ahead(x, y, dx, dy, way, own, cells, slot, sizes[slot, 0], skin)
             if share < np.inf:
                 collided = True
                 share = max(share - skin / way, 0.0)
                 dx, dy, way = share * dx, share * dy, share * way
         gaps[i] -= way
-        poses[i, 0], poses[i, 1], poses[i, 2] = x + dx, y + dy, heading
-        drive = x, y, x + dx, y + dy
+        x, y = x + dx, y + dy
+        drive = poses[i, 0], poses[i, 1], x, y
+        poses[i, 0], poses[i, 1], poses[i, 2] = x, y, heading
+        path = edges[i, : edge_counts[i]]
         arcs[i], gained, reward, done = judged(
-            drive, arcs[i], progress[i], collided, edges, length, rewards
+            drive, arcs[i], progress[i], collided, path, periods[i], rewards
         )
         progress[i] += gained
-        given_up = steps[i] >= of_all.most and not done
+        off_x, off_y = x - goals[i, 0], y - goals[i, 1]
+        if np.sqrt(off_x * off_x + off_y * off_y) <= near:
+            reward, done = reward + rewards[1], True
         said.rewards[i], said.collided[i], said.terminated[i] = reward, collided, done
-        said.truncated[i] = given_up or steps[i] >= of_all.limit
+        given_up = steps[i] >= limits[i] and not done
+        said.truncated[i] = given_up or steps[i] >= limit
+
+
+@compiled
+def plan(
+    robots: tuple[Any, ...],
+    grounds: tuple[Any, ...],
+    courses: tuple[Any, ...],
+    driver: tuple[Any, ...],
+    rooms: Indices,
+    shown: Singles,
+    counts: Indices,
+) -> None:
+    """Fill in what the drivers of some rooms would do, as ``driver.GuidedPlan.after``.
+
+    Args:
+        robots, grounds, courses: as :func:`step`.
+        driver: :class:`Driver`.
+        rooms: which they are, (k,).
+        shown: the next h actions, zero-padded, (n, h, 2).
+        counts: number of these, (n,).
+    """
+    poses, _, arcs, progress, steps = robots
+    slots, sizes, _, _, cells = grounds
+    edges, edge_counts, periods, lengths, goals, ends, limits = courses
+    (look_ahead, on_the_spot, step, turn), near, clearance = driver
+    horizon = shown.shape[1]
+    for i in rooms:
+        left = limits[i] - steps[i]
+        pose = poses[i, 0], poses[i, 1], poses[i, 2]
+        rules = look_ahead, on_the_spot, step, turn, ends[i], near
+        path = edges[i, : edge_counts[i]]
+        actions = np.empty((left if clearance >= 0.0 else min(left, horizon), 2), np.float32)
+        if clearance < 0.0:
+            count = roll_out(pose, arcs[i], progress[i], path, periods[i], rules, actions)
+        else:
+            grid, goal = _grid(cells, slots[i]), (goals[i, 0], goals[i, 1])
+            body = room_for_noise(pose, grid, sizes[slots[i], 0], clearance)
+            way, length = progress[i], lengths[i]
+            count = steer(pose, arcs[i], way, path, length, goal, rules, grid, body, actions)
+        count = min(count, horizon)
+        shown[i, :count], shown[i, count:] = actions[:count], 0.0
+        counts[i] = count
+
+
+@compiled
+def cast(
+    poses: Singles, bearings: Singles, cells: tuple[Any, ...], rooms: Indices, out: Singles
+) -> None:
+    """Fill in the ranges from one pose in each of ``rooms`` (k,), each a map of ``cells``.
+
+    Args:
+        poses: rows x, y, θ, (3, k).
+        bearings: (B,) rad.
+        cells: :class:`Cells`, as a plain tuple, one for each room.
+        rooms: (k,).
+        out: (B, k).
+    """
+    _, _, _, sight, shapes, frames, yaws, endless = cells
+    pose, seen = np.empty((3, 1), poses.dtype), np.empty((bearings.size, 1), np.float32)
+    for k in range(rooms.size):
+        slot = rooms[k]
+        rows, columns = shapes[slot]
+        reach = sight[slot, : rows * columns].reshape(rows, columns)
+        pose[0, 0], pose[1, 0], pose[2, 0] = poses[0, k], poses[1, k], poses[2, k]
+        frame = _frame(frames, slot)
+        cast_from(pose, bearings, reach, frame, yaws[slot], endless[slot], seen)
+        out[:, k] = seen[:, 0]
+
+
+@compiled
+def _grid(cells: Any, slot: int) -> Any:
+    """Return a ``grid_kernels.CellGrid`` as a plain tuple, of one of the maps."""
+    reach, up, down, _, shapes, frames, _, _ = cells
+    rows, columns = shapes[slot]
+    size = rows * columns
+    return (
+        reach[slot, :size].reshape(rows, columns),
+        up[slot, :size].reshape(rows, columns),
+        down[slot, :size].reshape(rows, columns),
+        _frame(frames, slot),
+    )
+
+
+@compiled
+def _frame(frames: Floats, slot: int) -> tuple[float, float, float, float, float]:
+    row = frames[slot]
+    return row[0], row[1], row[2], row[3], row[4]
 
 
 @compiled
 def _ahead(
-    x: float, y: float, dx: float, dy: float, way: float, rules: Rules
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+    way: float,
+    walls: Floats,
+    cells: Any,
+    slot: int,
+    radius: float,
+    skin: float,
 ) -> tuple[float, float]:
     """Return the gap of a robot to the nearest wall, and the share of a drive to its contact."""
-    gap = _gap(x, y, rules) - rules.radius
-    if gap > way + rules.skin:
+    if cells[0].shape[1] == 0:
+        gap = _gap(x, y, walls) - radius
+        if gap > way + skin:
+            return gap, np.inf
+        return gap, 0.0 if gap < 0.0 else _first_contact(x, y, dx, dy, walls, radius)
+    reach, up, down, frame = _grid(cells, slot)
+    point, found = np.array(((x,), (y,))), np.empty(1, np.float32)
+    distances(point, reach, up, down, frame, found)
+    gap = np.float64(found[0]) - radius
+    if gap > way + skin:
         return gap, np.inf
-    return gap, 0.0 if gap < 0.0 else _first_contact(x, y, dx, dy, rules)
+    end = x + dx, y + dy
+    return gap, 0.0 if gap < 0.0 else first_contact((x, y), end, reach, frame, radius)
 
 
 @compiled
-def _gap(x: float, y: float, rules: Rules) -> float:
+def _gap(x: float, y: float, walls: Floats) -> float:
     """Distance of a point to the nearest wall."""
-    reach, up, down, frame = rules.cells
-    if reach.size:
-        point, gap = np.array(((x,), (y,))), np.empty(1, np.float32)
-        distances(point, reach, up, down, frame, gap)
-        return np.float64(gap[0])
-    walls, least = rules.walls, np.inf
+    least = np.inf
     for wall in range(walls.shape[0]):
         px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start
         ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
@@ -180,12 +358,9 @@ def _gap(x: float, y: float, rules: Rules) -> float:
 
 
 @compiled
-def _first_contact(x: float, y: float, dx: float, dy: float, rules: Rules) -> float:
+def _first_contact(x: float, y: float, dx: float, dy: float, walls: Floats, radius: float) -> float:
     """Share of (dx, dy) at which a disc that starts clear of walls first touches one; or inf."""
-    reach, _, _, frame = rules.cells
-    walls, radius, first = rules.walls, rules.radius, np.inf
-    if reach.size:
-        return first_contact((x, y), (x + dx, y + dy), reach, frame, radius)
+    first: float = np.inf
     square = dx * dx + dy * dy
     for wall in range(walls.shape[0]):
         px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start

@@ -196,7 +196,7 @@ class GridMap:
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """See ``Caster``."""
-        reach, endless = self._sight
+        reach, endless = self.sight
         grid_kernels.cast(poses, bearings, reach, self._frame, self.origin[2], endless, out)
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
@@ -293,8 +293,8 @@ class GridMap:
         return _reach_among(self.solid)
 
     @cached_property
-    def _sight(self) -> tuple[Reach, bool]:
-        """The reach of beams, and whether they go on beyond the map's edge."""
+    def sight(self) -> tuple[Reach, bool]:
+        """The reach of each cell for beams, and whether they go on beyond the map's edge."""
         if self.unknown != "transparent":
             return self._reach, False
         return _reach_among(self.occupied), True

@@ -7,12 +7,13 @@ from typing import Protocol
 
 import numpy as np
 
-from deqmcl_gym.maps import Map
+from deqmcl_gym.maps import GridMap, Map
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, integer
 from deqmcl_gym.world.config import Driver, World
 from deqmcl_gym.world.course import MAX_STEPS, Course, Path, Pose
+from deqmcl_gym.world.driver_kernels import NEARER, room_for_noise, steer
 from deqmcl_gym.world.path_kernels import once_round, roll_out
 
 Actions = Singles
@@ -92,7 +93,6 @@ class FixedPlan:
 
 
 _LAPS = 2  # what the driver may take, in steps of the lap as planned
-_NEARER = (1.0, 0.7, 0.5, 0.35, 0.25)  # shares of the look-ahead that are tried on a route
 
 
 @dataclass(frozen=True)
@@ -184,11 +184,13 @@ class GuidedPlan:
         path, ground, route = self.course.path, self.world.floor_plan, self.world.route
         if route is None:
             return self._along(path, 1.0, pose, arc, way, most)
+        if isinstance(ground, GridMap) and not path.closed:
+            return self._among_cells(ground, route.clearance, pose, arc, way, most)
         room = float(ground.distance([pose[:2]])[0]) - self.world.body
         body = self.world.body + max(0.0, min(room, route.clearance)) / 2
         farthest, clear = np.empty((0, 2), np.float32), -1
         for onto, begin in ((path, arc), (_back_onto(path, arc, pose), 0.0)):
-            for share in _NEARER:
+            for share in NEARER:
                 actions = self._along(onto, share, pose, begin, way, most)
                 blocked = _blocked(pose, actions, ground, body)
                 if not blocked.any():
@@ -196,6 +198,21 @@ class GuidedPlan:
                 if blocked.argmax() > clear:
                     farthest, clear = actions, int(blocked.argmax())
         return farthest
+
+    def _among_cells(
+        self, ground: GridMap, clearance: float, pose: Pose, arc: float, way: float, most: int
+    ) -> Actions:
+        """Return the same on a map of cells, in one kernel."""
+        path, goal = self.course.path, self.course.goal
+        assert goal is not None  # of a route
+        body = room_for_noise(pose, ground.cells, self.world.body, clearance)
+        actions = np.empty((most, 2), np.float32)
+        return actions[
+            : steer(
+                pose, arc, way, path.edges, path.length, goal, self.rules, ground.cells, body,
+                actions,
+            )
+        ]  # fmt: skip
 
     def _along(
         self, path: Path, share: float, pose: Pose, arc: float, way: float, most: int

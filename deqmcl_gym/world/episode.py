@@ -4,7 +4,6 @@ Contact of the driving disc with walls is by pymunk for polygons, exact for cell
 """
 
 import math
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +17,7 @@ from deqmcl_gym.world.course import Point, Pose
 from deqmcl_gym.world.driver import GuidedPlan
 from deqmcl_gym.world.path_kernels import drawn, judged
 from deqmcl_gym.world.people import Crowded
-from deqmcl_gym.world.reality import Reality
+from deqmcl_gym.world.reality import Beginning
 from deqmcl_gym.world.rules import RoomRules
 from deqmcl_gym.world.sensor import LidarSensor, Stream, episode_stream
 
@@ -218,14 +217,11 @@ class Episode(Body):
             InputError: no drawn start is free, or no route was found.
         """
         self._rules = rules
-        self.course, self.plan = rules.begun(seed, number)
         self._seed, self._number = seed, number
-        self._reality = Reality.drawn(rules.world, self.course, self.plan, self.stream)
-        world = self._reality.world
-        self.there = rules if world is rules.world else replace(rules, world=world)
-        self.pose = self.there.start(self.course, seed, number)
-        if isinstance(self.plan, GuidedPlan) and self.there is not rules:
-            self._drive_what_is_there(self.plan)
+        begun = Beginning.drawn(rules, seed, number)
+        self.there, self._reality = begun.there, begun.reality
+        self.course, self.plan, self.pose = begun.course, begun.plan, begun.start
+        world = self.there.world
         self._crowd = self._reality.crowd(self.pose[:2], self.stream)
         caster = self._reality.caster(self._crowd, self.stream)
         datum, noise = world.floor_plan.datum, self.stream(Stream.SENSOR)
@@ -235,22 +231,13 @@ class Episode(Body):
             solid = Crowded(solid, self._crowd, world.body)
         motion = self.stream(Stream.MOTION)
         super().__init__(self.pose, Physics(solid, self.pose[:2]), sensor, rules.noise, motion)
-        self.arc = rules.first_arc(self.course, self.pose[:2])
+        self.arc = begun.arc
         self.way = self.progress = 0.0
         self.step, self.done, self.ended = 0, False, False
 
     def picture(self, view: "View") -> "Drawing":
         """Draw what is there, without the robot."""
         return self._reality.picture(view, self._crowd)
-
-    def _drive_what_is_there(self, plan: GuidedPlan) -> None:
-        """Let a driver who has planned on the map see what is there, and plan anew if he must."""
-        journeys, goal = self.there.journeys, self.course.goal
-        if self._reality.keeps_route or journeys is None or goal is None:
-            self.plan = replace(plan, world=self.there.world)
-        else:
-            self.course = journeys.onwards(goal, self.pose)
-            self.plan = self.there.plan_for(self.course)
 
     def stream(self, stream: Stream, twin: int = 0) -> np.random.Generator:
         """Return the random stream of one source in this episode, from its beginning."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,11 +12,12 @@ from deqmcl_gym.maps.altered import altered
 from deqmcl_gym.maps.map import Caster, Point
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.world.config import World
-from deqmcl_gym.world.course import Course
+from deqmcl_gym.world.course import Course, Pose
 from deqmcl_gym.world.differences import Changes, Way
-from deqmcl_gym.world.driver import Plan, points_of
+from deqmcl_gym.world.driver import GuidedPlan, Plan, points_of
 from deqmcl_gym.world.people import AmongPeople, Crowd
-from deqmcl_gym.world.sensor import Stream, ThroughGlass
+from deqmcl_gym.world.rules import RoomRules
+from deqmcl_gym.world.sensor import Stream, ThroughGlass, episode_stream
 
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing, View
@@ -99,6 +101,55 @@ class Reality:
             drawing.segments(self.mapped.walls, MAPPED)
         drawing.solids(self.glass, GLASS)
         return drawing if crowd is None else drawing.discs(crowd.places, crowd.radius, PERSON)
+
+
+@dataclass(frozen=True, eq=False)
+class Beginning:
+    """What is drawn for an episode before its first step.
+
+    Attributes:
+        there: the rules, in the world as it is in this episode.
+        course: the path, and the actions planned for it.
+        plan: the actions to come.
+        reality: what is there.
+        start: the true pose (x, y, θ).
+    """
+
+    there: RoomRules
+    course: Course
+    plan: Plan
+    reality: Reality
+    start: Pose
+
+    @classmethod
+    def drawn(cls, rules: RoomRules, seed: int, number: int) -> "Beginning":
+        """Draw the ``number``-th episode after seeding.
+
+        Raises:
+            InputError: no drawn start is free, no route was found, or there is no room for what
+                is not on the map.
+        """
+        course, plan = rules.begun(seed, number)
+        streams = partial(episode_stream, seed, number)
+        reality = Reality.drawn(rules.world, course, plan, streams)
+        world = reality.world
+        if world is rules.world:
+            return cls(rules, course, plan, reality, rules.start(course, seed, number))
+        there = replace(rules, world=world)
+        start = there.start(course, seed, number)
+        if isinstance(plan, GuidedPlan):  # he has planned on the map, sees what is there
+            journeys, goal = there.journeys, course.goal
+            if reality.keeps_route or journeys is None or goal is None:
+                plan = replace(plan, world=world)
+            else:
+                course = journeys.onwards(goal, start)
+                plan = there.plan_for(course)
+        return cls(there, course, plan, reality, start)
+
+    @property
+    def arc(self) -> float:
+        """Arc length at which it begins."""
+        return self.there.first_arc(self.course, self.start[:2])
 
 
 def _way(world: World, course: Course, plan: Plan, whole: bool) -> Way:

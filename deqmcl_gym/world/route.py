@@ -3,21 +3,20 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from importlib.util import find_spec
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deqmcl_gym.maps.map import Map, pixel
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
 from deqmcl_gym.validation import InputError
+from deqmcl_gym.world import route_kernels
 from deqmcl_gym.world.config import Route, World
 from deqmcl_gym.world.course import Course, Path, Point, Pose
 from deqmcl_gym.world.sensor import Stream, episode_stream
 
 _CELL = 5.0  # px: 0.1 m
 _IN_SIGHT = 100  # cells ahead that are tried for a straight line
-_NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))  # the other four are these reversed
 _COST_OF_WALLS = 4.0  # extra cost per length at a wall
 _SURELY = 1.01  # times the comfort: farther away than that, whatever float32 rounds
 
@@ -39,23 +38,18 @@ class Routes:
     radius: float
     comfort: float
 
-    def __post_init__(self) -> None:
-        if find_spec("scipy") is None:
-            raise InputError(
-                "routes need SciPy, which is not installed: pip install 'deqmcl-gym[routes]'."
-            )
-
     def to(self, goal: Point) -> "RoutesTo":
         """Return the routes from anywhere to a goal.
 
         Raises:
             InputError: the goal is not in free space.
         """
-        from scipy.sparse.csgraph import dijkstra
-
         self.check("goal", goal)
-        costs: Floats = dijkstra(self._graph, directed=False, indices=self.cell(goal))
-        return RoutesTo(self, goal, costs, self._following(costs))
+        costs = np.full(len(self.centres), np.inf)
+        following = np.empty(len(costs), np.intp)
+        route_kernels.fill_costs(*self._dear, self._cell, self.cell(goal), costs)
+        route_kernels.fill_following(*self._dear, costs, following)
+        return RoutesTo(self, goal, costs, following)
 
     def check(self, what: str, at: Point) -> None:
         """Refuse a place where the robot does not fit."""
@@ -92,24 +86,6 @@ class Routes:
         nearest = self.floor_plan.distance(ways.reshape(-1, 2)).reshape(len(shares), -1)
         seen: Bools = nearest.min(axis=0) >= np.maximum(room - self._cell, self.radius)
         return seen
-
-    def _following(self, costs: Floats) -> Indices:
-        """Return the next cell of the route from each cell to the goal; -1 at it, or without one.
-
-        Of those that lead there at equal cost it is the nearest to the goal, and of these the last:
-        SciPy's choice, which depends on its heap, could be another in another version.
-        """
-        graph = self._graph.tocoo()
-        here, there = np.hstack([(graph.row, graph.col), (graph.col, graph.row)])
-        leads = costs[there] + np.tile(graph.data, 2) == costs[here]
-        leads &= np.isfinite(costs[here])
-        here, there = here[leads], there[leads]
-        least = np.full(len(costs), np.inf)
-        np.minimum.at(least, here, costs[there])
-        following = np.full(len(costs), -1)
-        nearest = costs[there] == least[here]
-        np.maximum.at(following, here[nearest], there[nearest])
-        return following
 
     @cached_property
     def _cell(self) -> float:
@@ -148,22 +124,12 @@ class Routes:
         )
 
     @cached_property
-    def _graph(self) -> Any:
-        """Weighted distances between neighbouring cells, sparse, in one direction each."""
-        from scipy.sparse import coo_array
-
-        room, numbers = self._room, self._numbers
-        dear = self._cell * (1 + _COST_OF_WALLS * np.clip(1 - room / self.comfort, 0, 1))
-        starts, ends, costs = [], [], []
-        for down, right in _NEIGHBOURS:
-            here, there = _shifted(numbers, down, right)
-            fits = (here >= 0) & (there >= 0)
-            starts.append(here[fits])
-            ends.append(there[fits])
-            costs.append(np.sqrt(down**2 + right**2) * sum(_shifted(dear, down, right))[fits] / 2)
-        size = len(self.centres)
-        values = np.concatenate(costs), (np.concatenate(starts), np.concatenate(ends))
-        return coo_array(values, shape=(size, size)).tocsr()
+    def _dear(self) -> tuple[Floats, NDArray[np.int64]]:
+        """Cost per step of each cell, and its number, both with a ring around the map."""
+        walls = np.clip(1 - self._room / self.comfort, 0, 1)
+        dear = self._cell * (1 + _COST_OF_WALLS * walls)
+        numbers = self._numbers.astype(np.int64)
+        return np.pad(dear, 1), np.pad(numbers, 1, constant_values=-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,14 +189,6 @@ class RoutesTo:
 
 
 routes_on = lru_cache(maxsize=32)(Routes)  # the last ones, as they are slow to compute
-
-
-def _shifted(values: Any, down: int, right: int) -> tuple[Any, Any]:
-    """Return the values of cells, and of those ``down`` rows and ``right`` columns from them."""
-    rows, columns = values.shape
-    left = max(0, -right)
-    here = values[: rows - down, left : columns - max(0, right)]
-    return here, values[down:, left + right : columns - max(0, right) + right]
 
 
 _ENDS = 20  # tries of a drawn end

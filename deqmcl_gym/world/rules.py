@@ -252,10 +252,13 @@ class RoomRules:
         course = self.journeys.drawn(seed, number)
         return course, self.plan_for(course)
 
-    def in_office(self, seed: int) -> "RoomRules":
-        """Return these rules in the office of a seed."""
-        assert self.offices is not None
-        return replace(self, world=replace(self.world, floor_plan=self.offices.map(seed)))
+    def of_episode(self, seed: int, number: int) -> tuple["RoomRules", int | None]:
+        """Return the rules of an episode, and the seed of the office that it draws, if it does."""
+        if self.offices is None:
+            return self, None
+        building = self.offices.drawn(episode_stream(seed, number, Stream.BUILDING))
+        world = replace(self.world, floor_plan=self.offices.map(building))
+        return replace(self, world=world), building
 
     def plan_for(self, course: Course, begun: int = 0) -> Plan:
         """Return the plan for a course that begins after the step ``begun`` of an episode."""
@@ -307,7 +310,7 @@ class RoomRules:
         planned: Singles,
         covered: Any,
         elapsed: Any,
-        goal: Point | None = None,
+        goal: ArrayLike | None = None,
     ) -> Any:
         """Return an observation of one room or of n, all arrays fresh.
 
@@ -316,7 +319,7 @@ class RoomRules:
             planned: the actions to come, (h, 2) or (n, h, 2).
             covered: progress since reset as a share of the path, a number or (n,).
             elapsed: steps as a share of the plan's, a number or (n,).
-            goal: the end of the route, if there is one.
+            goal: the end of the route, if there is one, (2,) or (n, 2).
         """
         if self.observation == "scan":
             return scan.copy()

@@ -7,11 +7,11 @@ a second wrapper, has the key (i, k, j).
 
 import enum
 from dataclasses import dataclass
-from typing import cast
+from typing import Protocol, cast
 
 import numpy as np
 
-from deqmcl_gym.maps import Lidar, Map
+from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import Caster, Point
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.entropy import Seeds
@@ -157,21 +157,27 @@ class LidarSensor:
         return seen
 
 
+class Casters(Protocol):
+    """What beams meet in each of many rooms."""
+
+    def local(self, rooms: Indices, poses: Floats) -> Singles:
+        """Return ``poses`` (k, 3) of ``rooms`` as their caster takes them, (3, k)."""
+
+    def caster(self, rooms: Indices) -> Caster:
+        """Return a caster for one pose in each of ``rooms`` (k,), in this order."""
+
+
 class LidarSensors:
     """The same lidar in each of many rooms, of which each may have walls of its own.
 
     Attributes:
         scans: the last ones, (n, B) float32.
-        own: casters of rooms with walls of their own: of all rooms that are scanned, or none.
     """
 
-    def __init__(self, floor_plan: Map, lidar: Lidar, rooms: int, most: int) -> None:
-        """Mount ``lidar`` in n ``rooms``, for at most ``most`` scans in an episode."""
-        self._lidar = lidar
-        self._caster = floor_plan.local.caster
-        self._datum = np.array([*floor_plan.datum, 0.0])
+    def __init__(self, casters: Casters, lidar: Lidar, rooms: int, most: int) -> None:
+        """Mount ``lidar`` in n ``rooms``, for about ``most`` scans in an episode."""
+        self._casters, self._lidar = casters, lidar
         self._max_range, self._sigma = lidar.max_range, lidar.sigma
-        self.own: dict[int, Caster] = {}
         self._noise = NormalTable(rooms, lidar.beams, most)
         self.scans = np.zeros((rooms, lidar.beams), np.float32)
 
@@ -181,16 +187,9 @@ class LidarSensors:
 
     def scan(self, rooms: Indices, poses: Floats) -> None:
         """Take a scan in each of ``rooms`` (k,), at ``poses`` (k, 3)."""
-        local = (poses - self._datum).T.astype(np.float32, order="C")
         exact = np.empty((self._lidar.beams, rooms.size), np.float32)
-        if self.own:
-            single = np.empty((self._lidar.beams, 1), np.float32)
-            for i, room in enumerate(rooms.tolist()):
-                alone = np.ascontiguousarray(local[:, i : i + 1])
-                self._lidar.cast(self.own[room], alone, single)
-                exact[:, i : i + 1] = single
-        else:
-            self._lidar.cast(self._caster, local, exact)
+        local = self._casters.local(rooms, poses)
+        self._lidar.cast(self._casters.caster(rooms), local, exact)
         noise = self._noise
         noise.fill()
         _report_rooms(rooms, exact, noise.drawn, noise.at, self._sigma, self._max_range, self.scans)

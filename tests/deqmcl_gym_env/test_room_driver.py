@@ -5,11 +5,9 @@ import itertools
 import math
 import pickle
 
-import gymnasium as gym
 import numpy as np
 import pytest
 from room_cases import STILL, infos_of, wrapped
-from room_trace import ROOM_ID
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.wrappers import Kidnap, PlanChange
@@ -172,17 +170,6 @@ def test_the_plan_of_a_driver_is_not_replaced():
         env.replace_plan([(1.0, 0.0)])
     action = np.float32([5.0, 0.1])
     np.testing.assert_equal(env.step(action), other.step(action))
-
-
-def test_many_guided_rooms_run_one_by_one():
-    with pytest.raises(InputError, match=r'vectorization_mode="sync"'):
-        gym.make_vec(ROOM_ID, num_envs=2, preset="guided")
-    many = gym.make_vec(ROOM_ID, num_envs=2, preset="guided", vectorization_mode="sync")
-    _, infos = many.reset(seed=3)
-    for i, single in enumerate((guided(), guided())):
-        np.testing.assert_equal(
-            infos["planned_actions"][i], infos_of(single, 3 + i, most=0)[0]["planned_actions"]
-        )
 
 
 def test_a_pickled_room_drives_on_alike():

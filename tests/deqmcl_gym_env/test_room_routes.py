@@ -1,5 +1,8 @@
 """Worlds with a route: a start and a goal, the way between them, and who drives it."""
 
+import itertools
+import math
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -8,12 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from room_cases import PAPER, SMALL, STILL, WORLD, infos_of
 from room_trace import ROOM_ID
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.wrappers import Kidnap
 from deqmcl_gym.maps import Office, PolygonMap
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world import route as planner
 from deqmcl_gym.world.course import Path
 from deqmcl_gym.world.route import Routes
 
@@ -164,11 +168,6 @@ def test_gymnasium_finds_nothing_wrong_and_one_draws_it():
     assert (image[:, :, 2] - image[:, :, 0] > 60).sum() > 300  # the way in blue, the goal is 81
 
 
-def test_many_rooms_with_routes_run_one_by_one():
-    with pytest.raises(InputError, match=r'with a route .* vectorization_mode="sync", horizon='):
-        gym.make_vec(ROOM_ID, num_envs=2, floor_plan={"office": SMALL}, **WORLD)
-
-
 def test_routes_longer_than_the_map_allows_and_goals_behind_walls_are_refused():
     with pytest.raises(InputError, match="no route of 500 to 600 m was found"):
         office(route={"min_length": 500.0, "max_length": 600.0}).reset(seed=0)
@@ -192,13 +191,6 @@ def test_a_driver_set_down_at_its_goal_is_refused_and_nothing_has_changed():
         np.testing.assert_array_equal(
             again.step(info["action"])[-1]["planned_actions"], info["planned_actions"]
         )
-
-
-def test_without_scipy_the_extra_is_named(monkeypatch):
-    monkeypatch.setattr(planner, "find_spec", lambda name: None)
-    planner.routes_on.cache_clear()
-    with pytest.raises(InputError, match=r"pip install 'deqmcl-gym\[routes\]'"):
-        RoomEnv(route={})
 
 
 def test_there_is_no_course_before_reset():
@@ -295,8 +287,33 @@ def test_cells_cost_as_if_the_distance_to_walls_were_known_at_each(form):
     assert (found == comfort).any()
 
 
+def graph_of(routes):
+    """Costs of steps between neighbouring free cells, a sparse matrix, by the definition."""
+    free = {cell: number for number, cell in enumerate(zip(*np.nonzero(routes._room), strict=True))}
+    dear = routes._cell * (1 + 4 * np.clip(1 - routes._room / routes.comfort, 0, 1))
+    steps = [step for step in itertools.product((-1, 0, 1), repeat=2) if step != (0, 0)]
+    costs = [
+        (math.sqrt(down**2 + right**2) * (dear[row, column] + dear[row + down, column + right]) / 2,
+         number, free[row + down, column + right])
+        for (row, column), number in free.items()
+        for down, right in steps
+        if (row + down, column + right) in free
+    ]  # fmt: skip
+    values, here, there = zip(*costs, strict=True)
+    return csr_array((values, (here, there)), shape=(len(free), len(free)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_costs_are_those_of_scipys_dijkstra_bit_for_bit(seed):
+    routes = Routes(Office(seed=seed, wings=1, corridors=1).grid, radius=0.3, comfort=0.8)
+    graph = graph_of(routes)
+    for goal in np.random.default_rng(seed).integers(len(routes.centres), size=3):
+        costs = routes.to(tuple(routes.centres[goal])).costs
+        np.testing.assert_array_equal(costs, dijkstra(graph, indices=goal))
+
+
 def test_of_ways_at_equal_cost_a_route_takes_that_by_the_nearest_cell_and_of_these_the_last():
-    ways, graph = MIRRORED.to((177.5, 50)), MIRRORED._graph + MIRRORED._graph.T
+    ways, graph = MIRRORED.to((177.5, 50)), graph_of(MIRRORED)
     ties = 0
     for cell, following in enumerate(ways.following):
         its = slice(*graph.indptr[cell : cell + 2])

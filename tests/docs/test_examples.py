@@ -21,7 +21,7 @@ QUICK = ("custom_room.py", "doors.py")
 SCRIPTS = [
     path.name if path.name in QUICK else pytest.param(path.name, marks=pytest.mark.slow)
     for path in sorted(EXAMPLES.glob("*.py"))
-    if path.name not in ("conftest.py", "ppo.py", "ppo_localize.py")
+    if path.name not in ("conftest.py", "ppo.py", "ppo_localize.py", "sb3_journeys.py")
 ]
 LEARNED = f"{EXAMPLES}/learned_localizer/learned.py:Learned"
 
@@ -52,6 +52,13 @@ def test_ppo_learns_to_finish_laps(tmp_path):
     said = run("ppo.py", "--curve", tmp_path / "ppo.svg")
     assert "0 steps:   0% finish" in said
     assert int(re.search(r"(\d+) of 20 episodes finished", said)[1]) >= 18
+
+
+@pytest.mark.slow
+def test_ppo_trains_on_many_journeys_at_once():
+    pytest.importorskip("stable_baselines3")
+    said = run("sb3_journeys.py", "--steps", 1024, "--rooms", 8)
+    assert "mean return of the last" in said
 
 
 @pytest.mark.slow

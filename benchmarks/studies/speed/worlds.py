@@ -19,6 +19,7 @@ from benchmarks.sweeps.suites import paper_suite
 from benchmarks.trials.attempt import attempt
 from benchmarks.trials.plugins import key_of
 from deqmcl_gym import ENV_ID as ROOM
+from deqmcl_gym.registration import JOURNEY_ENV_ID as JOURNEY
 
 CARTPOLE = "CartPole-v1"
 FEW, MANY = 64, 1_024
@@ -66,6 +67,34 @@ def office(people: int) -> Job:
             ahead = env.reset()[1]
 
     return Job(step, clock=lambda: spent)
+
+
+def journeys(size: int, mode: str, *, resets: bool) -> Job:
+    """Return the job of journeys driven along their plans in Gymnasium's ``mode`` of vector env.
+
+    ``size`` steps a call. ``resets``: whether these count, which look for a route.
+    """
+    how: dict[str, Any] = {"vectorization_mode": mode}
+    if mode == "sync":
+        how["vector_kwargs"] = {"autoreset_mode": "Disabled"}
+    else:
+        how["autoreset_mode"] = "Disabled"
+    envs = gym.make_vec(JOURNEY, num_envs=size, **how)
+    ahead, spent = envs.reset(seed=0)[1]["planned_actions"], 0.0
+
+    def step() -> None:
+        nonlocal ahead, spent
+        start = time.process_time()
+        *_, terminated, truncated, info = envs.step(ahead[:, 0])
+        ahead, ended = info["planned_actions"], terminated | truncated
+        spent += time.process_time() - start
+        if ended.any():
+            start = time.process_time()
+            info = envs.reset(options={"reset_mask": ended})[1]
+            ahead[ended] = info["planned_actions"][ended]
+            spent += (time.process_time() - start) * resets
+
+    return Job(step, size, clock=lambda: spent)
 
 
 def driving_all(envs: gym.vector.VectorEnv[Any, Any, Any], actions: Actions) -> Job:
@@ -125,6 +154,10 @@ def _trial(name: str) -> Figure:
     return Figure(f"trial_{name.replace('-', '_')}", what, "ms/trial", ours, share)
 
 
+def _journeys(mode: str, words: str, *, resets: bool) -> Side:
+    return Side(f"{FEW} journeys{words}", partial(journeys, FEW, mode, resets=resets))
+
+
 _STEPS = "environment steps, resets included"
 _IN_OFFICE = "environment steps in an office, without resets"
 _SINGLE = Side(f"a room, {BEAMS} beams", partial(single, ROOM))
@@ -140,4 +173,17 @@ FIGURES = (
     Figure("env_40_people", _IN_OFFICE, "µs/step", _PEOPLE, _NOBODY, 2.0),
     Figure("vector64_vs_cartpole_vector64", _STEPS, "steps/s", _rooms(FEW), _CARTPOLES),
     Figure("vector1024_vs_single", _STEPS, "steps/s", _rooms(MANY), _SINGLE),
+    *(
+        Figure(
+            f"journey64_{name}",
+            f"steps of Journey-v1, {words}",
+            "steps/s",
+            _journeys("vector_entry_point", "", resets=resets),
+            _journeys("sync", ", one after the other", resets=resets),
+        )
+        for name, words, resets in (
+            ("steps", "without resets", False),
+            ("with_resets", "resets included", True),
+        )
+    ),
 )
