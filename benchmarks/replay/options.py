@@ -251,6 +251,12 @@ def reading_of(words: Sequence[str]) -> dict[str, Any]:
                 "--read takes no scanner: write it into the file, as "
                 '# {"angles": [-1.57, 0, 1.57], "max_range": 8} in the first line of a CSV.'
             )
+        if name == "scan_topic" and name in found:
+            found[name] = (
+                *(found[name] if isinstance(found[name], tuple) else (found[name],)),
+                value,
+            )
+            continue
         if name in found:
             raise InputError(f"--read gives {name} twice: give it once.")
         numbers = None if name.endswith(("_topic", "_frame")) else _numbers(value)

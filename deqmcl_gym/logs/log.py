@@ -113,6 +113,22 @@ class Scanner(Lidar):
         return np.array(self.angles)
 
     @property
+    def parts(self) -> tuple["Scanner", ...]:
+        """A scanner of one place for each of its mounts; itself, if it has none."""
+        if not self.mounts:
+            return (self,)
+        return tuple(
+            replace(
+                self,
+                angles=tuple(np.unwrap(self.bearings[rows]).tolist()),
+                mounting=(one.x, one.y),
+                mounts=(),
+                turn=one.heading,
+            )
+            for one, rows in zip(self.mounts, self.rows, strict=True)
+        )
+
+    @property
     def spacing(self) -> float | None:
         """The angle between neighbouring beams; None if they are not evenly spaced."""
         if self.beams == 1:

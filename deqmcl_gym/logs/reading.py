@@ -1,7 +1,7 @@
 """Reading and writing of logs; the ending of the name determines the format."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -35,6 +35,7 @@ _TAKEN: Mapping[Any, tuple[str, ...]] = MappingProxyType(
             "base_frame",
             "max_gap",
             "max_range",
+            "max_apart",
         ),
         csv_npz.read_csv: ("scanner",),
         csv_npz.read_npz: ("scanner",),
@@ -51,7 +52,8 @@ def read(
     min_range: float | None = None,
     mounting: tuple[float, float, float] | None = None,
     scanner: Scanner | None = None,
-    scan_topic: str | None = None,
+    scan_topic: str | Sequence[str] | None = None,
+    max_apart: float | None = None,
     odometry_topic: str | None = None,
     reference_topic: str | None = None,
     base_frame: str | None = None,
@@ -73,7 +75,9 @@ def read(
             default of a log without one is the robot's centre.
         scanner: for CSV and npz files that do not contain it.
         scan_topic: of a ROS bag; "FLASER" or "ROBOTLASER1" of a CARMEN log. None takes the only
-            one, as do the next.
+            one, as do the next. Several topics of a bag make one scan of several lidars: a record
+            has one of each, moved by the odometry to the stamp of the rarest; see ``logs.pairing``.
+        max_apart: of the stamps of such scans, s; None is 0.1.
         odometry_topic: of a ROS bag; None also takes a moving transform from ``odom``.
         reference_topic: of a ROS bag, with poses of the robot in the map; None takes ``/reference``
             if it exists.
@@ -94,8 +98,9 @@ def read(
             "ROS 2 bag."
         )
     options: dict[str, Any] = {
-        "scanner": scanner, "scan_topic": scan_topic, "odometry_topic": odometry_topic,
-        "reference_topic": reference_topic, "base_frame": base_frame,
+        "scanner": scanner, "scan_topic": scan_topic, "max_apart": max_apart,
+        "odometry_topic": odometry_topic, "reference_topic": reference_topic,
+        "base_frame": base_frame,
     }  # fmt: skip
     given = {name: value for name, value in options.items() if value is not None}
     if max_gap is not None:
@@ -114,16 +119,17 @@ def write(log: Log, path: str | PathLike[str]) -> None:
     """Write a log, whole or not at all; the ending of the name determines the format.
 
     ``.log``, ``.clf``, ``.carmen``: CARMEN. ``.csv``. Both also with ``.gz``. ``.npz``. ``.bag``:
-    ROS 1, ``.mcap``: ROS 2, no ending: the folder of a ROS 2 bag (sqlite3).
+    ROS 1, ``.mcap``: ROS 2, no ending: the folder of a ROS 2 bag (sqlite3). In a bag each of
+    several mounts has a topic, ``/scan_1`` and so on.
 
     Raises:
         InputError: the format is unknown or cannot hold the log, or the file cannot be written.
     """
     ending = check_writable(path)
-    if log.scanner.mounts and ending not in (".csv", ".npz"):
+    if log.scanner.mounts and ending in _TEXT:
         raise InputError(
             f"{path} is of a format that is written with one place of the scanner only, but this "
-            "log's scanner has mounts: end the name in .csv or .npz."
+            "log's scanner has mounts: end the name in .csv, .npz, .bag or .mcap."
         )
     _WRITERS[ending](log, Path(path))
 

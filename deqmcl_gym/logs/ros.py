@@ -5,8 +5,7 @@ Transforms between the frames of a robot give the scanner's mounting and, if nee
 
 import math
 import os
-import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,14 +15,15 @@ import numpy as np
 from deqmcl_gym.files import opened_log
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.motion import heading_of
+from deqmcl_gym.logs.pairing import MAX_APART, paired
 from deqmcl_gym.logs.raw_records import NO_ODOMETRY, UNREADABLE, RawRecords
 from deqmcl_gym.logs.trajectory import with_own_reference
+from deqmcl_gym.logs.transforms import ODOMETRY, Transforms, frame_name, only_frame
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import LARGEST, InputError, LogWarning, one_of
+from deqmcl_gym.validation import LARGEST, InputError, number, one_of, shown
 
 SCAN = "sensor_msgs/msg/LaserScan"
-ODOMETRY = "nav_msgs/msg/Odometry"
 POSES: dict[str, Callable[[Any], Any]] = {
     "geometry_msgs/msg/PoseStamped": lambda message: message.pose,
     "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: message.pose.pose,
@@ -33,125 +33,7 @@ _TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 UNIT_TOPIC, REFERENCE_TOPIC = "/deqmcl_unit", "/reference"
 ESTIMATE_TOPIC = "/amcl_pose"  # of Nav2's AMCL
 _GAP = 1.0  # s without odometry beyond which the pose in between is unknown
-_ODOMETRY_FRAME, _ROBOT = "odom", "base_link"
-_UPRIGHT = 0.99  # cosine of the largest tilt that is ignored: 8°
-
-
-class Transforms:
-    """All transforms of a bag, from parent to child: static ones, and odometry."""
-
-    def __init__(self) -> None:
-        self._edges: dict[tuple[str, str], list[list[float]]] = {}
-
-    def add(self, time: float, message: Any) -> None:
-        """Add a TransformStamped of ROS; a row is t, x, y, z, qx, qy, qz, qw, all finite."""
-        at, turned = message.transform.translation, message.transform.rotation
-        edge = _name(message.header.frame_id), _name(message.child_frame_id)
-        row = [time, at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]
-        known = self._edges.setdefault(edge, [])
-        if np.isfinite(row).all() and np.linalg.norm(row[4:]) > 0:
-            known.append(row)
-
-    def odometry(self, path: Path, base_frame: str | None) -> tuple[str, Floats]:
-        """Return the robot's frame and its poses in odom, rows t, x, y, qx, qy, qz, qw.
-
-        Raises:
-            InputError: there are none, or several frames move in odom.
-        """
-        found = {
-            child: rows
-            for (parent, child), rows in self._edges.items()
-            if parent == _ODOMETRY_FRAME and rows and base_frame in (None, child)
-        }
-        # a dock may stand in odom, too
-        moving = {name: rows for name, rows in found.items() if _still(rows) is None} or found
-        if not moving:
-            raise InputError(
-                f"{path} has no odometry: give the topic of a {ODOMETRY} by odometry_topic; there "
-                f"is no moving transform from the frame {_ODOMETRY_FRAME} either."
-            )
-        base = _only(moving, f"{_ODOMETRY_FRAME} in the transforms of {path}")
-        return base, np.array(moving[base])[:, [0, 1, 2, 4, 5, 6, 7]]
-
-    def mounted(self, path: Path, base: str, frame: str, angles: Floats) -> dict[str, Any]:
-        """Return a scanner's angles against the robot's heading, its mounting (x, y) and turn.
-
-        Raises:
-            InputError: the scanner is tilted.
-        """
-        chain = self._chain(base, frame)
-        if chain is None:
-            broken = [" to ".join(edge) for edge, rows in self._edges.items() if not rows]
-            why = f" (no finite one from {', '.join(broken)})" if broken else ""
-            warnings.warn(
-                f"{path} has no static transform from {base} to {frame}{why}: the scanner is "
-                "assumed in the robot's centre, looking ahead; if it is not, give "
-                "mounting=(x, y, turn).",
-                LogWarning,
-                stacklevel=2,
-            )
-            chain = np.eye(4)
-        up = chain[2, 2]
-        if abs(up) < _UPRIGHT:
-            raise InputError(
-                f"the scanner is tilted by {math.degrees(math.acos(up)):.0f}°, but must scan a "
-                "level plane."
-            )
-        turn = math.atan2(chain[1, 0], chain[0, 0])
-        seen = turn + math.copysign(1.0, up) * angles
-        mounting = float(chain[0, 3]), float(chain[1, 3])
-        return {"angles": tuple(seen.tolist()), "mounting": mounting, "turn": turn}
-
-    def _chain(self, base: str, frame: str) -> Floats | None:
-        """Return the transform from base to frame, 4 x 4; None without static ones between them."""
-        steps: dict[str, list[tuple[str, Floats]]] = {}
-        for (parent, child), rows in self._edges.items():
-            there = _still(rows)
-            if there is not None:
-                steps.setdefault(parent, []).append((child, there))
-                back = np.linalg.inv(there).astype(np.float64)
-                steps.setdefault(child, []).append((parent, back))
-        reached, queue = {base: np.eye(4)}, [base]
-        for here in queue:
-            for next_name, step in steps.get(here, ()):
-                if next_name not in reached:
-                    reached[next_name] = reached[here] @ step
-                    queue.append(next_name)
-        return reached.get(frame)
-
-
-def _still(rows: list[list[float]]) -> Floats | None:
-    """Return the 4 x 4 matrix of a transform that is the same in all of its rows, else None."""
-    values = np.array(rows).reshape(-1, 8)[:, 1:]
-    if not len(values):
-        return None
-    values[values[:, 3:] @ values[0, 3:] < 0, 3:] *= -1  # q and -q are the same turn
-    return _matrix(values[0]) if np.ptp(values, axis=0).max() < 1e-6 else None
-
-
-def _only(frames: Iterable[str], where: str) -> str:
-    first, *others = sorted(frames)
-    if others:
-        said = ", ".join([first, *others])
-        raise InputError(f"{where} has the poses of several frames, {said}: choose by base_frame.")
-    return first
-
-
-def _name(frame: str) -> str:
-    return frame.lstrip("/")  # tf of ROS 1 wrote names with and without it
-
-
-def _matrix(values: Floats) -> Floats:
-    """Return the 4 x 4 matrix of x, y, z, qx, qy, qz, qw."""
-    x, y, z, w = values[3:] / np.linalg.norm(values[3:])
-    matrix = np.eye(4)
-    matrix[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    matrix[:3, 3] = values[:3]
-    return matrix
+_ROBOT = "base_link"
 
 
 def require_rosbags() -> None:
@@ -170,17 +52,19 @@ def require_rosbags() -> None:
 
 def read_bag(
     path: Path,
-    scan_topic: str | None = None,
+    scan_topic: str | Sequence[str] | None = None,
     odometry_topic: str | None = None,
     reference_topic: str | None = None,
     base_frame: str | None = None,
     max_gap: float | None = None,
     max_range: float | None = None,
+    max_apart: float | None = None,
 ) -> Log:
     """Read a ROS bag; see ``logs.read``.
 
     A scan's time is that of its header; its odometry is interpolated between the two messages
     around it. Static transforms give the mounting of the scanner, which may hang upside down.
+    Scans of several topics are ``paired``.
 
     Raises:
         InputError: the bag is missing or damaged, a topic is missing or has to be chosen, the
@@ -189,18 +73,35 @@ def read_bag(
     require_rosbags()
     if not os.path.exists(path):
         raise InputError(f"{path} does not exist: give the path of a bag.")
+    asked = _scan_topics(scan_topic)
+    if max_apart is not None:
+        number("max_apart", max_apart, low=0)
+        if len(asked) < 2:
+            raise InputError("max_apart is given, but pairs the scans of 2 scan topics or more.")
     with _opened(path) as bag:
-        scans = _topic(path, bag, (SCAN,), "scan_topic", scan_topic)
-        assert scans is not None
+        scans = [_topic(path, bag, (SCAN,), "scan_topic", one) for one in asked]
         odometry = _topic(path, bag, (ODOMETRY,), "odometry_topic", odometry_topic, needed=False)
         if reference_topic is None and REFERENCE_TOPIC not in bag.topics:
             reference = None
         else:
-            asked = reference_topic or REFERENCE_TOPIC
-            reference = _topic(path, bag, tuple(POSES), "reference_topic", asked)
-        messages = _Messages(path, scans, odometry, reference)
+            named = reference_topic or REFERENCE_TOPIC
+            reference = _topic(path, bag, tuple(POSES), "reference_topic", named)
+        messages = _Messages(path, [one for one in scans if one], odometry, reference)
         messages.read(bag)
-    return messages.log(None if base_frame is None else _name(base_frame), max_gap, max_range)
+    base = None if base_frame is None else frame_name(base_frame)
+    return messages.log(base, max_gap, max_range, MAX_APART if max_apart is None else max_apart)
+
+
+def _scan_topics(given: str | Sequence[str] | None) -> Sequence[str | None]:
+    """Return the topics asked for, or None for the only one."""
+    if given is None or isinstance(given, str):
+        return [given]
+    several = isinstance(given, list | tuple) and len(set(map(str, given))) == len(given) > 0
+    if not several or not all(isinstance(one, str) for one in given):
+        raise InputError(
+            f"scan_topic is {shown(given)}, but must be a topic or several different ones."
+        )
+    return given
 
 
 def read_pose_topic(path: Path, topic: str | None = None) -> tuple[Floats, Floats | None]:
@@ -249,9 +150,14 @@ def _row(kind: str, message: Any) -> list[float]:
 class _Messages:
     """The messages of a bag that a log is made of."""
 
-    def __init__(self, path: Path, scans: str, odometry: str | None, reference: str | None) -> None:
-        self.path, self.scans, self.odometry, self.reference = path, scans, odometry, reference
-        self.scanned = RawRecords(str(path))
+    def __init__(
+        self, path: Path, scans: Sequence[str], odometry: str | None, reference: str | None
+    ) -> None:
+        self.path, self.odometry, self.reference = path, odometry, reference
+        one = len(scans) == 1
+        self.scanned = {
+            topic: RawRecords(str(path) if one else f"{path} {topic}") for topic in scans
+        }
         self.transforms = Transforms()
         self.unit = "m"
         self.moved: dict[str, list[list[float]]] = {}  # by frame: t, x, y, qx, qy, qz, qw
@@ -259,7 +165,7 @@ class _Messages:
 
     def read(self, bag: Any) -> None:
         """Read all messages needed; count those that cannot be decoded."""
-        wanted = {self.scans, self.odometry, self.reference, UNIT_TOPIC}
+        wanted = {*self.scanned, self.odometry, self.reference, UNIT_TOPIC}
         chosen = [
             one for one in bag.connections if one.topic in wanted or one.msgtype in _TRANSFORMS
         ]
@@ -267,7 +173,8 @@ class _Messages:
             try:
                 message = bag.deserialize(raw, connection.msgtype)
             except Exception:  # damaged bytes can raise anything
-                self.scanned.damage[UNREADABLE] += 1
+                first, *_ = self.scanned.values()
+                self.scanned.get(connection.topic, first).damage[UNREADABLE] += 1
                 continue
             self._take(connection, message)
 
@@ -277,33 +184,37 @@ class _Messages:
                 self.transforms.add(_seconds(one.header.stamp), one)
         elif connection.topic == UNIT_TOPIC:
             self.unit = message.data
-        elif connection.topic == self.scans:
+        elif connection.topic in self.scanned:
             names = "angle_min", "angle_increment", "range_min", "range_max"
             numbers = (float(getattr(message, name)) for name in names)
             same = (0.0 if math.isnan(one) else one for one in numbers)  # NaN is unlike NaN
-            geometry = (_name(message.header.frame_id), *same)
-            self.scanned.add(_seconds(message.header.stamp), (0, 0, 0), message.ranges, geometry)
+            geometry = (frame_name(message.header.frame_id), *same)
+            records = self.scanned[connection.topic]
+            records.add(_seconds(message.header.stamp), (0, 0, 0), message.ranges, geometry)
         else:
             row = _row(connection.msgtype, message)
             if connection.topic == self.reference:
                 self.truth.append(row)
             if connection.topic == self.odometry:  # it may be both
-                self.moved.setdefault(_name(message.child_frame_id), []).append(row)
+                self.moved.setdefault(frame_name(message.child_frame_id), []).append(row)
 
-    def log(self, base_frame: str | None, max_gap: float | None, max_range: float | None) -> Log:
-        """Return the log of all messages read."""
-        if len(self.scanned.times) > 1 and not any(self.scanned.times):
-            raise InputError(
-                f"the headers of {self.scans} in {self.path} have no stamps (all are 0), so its "
-                "scans have no odometry: write the times of the scans into their headers."
-            )
+    def log(
+        self, base_frame: str | None, max_gap: float | None, max_range: float | None, apart: float
+    ) -> Log:
+        """Return the log of all messages read; scans of several topics at most ``apart`` s."""
+        for topic, records in self.scanned.items():
+            if len(records.times) > 1 and not any(records.times):
+                raise InputError(
+                    f"the headers of {topic} in {self.path} have no stamps (all are 0), so its "
+                    "scans have no odometry: write the times of the scans into their headers."
+                )
         if self.odometry is None:
             base, rows = self.transforms.odometry(self.path, base_frame)
         elif len(self.moved) < 2:  # its name may be wrong or missing
             (named, moved), *_ = self.moved.items() or [("", [])]
             base, rows = base_frame or named or _ROBOT, np.array(moved).reshape(-1, 7)
         else:
-            one = base_frame or _only(self.moved, f"{self.odometry} in {self.path}")
+            one = base_frame or only_frame(self.moved, f"{self.odometry} in {self.path}")
             base = one_of("base_frame", one, self.moved)
             rows = np.array(self.moved[base])
 
@@ -315,31 +226,44 @@ class _Messages:
                         f"range_max of its scans is {most:g}: give max_range, such as max_range=20."
                     )
                 most = max_range
-            angles = start + step * np.arange(float(beams))
-            mounted = self.transforms.mounted(self.path, base, frame, angles)
-            return Scanner(**mounted, min_range=least, max_range=most)
+            own = start + step * np.arange(float(beams))
+            mount = self.transforms.mounted(self.path, base, frame, beams)
+            seen = mount.heading - own if mount.upside_down else mount.heading + own
+            place: dict[str, Any] = {"mounts": (mount,)}
+            if len(self.scanned) == 1:
+                place = {"mounting": (mount.x, mount.y), "turn": mount.heading}
+            angles = tuple(seen.tolist())
+            return Scanner(angles=angles, min_range=least, max_range=most, **place)
 
-        log = self._placed(_poses(rows)).log(scanner_of, unit=self.unit)
+        odometry = _poses(rows)
+        scanned = {
+            topic: _placed(records, odometry).log(scanner_of, unit=self.unit)
+            for topic, records in self.scanned.items()
+        }
+        (log, *others) = scanned.values()
+        if others:
+            log = paired(scanned, str(self.path), apart)
         return with_own_reference(log, _poses(np.array(self.truth).reshape(-1, 7)), max_gap)
 
-    def _placed(self, odometry: Floats) -> RawRecords:
-        """Return the records of scans with the odometry at their times, of those that have one."""
-        odometry = odometry[np.isfinite(odometry).all(axis=1)]
-        odometry = odometry[np.argsort(odometry[:, 0], kind="stable")]
-        at, times = odometry[:, 0], np.array(self.scanned.times)
-        known, poses = np.zeros(times.size, np.bool_), np.empty((times.size, 3))
-        if len(odometry):
-            after = np.clip(np.searchsorted(at, times), 0, at.size - 1)
-            before = np.maximum(after - 1, 0)
-            known = (times >= at[0]) & (times <= at[-1])
-            known &= np.isin(times, at) | (at[after] - at[before] <= _GAP)
-            x, y, heading = odometry[:, 1:].T
-            columns = [np.interp(times, at, column) for column in (x, y, np.unwrap(heading))]
-            poses = np.column_stack([*columns[:2], arrays.wrapped(columns[2])])
-        if lost := int((~known).sum()):
-            self.scanned.damage[NO_ODOMETRY] += lost
-        self.scanned.odometry = list(poses)
-        return self.scanned.kept(np.flatnonzero(known).tolist())
+
+def _placed(records: RawRecords, odometry: Floats) -> RawRecords:
+    """Return the records of scans with the odometry at their times, of those that have one."""
+    odometry = odometry[np.isfinite(odometry).all(axis=1)]
+    odometry = odometry[np.argsort(odometry[:, 0], kind="stable")]
+    at, times = odometry[:, 0], np.array(records.times)
+    known, poses = np.zeros(times.size, np.bool_), np.empty((times.size, 3))
+    if len(odometry):
+        after = np.clip(np.searchsorted(at, times), 0, at.size - 1)
+        before = np.maximum(after - 1, 0)
+        known = (times >= at[0]) & (times <= at[-1])
+        known &= np.isin(times, at) | (at[after] - at[before] <= _GAP)
+        x, y, heading = odometry[:, 1:].T
+        columns = [np.interp(times, at, column) for column in (x, y, np.unwrap(heading))]
+        poses = np.column_stack([*columns[:2], arrays.wrapped(columns[2])])
+    if lost := int((~known).sum()):
+        records.damage[NO_ODOMETRY] += lost
+    records.odometry = list(poses)
+    return records.kept(np.flatnonzero(known).tolist())
 
 
 @contextmanager
@@ -386,7 +310,7 @@ def _topic(
     if len(fitting) > 1:
         raise InputError(
             f"{path} has {len(fitting)} topics of type {types[0]}, {', '.join(fitting)}: choose "
-            f"one by {argument}."
+            f"one by {argument}{', or several' if argument == 'scan_topic' else ''}."
         )
     if not fitting and needed:
         raise InputError(f"{path} has no topic of type {types[0]}; its topics: {listed}.")

@@ -1,5 +1,6 @@
 """Logs as ROS bags, written by ``rosbags``: /scan, /odom, /tf_static, /reference if there is one.
 
+The scans of several lidars are /scan_1, /scan_2 and so on, from the frames laser_1, laser_2.
 ROS lengths are metres. A log in px has an additional topic with its unit, so that it is read back
 as it was.
 """
@@ -15,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.logs.log import Log, Pose
-from deqmcl_gym.logs.ros import ODOMETRY, REFERENCE_TOPIC, SCAN, UNIT_TOPIC, require_rosbags
+from deqmcl_gym.logs.log import Log, Pose, Scanner
+from deqmcl_gym.logs.ros import REFERENCE_TOPIC, SCAN, UNIT_TOPIC, require_rosbags
+from deqmcl_gym.logs.transforms import ODOMETRY
 from deqmcl_gym.validation import InputError
 
 _TRANSFORMS, _POSE = "tf2_msgs/msg/TFMessage", "geometry_msgs/msg/PoseStamped"
@@ -32,7 +34,7 @@ def write_bag(log: Log, path: Path) -> None:
             cannot be written.
     """
     require_rosbags()
-    if log.scanner.spacing is None:
+    if any(one.spacing is None for one in log.scanner.parts):
         raise InputError(
             "beams of a ROS bag must be evenly spaced, but those of this log are not: write .csv "
             "or .npz."
@@ -96,21 +98,20 @@ class _Messages:
 
     def send_all(self) -> None:
         """Send the mounting and the unit, then each record."""
-        log, scanner = self.log, self.log.scanner
+        log, scanners = self.log, _placed(self.log.scanner)
         times = np.round(log.times * 1e9).astype(np.int64).tolist()
         make = self._make
-        place = make("geometry_msgs/msg/Vector3", *scanner.mounting, 0.0)
-        mounting = make("geometry_msgs/msg/Transform", place, self._turned(scanner.turn))
-        header = self._header(times[0], "base_link")
-        static = make("geometry_msgs/msg/TransformStamped", header, "laser", mounting)
-        self.send("/tf_static", _TRANSFORMS, times[0], make(_TRANSFORMS, [static]))
+        header, fixed = self._header(times[0], "base_link"), []
+        for scanner, _, _, frame in scanners:
+            place = make("geometry_msgs/msg/Vector3", *scanner.mounting, 0.0)
+            there = make("geometry_msgs/msg/Transform", place, self._turned(scanner.turn))
+            fixed.append(make("geometry_msgs/msg/TransformStamped", header, frame, there))
+        self.send("/tf_static", _TRANSFORMS, times[0], make(_TRANSFORMS, fixed))
         if log.unit != "m":
             self.send(UNIT_TOPIC, _WORDS, times[0], make(_WORDS, log.unit))
         nothing, still = np.zeros(36), make("geometry_msgs/msg/Vector3", 0.0, 0.0, 0.0)
         moving = make("geometry_msgs/msg/Twist", still, still)
         twist = make("geometry_msgs/msg/TwistWithCovariance", moving, nothing)
-        step = scanner.spacing or 0.0
-        ends = scanner.angles[0] - scanner.turn, scanner.angles[-1] - scanner.turn
         for time, record in zip(times, log, strict=True):
             at = self._pose(record.odometry)
             pose = make("geometry_msgs/msg/PoseWithCovariance", at, nothing)
@@ -119,12 +120,14 @@ class _Messages:
             if record.reference is not None:
                 stamped = make(_POSE, self._header(time, "map"), self._pose(record.reference))
                 self.send(REFERENCE_TOPIC, _POSE, time, stamped)
-            scan = make(
-                SCAN, self._header(time, "laser"), *ends, step,
-                0.0, 0.0, scanner.min_range, scanner.max_range, np.array(record.ranges),
-                np.empty(0, np.float32),
-            )  # fmt: skip
-            self.send("/scan", SCAN, time, scan)
+            for scanner, rows, topic, frame in scanners:
+                ends = scanner.angles[0] - scanner.turn, scanner.angles[-1] - scanner.turn
+                scan = make(
+                    SCAN, self._header(time, frame), *ends, scanner.spacing or 0.0, 0.0, 0.0,
+                    scanner.min_range, scanner.max_range, np.array(record.ranges[rows]),
+                    np.empty(0, np.float32),
+                )  # fmt: skip
+                self.send(topic, SCAN, time, scan)
 
     def _make(self, kind: str, *values: Any) -> Any:
         return self.types[kind](*values)
@@ -142,3 +145,12 @@ class _Messages:
     def _turned(self, heading: float) -> Any:
         half = heading / 2
         return self._make("geometry_msgs/msg/Quaternion", 0.0, 0.0, math.sin(half), math.cos(half))
+
+
+def _placed(scanner: Scanner) -> list[tuple[Scanner, slice, str, str]]:
+    """Return the scanner of each place, its rows of the ranges, its topic and its frame."""
+    ends = [f"_{number}" for number, _ in enumerate(scanner.mounts, 1)] or [""]
+    return [
+        (part, rows, f"/scan{end}", f"laser{end}")
+        for part, rows, end in zip(scanner.parts, scanner.rows, ends, strict=True)
+    ]

@@ -484,3 +484,24 @@ def test_odometry_that_moves_sideways_is_told_unless_the_motion_model_knows_it(r
     ]
     assert "of odometry are sideways: for a robot that can move so, add --motion" in said[0]
     assert said[1:] == [None, None]
+
+
+def test_two_scan_topics_of_a_bag_are_played_as_one_scanner(recorded, capsys, tmp_path):
+    log = logs.read("lap.csv", reference="lap.tum")
+    beams = log.scanner.beams
+    two = replace(log.scanner, mounts=({"x": 0.0, "beams": 31}, {"x": 0.0, "beams": beams - 31}))
+    logs.write(replace(log, scanner=two), "two.mcap")
+    words = ("two.mcap", *KNOWN[1:], "--localizers", "mcl", "--seeds", "1")
+    both = ("--read", "scan_topic=/scan_1", "--read", "scan_topic=/scan_2")
+    assert replay(*words, *both, "--out", "o") == 0
+    assert "with 20 beams each" in capsys.readouterr().out
+    # the same beams from the same place, so the same numbers as from one topic, but for stamps
+    # in whole nanoseconds and float32 angles
+    assert replay("lap.csv", *words[1:], "--out", "p") == 0
+    found, alone = table("o/results.csv")[0], table("p/results.csv")[0]
+    for name in ("position_median", "heading_median", "agreement_01"):
+        assert float(found[name]) == pytest.approx(float(alone[name]), rel=0.1)
+    assert replay(*words, *both, "--read", "scan_topic=/scan_2", "--out", "q") == 2
+    assert "different ones" in capsys.readouterr().err
+    assert replay(*words, *both, "--read", "scan_topic=/side", "--out", "q") == 2
+    assert "scan_topic is '/side'" in capsys.readouterr().err

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
+from bags import ODOMETRY, bag, header, make, odometry, quaternion
 from refusals import refused
-from test_bags import ODOMETRY, bag, header, make, odometry, quaternion
 
 from deqmcl_gym import logs
 from deqmcl_gym.logs.estimates import read_estimate, with_covariances
