@@ -3,6 +3,7 @@
 import numpy as np
 
 from localizers import Belief, PointsBelief, Prior, RobotModel
+from localizers.models.scan import Scan
 
 
 class MyLocalizer:
@@ -10,6 +11,7 @@ class MyLocalizer:
 
     def __init__(self, robot: RobotModel, *, particles: int = 500) -> None:
         self.robot, self.particles = robot, particles
+        self.scan = robot.scan_model()
 
     def reset(self, prior: Prior, plan: np.ndarray, rng: np.random.Generator) -> Belief:
         """Draw the cloud from what is known of the start."""
@@ -29,8 +31,6 @@ class MyLocalizer:
 
     def _log_likelihood(self, ranges: np.ndarray) -> np.ndarray:
         """Log p(ranges | pose, map) of each pose; beams out of range are skipped."""
-        lidar = self.robot.lidar
-        usable = (ranges >= 0) & (ranges <= lidar.max_range)
-        expected = lidar.ranges(self.robot.floor_plan, self.cloud, usable)
-        found = self.robot.scan.log_likelihood(ranges[usable], expected, lidar.max_range)
-        return np.fmax(found, -1e6)  # no pose is impossible, not even outside the walls (NaN)
+        scan = Scan.of(ranges, self.robot.lidar.max_range)
+        found = self.scan.log_likelihood(self.cloud, scan)
+        return np.maximum(found, -1e6)  # no pose is impossible

@@ -13,6 +13,7 @@ from itertools import islice
 
 import numpy as np
 
+from benchmarks.execution.apart import where_safe
 from benchmarks.replay.options import NAME, Replay
 from benchmarks.setup.changes import Changes
 from benchmarks.tables.text import percent
@@ -160,6 +161,10 @@ def _covered(replay: Replay, power: float, count: int) -> tuple[float, float]:
         seed=_ROOT,
         trial=0,
     )
+    return where_safe([trial], _tracked, trial, count)
+
+
+def _tracked(trial: Trial, count: int) -> tuple[float, float]:
     stage = Stage.of(trial)
     kept = stage.collector()
     assert isinstance(kept, TrackLog)

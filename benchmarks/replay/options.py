@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.setup import changes
 from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise
-from benchmarks.setup.names import scenario
+from benchmarks.setup.names import absolute_assumed, scenario
 from benchmarks.setup.scenario import Gaussian
 from benchmarks.trials.fixes import metre
 from benchmarks.trials.tracks import absolute
@@ -207,7 +207,7 @@ def replay_of(
         world["start"] = int(whole.referenced[0])
     played, ground = _replayed(world).recording()
     check_inside(played, ground)
-    assumed = _assumed("motion", motion) | _assumed("scan", scan)
+    assumed = {**_assumed("motion", motion), **absolute_assumed(Changes(_assumed("scan", scan)))}
     noise = _replayed(world, assumed).motion
     names = {f"motion.{name}" for name in vars(noise)}
     told = [name.partition(".")[2] for name in assumed if name in names]

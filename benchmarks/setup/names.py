@@ -14,7 +14,7 @@ from benchmarks.agents import AGENTS
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup import changes
 from benchmarks.setup.changes import Changes, Named, file_digest, from_folder
-from benchmarks.setup.scenario import Agent, Scenario, Thresholds
+from benchmarks.setup.scenario import Agent, Scenario, Thresholds, is_code
 from deqmcl_gym.validation import InputError, one_of, part
 from localizers import RobotModel, absolute_name
 from localizers.naming.digests import content_digest
@@ -27,11 +27,13 @@ from localizers.naming.plugins import (
     reference_digest,
 )
 from localizers.naming.registry import complete, installed, parameters_of
+from localizers.naming.scans import ScanPlugIn, absolute_scan
 
 _KEYS = ("words", "base", "env", "assumed", "prior", "agent", "buildings", "thresholds")
 _OF_LOGS = ("log", "replay")  # loaded when asked for: a trial in a room needs no readers of logs
 _DEEPEST = 8  # files, each the base of the next
 _VERBS = ("plan_at_reset", "act")
+_SCAN = "scan.kind"
 _AGENTS = "deqmcl.agents"  # group of entry points
 
 
@@ -78,6 +80,24 @@ def absolute_agent(agent: Named, folder: Path = Path()) -> Named:
     if is_file(name):
         name = complete(from_folder(folder, name), "agent", _VERBS)
     return replace(agent, name=_absolute(name, folder))
+
+
+def absolute_assumed(assumed: Changes, folder: Path = Path()) -> Changes:
+    """Return what is assumed with the path of a scan model absolute, from a folder.
+
+    Raises:
+        InputError: its file holds no scan model or several, or cannot be read.
+    """
+    kind = assumed.get(_SCAN)
+    if isinstance(kind, tuple):  # of a [[vary]]
+        return assumed | {_SCAN: tuple(_absolute_scan(one, folder) for one in kind)}
+    return assumed | {_SCAN: _absolute_scan(kind, folder)} if kind is not None else assumed
+
+
+def _absolute_scan(kind: Any, folder: Path) -> Any:
+    if not is_code(kind):
+        return kind  # a scenario refuses what is none
+    return absolute_scan(from_folder(folder, kind)) if is_file(kind) else _absolute(kind, folder)
 
 
 def agent_names() -> tuple[str, ...]:
@@ -152,6 +172,8 @@ def plug_ins_of(name: str) -> tuple[str, ...]:
             agent = agent.get("name") if isinstance(agent, Mapping) else agent
             if isinstance(agent, str):
                 found |= dict.fromkeys(plug_ins_of_agent(absolute_agent(Named(agent), folder)))
+            assumed = Changes.told("assumed", given.get("assumed", {}))
+            found |= dict.fromkeys(plug_ins_of_scan(absolute_assumed(assumed, folder)))
             if isinstance(given.get("base"), str):
                 waiting.append(_absolute(given["base"], folder))
     return tuple(found)
@@ -162,14 +184,21 @@ def plug_ins_of_agent(agent: Named | None) -> tuple[str, ...]:
     return (agent.name,) if agent is not None and agent.name not in AGENTS else ()
 
 
+def plug_ins_of_scan(assumed: Changes) -> tuple[str, ...]:
+    """Return the name of the scan model that is assumed, if its code is not ours."""
+    kind = str(assumed.get(_SCAN, ""))
+    return (kind,) if is_code(kind) else ()
+
+
 def scenario_digest(name: str) -> str:
-    """Return a digest of the files that a scenario is read from, its agent's too; "" if built-in.
+    """Return a digest of the files of a scenario, its agent and scan model; "" if built-in.
 
     Raises:
         InputError: as ``scenario``.
     """
     found = scenario(name)
-    return found.source + agent_digest(found.agent.name)
+    scan = reference_digest(found.scan.kind) if isinstance(found.scan, ScanPlugIn) else None
+    return found.source + agent_digest(found.agent.name) + (scan or "")
 
 
 def _check(kind: str, name: str, built_in: Iterable[str], own: str) -> None:
@@ -213,7 +242,8 @@ def _read(path: Path, within: tuple[str, ...]) -> Scenario:
         named = absolute_scenario(changes.text("base", given.get("base", "paper")), path.parent)
         base = _scenario(named, within)
         prior = Changes.told("prior", {"prior": given.get("prior", {})})
-        assumed = Changes.told("assumed", given.get("assumed", {})) | prior
+        assumed = Changes.told("assumed", given.get("assumed", {}))
+        assumed = absolute_assumed(assumed, path.parent) | prior
         world = Changes.told("env", given.get("env", {})).beside(path.parent)
         changed = base.changed(world, assumed)
         own = [base.source, str(content_digest(path)), *map(file_digest, world.files)]

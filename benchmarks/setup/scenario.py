@@ -35,6 +35,8 @@ from localizers import (
 )
 from localizers.models.beams import BEAM_MODELS, BeamDensity
 from localizers.models.nav2_motion import MOTION_MODELS, MotionModel, unknown_motion
+from localizers.naming.plugins import is_file, is_reference
+from localizers.naming.scans import ScanPlugIn
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -349,7 +351,7 @@ class Scenario:
         words: what is special about it, one line.
         env: arguments of ``RoomEnv``: the preset to start from, and changes to its parts.
         motion: p(x_t | x_{t-1}, a_t), as the filters assume it.
-        scan: p(o | ô) of a beam, as the filters assume it.
+        scan: p(o | ô) of a beam, or p(o | x, m) of somebody else, as the filters assume it.
         prior: p(x_0), as the filters assume it.
         agent: who drives, by name, with its parameters.
         disturbance: wrappers around the world, innermost first: {"kind": "kidnap", …}.
@@ -362,7 +364,7 @@ class Scenario:
     words: str
     env: Mapping[str, Any]
     motion: MotionModel = field(default_factory=OdometryMotion)
-    scan: BeamDensity = field(default_factory=GaussianUniform)
+    scan: BeamDensity | ScanPlugIn = field(default_factory=GaussianUniform)
     prior: Gaussian | Uniform | Places | Displaced = field(default_factory=Gaussian)
     agent: Named = OPEN_LOOP
     disturbance: tuple[Mapping[str, Any], ...] = ()
@@ -521,8 +523,12 @@ def _changed(part: str, current: T, keys: Any, unit: str) -> T:
             f"{part} is {keys!r}, but must name a key: {', '.join(_names(part, current))}."
         )
     changes = dict(keys)
+    if part == "scan" and is_code(changes.get("kind")):
+        return ScanPlugIn(kind=changes.pop("kind")).changed(**changes)  # type: ignore[return-value]
+    if isinstance(current, ScanPlugIn) and "kind" not in changes:
+        return current.changed(**changes)  # type: ignore[return-value]
     if kinds and "kind" in changes:
-        given = one_of(f"kind of {part}", changes.pop("kind"), kinds)
+        given = _kind(part, changes.pop("kind"), kinds)
         kind = kinds[given]
         if not isinstance(current, kind):
             known = {own.name for own in fields(kind)}
@@ -533,6 +539,20 @@ def _changed(part: str, current: T, keys: Any, unit: str) -> T:
     for key in changes:
         one_of("assumption", f"{part}.{key}", _names(part, current))
     return replace(current, **changes)  # type: ignore[type-var]
+
+
+def is_code(kind: object) -> bool:
+    """Whether a kind of scan model says where its code is."""
+    return isinstance(kind, str) and (is_file(kind) or is_reference(kind))
+
+
+def _kind(part: str, given: Any, kinds: Mapping[str, Any]) -> str:
+    try:
+        return one_of(f"kind of {part}", given, kinds)
+    except InputError as error:
+        if part != "scan":
+            raise
+        raise InputError(f"{str(error).rstrip('.')}, or your own as file.py:NAME.") from None
 
 
 def _names(part: str, current: Any) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Any
 from benchmarks.execution.apart import takes
 from benchmarks.setup import changes
 from benchmarks.setup.changes import Changes, Named, from_folder
-from benchmarks.setup.names import absolute_agent, absolute_scenario
+from benchmarks.setup.names import absolute_agent, absolute_assumed, absolute_scenario
 from benchmarks.sweeps.design import Axis, Limit, Sweep, Takes, UntilDecided
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
@@ -120,7 +120,7 @@ def sweep_of(
         "title": changes.text("title", given.get("title", title)),
         "localizers": tuple(_method(entry, folder) for entry in methods),
         "world": world if folder is None else world.beside(folder),
-        "assumed": Changes.told("assumed", given.get("assumed", {})),
+        "assumed": _assumed(Changes.told("assumed", given.get("assumed", {})), folder),
         "params": _params(Changes.told("params", given.get("params", {})), folder),
         "disturbance": _wrappers("disturbance", given.get("disturbance", [])),
         "vary": tuple(_axis(table, folder) for table in _list("vary", given.get("vary", []))),
@@ -173,6 +173,10 @@ def _until_decided(table: Any) -> UntilDecided | None:
     return UntilDecided(**known)
 
 
+def _assumed(given: Changes, folder: Path | None) -> Changes:
+    return given if folder is None else absolute_assumed(given, folder)
+
+
 def _params(given: Changes, folder: Path | None) -> Changes:
     return given if folder is None else given.beside(folder, changes.OF_LOCALIZERS)
 
@@ -200,13 +204,11 @@ def _axis(table: Any, folder: Path | None) -> Axis:
             return absolute_scenario(value, folder or Path())
         if name == "agent":
             return absolute_agent(Named.told(name, value), folder or Path()).json()
-        if folder is None or name.startswith("agent."):
+        group, _, key = name.partition(".")
+        if folder is None or group == "agent":
             return value
-        if name.startswith("params."):
-            key = name.removeprefix("params.")
-            return _params(Changes({key: value}), folder)[key]
-        key = name.removeprefix("world.")
-        return Changes({key: value}).beside(folder)[key]
+        beside = {"params": _params, "assumed": _assumed}.get(group, Changes.beside)
+        return beside(Changes({key: value}), folder)[key]
 
     listed = {name: _list(f"[[vary]] {name}", given) for name, given in values.items()}
     return Axis(

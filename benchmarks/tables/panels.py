@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.setup.changes import Changes, Named, spelt
@@ -320,5 +321,11 @@ def _assumed(setting: Setting) -> list[str]:
     told = {_ASSUMED[name]: value for name, value in setting.world.items() if name in _ASSUMED}
     alike = bool(told) and told.items() <= setting.assumed.items()
     apart = [(n, value) for n, value in setting.assumed.items() if not (alike and n in told)]
-    words = [f"assumed {name} {value}" for name, value in apart]
+    words = [f"assumed {name} {_without_folder(value)}" for name, value in apart]
     return [*words, "filters assume the same"] if alike else words
+
+
+def _without_folder(value: Any) -> Any:
+    """Return ``path/file.py:NAME`` as "file:NAME"; other values as they are."""
+    place, _, name = str(value).rpartition(":")
+    return f"{Path(place).stem}:{name}" if place.endswith(".py") else value

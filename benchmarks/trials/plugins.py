@@ -9,11 +9,13 @@ from benchmarks.setup.names import (
     agent_digest,
     plug_ins_of,
     plug_ins_of_agent,
+    plug_ins_of_scan,
     scenario_digest,
 )
 from benchmarks.trials.provenance import Provenance, code_digest, versions
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
+from localizers.naming.plugins import reference_digest
 from localizers.naming.registry import is_plug_in
 
 
@@ -46,18 +48,20 @@ def provenance_of(
         digests[trial.scenario] = setup(trial.scenario)
         if trial.agent is not None:
             digests[trial.agent.name] = agent_digest(trial.agent.name)
+        digests |= {name: reference_digest(name) or "" for name in plug_ins_of_scan(trial.assumed)}
         digests |= {path: file_digest(path) for path in trial.files}
     plug_ins = {name: digest for name, digest in digests.items() if digest}
     return Provenance(code_digest(), versions(), plug_ins)
 
 
 def setup_guests(trial: Trial) -> tuple[str, ...]:
-    """Return the names of a trial's plug-ins but its localizer: scenario and agent."""
-    return (*plug_ins_of(trial.scenario), *plug_ins_of_agent(trial.agent))
+    """Return the names of a trial's plug-ins but its localizer: scenario, agent, scan model."""
+    own = (*plug_ins_of_agent(trial.agent), *plug_ins_of_scan(trial.assumed))
+    return (*plug_ins_of(trial.scenario), *own)
 
 
 def guest_of(trial: Trial) -> str:
-    """Return the names of a trial's plug-ins: localizer, scenario, agent; "" if all is ours."""
+    """Return the names of a trial's plug-ins: all that are not ours; "" if none is."""
     localizer = (trial.localizer,) if is_plug_in(trial.localizer) else ()
     return " ".join((*localizer, *setup_guests(trial)))
 

@@ -32,8 +32,8 @@ class Provenance(Struct, frozen=True, dict=True):
     Attributes:
         code: see ``code_digest``.
         libraries: versions by name.
-        plug_ins: digests by name of localizers, scenarios and agents that are not ours, and of
-            the files of worlds and localizers.
+        plug_ins: digests by name of localizers, scenarios, agents and scan models that are not
+            ours, and of the files of worlds and localizers.
     """
 
     code: str
@@ -42,8 +42,7 @@ class Provenance(Struct, frozen=True, dict=True):
 
     def key(self, trial: Trial) -> str:
         """Return the name under which a trial's result is kept."""
-        agent = () if trial.agent is None else (trial.agent.name,)
-        names = (trial.localizer, trial.scenario, *trial.files, *agent)
+        names = (trial.localizer, trial.scenario, *trial.files, *trial.guests)
         used = [self.plug_ins.get(name, "") for name in names]
         return trial.key("".join([self._shared, *used]))
 

@@ -126,6 +126,13 @@ class Trial:
         return [*self.world.files, *(path for path in own if isinstance(path, str))]
 
     @property
+    def guests(self) -> tuple[str, ...]:
+        """Names of its agent, and of a scan model that its filters assume by the place of code."""
+        agent = () if self.agent is None else (self.agent.name,)
+        kind = str(self.assumed.get("scan.kind", ""))
+        return (*agent, kind) if ":" in kind else agent
+
+    @property
     def world_seed(self) -> int:
         """The seed for ``env.reset``: a function of (seed, trial), below 2**53."""
         sequence = np.random.SeedSequence(self.seed, spawn_key=(self.trial, _WORLD))

@@ -155,6 +155,7 @@ class Stage:
         with _errors_name(self.trial.scenario):
             self.env.reset(seed=self.trial.world_seed)
             self.prior()
+            self.robot.scan_model()
         self._agent()
 
     def _agent(self) -> Agent:

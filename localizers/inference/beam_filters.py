@@ -23,6 +23,7 @@ from localizers.beliefs import best_cluster
 from localizers.inference.parts import BeamFilter, LogWeights, States, Weights
 from localizers.inference.weights import largest, normalized
 from localizers.models import beam_kernels
+from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan, Scan
 
 JUDGES = 512  # particles, evenly spaced, by which beams are judged
@@ -212,11 +213,11 @@ _FILTERS: dict[str, Callable[[LidarScan], BeamFilter] | None] = {
 }
 
 
-def beam_filter(name: str, scan: LidarScan) -> BeamFilter | None:
-    """Return the filter of a name for a scan model; None for "none".
+def beam_filter(name: str, robot: RobotModel) -> BeamFilter | None:
+    """Return the filter of a name for a robot's scan model; None for "none".
 
     Raises:
         InputError: no such filter, or it needs what the beam model lacks.
     """
     made = _FILTERS[one_of("beam_filter", name, _FILTERS)]
-    return None if made is None else made(scan)
+    return None if made is None else made(robot.beam_scan(f"beam_filter = {name!r}"))

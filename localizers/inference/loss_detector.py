@@ -15,10 +15,10 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64
 from deqmcl_gym.numerics.types import Floats
-from localizers.inference.parts import Memory, ScanModel, States
+from localizers.inference.parts import Memory, States
 from localizers.inference.weights import log_sum_exp
 from localizers.models.prior import even_poses
-from localizers.models.scan import Scan
+from localizers.models.scan import Scan, ScanModel
 
 LOST = 0.01  # probability of getting lost, per step
 FOUND = 0.01  # probability of being found again, per step

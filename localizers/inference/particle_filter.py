@@ -18,13 +18,12 @@ from localizers.inference.parts import (
     Feasibility,
     Initial,
     Resampling,
-    ScanModel,
 )
 from localizers.inference.plan_evidence import Lookahead
 from localizers.inference.resampling import KeepsSampleSize, Selection, by_own_weight
 from localizers.inference.start import InformedStart, Injection, drawn
 from localizers.inference.weights import normalized_with_log_sum
-from localizers.models.scan import Scan
+from localizers.models.scan import Scan, ScanModel
 
 MAX_PARTICLES = 10_000_000
 _BYTES_PER_PARTICLE = 3 * 4 + 8  # one queued pose and its link

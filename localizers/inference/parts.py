@@ -27,13 +27,6 @@ class Initial(Protocol):
         """Draw n states, (n, d)."""
 
 
-class ScanModel(Protocol):
-    """p(o_t | x_t, m)."""
-
-    def log_likelihood(self, states: States, scan: Scan) -> LogWeights:
-        """Log-density of the observation at each state, up to one common constant, (n,)."""
-
-
 class BeamFilter(Protocol):
     """Which beams of a scan a belief uses."""
 

@@ -39,12 +39,11 @@ from localizers.models.nav2_scan import (
 )
 from localizers.models.prior import random_poses
 from localizers.models.robot import RobotModel
-from localizers.models.scan import LidarScan
+from localizers.models.scan import ScanModel
 
 LASER_MODELS = ("likelihood_field", "likelihood_field_prob", "beam", "robot")
 DIFFERENTIAL, OMNI = "nav2_amcl::DifferentialMotionModel", "nav2_amcl::OmniMotionModel"
 ROBOT_MODELS = (DIFFERENTIAL, OMNI, "robot")
-Nav2Scan = LikelihoodField | LikelihoodFieldProb | BeamCubes | LidarScan
 _BINS = (0.5, 0.5, math.pi / 18)  # m, m, rad: pf_kdtree.c
 _CONVERGED = 0.5  # m: pf.c
 _NO_ACTIONS = np.empty((0, 3))
@@ -154,7 +153,7 @@ class AdaptiveLocalizer:
         robot: RobotModel,
         *,
         motion: Motion,
-        scan: Nav2Scan,
+        scan: ScanModel,
         kld: KldSampling,
         averages: WeightAverages,
         resampling: ResamplingTime,
@@ -321,9 +320,9 @@ def amcl(
         "robot": robot.motion,
     }
     sigma = number("sigma_hit", sigma_hit, low=0, above=True) * metre
-    scan: Nav2Scan
+    scan: ScanModel
     if laser_model_type == "robot":
-        scan = LidarScan(floor_plan=plan, lidar=lidar, beam=robot.scan)
+        scan = robot.scan_model()
     elif laser_model_type == "beam":
         scan = BeamCubes(
             floor_plan=plan, lidar=lidar, hit=z_hit, short=z_short, max=z_max, rand=z_rand,

@@ -27,19 +27,18 @@ from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.methods.family import FOR_THE_LOST, ON_THE_MAP, Shared, method
 from localizers.models.robot import RobotModel
-from localizers.models.scan import LidarScan
 
 
 @method("particles", "resampler", "ess_threshold", "beam_filter")
 def mcl(robot: RobotModel, shared: Shared) -> ParticleFilter:
     """Return MCL, of which all other members of the family are variations."""
-    scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)
+    scan = robot.scan_model()
     return ParticleFilter(
         motion=robot.motion,
         scan=scan,
         resampling=shared.resampling,
         particles=shared.particles,
-        beams=beam_filter(shared.beam_filter, scan),
+        beams=beam_filter(shared.beam_filter, robot),
         detector=LossDetector.of(scan, robot.floor_plan),
     )
 

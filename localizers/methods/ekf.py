@@ -172,7 +172,7 @@ def ekf(robot: RobotModel, *, gate: float = 0.99) -> FilterLocalizer[GaussianBel
             "variance of a beam: give one with a method hit_moments(expected, max_range)."
         )
     bound = NormalDist().inv_cdf((1 + gate) / 2) ** 2 if gate < 1 else np.inf
-    scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)
+    scan = robot.beam_scan("the localizer 'ekf'")
     kalman = KalmanFilter(
         motion=odometry(robot.motion, "ekf"),
         scan=scan,

@@ -133,7 +133,7 @@ def grid(
         bytes_per_cell=_WORKING_BYTES + 4 * robot.lidar.beams,
     )
     motion = GridMotion(cells, odometry(robot.motion, "grid"))
-    scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)
+    scan = robot.beam_scan("the localizer 'grid'")
     detector = LossDetector.of(scan, robot.floor_plan)
     return FilterLocalizer(robot, GridFilter(cells, motion, scan, detector))
 

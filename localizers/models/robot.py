@@ -11,6 +11,7 @@ from localizers.api import Motion
 from localizers.models.beams import METRE_SIGMA, BeamDensity, GaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.nav2_motion import unknown_motion
+from localizers.models.scan import LidarScan, ScanModel, ScanSource
 
 _COARSEST = 0.1  # px: the largest spacing of float32 poses that is allowed
 
@@ -26,14 +27,14 @@ class RobotModel:
         motion: p(x_t | x_{t-1}, a_t); None is ``OdometryMotion``'s default, or on a map in metres
             that of ``DifferentialMotion``.
         scan: p(o | ô) of one beam; None is ``GaussianUniform``'s default, or with σ = 0.2 m, as
-            Nav2's sigma_hit.
+            Nav2's sigma_hit. Or what makes a model of whole scans, such as ``ScanPlugIn``.
     """
 
     floor_plan: Map
     lidar: Lidar
     radius: float = field(default=None, metadata=LENGTH)  # type: ignore[assignment]
     motion: Motion = None  # type: ignore[assignment]
-    scan: BeamDensity = None  # type: ignore[assignment]
+    scan: BeamDensity | ScanSource = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         for name, kind, has in (("floor_plan", "Map", "unit"), ("lidar", "Lidar", "max_range")):
@@ -59,3 +60,28 @@ class RobotModel:
                 f"the floor plan reaches to {farthest:g} {unit}, where the float32 poses of a "
                 f"localizer are {coarse:g} {unit} apart: move it towards (0, 0)."
             )
+
+    def scan_model(self) -> ScanModel:
+        """Return p(o_t | x_t, m) of whole scans, made for the map and the lidar."""
+        if isinstance(self.scan, ScanSource):
+            return self.scan.made(self.floor_plan, self.lidar)
+        return self._by_beams(self.scan)
+
+    def beam_scan(self, asked_by: str) -> LidarScan:
+        """Return the scan model, a product over beams.
+
+        Args:
+            asked_by: who needs single beams, for the error message.
+
+        Raises:
+            InputError: it is a model of whole scans.
+        """
+        if isinstance(self.scan, ScanSource):
+            raise InputError(
+                f"{asked_by} looks at single beams, but the scan model {self.scan} tells only of "
+                "whole scans: use a particle filter without a beam_filter, or another scan model."
+            )
+        return self._by_beams(self.scan)
+
+    def _by_beams(self, beam: BeamDensity) -> LidarScan:
+        return LidarScan(floor_plan=self.floor_plan, lidar=self.lidar, beam=beam)

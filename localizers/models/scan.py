@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, final
+from typing import NamedTuple, Protocol, final, runtime_checkable
 
 import numpy as np
 
@@ -47,6 +47,30 @@ class Scan(NamedTuple):
         """Return this scan with no measurement by the beams left out, (B,)."""
         usable = self.usable & ~left_out
         return Scan(np.where(left_out, np.nan, self.ranges), usable, int(usable.sum()))
+
+
+class ScanModel(Protocol):
+    """p(o_t | x_t, m)."""
+
+    def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
+        """Log-likelihood of a scan at each of n poses.
+
+        Args:
+            states: poses as rows x, y (in the map's unit), θ (rad), float32, (3, n); any pose, also
+                in a wall or off the map. Not to be written to.
+            scan: its ranges, (B,), in the map's unit, and which are usable. Not to be written to.
+
+        Returns:
+            (n,), finite or -inf, up to a constant that is the same for all poses and scans.
+        """
+
+
+@runtime_checkable
+class ScanSource(Protocol):
+    """What makes a scan model for a map and a lidar."""
+
+    def made(self, floor_plan: Map, lidar: Lidar) -> ScanModel:
+        """Return the model of scans by this lidar on this map."""
 
 
 @compiled

@@ -200,6 +200,6 @@ def test_a_beam_model_without_sigma_and_a_hedge_have_no_filter():
             return 1.0
 
     with refused("the beam model is of type Flat, without sigma"):
-        beam_filter("distance", replace(SCAN, beam=Flat()))
+        beam_filter("distance", replace(ROBOT, scan=Flat()))
     with refused("beam_filter"):
         localizers.make("mcl-plan-hedged", ROBOT, beam_filter="distance")

@@ -1,0 +1,170 @@
+"""Scan models from other people's code: found, checked, keyed by their code, used by filters."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from refusals import refused
+
+import localizers
+from benchmarks.setup.names import scenario
+from benchmarks.sweeps.sweepfile import read_sweep
+from benchmarks.trials.plugins import guest_of, key_of
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
+from localizers.models.scan import LidarScan, Scan
+from localizers.naming.scans import ScanPlugIn
+
+MODEL = """
+import numpy as np
+from localizers import GaussianUniform
+from localizers.models.scan import LidarScan
+
+
+class Same:
+    def __init__(self, floor_plan, lidar, *, sigma=100.0):
+        beam = GaussianUniform(sigma=sigma)
+        self.model = LidarScan(floor_plan=floor_plan, lidar=lidar, beam=beam)
+
+    def log_likelihood(self, states, scan):
+        return self.model.log_likelihood(states, scan)
+"""
+ANSWERS = """
+import numpy as np
+
+
+class Answers:
+    def __init__(self, floor_plan, lidar):
+        pass
+
+    def log_likelihood(self, states, scan):
+        return {answer}
+"""
+TRIAL = Trial(
+    scenario="guided", localizer="mcl", params={"particles": 50}, lag=0, seed=0, trial=0
+)  # fmt: skip
+PARTICLE_FILTERS = (
+    "mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl", "deq-mcl-rejuvenated",
+    "mcl-h", "mcl-pilots", "mcl-plan", "mcl-plan-hedged",
+)  # fmt: skip
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "mine.py"
+    path.write_text(MODEL)
+    return path
+
+
+def assuming(file, **more):
+    return replace(TRIAL, assumed={"scan.kind": f"{file}:Same", **more})
+
+
+def errors(trial):
+    return [moment.belief.points()[0].tolist() for moment in Stage.of(trial).moments()][:20]
+
+
+@pytest.mark.parametrize("name", PARTICLE_FILTERS)
+def test_a_plug_in_that_is_the_built_in_model_gives_the_same_beliefs(file, robot, name):
+    ours = replace(robot, scan=localizers.GaussianUniform(sigma=30.0))
+    theirs = replace(robot, scan=ScanPlugIn(kind=str(file), params={"sigma": 30.0}))
+    prior = localizers.GaussianPrior(mean=(100.0, 100.0, 0.0), sd_position=20.0, sd_heading=0.2)
+    plan = np.tile([5.0, 0.0], (10, 1))
+    found = []
+    for known in (ours, theirs):
+        localizer = localizers.make(name, known, particles=60)
+        localizer.reset(prior, plan, np.random.default_rng(1))
+        ranges = np.full(known.lidar.beams, 40.0)
+        belief = [localizer.update(ranges, plan[0], plan[i:]) for i in range(1, 4)][-1]
+        found.append(belief.points())
+    assert np.array_equal(found[0][0], found[1][0])
+    assert np.array_equal(found[0][1], found[1][1])
+
+
+def test_the_power_scales_its_log_likelihood_also_of_more_poses_than_a_block(file, robot):
+    states = np.random.default_rng(0).uniform(20, 150, (3, 9000)).astype(np.float32)
+    scan = Scan.of(np.full(robot.lidar.beams, 40.0), robot.lidar.max_range)
+    made = ScanPlugIn(kind=str(file), power=0.25).made(robot.floor_plan, robot.lidar)
+    beam = localizers.GaussianUniform()
+    own = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=beam)
+    assert np.array_equal(
+        made.log_likelihood(states, scan), 0.25 * own.log_likelihood(states, scan)
+    )
+    nothing = Scan.of(np.full(robot.lidar.beams, np.nan), robot.lidar.max_range)
+    assert not made.log_likelihood(states, nothing).any()
+
+
+def test_a_scenario_and_a_sweep_find_it_from_their_own_folder(file, tmp_path):
+    (tmp_path / "room.toml").write_text(
+        'base = "guided"\nassumed.scan = { kind = "mine.py", sigma = 40.0 }\n'
+    )
+    found = scenario(f"{tmp_path}/room.toml").scan
+    assert (found.kind, found.params) == (f"{file}:Same", {"sigma": 40.0})
+    (tmp_path / "sweep.toml").write_text(
+        'scenario = "guided"\nlocalizers = ["mcl"]\ntrials = 1\n[[vary]]\n'
+        'assumed.scan.kind = ["gaussian-uniform", "mine.py:Same"]\n'
+    )
+    cells = read_sweep(tmp_path / "sweep.toml").cells()
+    assert [t.assumed["scan.kind"] for t in cells] == ["gaussian-uniform", f"{file}:Same"]
+
+
+def test_its_code_and_the_files_it_ships_are_in_the_key_of_a_trial(file, tmp_path):
+    (tmp_path / "room.toml").write_text('base = "guided"\nassumed.scan.kind = "mine.py"\n')
+    trials = assuming(file), replace(TRIAL, scenario=f"{tmp_path}/room.toml")
+    for trial in trials:
+        assert f"{file}:Same" in guest_of(trial).split()
+    before = [key_of(trial) for trial in trials]
+    file.write_text(MODEL + "# edited")
+    edited = [key_of(trial) for trial in trials]
+    (tmp_path / "mine.npz").write_bytes(b"weights")
+    shipped = [key_of(trial) for trial in trials]
+    assert all(len(set(keys)) == 3 for keys in zip(before, edited, shipped, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        ("np.zeros(3)", r"'mine.py:Answers' answered with shape \(3,\) to 50 poses"),
+        ("np.full(states.shape[1], np.nan)", "'mine.py:Answers' answered nan at the pose"),
+        ("np.full(states.shape[1], np.inf)", "'mine.py:Answers' answered inf at the pose"),
+        ("1 / 0", r"'mine.py:Answers' raised ZeroDivisionError.*\(mine.py, line 10\)"),
+    ],
+)
+def test_a_model_that_answers_amiss_fails_its_trial_in_a_sentence(tmp_path, answer, words):
+    (tmp_path / "mine.py").write_text(ANSWERS.format(answer=answer))
+    trial = replace(TRIAL, assumed={"scan.kind": f"{tmp_path}/mine.py:Answers"})
+    with pytest.raises(RuntimeError, match=words):
+        errors(trial)
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("away.py", ["away.py cannot be read"]),
+        ("away.py:Same", ["away.py", "No such file"]),
+        ("mine.py:Sam", ["has no 'Sam'", "it defines Same"]),
+        ("json:loads", ["'json:loads' cannot be made", "TypeError"]),
+        ("builtins:dict", ["'builtins:dict' is of type dict, without log_likelihood"]),
+        ("gausian-uniform", ["did you mean 'gaussian-uniform'?", "or your own as file.py:NAME"]),
+    ],
+)
+def test_what_is_no_scan_model_is_refused_before_anything_runs(
+    file, tmp_path, monkeypatch, kind, words
+):
+    monkeypatch.chdir(tmp_path)
+    with refused(*words):
+        Stage.of(replace(TRIAL, assumed={"scan.kind": kind})).check()
+
+
+def test_a_parameter_that_it_does_not_have_is_refused(file):
+    with refused("sigmas", "did you mean 'sigma'"):
+        Stage.of(assuming(file, **{"scan.sigmas": 3.0})).check()
+
+
+@pytest.mark.parametrize(
+    ("name", "params"), [("grid", {}), ("ekf", {}), ("mcl", {"beam_filter": "distance"})]
+)
+def test_what_looks_at_single_beams_refuses_a_model_of_whole_scans(file, robot, name, params):
+    known = replace(robot, scan=ScanPlugIn(kind=str(file)))
+    with refused("scan model"):
+        localizers.make(name, known, **params)
