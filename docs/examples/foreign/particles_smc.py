@@ -5,7 +5,7 @@ A filter of another library: a particle filter of particles
 ``SMC`` of `particles <https://github.com/nchopin/particles>`_ (Chopin) as a localizer: a
 Feynman-Kac model of the robot's motion and scans, resampled systematically below half of the
 effective sample size. Run it beside others with
-``deqmcl sweep ranking --with docs/examples/particles_smc.py:Smc``.
+``deqmcl sweep ranking --with docs/examples/foreign/particles_smc.py:Smc``.
 """
 
 import math

@@ -4,7 +4,7 @@ A filter of another library: filterpy's UKF
 
 ``UnscentedKalmanFilter`` of `filterpy <https://filterpy.readthedocs.org>`_ (Labbe) as a localizer:
 a Gaussian over (x, y, θ), moved by the assumed motion and corrected by the beams that hit a wall.
-Run it beside others with ``deqmcl sweep ranking --with docs/examples/filterpy_ukf.py:Ukf``.
+Run it beside others with ``deqmcl sweep ranking --with docs/examples/foreign/filterpy_ukf.py:Ukf``.
 """
 
 import math
