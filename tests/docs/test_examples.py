@@ -4,6 +4,7 @@ import os
 import re
 import runpy
 import shutil
+import sys
 
 import numpy as np
 import pytest
@@ -24,6 +25,24 @@ SCRIPTS = [
     if path.name not in ("conftest.py", "ppo.py", "ppo_localize.py", "sb3_journeys.py")
 ]
 LEARNED = f"{EXAMPLES}/learned_localizer/learned.py:Learned"
+
+FOREIGN = {"filterpy_ukf.py:Ukf": "filterpy.kalman", "particles_smc.py:Smc": "particles"}
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_a_filter_of_another_library_keeps_the_laws_of_a_localizer(name):
+    pytest.importorskip(FOREIGN[name])
+    report = check_localizer(f"{EXAMPLES}/foreign/{name}", default_robot())
+    assert report.passed, str(report)
+
+
+@pytest.mark.parametrize("name", FOREIGN)
+def test_a_filter_whose_library_is_missing_says_what_to_install(name, monkeypatch):
+    package = FOREIGN[name].partition(".")[0]
+    for module in (package, FOREIGN[name]):
+        monkeypatch.setitem(sys.modules, module, None)  # as if it were not there
+    with refused(f"run pip install {package}"):
+        runpy.run_path(str(EXAMPLES / "foreign" / name.partition(":")[0]))
 
 
 def run(script: str, *arguments: object) -> str:
