@@ -176,10 +176,10 @@ def _until_decided(table: Any) -> UntilDecided | None:
     return UntilDecided(**known)
 
 
-<<<<<<< HEAD
 def _assumed(given: Changes, folder: Path | None) -> Changes:
     return given if folder is None else absolute_assumed(given, folder)
-=======
+
+
 def _held_out(table: Any) -> HeldOut | None:
     if table is None:
         return None
@@ -187,7 +187,6 @@ def _held_out(table: Any) -> HeldOut | None:
     for key in known:
         one_of("key in held_out", key, ("value", "origin"))
     return HeldOut(value=known.get("value", ""), origin=known.get("origin", ""))
->>>>>>> 22b36bd19aa8c52bdcf2ee02949619a654fb95a5
 
 
 def _params(given: Changes, folder: Path | None) -> Changes:
