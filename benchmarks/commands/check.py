@@ -1,4 +1,4 @@
-"""Check a localizer, or an agent, against named laws on a short drive.
+"""Check a localizer, an agent or a scan model against named laws.
 
 One line per law: ok, FAILED or skipped, with the reason. Exit code 3 if a law fails.
 """
@@ -18,7 +18,7 @@ _BEFORE_ANY = ("answers in time", "makes a localizer", "answers with beliefs")
 
 
 class LawsBrokenError(RuntimeError):
-    """A localizer or an agent breaks laws, which have been printed."""
+    """A localizer, an agent or a scan model breaks laws, which have been printed."""
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,8 +34,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="MAP.yaml",
         help="try it on this map, in m, instead of a small room of polygons",
     )
-    add("--agent", action="store_true", help="NAME is of an agent")
-    add("--scenario", metavar="NAME", help="where an agent drives (guided; with a goal, driving)")
+    kinds = parser.add_mutually_exclusive_group()
+    kinds.add_argument("--agent", action="store_true", help="NAME is of an agent")
+    kinds.add_argument("--scan", action="store_true", help="NAME is of a scan model")
+    add(
+        "--scenario",
+        metavar="NAME",
+        help="where an agent drives (guided; with a goal, driving), or whose map and lidar a scan "
+        "model is for (sharp; if it needs a map of cells, lost)",
+    )
     add("--timeout", type=float, default=60.0, metavar="S", help="seconds allowed per law (60)")
 
 
@@ -48,12 +55,15 @@ def run(options: argparse.Namespace) -> str:
     from localizers.checks.subject import robot_on
     from localizers.naming.registry import complete
 
-    if options.agent:
+    if options.agent or options.scan:
         if options.map is not None:
-            raise InputError("--map is for localizers: with --agent give --scenario.")
-        return _of_agent(options)
+            raise InputError("--map is for localizers: with --agent or --scan give --scenario.")
+        return _by_scenario(options)
     if options.scenario is not None:
-        raise InputError("--scenario is for agents: give --agent, or --map for a localizer.")
+        raise InputError(
+            "--scenario is for agents and scan models: give --agent or --scan, or --map for a "
+            "localizer."
+        )
     name = complete(options.name)
     robot = None if options.map is None else robot_on(GridMap.load(options.map))
     with doing(f"loading {name}"):
@@ -75,17 +85,18 @@ def run(options: argparse.Namespace) -> str:
     )
 
 
-def _of_agent(options: argparse.Namespace) -> str:
-    """Check an agent."""
-    from benchmarks.studies.agent_laws import verdicts
+def _by_scenario(options: argparse.Namespace) -> str:
+    """Check an agent or a scan model."""
+    from benchmarks.studies import agent_laws, scan_laws
 
+    kind, laws = ("agents", agent_laws) if options.agent else ("scan models", scan_laws)
     tried = []
-    with doing(f"trying the laws of agents on {options.name}"):
-        for verdict in verdicts(options.name, options.scenario, timeout=options.timeout):
+    with doing(f"trying the laws of {kind} on {options.name}"):
+        for verdict in laws.verdicts(options.name, options.scenario, timeout=options.timeout):
             print(verdict, flush=True)
             tried.append(verdict)
     _refuse_broken(tried)
-    return f"{options.name} keeps all laws of agents."
+    return f"{options.name} keeps all laws of {kind}."
 
 
 def _refuse_broken(tried: "Sequence[Verdict]") -> None:

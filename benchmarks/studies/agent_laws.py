@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.execution.apart import apart
-from benchmarks.execution.processes import TimedOutError, WorkerDiedError
 from benchmarks.setup.changes import Changes, Named
 from benchmarks.setup.names import absolute_agent, absolute_scenario, make_agent, plug_ins_of_agent
 from benchmarks.setup.scenario import Agent
+from benchmarks.studies.trying import asked, require, tried
 from benchmarks.trials.episode import moments
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -22,8 +21,6 @@ from localizers import Belief, make
 from localizers.api import Points
 from localizers.checks.laws import Verdict
 from localizers.checks.randomness import global_states
-from localizers.checks.subject import LawBrokenError
-from localizers.naming.plugins import is_ctrl_c, raised
 
 STEPS = 40
 WORLDS = ("guided", "driving")  # the first that an agent does not refuse is the one it drives in
@@ -128,21 +125,21 @@ def answers_with_actions(drive: Drive) -> None:
     """An action is two finite numbers; a plan is None or finite rows (h, 2)."""
     for step, (action, plan) in enumerate(drive.answers()):
         shape = np.shape(action)
-        _require(shape == (2,), f"its action at step {step} has shape {shape}, not (2,)")
-        _require(bool(np.isfinite(action).all()), f"its action at step {step} is {action}")
+        require(shape == (2,), f"its action at step {step} has shape {shape}, not (2,)")
+        require(bool(np.isfinite(action).all()), f"its action at step {step} is {action}")
         if plan is not None:
             rows = np.shape(plan)
             flat = len(rows) == 2 and rows[1] == 2
-            _require(flat, f"its plan at step {step} has shape {rows}, not (h, 2)")
-            _require(bool(np.isfinite(plan).all()), f"its plan at step {step} is not finite")
+            require(flat, f"its plan at step {step} has shape {rows}, not (h, 2)")
+            require(bool(np.isfinite(plan).all()), f"its plan at step {step} is not finite")
 
 
 def same_rng_same_result(drive: Drive) -> None:
     """Two agents, made anew, answer alike to the same beliefs and scans."""
     first, second = drive.answers(), drive.answers()
-    _require(len(first) == len(second), "two drives with the same seeds differ in length")
+    require(len(first) == len(second), "two drives with the same seeds differ in length")
     for step, (one, other) in enumerate(zip(first, second, strict=True)):
-        _require(
+        require(
             _same(one, other),
             f"two drives with the same seeds differ from step {step} on: draw random numbers from "
             "numpy.random.default_rng of what it is shown, as of info['truth'] or info['route']",
@@ -152,21 +149,21 @@ def same_rng_same_result(drive: Drive) -> None:
 def inputs_not_changed(drive: Drive) -> None:
     """It writes neither into the belief nor into info."""
     changed = drive.watched().changed
-    _require(not changed, f"it changed {changed}: make a copy")
+    require(not changed, f"it changed {changed}: make a copy")
 
 
 def global_rng_untouched(drive: Drive) -> None:
     """It neither seeds nor draws from the global generators of NumPy and Python."""
     before = global_states()
     drive.answers()
-    _require(global_states() == before, "it used a global generator: make one of your own")
+    require(global_states() == before, "it used a global generator: make one of your own")
 
 
 def survives_an_empty_belief(drive: Drive) -> None:
     """It answers with finite actions to a belief without points."""
     for step, (action, _) in enumerate(drive.answers(blind=True)):
         finite = bool(np.isfinite(action).all())
-        _require(finite, f"its action at step {step} on an empty belief is {action}")
+        require(finite, f"its action at step {step} on an empty belief is {action}")
 
 
 LAWS: tuple[Callable[[Drive], None], ...] = (
@@ -193,19 +190,8 @@ def verdicts(name: str, scenario: str | None = None, *, timeout: float = 60.0) -
     agent = absolute_agent(Named(name))
     worlds = WORLDS if scenario is None else (absolute_scenario(scenario),)
     foreign = bool(plug_ins_of_agent(agent))
-    drive = _asked(foreign, timeout, _world_of, agent, worlds)
-    for law in LAWS:
-        try:
-            note = _asked(foreign, timeout, _broken, law, drive)
-        except (WorkerDiedError, TimedOutError) as error:
-            note = str(error)
-        words = law.__name__.replace("_", " ")
-        broken = LawBrokenError(note) if note else None
-        yield Verdict(words, "FAILED" if note else "ok", note, broken)
-
-
-def _asked(foreign: bool, timeout: float, function: Callable[..., Any], *given: object) -> Any:
-    return apart(function, *given, timeout=timeout) if foreign else function(*given)
+    drive = asked(foreign, timeout, _world_of, agent, worlds)
+    yield from tried(LAWS, drive, agent.name, foreign=foreign, timeout=timeout)
 
 
 def _world_of(agent: Named, worlds: tuple[str, ...]) -> Drive:
@@ -219,24 +205,6 @@ def _world_of(agent: Named, worlds: tuple[str, ...]) -> Drive:
             pass
         return Drive(agent, world)
     raise refusal
-
-
-def _broken(law: Callable[[Drive], None], drive: Drive) -> str:
-    """Return why a law is broken; "" if it holds."""
-    try:
-        law(drive)
-    except LawBrokenError as error:
-        return str(error)
-    except BaseException as error:  # whatever an agent raises
-        if is_ctrl_c(error):
-            raise
-        return f"it raised {raised(error, drive.agent.name.rpartition(':')[0])}"
-    return ""
-
-
-def _require(holds: bool, otherwise: str) -> None:
-    if not holds:
-        raise LawBrokenError(otherwise)
 
 
 def _same(before: Any, after: Any) -> bool:

@@ -190,7 +190,7 @@ BAD = AGENT.replace("        return np.array", "        {}\n        return np.ar
     ],
 )
 def test_each_law_is_broken_by_an_agent(tmp_path, monkeypatch, law, code):
-    monkeypatch.setattr("benchmarks.studies.agent_laws.apart", lambda f, *given, timeout: f(*given))
+    monkeypatch.setattr("benchmarks.studies.trying.apart", lambda f, *given, timeout: f(*given))
     (tmp_path / "mine.py").write_text(BAD.format(code))
     failed = [v.law for v in verdicts(f"{tmp_path}/mine.py") if v.status == "FAILED"]
     assert law in failed

@@ -1,0 +1,58 @@
+"""Trying laws, one after the other, on what they are about; code from elsewhere in processes."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
+
+from benchmarks.execution.apart import apart
+from benchmarks.execution.processes import TimedOutError, WorkerDiedError
+from localizers.checks.laws import Verdict
+from localizers.checks.subject import LawBrokenError
+from localizers.naming.plugins import is_ctrl_c, raised
+
+T = TypeVar("T")
+
+
+def tried(
+    laws: Sequence[Callable[[T], None]], subject: T, name: str, *, foreign: bool, timeout: float
+) -> Iterator[Verdict]:
+    """Try laws on a subject, one after the other.
+
+    Args:
+        laws: raise ``LawBrokenError``, by ``require``, or whatever the subject raises.
+        subject: what they are about.
+        name: of it; what is before the last colon is left out of its tracebacks.
+        foreign: whether it is code from elsewhere.
+        timeout: s that a law may take, of code from elsewhere.
+    """
+    for law in laws:
+        try:
+            note = asked(foreign, timeout, _broken, law, subject, name)
+        except (WorkerDiedError, TimedOutError) as error:
+            note = str(error)
+        words = law.__name__.replace("_", " ")
+        broken = LawBrokenError(note) if note else None
+        yield Verdict(words, "FAILED" if note else "ok", note, broken)
+
+
+def asked(foreign: bool, timeout: float, function: Callable[..., Any], *given: object) -> Any:
+    """Call a function, in another process if it runs code from elsewhere."""
+    return apart(function, *given, timeout=timeout) if foreign else function(*given)
+
+
+def require(holds: bool, otherwise: str) -> None:
+    """Say how a law is broken, unless it holds."""
+    if not holds:
+        raise LawBrokenError(otherwise)
+
+
+def _broken(law: Callable[[T], None], subject: T, name: str) -> str:
+    """Return why a law is broken; "" if it holds."""
+    try:
+        law(subject)
+    except LawBrokenError as error:
+        return str(error)
+    except BaseException as error:  # whatever it raises
+        if is_ctrl_c(error):
+            raise
+        return f"it raised {raised(error, name.rpartition(':')[0])}"
+    return ""
