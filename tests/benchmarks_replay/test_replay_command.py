@@ -36,6 +36,21 @@ class Broken:
 """
 
 
+SCAN = """
+from localizers import GaussianUniform
+from localizers.models.scan import LidarScan
+
+
+class Same:
+    def __init__(self, floor_plan, lidar, *, sigma=0.2):
+        beam = GaussianUniform(sigma=sigma)
+        self.model = LidarScan(floor_plan=floor_plan, lidar=lidar, beam=beam)
+
+    def log_likelihood(self, states, scan):
+        return self.model.log_likelihood(states, scan)
+"""
+
+
 @pytest.fixture(scope="module")
 def lap():
     """A hall, and the log of a lap in it."""
@@ -505,3 +520,15 @@ def test_two_scan_topics_of_a_bag_are_played_as_one_scanner(recorded, capsys, tm
     assert "different ones" in capsys.readouterr().err
     assert replay(*words, *both, "--read", "scan_topic=/side", "--out", "q") == 2
     assert "scan_topic is '/side'" in capsys.readouterr().err
+
+
+def test_a_scan_model_from_a_file_that_is_the_built_in_one_gives_the_same_run(recorded):
+    (recorded / "mine.py").write_text(SCAN)
+    tables = []
+    for kind in ("gaussian-uniform", "mine.py:Same"):
+        told = ("--scan", f"kind={kind}", "--scan", "sigma=0.1", "--scan", "power=0.3")
+        assert replay(*KNOWN, *told, "--localizers", "mcl", "--out", f"out-{kind[:4]}") == 0
+        with (recorded / f"out-{kind[:4]}" / "results.csv").open() as file:
+            (row,) = csv.DictReader(file)
+        tables.append({name: value for name, value in row.items() if "median" in name})
+    assert tables[0] == tables[1] != {}
