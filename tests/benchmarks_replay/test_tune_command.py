@@ -134,6 +134,19 @@ def test_where_nothing_is_better_the_default_wins_and_no_gain_is_told(here, tmp_
         assert row["tuned"] == row["default"]
 
 
+@pytest.mark.parametrize("score", ["median", "p95", "localized"])
+def test_of_a_poor_default_and_a_good_candidate_the_good_one_wins_by_any_score(
+    here, tmp_path, score
+):
+    (tmp_path / "space.toml").write_text("only = true\nparticles = [500, 1000]\n")
+    words = [tmp_path / "space.toml" if word == "space.toml" else word for word in MCL]
+    poor = ("--param", "mcl.particles=1", "--score", score, "--start-sd", "1m,60deg")
+    out = tmp_path / "out"
+    assert exit_code(*words, *poor, "--candidates", "2", "--jobs", "1", "--out", out) == 0
+    (cell,) = read_sweep(out / "best.toml").cells()
+    assert cell.params["particles"] >= 500
+
+
 def test_too_slow_a_candidate_does_not_win(here, tmp_path):
     out = tmp_path / "out"
     limit = ("--max-ms", "1e-6", "--candidates", "4", "--jobs", "1")
