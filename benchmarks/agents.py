@@ -20,7 +20,7 @@ from benchmarks.policies import (
     four_deep,
     rng_of,
 )
-from benchmarks.setup.scenario import Agent
+from benchmarks.setup.interfaces import Agent
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats, Reals
 from deqmcl_gym.validation import InputError, number

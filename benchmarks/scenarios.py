@@ -11,7 +11,8 @@ from types import MappingProxyType
 from typing import Any
 
 from benchmarks.setup.changes import Changes, Named
-from benchmarks.setup.scenario import Gaussian, Scenario, Thresholds, Uniform
+from benchmarks.setup.priors import Gaussian, Uniform
+from benchmarks.setup.scenario import Scenario, Thresholds
 from deqmcl_gym.world.config import WORLDS, MotionNoise, Start, World
 from localizers import CensoredGaussianUniform, OdometryMotion
 

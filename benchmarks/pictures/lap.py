@@ -13,7 +13,7 @@ from benchmarks.files import own_folder, write_part
 from benchmarks.pictures import figures
 from benchmarks.pictures.film import Film, webp
 from benchmarks.pictures.mcap import check_mcap, recorded
-from benchmarks.setup.scenario import TrialEnv
+from benchmarks.setup.interfaces import TrialEnv
 from benchmarks.tables.text import csv_text, short_name, state_name
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.metrics import directions, heading_error, position_error, state_error

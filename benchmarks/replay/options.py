@@ -14,7 +14,7 @@ from benchmarks.setup import changes
 from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise
 from benchmarks.setup.names import absolute_assumed, scenario
-from benchmarks.setup.scenario import Gaussian
+from benchmarks.setup.priors import Gaussian
 from benchmarks.trials.fixes import metre
 from benchmarks.trials.tracks import absolute
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced

@@ -9,7 +9,9 @@ from typing import Any, Self
 import numpy as np
 
 from benchmarks.setup.changes import NOTHING, Changes, file_digest
-from benchmarks.setup.scenario import Gaussian, Scenario, Thresholds, TrialEnv
+from benchmarks.setup.interfaces import TrialEnv
+from benchmarks.setup.priors import Gaussian
+from benchmarks.setup.scenario import Scenario, Thresholds
 from deqmcl_gym.envs.log import LogEnv, log_of
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import increments_of, lengths_of

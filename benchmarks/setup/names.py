@@ -13,8 +13,10 @@ from typing import Any
 from benchmarks.agents import AGENTS
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup import changes
+from benchmarks.setup.assumed import is_code
 from benchmarks.setup.changes import Changes, Named, file_digest, from_folder
-from benchmarks.setup.scenario import Agent, Scenario, Thresholds, is_code
+from benchmarks.setup.interfaces import Agent
+from benchmarks.setup.scenario import Scenario, Thresholds
 from deqmcl_gym.validation import InputError, one_of, part
 from localizers import RobotModel, absolute_name
 from localizers.naming.digests import content_digest

@@ -21,7 +21,7 @@ import PIL.Image
 import deqmcl_gym  # noqa: F401 # registers the environments
 from benchmarks.agents import AGENTS
 from benchmarks.pictures.film import webp
-from benchmarks.setup.scenario import Agent
+from benchmarks.setup.interfaces import Agent
 from benchmarks.tables.stats import wilson
 from benchmarks.tasks import OFFICE, POWER, robot_model
 from deqmcl_gym.envs.acting import ActingEnv, TrackEnv

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.setup.changes import Changes, Named
+from benchmarks.setup.interfaces import Agent
 from benchmarks.setup.names import absolute_agent, absolute_scenario, make_agent, plug_ins_of_agent
-from benchmarks.setup.scenario import Agent
 from benchmarks.studies.trying import asked, require, tried
 from benchmarks.trials.episode import moments
 from benchmarks.trials.spec import Trial

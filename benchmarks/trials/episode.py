@@ -13,7 +13,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from benchmarks.setup.scenario import Agent
+from benchmarks.setup.interfaces import Agent
 from deqmcl_gym.numerics.types import Reals
 from localizers import Belief, Localizer, Prior
 

@@ -15,8 +15,9 @@ import gymnasium as gym
 import numpy as np
 
 from benchmarks.setup.changes import errors_name
+from benchmarks.setup.interfaces import Agent, TrialEnv
 from benchmarks.setup.names import make_agent, scenario
-from benchmarks.setup.scenario import Agent, Scenario, TrialEnv
+from benchmarks.setup.scenario import Scenario
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.episode import Moment, moments
 from benchmarks.trials.journey_log import JourneyLog

@@ -10,7 +10,7 @@ import pytest
 import localizers
 from benchmarks.setup.changes import Named
 from benchmarks.setup.names import make_agent, scenario, scenario_names
-from benchmarks.setup.scenario import Uniform
+from benchmarks.setup.priors import Uniform
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
 from benchmarks.trials.episode import moments
 from benchmarks.trials.stage import Stage

@@ -10,7 +10,8 @@ from refusals import refused
 
 from benchmarks.pictures.figures import camera_of
 from benchmarks.setup.names import absolute_scenario, make_agent, scenario, scenario_names
-from benchmarks.setup.scenario import Places, Thresholds
+from benchmarks.setup.priors import Places
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage

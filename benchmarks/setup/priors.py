@@ -1,0 +1,234 @@
+"""Where a robot may start, as the filters assume it: the priors of scenarios, by kind."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from benchmarks.setup.assumed import changed
+from benchmarks.setup.interfaces import TrialEnv
+from deqmcl_gym.maps.map import LENGTH, POSE
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.validation import InputError, number, one_of, pose
+from localizers import (
+    AnnulusRegion,
+    GaussianPrior,
+    MixturePrior,
+    PolygonRegion,
+    Prior,
+    UniformPrior,
+)
+
+_DIRECTIONS = 1024  # that are drawn to find a free one
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gaussian:
+    """x_0 ~ N(mean, diag(sd_position², sd_position², sd_heading²)).
+
+    Attributes:
+        mean: (x px, y px, θ rad); None is the planned start, which need not be the true one, and
+            in a log its reference.
+        sd_position: in x and in y, px.
+        sd_heading: rad.
+    """
+
+    mean: tuple[float, float, float] | None = field(default=None, metadata=POSE)
+    sd_position: float = field(default=10.0, metadata=LENGTH)
+    sd_heading: float = 0.1
+
+    def __post_init__(self) -> None:
+        if self.mean is not None:
+            object.__setattr__(self, "mean", pose("prior.mean", self.mean))
+        number("prior.sd_position", self.sd_position, low=0)
+        number("prior.sd_heading", self.sd_heading, low=0)
+
+    @property
+    def where(self) -> str:
+        """Where it is, in words."""
+        if self.mean is None:
+            return "around the planned start"
+        return "around ({:g}, {:g}, {:.2f} rad)".format(*self.mean)
+
+    def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> GaussianPrior:
+        """Return p(x_0) in the episode that a room has begun last; nothing is drawn."""
+        mean = room.expected_start if self.mean is None else self.mean
+        return GaussianPrior(mean=mean, sd_position=self.sd_position, sd_heading=self.sd_heading)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Displaced:
+    """A Gaussian whose mean is wrong by a distance and an angle, as if a person were mistaken.
+
+    The direction is drawn, evenly among those that lead to free space, as nobody says that a robot
+    stands in a wall; the angle is to the left or to the right.
+
+    Attributes:
+        mean, sd_position, sd_heading: as of ``Gaussian``, before the mean is displaced.
+        distance: by which the mean is off, px.
+        angle: by which its heading is off, rad.
+    """
+
+    mean: tuple[float, float, float] | None = field(default=None, metadata=POSE)
+    sd_position: float = field(default=10.0, metadata=LENGTH)
+    sd_heading: float = 0.1
+    distance: float = field(default=0.0, metadata=LENGTH)
+    angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mean", self._right.mean)
+        number("prior.distance", self.distance, low=0)
+        number("prior.angle", self.angle, low=0, high=math.pi)
+
+    def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> GaussianPrior:
+        """Return p(x_0) in the episode that a room has begun last.
+
+        Args:
+            room: has the free space.
+            rng: draws the direction, the same for all distances that are free there.
+
+        Raises:
+            InputError: nothing is free at that distance, or there is nothing to draw with.
+        """
+        if rng is None:
+            raise InputError("the prior is displaced in a direction that is drawn: give rng.")
+        right = self._right.of(room)
+        x, y, heading = right.mean
+        side, ways = rng.random(), 2 * math.pi * rng.random(_DIRECTIONS)
+        off = np.column_stack([arrays.cos(ways), arrays.sin(ways)])
+        around = np.array([x, y]) + self.distance * off
+        free = np.flatnonzero(room.floor_plan.free(around, room.radius))
+        if self.distance > 0 and not free.size:
+            raise InputError(
+                f"prior.distance is {self.distance:g}, but nothing is free at that distance from "
+                f"({x:.2f}, {y:.2f}): give a smaller one."
+            )
+        px, py = around[free[0]].tolist() if self.distance > 0 else (x, y)
+        turned = heading + (self.angle if side < 0.5 else -self.angle)
+        return replace(right, mean=(px, py, turned))
+
+    @property
+    def where(self) -> str:
+        """Where it is, in words."""
+        off = f"wrong by {self.distance:g} and {math.degrees(self.angle):.0f}°"
+        return f"{self._right.where}, {off}"
+
+    @property
+    def _right(self) -> Gaussian:
+        return Gaussian(mean=self.mean, sd_position=self.sd_position, sd_heading=self.sd_heading)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uniform:
+    """x_0 is anywhere in free space, or in that of a polygon or annulus, in any heading.
+
+    Attributes:
+        polygon: corners (x, y) of a room, px; None: no polygon.
+        near: centre (x, y) of an annulus, px; None: no annulus.
+        within, beyond: distances from there, px.
+    """
+
+    polygon: tuple[tuple[float, float], ...] | None = field(default=None, metadata=LENGTH)
+    near: tuple[float, float] | None = field(default=None, metadata=LENGTH)
+    within: float | None = field(default=None, metadata=LENGTH)
+    beyond: float = field(default=0.0, metadata=LENGTH)
+
+    def __post_init__(self) -> None:
+        if self.polygon is not None and self.near is not None:
+            raise InputError("the prior has both polygon and near: give one of them.")
+        if (self.near is None) != (self.within is None) or (self.near is None and self.beyond):
+            raise InputError(
+                "the prior has only some of near and within: give both, as in near = [3.2, 1.5] "
+                "and within = 2.0, and beyond only with them."
+            )
+        self._region()  # refuses what is none
+
+    def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> Prior:
+        """Return p(x_0) in a room; nothing is drawn."""
+        region = self._region()
+        return UniformPrior(floor_plan=room.floor_plan, radius=room.radius, region=region)
+
+    @property
+    def where(self) -> str:
+        """Where it is, in words."""
+        if self.polygon is not None:
+            return f"anywhere in the polygon of {len(self.polygon)} corners, in any heading"
+        if self.near is None:
+            return "anywhere on the map"
+        x, y = self.near
+        at_least = f"{self.beyond:g} to " if self.beyond else "up to "
+        return f"{at_least}{self.within:g} from ({x:g}, {y:g}), in any heading"
+
+    def _region(self) -> PolygonRegion | AnnulusRegion | None:
+        if self.polygon is not None:
+            return PolygonRegion(corners=self.polygon)
+        if self.near is None or self.within is None:
+            return None
+        return AnnulusRegion(centre=self.near, within=self.within, beyond=self.beyond)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """One of several places: a prior and its weight."""
+
+    prior: "Gaussian | Uniform"
+    weight: float
+
+    def __post_init__(self) -> None:
+        number("weight of a place", self.weight, low=0, above=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Places:
+    """x_0 is at one of several places.
+
+    Attributes:
+        places: a table for each: its ``weight`` (1), and the keys of another kind of prior.
+    """
+
+    places: tuple[Place, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.places, tuple | list):
+            raise InputError(f"prior.places is {self.places!r}, but must be a list of tables.")
+        object.__setattr__(self, "places", tuple(map(_place, self.places)))
+
+    def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> Prior:
+        """Return p(x_0) in the episode that a room has begun last; nothing is drawn."""
+        if not self.places:
+            raise InputError("the prior has kind places, but no place: add [[prior.places]].")
+        parts = tuple(place.prior.of(room) for place in self.places)
+        return MixturePrior(parts=parts, weights=tuple(place.weight for place in self.places))
+
+    @property
+    def where(self) -> str:
+        """Where they are, in words."""
+        total = sum(place.weight for place in self.places)
+        each = (f"{100 * p.weight / total:.0f} % {p.prior.where}" for p in self.places)
+        return f"one of {len(self.places)} places: {'; '.join(each)}"
+
+
+def _place(given: Any) -> Place:
+    """Return a place, of the table of a scenario file."""
+    if isinstance(given, Place):
+        return given
+    if not isinstance(given, Mapping):
+        raise InputError(f"a place of the prior is {given!r}, but must be a table.")
+    keys = dict(given)
+    weight = keys.pop("weight", 1.0)
+    if keys.get("kind") == "places":
+        raise InputError("a place of the prior is of kind places: name the places side by side.")
+    if keys.get("kind") in (None, "displaced"):
+        one_of("kind of a place", keys.get("kind"), ("gaussian", "uniform"))
+    prior = changed("prior", Gaussian(), keys, "px", PRIORS)  # lengths as they are told
+    if isinstance(prior, Gaussian) and (prior.mean is None or "sd_position" not in keys):
+        raise InputError("a gaussian place of the prior needs mean and sd_position: give both.")
+    return Place(prior=prior, weight=weight)
+
+
+PRIORS = MappingProxyType(
+    {"gaussian": Gaussian, "uniform": Uniform, "places": Places, "displaced": Displaced}
+)
