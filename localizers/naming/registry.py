@@ -15,6 +15,7 @@ from typing import Any
 from deqmcl_gym.validation import InputError, one_of
 from localizers.api import Localizer
 from localizers.methods.amcl import amcl
+from localizers.methods.cbgl import cbgl
 from localizers.methods.dead_reckoning import dead_reckoning
 from localizers.methods.deq_mcl import (
     deq_mcl,
@@ -101,6 +102,7 @@ _FACTORIES: dict[str, Factory] = {
     "dead-reckoning": dead_reckoning,
     "grid": grid,
     "amcl": amcl,
+    "cbgl": cbgl,
     "ekf": ekf,
 }
 _BUILT_IN = frozenset(_FACTORIES)
