@@ -23,6 +23,7 @@ WORDS = {  # what the names of methods mean; the first four as in the paper's Ta
     "dead-reckoning": "dead reckoning on the plan",
     "grid": "grid filter",
     "amcl": "Nav2's AMCL",
+    "cbgl": "mcl-map from the best fit of the first scan",
     "ekf": "extended Kalman filter",
 }
 

@@ -15,6 +15,7 @@ from typing import Any
 from deqmcl_gym.validation import InputError, one_of
 from localizers.api import Localizer
 from localizers.methods.amcl import amcl
+from localizers.methods.cbgl import cbgl
 from localizers.methods.dead_reckoning import dead_reckoning
 from localizers.methods.deq_mcl import (
     deq_mcl,
@@ -101,6 +102,7 @@ _FACTORIES: dict[str, Factory] = {
     "dead-reckoning": dead_reckoning,
     "grid": grid,
     "amcl": amcl,
+    "cbgl": cbgl,
     "ekf": ekf,
 }
 _BUILT_IN = frozenset(_FACTORIES)
@@ -217,15 +219,30 @@ def _parameters_of_ours(name: str) -> tuple[str, ...] | None:
 
 
 def parameters_of(factory: Callable[..., Any]) -> tuple[str, ...] | None:
-    """Names of a factory's parameters beside the robot; None if it takes any."""
+    """Names of a factory's parameters beside the robot, its first; None if it takes any."""
+    given = _given(factory)
+    if given is None:
+        return None
+    beside = given[1:] if given and given[0].kind is not given[0].VAR_POSITIONAL else given
+    return _names(beside)
+
+
+def arguments_of(factory: Callable[..., Any]) -> tuple[str, ...] | None:
+    """Names of all that a factory takes; None if it takes any."""
+    given = _given(factory)
+    return None if given is None else _names(given)
+
+
+def _given(factory: Callable[..., Any]) -> list[inspect.Parameter] | None:
     try:
         given = list(inspect.signature(factory).parameters.values())
     except ValueError:  # some compiled callables have none to show
         return None
-    if any(parameter.kind is parameter.VAR_KEYWORD for parameter in given):
-        return None
-    beside = given[1:] if given and given[0].kind is not given[0].VAR_POSITIONAL else given
-    return tuple(p.name for p in beside if p.kind is not p.VAR_POSITIONAL)
+    return None if any(p.kind is p.VAR_KEYWORD for p in given) else given
+
+
+def _names(given: list[inspect.Parameter]) -> tuple[str, ...]:
+    return tuple(p.name for p in given if p.kind is not p.VAR_POSITIONAL)
 
 
 def source_digest(name: str) -> str | None:

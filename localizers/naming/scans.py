@@ -12,9 +12,10 @@ from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, number, one_of
 from localizers.models.scan import Scan, ScanModel
 from localizers.naming.plugins import absolute_name, is_ctrl_c, load, raised
-from localizers.naming.registry import complete, parameters_of
+from localizers.naming.registry import arguments_of, complete
 
 _VERB = "log_likelihood"
+_OF_BEAMS = ("log_likelihood", "density", "least_density", "hit_moments")
 _BLOCK = 8192  # poses that a model is asked for at once, at most
 
 
@@ -41,6 +42,16 @@ class ScanPlugIn:
     def __str__(self) -> str:
         return repr(scan_name(self.kind))
 
+    def __getattr__(self, name: str) -> Any:
+        """Say what to ask instead of ``robot.scan``, of which others ask what single beams are."""
+        if name in _OF_BEAMS:
+            raise AttributeError(
+                f"the scan model {self} tells only of whole scans, so robot.scan has no {name}: "
+                "ask robot.scan_model().log_likelihood(states, Scan.of(ranges, max_range)), or "
+                "assume a model of single beams"
+            )
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
     def changed(self, **changes: Any) -> Self:
         """Return it with another ``power`` or parameters changed."""
         power = changes.pop("power", self.power)
@@ -53,7 +64,7 @@ class ScanPlugIn:
             InputError: there is none of that name, it refuses its parameters, or is no scan model.
         """
         factory = load(self.kind, self.kind, "scan model")
-        known = parameters_of(factory) if callable(factory) else ()
+        known = arguments_of(factory) if callable(factory) else ()
         for name in self.params:
             if known is not None:
                 one_of(f"parameter of scan model {self}", name, {*known} - {"floor_plan", "lidar"})

@@ -34,6 +34,8 @@ def robot_of(
 
 def small(name: str, particles: int) -> dict[str, float]:
     """Parameters that make a method quick: this many particles, a coarse grid."""
+    if name == "cbgl":
+        return {"particles": particles, "poses": particles, "matched": min(10, particles)}
     if "particles" in (localizers.parameters(name) or ()):
         return {"particles": particles}
     if name == "amcl":

@@ -52,6 +52,8 @@ def broken_here(subject):
 
 def coarse(name):
     """Parameters without which a localizer is slow."""
+    if name == "cbgl":
+        return {"poses": 1000}
     return {"cell": 20.0, "headings": 36} if name in ("grid", "mcl-h") else {}
 
 

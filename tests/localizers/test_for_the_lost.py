@@ -38,6 +38,7 @@ SMALL = {  # parameters that make a method quick in a building
     "mcl-h": {"cell": 0.5, "headings": 16, "particles": 300, "lag": 3},
     "amcl": {"max_particles": 300, "min_particles": 100},
     "ekf": {},
+    "cbgl": {"particles": 300, "poses": 2000, "modes": 10},
 }
 FOR_THE_LOST = ["mcl-map", "mcl-plan"]
 

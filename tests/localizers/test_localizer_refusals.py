@@ -99,6 +99,13 @@ RNG = np.random.default_rng
         ("mcl-map", {"scan_keep": 1.5}, "scan_keep"),
         ("mcl-map", {"recovery_alpha_fast": 2.0}, "recovery_alpha_fast"),
         ("mcl-map", {"recovery_alpha_slow": 0.1}, "recovery_alpha_fast is 0"),
+        ("cbgl", {"poses": 0}, "poses is 0"),
+        ("cbgl", {"poses": 10**9}, "poses is 1000000000"),
+        ("cbgl", {"poses": 20, "matched": 30}, "matched is 30, but only 20 poses are drawn"),
+        ("cbgl", {"modes": 11}, "modes is 11, but only 10 poses are matched"),
+        ("cbgl", {"spread": -1}, "spread is -1"),
+        ("cbgl", {"spread_heading": NAN}, "spread_heading is nan"),
+        ("cbgl", {"start_draws": 20}, "unknown parameter of localizer 'cbgl'"),
     ],
 )
 def test_a_bad_parameter_is_refused_with_what_is_allowed(robot, name, params, words):

@@ -1,5 +1,7 @@
 """Scan models from other people's code: found, checked, keyed by their code, used by filters."""
 
+import copy
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -154,6 +156,32 @@ def test_what_is_no_scan_model_is_refused_before_anything_runs(
     monkeypatch.chdir(tmp_path)
     with refused(*words):
         Stage.of(replace(TRIAL, assumed={"scan.kind": kind})).check()
+
+
+@pytest.mark.parametrize(
+    "signature",
+    [
+        "floor_plan, lidar, sigma=100.0",
+        "lidar, floor_plan, sigma=100.0",
+        "sigma=100.0, floor_plan=None, lidar=None",
+        "*, sigma, lidar, floor_plan",
+    ],
+)
+def test_its_arguments_may_stand_in_any_order(file, robot, signature):
+    file.write_text(MODEL.replace("floor_plan, lidar, *, sigma=100.0", signature))
+    made = ScanPlugIn(kind=str(file), params={"sigma": 30.0}).made(robot.floor_plan, robot.lidar)
+    assert made.model.model.beam.sigma == 30.0
+    with refused("parameter of scan model", "did you mean 'sigma'"):
+        ScanPlugIn(kind=str(file), params={"sigmas": 1.0}).made(robot.floor_plan, robot.lidar)
+
+
+@pytest.mark.parametrize("name", ["log_likelihood", "density", "least_density", "hit_moments"])
+def test_who_asks_it_of_single_beams_is_told_what_to_ask(file, robot, name):
+    scan = copy.deepcopy(pickle.loads(pickle.dumps(ScanPlugIn(kind=str(file)))))
+    assert scan == ScanPlugIn(kind=str(file))
+    words = rf"scan model 'mine.py:Same' tells only of whole scans.* no {name}: ask robot.scan_mod"
+    with pytest.raises(AttributeError, match=words):
+        getattr(replace(robot, scan=scan).scan, name)
 
 
 def test_a_parameter_that_it_does_not_have_is_refused(file):

@@ -16,6 +16,7 @@ import numpy as np
 
 from deqmcl_gym.validation import InputError
 from localizers import Belief, PointsBelief, Prior, RobotModel
+from localizers.models.scan import Scan
 
 try:
     from particles import SMC, FeynmanKac
@@ -29,6 +30,7 @@ class Localization(FeynmanKac):
     def __init__(self, robot: RobotModel, prior: Prior, rng: np.random.Generator) -> None:
         super().__init__(T=math.inf)
         self.robot, self.prior, self.rng = robot, prior, rng
+        self.scan = robot.scan_model()
         self.ranges = self.action = None
 
     def M0(self, N: int) -> np.ndarray:  # noqa: N802, N803 - named by particles
@@ -42,11 +44,9 @@ class Localization(FeynmanKac):
         """Log p(ranges | pose, map); there is no scan before the first step."""
         if self.ranges is None:
             return np.zeros(len(x))
-        lidar, scan = self.robot.lidar, self.robot.scan
-        usable = (self.ranges >= 0) & (self.ranges <= lidar.max_range)
-        expected = lidar.ranges(self.robot.floor_plan, np.ascontiguousarray(x.T), usable)
-        found = scan.log_likelihood(self.ranges[usable], expected, lidar.max_range)
-        return np.fmax(found, -1e6)  # no pose is impossible, not even outside the walls (NaN)
+        scan = Scan.of(self.ranges, self.robot.lidar.max_range)
+        found = self.scan.log_likelihood(np.ascontiguousarray(x.T), scan)
+        return np.maximum(found, -1e6)  # no pose is impossible
 
 
 class Smc:

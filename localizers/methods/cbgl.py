@@ -1,0 +1,246 @@
+"""The first fix from a single scan without learning, and MCL on the map from there.
+
+CBGL (Filotheou 2024, arXiv 2307.14247): many poses are drawn, ranked by the cumulative absolute
+error per ray
+
+    CAER(x) = Σ_b |o_b - min(ô_b(x), max_range)|,   b the usable beams,
+
+the best few are matched to the map, and the one of the least error is where the robot is. Its
+matching is of another kind here: each pose climbs down the same error, as GMapping's matcher does
+(Grisetti, Stachniss & Burgard 2007).
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from deqmcl_gym.maps import Lidar, Map
+from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.validation import InputError, integer, number
+from localizers.api import Prior
+from localizers.inference.belief import ParticleBelief
+from localizers.inference.particle_filter import MAX_PARTICLES, ParticleFilter
+from localizers.inference.parts import Action, Actions, Memory, States
+from localizers.inference.queue import Queue
+from localizers.inference.weights import log_evidence
+from localizers.methods.deq_mcl import mcl, mcl_map
+from localizers.methods.family import ON_THE_MAP, Shared, method
+from localizers.models.robot import RobotModel
+from localizers.models.scan import Scan
+
+_BLOCK = 8192  # poses per block: their exact ranges fit the processor's cache
+_FIRST = 25.0, 0.2  # px (scaled to the map's unit), rad: first steps of the matcher
+_HALVINGS = 6  # of these steps until a pose is matched
+_MOST = 60  # steps of the matcher
+# Ahead, left and turn of a pose's neighbours, in steps.
+_AROUND = np.vstack([np.eye(3), -np.eye(3)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class AbsoluteError:
+    """Σ over usable beams of |o - min(ô, max_range)|, CAER; inf where the robot does not fit.
+
+    Attributes:
+        radius: of the robot's disc, in the map's unit.
+    """
+
+    floor_plan: Map
+    lidar: Lidar
+    radius: float = 0.0
+
+    def __call__(self, states: States, scan: Scan) -> Floats:
+        """Error of each pose (3, n), in the map's unit, (n,)."""
+        states = np.ascontiguousarray(states, np.float32)
+        n, measured = states.shape[1], scan.ranges[scan.usable][:, None]
+        out = np.empty(n)
+        for start in range(0, n, _BLOCK):
+            some = np.ascontiguousarray(states[:, start : start + _BLOCK])
+            expected = np.empty((scan.beams, some.shape[1]), np.float32)
+            self.lidar.cast(self.floor_plan.caster, some, expected, scan.usable)
+            seen = np.minimum(expected, self.lidar.max_range)
+            error = np.abs(measured - seen).sum(axis=0)
+            fits = self.floor_plan.free(some.T, self.radius) & ~np.isnan(error)
+            out[start : start + _BLOCK] = np.where(fits, error, math.inf)
+        return out
+
+
+@dataclass(frozen=True, kw_only=True)
+class Matching:
+    """Compass search: a pose takes the best of six steps, or halves its steps if none is better.
+
+    Attributes:
+        error: what becomes smaller.
+        first: length of the first steps ahead and to the left, in the map's unit.
+        turn: angle of the first turn, rad.
+    """
+
+    error: AbsoluteError
+    first: float = _FIRST[0]
+    turn: float = _FIRST[1]
+
+    def __call__(self, states: States, scan: Scan) -> tuple[Singles, Floats]:
+        """Return poses (3, n), each matched by itself, and their errors, (n,), none grown."""
+        best = np.array(states, np.float32, order="C")  # a copy
+        error = self.error(best, scan)
+        n = best.shape[1]
+        size = np.ones(n)
+        for _ in range(_MOST):
+            going = np.flatnonzero(size >= 0.5**_HALVINGS)
+            if going.size == 0:
+                break
+            tried = self._neighbours(best[:, going], size[going])  # (3, 6, m)
+            found = self.error(tried.reshape(3, -1), scan).reshape(len(_AROUND), -1)
+            chosen = found.argmin(axis=0)
+            least = found[chosen, np.arange(going.size)]
+            better = least < error[going]
+            moved = going[better]
+            best[:, moved] = tried[:, chosen[better], np.flatnonzero(better)]
+            error[moved] = least[better]
+            size[going[~better]] /= 2.0
+        return best, error
+
+    def _neighbours(self, states: Singles, size: Floats) -> Singles:
+        ahead, left, turn = (
+            _AROUND[:, :, None] * np.array([self.first, self.first, self.turn])[:, None] * size
+        ).swapaxes(0, 1)  # (6, m) each
+        x, y, heading = np.asarray(states, np.float64)[:, None]
+        cosine, sine = arrays.cos(heading), arrays.sin(heading)
+        around = [x + ahead * cosine - left * sine, y + ahead * sine + left * cosine]
+        return np.array([*around, heading + turn], np.float32)
+
+
+@dataclass(frozen=True)
+class _Unfixed(Memory):
+    """That there was no scan yet: the cloud is of hypotheses."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstFix:
+    """A particle filter that starts where the first scan fits best.
+
+    The belief before the first scan is the cloud of hypotheses, moved by the commands. Then the
+    tracker's particles are put around the best of them, and weighed by that scan; the evidence
+    recorded for it is that of the hypotheses.
+
+    Attributes:
+        tracker: goes on from there.
+        matching: of the best hypotheses.
+        poses: K, hypotheses, drawn from the prior.
+        matched: k, how many of them are matched.
+        modes: around how many of the matched poses the particles are put, the best ones.
+        spread: standard deviation of a particle around its pose, in x and y, in the map's unit.
+        spread_heading: in rad.
+    """
+
+    tracker: ParticleFilter
+    matching: Matching
+    poses: int
+    matched: int
+    modes: int
+    spread: float
+    spread_heading: float
+
+    def initial(self, prior: Prior, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
+        """Return the belief at t = 0: draws from the prior. The plan is not used."""
+        hypotheses = replace(self.tracker, particles=self.poses)
+        return hypotheses.initial(prior, plan, rng).remembering(_Unfixed())
+
+    def step(
+        self,
+        belief: ParticleBelief,
+        scan: Scan,
+        action: Action,
+        plan: Actions,
+        rng: np.random.Generator,
+    ) -> ParticleBelief:
+        """Return the belief after one action and one scan; see ``ParticleFilter.step``."""
+        if belief.recall(_Unfixed) is None:
+            return self.tracker.step(belief, scan, action, plan, rng)
+        states = self.tracker.motion.sample(belief.present, action, rng)
+        belief = belief._replace(queue=Queue((states,)))
+        if scan.beams == 0:
+            return belief
+        fixes = self.fixes(states, scan)
+        if fixes.shape[1] == 0:  # no hypothesis is where the robot fits
+            return belief
+        most = self.tracker.predictive
+        some = np.ascontiguousarray(states[:, :: (self.poses - 1) // most + 1])
+        likelihoods = self.tracker.scan.log_likelihood(some, scan)
+        evidence = log_evidence(np.zeros(likelihoods.size), likelihoods, most)
+        cloud = self._around(fixes, rng)
+        fixed = belief.forgetting(_Unfixed)._replace(
+            queue=Queue((cloud,)), log_weights=np.zeros(cloud.shape[1]), scan_log_evidence=evidence
+        )
+        return fixed.reweighted(self.tracker.scan.log_likelihood(cloud, scan))._replace(
+            memory=tuple(memory.scanned(scan, evidence) for memory in fixed.memory)
+        )
+
+    def fixes(self, states: States, scan: Scan) -> Singles:
+        """Return the best of hypotheses (3, K), matched, best first, (3, modes) or fewer."""
+        error = self.matching.error(states, scan)
+        chosen = np.argsort(error, kind="stable")[: self.matched]
+        chosen = chosen[np.isfinite(error[chosen])]
+        poses, error = self.matching(states[:, chosen], scan)
+        return poses[:, np.argsort(error, kind="stable")[: self.modes]]
+
+    def _around(self, fixes: Singles, rng: np.random.Generator) -> States:
+        """Particles around poses in turn, (3, N)."""
+        n = self.tracker.particles
+        sd = np.array([self.spread, self.spread, self.spread_heading])
+        centres = fixes[:, np.arange(n) % fixes.shape[1]]
+        return np.ascontiguousarray(
+            centres + sd[:, None] * rng.standard_normal((3, n)), self.tracker.dtype
+        )
+
+
+@method(*mcl.takes, "beta", *ON_THE_MAP, "recovery_alpha_slow", "recovery_alpha_fast")
+def cbgl(
+    robot: RobotModel,
+    shared: Shared,
+    *,
+    poses: int = 100_000,
+    matched: int = 10,
+    modes: int = 1,
+    spread: float | None = None,
+    spread_heading: float = 0.1,
+) -> FirstFix:
+    """Return MCL on the map that starts at the pose where the first scan has the least error.
+
+    Until the first scan the belief is ``poses`` draws from the prior; at it they are ranked by
+    their absolute error, and then forgotten. A wrong fix is only found again by random poses: see
+    ``recovery_alpha_slow`` and ``recovery_alpha_fast``. ``beam_filter`` counts from the second scan
+    on.
+
+    Args:
+        robot, shared: see ``Shared``.
+        poses: hypotheses drawn from the prior.
+        matched: how many of them, those of the least error, are matched to the map.
+        modes: around how many of the matched poses the particles are put, in equal numbers; 1 is
+            CBGL.
+        spread: standard deviation of the particles around a matched pose, in the map's unit; None
+            is 12.5 px, or 0.25 m.
+        spread_heading: that of their headings, rad.
+    """
+    px = pixel(robot.floor_plan.unit)
+    poses = integer("poses", poses, low=1, high=MAX_PARTICLES)
+    if integer("matched", matched, low=1) > poses:
+        raise InputError(
+            f"matched is {matched:,}, but only {poses:,} poses are drawn: give as many or fewer."
+        )
+    if integer("modes", modes, low=1) > matched:
+        raise InputError(
+            f"modes is {modes:,}, but only {matched:,} poses are matched: give as many or fewer."
+        )
+    error = AbsoluteError(floor_plan=robot.floor_plan, lidar=robot.lidar, radius=robot.radius)
+    return FirstFix(
+        tracker=mcl_map.build(robot, shared),
+        matching=Matching(error=error, first=_FIRST[0] * px, turn=_FIRST[1]),
+        poses=poses,
+        matched=int(matched),
+        modes=int(modes),
+        spread=12.5 * px if spread is None else number("spread", spread, low=0),
+        spread_heading=number("spread_heading", spread_heading, low=0),
+    )
