@@ -87,6 +87,33 @@ def add_timeout(parser: argparse.ArgumentParser, what: str = "trial") -> None:
     parser.add_argument("--timeout", type=float, metavar="S", help=help_)
 
 
+def share(text: str) -> float:
+    """Return 5% or 0.05 as a number."""
+    given, percent, _ = text.strip().partition("%")
+    try:
+        return float(given) / 100 if percent else float(given)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"it is {text!r}: give a share, as 5% or 0.05") from None
+
+
+def add_share(parser: argparse.ArgumentParser) -> None:
+    """Add how many trials are run again."""
+    help_ = "share of trials to run again, beside one of each setting and method (1%%)"
+    parser.add_argument("--share", type=share, metavar="S", help=help_)
+
+
+def share_of(options: argparse.Namespace) -> float:
+    """Return that share.
+
+    Raises:
+        InputError: it is no share.
+    """
+    from benchmarks.sweeps.verifying import SHARE
+    from deqmcl_gym.validation import number
+
+    return SHARE if options.share is None else number("--share", options.share, low=0, high=1)
+
+
 def add_seed(parser: argparse.ArgumentParser, default: int | None = 0) -> None:
     """Add the root seed; None: that of the sweep."""
     help_ = f"root of all randomness ({_else(default)})"

@@ -49,7 +49,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add(
         "--margin",
-        type=_share,
+        type=shared.share,
         metavar="M",
         help="with --until-decided: difference that does not matter (5%%)",
     )
@@ -83,15 +83,6 @@ def run(options: argparse.Namespace) -> str:
 
     with answered_within(options.timeout):
         return _swept(options)
-
-
-def _share(text: str) -> float:
-    """Return 5% or 0.05 as a number."""
-    number, percent, _ = text.strip().partition("%")
-    try:
-        return float(number) / 100 if percent else float(number)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"it is {text!r}: give a share, as 5% or 0.05") from None
 
 
 def stopping(options: argparse.Namespace, sweeps: "dict[str, Sweep]") -> "dict[str, Sweep]":

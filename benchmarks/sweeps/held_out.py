@@ -59,15 +59,16 @@ def submission(sweep: Mapping[str, Any], made: Provenance) -> str:
         sweep: ``Sweep.canonical()``.
         made: what its trials run.
     """
-
-    def named(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: named(own) for key, own in value.items()}
-        if isinstance(value, list):
-            return [named(own) for own in value]
-        digest = made.plug_ins.get(value) if isinstance(value, str) else None
-        return f"{Path(value).name} {digest}" if digest else value
-
     said = {key: value for key, value in sweep.items() if key not in _NOT_HANDED_IN}
-    words = json.dumps([made.code, named(jsonable(said))], sort_keys=True)
+    words = json.dumps([made.code, placeless(jsonable(said), made)], sort_keys=True)
     return hashlib.sha256(words.encode()).hexdigest()
+
+
+def placeless(value: Any, made: Provenance) -> Any:
+    """Return JSON-able values with plug-ins named by file name and digest, wherever they are."""
+    if isinstance(value, dict):
+        return {key: placeless(own, made) for key, own in value.items()}
+    if isinstance(value, list):
+        return [placeless(own, made) for own in value]
+    digest = made.plug_ins.get(value) if isinstance(value, str) else None
+    return f"{Path(value).name} {digest}" if digest else value

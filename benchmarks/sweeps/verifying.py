@@ -8,6 +8,8 @@ import hashlib
 import json
 import math
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +29,7 @@ from benchmarks.trials.scoring import LATER, SCORE_NAMES, Finished, Record
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
-_SHARE = 100  # one of so many trials, beside the first of each setting and method
+SHARE = 0.01  # of the trials beside the first of each setting and method
 
 
 class DifferentError(RuntimeError):
@@ -36,12 +38,13 @@ class DifferentError(RuntimeError):
     exit_code = 1
 
 
-def verify(folder: Path, where: Where) -> str:
+def verify(folder: Path, where: Where, share: float = SHARE) -> str:
     """Run a sample of a folder's finished trials again; if all agree, its manifest says so.
 
     Args:
         folder: of a sweep; nothing in it changes unless all agree.
         where: the engine.
+        share: of the trials beside the first of each setting and method.
 
     Returns:
         What was found, in a sentence.
@@ -52,34 +55,96 @@ def verify(folder: Path, where: Where) -> str:
     """
     made = manifest.read(folder)
     with locked(folder):
-        sweep, store = recorded_sweep(folder, made), Store(folder, reading=True)
-        now = provenance(sweep.cells())
-        trials = {made.made.key(trial): trial for trial in sweep.distinct()}
-        records = {
-            key: record for key, trial in trials.items() if (record := store.get(key, trial))
-        }
-        if not records:
-            raise InputError(f"{folder} has no finished trial: there is nothing to verify.")
-        chosen = sample({key: trials[key] for key in records}, now.code)
-        keys = {now.key(trial): key for key, trial in chosen.items()}
-        differing: dict[str, str] = {}
-        with (
-            where.engine(chosen.values()) as engine,
-            counted(folder, len(chosen), len(chosen)) as count,
-            contextlib.closing(outcomes([(k, chosen[keys[k]]) for k in keys], engine)) as finished,
-        ):
-            for own, outcome in finished:
-                if why := _difference(records[keys[own]], outcome):
-                    differing[keys[own]] = why
-                count(bool(why))
-        if differing:
-            raise DifferentError(_sentence(folder, chosen, differing))
-        parts = now.code, now.libraries, now.plug_ins
-        checked = Verified(*parts, keys=list(chosen), of=len(records), environment=environment())
+        found = run_again(folder, made, where, share)
+        if found.differing:
+            raise DifferentError(f"{found.sentence} Give a new --out.")
         known = [made.made, *made.verified]
+        now = found.checked
+        parts = now.code, now.libraries, now.plug_ins
         if parts not in [(one.code, one.libraries, one.plug_ins) for one in known]:
-            manifest.append(folder, checked)
-    return f"{folder}: {checked.words()}; none differs. A sample cannot prove what happens rarely."
+            manifest.append(folder, now)
+    return f"{folder}: {now.words()}; none differs. A sample cannot prove what happens rarely."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Again:
+    """A sample of a folder's trials, run again.
+
+    Attributes:
+        folder: of results.
+        checked: under what, and which trials.
+        chosen: the sample by key, as run now.
+        differing: how those differ that do, by key.
+    """
+
+    folder: Path
+    checked: Verified
+    chosen: Mapping[str, Trial]
+    differing: Mapping[str, str]
+
+    @property
+    def sentence(self) -> str:
+        """Say how many trials differ, and how the first one does."""
+        key = next(key for key in self.chosen if key in self.differing)
+        trial = self.chosen[key]
+        return (
+            f"{self.folder}: {len(self.differing)} of {len(self.chosen)} trials differ from those "
+            f"before; the first is {' '.join(trial.words())}, world {trial.trial}, filter seed "
+            f"{trial.filter_seed}: {self.differing[key]}."
+        )
+
+
+def run_again(
+    folder: Path,
+    made: Manifest,
+    where: Where,
+    share: float = SHARE,
+    *,
+    here: Manifest | None = None,
+    draw: str = "",
+) -> Again:
+    """Run a sample of a folder's finished trials again, and compare their records.
+
+    Args:
+        folder: of a sweep; nothing in it changes.
+        made: its manifest.
+        where: the engine.
+        share: of the trials beside one of each setting and method.
+        here: the manifest with the names that plug-ins have here; None: as in ``made``.
+        draw: secret text that draws the sample, so that nobody foresees it; "": see ``sample``.
+
+    Raises:
+        InputError: it has no finished trial.
+    """
+    recorded, ours = (recorded_sweep(folder, one) for one in (made, here or made))
+    store, now = Store(folder, reading=True), provenance(ours.cells())
+    trials = {
+        made.made.key(trial): (trial, own)
+        for trial, own in zip(recorded.distinct(), ours.distinct(), strict=True)
+    }
+    records = {
+        key: record for key, (trial, _) in trials.items() if (record := store.get(key, trial))
+    }
+    if not records:
+        raise InputError(f"{folder} has no finished trial: there is nothing to verify.")
+    finished = {key: trials[key][1] for key in records}
+    if draw:
+        finished = {key: finished[key] for key in sorted(finished, key=partial(_drawn, draw))}
+    chosen = sample(finished, f"{now.code}{draw}", share)
+    keys = {now.key(trial): key for key, trial in chosen.items()}
+    differing: dict[str, str] = {}
+    with (
+        where.engine(chosen.values()) as engine,
+        counted(folder, len(chosen), len(chosen)) as count,
+        contextlib.closing(outcomes([(k, chosen[keys[k]]) for k in keys], engine)) as ended,
+    ):
+        for own, outcome in ended:
+            if why := _difference(records[keys[own]], outcome):
+                differing[keys[own]] = why
+            count(bool(why))
+    parts = now.code, now.libraries, now.plug_ins
+    checked = Verified(*parts, keys=list(chosen), of=len(records), environment=environment())
+    return Again(folder=folder, checked=checked, chosen=chosen, differing=differing)
 
 
 def adopt(folder: Path, ours: Manifest, where: Where) -> str:
@@ -87,20 +152,22 @@ def adopt(folder: Path, ours: Manifest, where: Where) -> str:
     return verify(folder, where) if manifest.is_of_other_code(folder, ours) else ""
 
 
-def sample(trials: Mapping[str, Trial], code: str) -> dict[str, Trial]:
-    """Return the first trial of each setting and method, and 1 % of the others.
+def sample(trials: Mapping[str, Trial], code: str, share: float = SHARE) -> dict[str, Trial]:
+    """Return the first trial of each setting and method, and a share of the others: 1 %.
 
     Nobody picks those: they are drawn by the digest of the code that is to be verified.
     """
     first: dict[str, str] = {}
     for key, trial in trials.items():
         first.setdefault(json.dumps(trial.canonical() | {"trial": 0, "filter_seed": 0}), key)
-    others = sorted(
-        trials.keys() - first.values(),
-        key=lambda key: hashlib.sha256(f"{code} {key}".encode()).digest(),
-    )
-    chosen = {*first.values(), *others[: math.ceil(len(others) / _SHARE)]}
+    others = sorted(trials.keys() - first.values(), key=partial(_drawn, code))
+    chosen = {*first.values(), *others[: math.ceil(share * len(others))]}
     return {key: trial for key, trial in trials.items() if key in chosen}
+
+
+def _drawn(by: str, key: str) -> bytes:
+    """Return where a trial stands in an order that nobody picks."""
+    return hashlib.sha256(f"{by} {key}".encode()).digest()
 
 
 def fingerprint(record: Record) -> str:
@@ -131,13 +198,3 @@ def _by_score(record: Record, without: Collection[str] = ()) -> dict[str, Any]:
     parts = {name: getattr(record, name) for name in Record.__struct_fields__ if name != "scores"}
     others: dict[str, Any] = msgspec.to_builtins(parts, str_keys=True)
     return scores | others
-
-
-def _sentence(folder: Path, chosen: Mapping[str, Trial], differing: Mapping[str, str]) -> str:
-    key = next(key for key in chosen if key in differing)
-    trial = chosen[key]
-    return (
-        f"{folder}: {len(differing)} of {len(chosen)} trials differ from those before; the first "
-        f"is {' '.join(trial.words())}, world {trial.trial}, filter seed {trial.filter_seed}: "
-        f"{differing[key]}. Give a new --out."
-    )

@@ -6,7 +6,7 @@ import re
 import shutil
 
 import pytest
-from deqmcl_command import exit_code, files, python
+from deqmcl_command import exit_code, files, lines, python
 from sweep_command import sweep
 
 SWEEP = """
@@ -76,14 +76,18 @@ def test_a_leaderboard_ranks_the_methods_of_all_folders_once_with_their_origin(s
     assert sorted(names) == ["dead-reckoning", "mcl (baseline)", "mcl-map"]
     errors = [float(line[1].split()[0]) for line in board]
     assert errors == sorted(errors)
-    assert board[names.index("dead-reckoning")][7] == "2"
-    assert board[names.index("mcl (baseline)")][7] == "1, 2"
+    assert {tuple(line[3:6]) for line in board} == {("–", "–", "–")}  # there is no held-out run
+    assert {line[7] for line in board} == {"reported"}
+    assert board[names.index("dead-reckoning")][8] == "2"
+    assert board[names.index("mcl (baseline)")][8] == "1, 2"
     made = [json.loads((one / "manifest.json").read_text()) for one in folders]
     for line, one in zip(runs, made, strict=True):
-        assert line[4] == one["identity"]["code"]
+        assert line[6] == one["identity"]["code"]
         assert line[2].replace("\\", "") == " ".join(["deqmcl", *one["command"][1:]])
-        assert f"numpy {one['identity']['libraries']['numpy']}" in line[3]
-    assert all(line[6] == made[0]["identity"]["code"][:12] for line in board)
+        assert f"numpy {one['identity']['libraries']['numpy']}" in line[5]
+    rows = lines(out, "leaderboard.csv")
+    assert [row["method"] for row in rows] == [name.removesuffix(" (baseline)") for name in names]
+    assert {row["code"] for row in rows} == {made[0]["identity"]["code"][:12]}
     page = (out / "leaderboard.html").read_text(encoding="utf-8")
     assert len(re.findall("<tr", page)) == len(board) + len(runs) + 2
 
@@ -117,10 +121,10 @@ def test_a_leaderboard_refuses_folders_twice_without_the_baseline_or_with_trials
 
 
 def test_a_leaderboard_refuses_a_baseline_with_other_scores(swept, tmp_path, monkeypatch, refusal):
-    from benchmarks.report import leaderboard
+    from benchmarks.sweeps import submissions
 
     first, other = swept("mcl", "mcl-map"), swept("mcl", "dead-reckoning")
-    read = leaderboard.results_in
+    read = submissions.results_in
 
     def changed(folder):
         found = read(folder)
@@ -129,6 +133,6 @@ def test_a_leaderboard_refuses_a_baseline_with_other_scores(swept, tmp_path, mon
                 record.scores[0]["error"] += 1e-9
         return found
 
-    monkeypatch.setattr(leaderboard, "results_in", changed)
+    monkeypatch.setattr(submissions, "results_in", changed)
     words = "the baseline mcl has other scores on world 0"
     refusal(["leaderboard", first, other, "--out", tmp_path / "board"], words)

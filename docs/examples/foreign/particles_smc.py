@@ -21,7 +21,10 @@ from localizers.models.scan import Scan
 try:
     from particles import SMC, FeynmanKac
 except ModuleNotFoundError:
-    raise InputError("particles_smc.py needs particles: run pip install particles.") from None
+    raise InputError(
+        "particles_smc.py needs particles: run pip install scipy joblib, then pip install "
+        "--no-deps particles, which asks for NumPy below 2, but runs with 2.4."
+    ) from None
 
 
 class Localization(FeynmanKac):
