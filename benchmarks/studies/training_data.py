@@ -7,6 +7,7 @@ in another: the sweeps' scenario ``lost`` takes place in the offices of seeds 0 
 import argparse
 import io
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import deqmcl_gym  # noqa: F401 # registers the environments
+from benchmarks.setup.names import scenario as scenario_named
 from deqmcl_gym.files import write_bytes
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.numerics.types import Floats
@@ -24,9 +26,15 @@ Arrays = dict[str, NDArray[Any]]
 
 
 def recorded(
-    buildings: tuple[int, int], steps: int, *, rooms: int = 64, crop: int = 64, seed: int = 0
+    buildings: tuple[int, int],
+    steps: int,
+    *,
+    rooms: int = 64,
+    crop: int = 64,
+    seed: int = 0,
+    scenario: str | None = None,
 ) -> Arrays:
-    """Drive ``rooms`` robots of ``Journey-v1`` for ``steps`` steps, each episode in an office.
+    """Drive ``rooms`` robots along routes for ``steps`` steps, each episode in an office.
 
     Args:
         buildings: first seed of the offices, and the end, which is not one of them.
@@ -34,12 +42,16 @@ def recorded(
         rooms: robots at a time.
         crop: cells of the map along each side of a picture, even.
         seed: of the rooms.
+        scenario: a name or a TOML file, whose world it is; None is ``Journey-v1``.
 
     Returns:
         Arrays over steps and rooms, by name:
 
-        - scan: ranges in m, (T, n, 16) float32; inf: nothing in range.
-        - bearings: of the beams, rad from straight ahead, (16,).
+        - scan: ranges in m, (T, n, B) float32; inf: nothing in range.
+        - expected: exact ranges on the map, from the true pose, (T, n, B) float32; the world may
+          differ from its map.
+        - bearings: of the beams, rad from straight ahead, (B,).
+        - max_range: of the lidar, m.
         - command: the motion before the scan, a drive in m after a turn in rad, (T, n, 2) float32;
           0 where an episode begins.
         - pose: the true one, (x m, y m, θ rad), (T, n, 3).
@@ -56,17 +68,19 @@ def recorded(
     integer("--crop", crop, low=2, high=1000)
     if crop % 2:
         raise InputError(f"--crop is {crop}, but must be even: the robot is in its middle.")
-    offices = {"office": {"seeds": list(buildings)}}
-    made = gym.make_vec("deqmcl_gym/Journey-v1", num_envs=rooms, floor_plan=offices, horizon=1)
+    world = _world_of(scenario)
+    world["floor_plan"] = {"office": {**world["floor_plan"]["office"], "seeds": list(buildings)}}
+    made = gym.make_vec("deqmcl_gym/Journey-v1", num_envs=rooms, horizon=1, **world)
     envs: Any = made.unwrapped
     seen, info = envs.reset(seed=seed)
     begins, ended = np.ones(rooms, np.bool_), np.zeros(rooms, np.bool_)
     rows = []
     for _ in range(steps):
-        places = zip(envs.floor_plans, info["truth"], strict=True)
+        places = [*zip(envs.floor_plans, info["truth"], strict=True)]
         rows.append(
             {
                 "scan": seen["scan"],
+                "expected": np.vstack([envs.lidar.ranges(m, x[:, None]) for m, x in places]),
                 "command": info["action"],
                 "pose": info["truth"],
                 "map": np.stack([around(plan, pose, crop) for plan, pose in places]),
@@ -79,7 +93,33 @@ def recorded(
     made.close()
     arrays = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
     edge = np.float64(envs.floor_plans[0].resolution)
-    return arrays | {"bearings": envs.lidar.bearings, "resolution": edge}
+    lidar = {"bearings": envs.lidar.bearings, "max_range": np.float64(envs.lidar.max_range)}
+    return arrays | lidar | {"resolution": edge}
+
+
+def _world_of(scenario: str | None) -> dict[str, Any]:
+    """Arguments of the environment, among them an office without a seed.
+
+    Raises:
+        InputError: the scenario takes place elsewhere, or has what rooms cannot have together.
+    """
+    if scenario is None:
+        return {"floor_plan": {"office": {}}}
+    world = dict(scenario_named(scenario).env)
+    plan = world.get("floor_plan")
+    if not isinstance(plan, Mapping) or not isinstance(plan.get("office"), Mapping):
+        raise InputError(
+            f"the scenario {scenario!r} does not take place in generated offices: give one that "
+            "does, such as lost."
+        )
+    for part in ("people", "glass"):
+        if world.get(part, "none") not in ("none", None):
+            raise InputError(
+                f"the scenario {scenario!r} has {part}, which many rooms at once cannot have: give "
+                "one without."
+            )
+    options = {key: value for key, value in plan["office"].items() if key not in ("seed", "seeds")}
+    return {**world, "floor_plan": {"office": options}}
 
 
 def around(plan: GridMap, pose: Floats, crop: int) -> NDArray[np.uint8]:
@@ -105,14 +145,16 @@ def main(words: list[str] | None = None) -> None:
     add("--rooms", type=int, default=64, metavar="N", help="robots at a time (64)")
     add("--crop", type=int, default=64, metavar="C", help="cells of a map along each side (64)")
     add("--seed", type=int, default=0, metavar="S", help="of the rooms (0)")
+    add("--scenario", metavar="NAME", help="or a TOML file, whose world it is (Journey-v1)")
     add("--out", type=Path, required=True, metavar="FILE.npz")
     given = parser.parse_args(words)
     first, _, end = given.buildings.partition(":")
     if not (first.isdecimal() and end.isdecimal()):
         raise InputError(f"--buildings is {given.buildings!r}, but must be two seeds: 1000:1064.")
     data = recorded(
-        (int(first), int(end)), given.steps, rooms=given.rooms, crop=given.crop, seed=given.seed
-    )
+        (int(first), int(end)), given.steps, rooms=given.rooms, crop=given.crop, seed=given.seed,
+        scenario=given.scenario,
+    )  # fmt: skip
     content = io.BytesIO()
     np.savez_compressed(content, **data)  # type: ignore[arg-type]
     write_bytes(given.out, content.getvalue())
