@@ -86,8 +86,7 @@ def play(task: str, policy: str, seed: int, film: list[Any] | None = None, **mad
     if film is not None:
         made = {"render_mode": "rgb_array"} | made
     if task == "Localize-v0":
-        office = {"office": {**OFFICE, "seed": seed % _BUILDINGS}}
-        made = {"floor_plan": office} | made
+        made = {"floor_plan": office_of(seed)} | made
     env = gym.make(f"deqmcl_gym/{task}", **made)
     room: Any = env.unwrapped
     seen, info = env.reset(seed=seed)
@@ -120,6 +119,11 @@ def play(task: str, policy: str, seed: int, film: list[Any] | None = None, **mad
         contacts,
         scans,
     )
+
+
+def office_of(episode: int) -> dict[str, Any]:
+    """Return the floor plan in which an episode of ``Localize-v0`` takes place."""
+    return {"office": {**OFFICE, "seed": episode % _BUILDINGS}}
 
 
 def film(task: str, policy: str) -> bytes:

@@ -25,7 +25,7 @@ import gymnasium as gym
 import numpy as np
 
 import deqmcl_gym  # noqa: F401  # registers the environments
-from benchmarks.studies.acting import Played, play, table
+from benchmarks.studies.acting import Played, office_of, play, table
 from benchmarks.tasks import OFFICE
 
 try:
@@ -155,9 +155,8 @@ def trained(seed: int, decisions: int) -> tuple[PPO, Any]:
 
 
 def scored(policy: PPO, seed: int) -> Played:
-    """Play the episode of a seed, in the office of the same seed, as ``play`` does."""
-    office = {"office": {**OFFICE, "seed": seed}}
-    env = Motions(gym.make("deqmcl_gym/Localize-v0", floor_plan=office))
+    """Play the episode of a seed, that which ``play`` plays."""
+    env = Motions(gym.make("deqmcl_gym/Localize-v0", floor_plan=office_of(seed)))
     torch.manual_seed(seed)
     seen, _ = env.reset(seed=seed)
     returned, terminated, truncated, info = 0.0, False, False, {}
