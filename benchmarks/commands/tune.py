@@ -15,7 +15,7 @@ from benchmarks.console import doing, warn
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.replay.nav2 import Amcl
     from benchmarks.replay.options import Replay
-    from benchmarks.replay.tuning import Task
+    from benchmarks.replay.task import Task
 
 _SAID = ("every", "max_beams", "motion", "scan", "radius", "unknown")
 
@@ -35,8 +35,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--score",
         default="median",
         metavar="NAME",
-        help="what is to be best: median, p95 (position error), localized, false-commitment "
-        "(median)",
+        help="what is to be best: median, p95 (position error), localized, false-commitment, "
+        "log-score (of the pose with its covariance) (median)",
     )
     add("--max-ms", type=float, metavar="MS", help="most ms per step that the winner may take")
     many = parser.add_mutually_exclusive_group()
@@ -77,8 +77,9 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.execution.apart import answered_within
     from benchmarks.execution.engines import Where
     from benchmarks.replay.nav2 import read_nav2
+    from benchmarks.replay.task import SCORES
     from benchmarks.replay.tuned import write
-    from benchmarks.replay.tuning import SCORES, searching
+    from benchmarks.replay.tuning import searching
     from benchmarks.sweeps.running import Options
     from deqmcl_gym.validation import InputError, integer, number, one_of
 
@@ -117,7 +118,7 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     from benchmarks.execution.apart import parameters
     from benchmarks.replay.nav2 import usual_params
     from benchmarks.replay.space import built_in, read_space, segments_of
-    from benchmarks.replay.tuning import Task
+    from benchmarks.replay.task import Task
     from benchmarks.setup.changes import Changes
     from deqmcl_gym.envs.log import spacing
     from deqmcl_gym.validation import InputError, integer, number

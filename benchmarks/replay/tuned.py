@@ -13,7 +13,8 @@ import yaml
 from benchmarks.files import write_part
 from benchmarks.replay.nav2 import nav2_document
 from benchmarks.replay.space import Choice, Range
-from benchmarks.replay.tuning import RUNS, SCORES, Found, Score, Task, Tried
+from benchmarks.replay.task import SCORES, Score, Task
+from benchmarks.replay.tuning import RUNS, Found, Tried
 from benchmarks.report.writing import load, no_report
 from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.tables.pairing import milliseconds_per_step
@@ -29,7 +30,8 @@ _SHUFFLES = 1000  # of the ranks, for what chance would give
 _BINS = 4  # of a range
 _FEW = 20  # candidates below which importance says nothing
 _LEAST = 6  # segments: of fewer, a sign test could not tell any difference from chance (p < 0.05)
-_TABLE = ("median", "p95", "localized")
+_COVERAGE = Score(words="share inside the 95 % region", unit="share", column="coverage_95")
+_TABLE = (*(SCORES[name] for name in ("median", "p95", "localized")), _COVERAGE)
 
 
 def write(
@@ -140,31 +142,35 @@ def _conclusion(goal: Score, gain: Estimate) -> str:
 def _number(goal: Score, value: float, *, bare: bool = False) -> str:
     if goal.unit == "share":
         return f"{100 * value:.1f}{'' if bare else ' %'}"
+    if goal.unit == "nats":
+        return f"{value:,.2f}{'' if bare else ' nats'}"
     return f"{value:.3f}{'' if bare else ' m'}"
 
 
 def _difference(goal: Score, gain: Estimate) -> str:
     if goal.unit == "share":
         return estimated(gain.percent, "+.1f", " points")
+    if goal.unit == "nats":
+        return estimated(gain, "+,.2f", " nats")
     return estimated(gain, "+.3f", " m")
 
 
 def _table(found: Found) -> str:
     lines = [
-        "| held-out | median error | 95 % | within 1 m, 30° | ms per step |",
-        "|---|---:|---:|---:|---:|",
+        "| held-out | median error | 95 % | within 1 m, 30° | inside 95 % region | ms per step |",
+        "|---|---:|---:|---:|---:|---:|",
     ]
     rows = {"default": found.default_runs, "tuned": found.best_runs}
     for name, runs in rows.items():
         records = [record for own in runs for record in own]
         if records:
-            median, p95, near = (
-                float(np.mean([SCORES[column].of(record) for record in records]))
-                for column in _TABLE
+            median, p95, near, inside = (
+                float(np.mean([score.of(record) for record in records])) for score in _TABLE
             )
             ms = milliseconds_per_step(records)
             lines.append(
-                f"| {name} | {median:.3f} m | {p95:.3f} m | {percent(near, 1)} | {fixed(ms)} |"
+                f"| {name} | {median:.3f} m | {p95:.3f} m | {percent(near, 1)} | "
+                f"{percent(inside, 1)} | {fixed(ms)} |"
             )
     return "\n".join(lines)
 
@@ -337,7 +343,7 @@ def _trade_off(found: Found) -> bytes:
     from benchmarks.report.svg import HOUSE_STYLE, LOOKS, canvas, picture
 
     goal, last = found.task.goal, len(found.task.training)
-    factor, unit = (100, "%") if goal.unit == "share" else (1, "m")
+    factor, unit = (100, "%") if goal.unit == "share" else (1, goal.unit)
     known = [one for one in found.tried if math.isfinite(one.value) and one.ms > 0]
     parts = {
         "dropped on fewer segments": ([o for o in known if o.segments < last], LOOKS[6], 12),
@@ -357,6 +363,8 @@ def _trade_off(found: Found) -> bytes:
             axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
             axis.set_minor_locator(NullLocator())
             axis.set_major_formatter("{x:g}")
+        if goal.unit == "nats":  # those of a filter that is lost and sure are huge
+            axes.set_yscale("symlog", linthresh=10)
         words = goal.words.replace("share of records ", "")
         axes.set(xlabel="ms per step", ylabel=f"{words}, {unit}")
         caption = "Score and time of the candidates, on training segments."

@@ -11,7 +11,7 @@ import json
 import math
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 from msgspec import to_builtins
 
-from benchmarks.execution.apart import check_methods, check_settings, provenance
+from benchmarks.execution.apart import provenance
 from benchmarks.files import is_empty, locked
-from benchmarks.replay.options import NAME
-from benchmarks.replay.space import ASSUMED, DRAWS, ORDER, Segment, Space, beside, spread, stream
+from benchmarks.replay.space import DRAWS, ORDER, Segment, beside, spread, stream
+from benchmarks.replay.task import ETA, Task
 from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
@@ -32,148 +32,13 @@ from benchmarks.sweeps.store import Store
 from benchmarks.tables.pairing import milliseconds_per_step
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Trial
 from deqmcl_gym.files import UnreadableError, content_of, json_of, write_text
 from deqmcl_gym.validation import InputError
 
 STATE = "tune.json"
 ROUND = 18  # candidates
-ETA = 3  # one of so many goes on
 RUNS = 3  # of default and winner on each held-out segment
 _FINALISTS, _FINAL_RUNS = 3, 2
-
-
-@dataclass(frozen=True, kw_only=True)
-class Score:
-    """What is to be small; ``sign`` -1: large.
-
-    Attributes:
-        words: what it is.
-        unit: "m", or "share" of records.
-        column: of a run on a log, or of its whole run.
-    """
-
-    words: str
-    unit: str
-    column: str
-    sign: int = 1
-
-    def of(self, record: Finished) -> float:
-        """Return the value of a run; NaN is not available."""
-        journey = {} if record.journey is None else record.journey.scores
-        value = ({} if record.track is None else record.track.scores).get(self.column)
-        value = journey.get(self.column) if value is None else value
-        return math.nan if value is None else float(value)
-
-
-SCORES = {
-    "median": Score(words="median position error", unit="m", column="position_median"),
-    "p95": Score(words="95 % position error", unit="m", column="position_p95"),
-    "localized": Score(
-        words="share of records within 1 m and 30°", unit="share", column="within_1m", sign=-1
-    ),
-    "false-commitment": Score(
-        words="share of records with quality above 0.5 while more than 2 m off",
-        unit="share",
-        column="false_steps",
-    ),
-}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Task:
-    """What is searched for, and on what.
-
-    Attributes:
-        localizer: its name.
-        base: its parameters before the search.
-        usual: values of the default, as far as they are known, by name in ``space``.
-        space: what is searched.
-        segments: to train on and held out.
-        score: a name in ``SCORES``.
-        max_ms: most ms per step that a winner may take; None: any.
-        seed: root of all randomness.
-    """
-
-    localizer: str
-    base: Changes
-    usual: Mapping[str, Any]
-    space: Space
-    segments: Sequence[Segment]
-    score: str
-    max_ms: float | None
-    seed: int
-
-    @property
-    def goal(self) -> Score:
-        """The score."""
-        return SCORES[self.score]
-
-    @property
-    def training(self) -> list[Segment]:
-        """The segments that the search sees."""
-        return [one for one in self.segments if not one.held_out]
-
-    @property
-    def held_out(self) -> list[Segment]:
-        """Those that it does not."""
-        return [one for one in self.segments if one.held_out]
-
-    @property
-    def rungs(self) -> list[int]:
-        """How many training segments candidates run on, rung by rung."""
-        count = len(self.training)
-        return sorted({-(-count // ETA**2), -(-count // ETA), count})
-
-    def parts(self, candidate: Changes) -> tuple[Changes, Changes]:
-        """Return the parameters of the localizer, and what it assumes beside the log's own."""
-        assumed = {n: v for n, v in candidate.items() if n.partition(".")[0] in ASSUMED}
-        own = {n: v for n, v in candidate.items() if n not in assumed}
-        return self.base | own, Changes(assumed)
-
-    def trial(self, candidate: Changes, segment: Segment, run: int) -> Trial:
-        """Return the run of a candidate on a segment."""
-        params, assumed = self.parts(candidate)
-        return Trial(
-            scenario=NAME,
-            world=segment.world,
-            assumed=segment.assumed | assumed,
-            localizer=self.localizer,
-            params=params,
-            lag=0,
-            seed=self.seed,
-            trial=segment.number,
-            filter_seed=run,
-        )
-
-    def check(self) -> None:
-        """Set up each log, and let the localizer look at the ends of all ranges.
-
-        Raises:
-            InputError: something of it is refused.
-        """
-        first = {one.world["log"]: one for one in self.segments}
-        check_settings([self.trial(NOTHING, one, 0) for one in first.values()])
-        ends = [Changes({name: end}) for name, one in self.space.items() for end in one.ends]
-        try:
-            check_methods([self.trial(one, self.segments[0], 0) for one in (NOTHING, *ends)])
-        except InputError as error:
-            raise InputError(f"the default, or an end of a range, is refused: {error}") from None
-
-    @property
-    def identity(self) -> dict[str, Any]:
-        """Everything that the search depends on, but for its code and how long it goes on."""
-        return {
-            "localizer": self.localizer,
-            "params": self.base.json(),
-            "space": {name: one.json() for name, one in self.space.items()},
-            "score": self.score,
-            "max_ms": self.max_ms,
-            "seed": self.seed,
-            "segments": [
-                [one.held_out, one.world.json(), one.assumed.json()] for one in self.segments
-            ],
-        }
 
 
 @dataclass(kw_only=True)

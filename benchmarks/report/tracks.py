@@ -35,7 +35,10 @@ _RESULTS = {
     "metres_to_localize": "metres to localize",
 }
 _TIMED = {"ms_per_step": "ms per step"}
-_BELIEFS = {f"coverage_{level}": f"inside {level} %" for level in LEVELS} | {"nees": "NEES (3)"}
+_BELIEFS = {f"coverage_{level}": f"inside {level} %" for level in LEVELS} | {
+    "nees": "NEES (3)",
+    "log_score": "log score",
+}
 _FITTING = {"agreement_01": "beams within 0.1 m", "agreement_03": "0.3 m"}
 _STAMPS = {
     "position_median_stamps": "position, median, at stamps",
@@ -83,7 +86,8 @@ def tables_of(rows: Sequence[Row]) -> list[Table]:
     of_beliefs = (
         "Share of records whose reference lies in the credible region of so many per cent, and "
         "normalized estimation error squared, 3 if the belief is as sure as it may be, more if it "
-        "is too sure; n/a: it has no spread. Beams: with a return, within so much of the map's "
+        "is too sure; log score: -log of the density of the reference, nats, the smaller the "
+        "better; n/a: it has no spread. Beams: with a return, within so much of the map's "
         "range at the best cluster." + " At stamps: at the reference's own times." * between
     )
     beliefs = _BELIEFS | _FITTING | (_STAMPS if between else {})
@@ -192,6 +196,8 @@ def _word(name: str, value: float, runs: int) -> str:
     kind = name.partition("_")[0]
     if kind == "nees":
         return nees_words(Estimate(value))
+    if kind == "log":
+        return f"{value:,.2f}"
     if kind in ("agreement", "within", "coverage"):
         return percent(value)
     if kind in ("success", "lost"):

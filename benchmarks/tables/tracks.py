@@ -29,7 +29,8 @@ RESULTS = (
     "position_median", "position_p95", "heading_median", "position_median_stamps",
     "heading_median_stamps", "success_1m", "success_1m_low", "success_1m_high", "success_05m",
     "within_1m", "within_05m", "metres_to_localize", "lost", "coverage_50", "coverage_80",
-    "coverage_95", "nees", "ape_rmse", "rpe_rmse", "agreement_01", "agreement_03", "ms_per_step",
+    "coverage_95", "nees", "log_score", "ape_rmse", "rpe_rmse", "agreement_01", "agreement_03",
+    "ms_per_step",
 )  # fmt: skip
 _TRIALS = tuple(name for name in RESULTS if not name.endswith(("_low", "_high")))
 _OF_RUNS = [score for name, score in JOURNEY_SCORES.items() if name in _TRIALS]
@@ -55,7 +56,8 @@ class Run:
     def of(cls, record: Finished, log: Log) -> Self:
         """Return the run of a record on a log."""
         own = recorded(record)
-        found = {name: math.nan if value is None else value for name, value in own.scores.items()}
+        found = dict.fromkeys(_TRIALS, math.nan)  # of a record made before a score was added
+        found |= {name: value for name, value in own.scores.items() if value is not None}
         found |= {score.name: value_in(record, score) for score in _OF_RUNS}
         found |= {"ms_per_step": milliseconds_per_step([record])}
         return cls(record.trial.trial, Track(log, np.array(own.best).T), found)

@@ -19,6 +19,7 @@ from deqmcl_gym.numerics.elementary import (
     FARTHEST,
     atan2_64,
     cos64,
+    log64,
     sin64,
     sincos32,
     wrapped64,
@@ -31,6 +32,7 @@ Scalar = Any  # a float64 inside a kernel
 # Particles whose mutual distances stand for those of the whole cloud in the energy score. Points of
 # one weight may be a designed set, of which some are no sample: of up to so many, all pairs count.
 PAIRED, DESIGNED = 128, 512
+LOG_TURN = math.log(2 * math.pi)
 
 
 @compiled
@@ -90,7 +92,7 @@ def calibration_of(
     floor: Floats,
     out: Floats,
 ) -> None:
-    """Fill in energy score, rank of the truth and NEES; see ``clouds.calibration``, (k, 3).
+    """Fill in energy score, rank of the truth, NEES and log score: ``clouds.calibration``, (k, 4).
 
     Args:
         poses, weights, ends: as ``moments``.
@@ -105,12 +107,13 @@ def calibration_of(
         own = weights[start:end].copy()
         out[k, 0] = _near(x, y, own, truth[k])
         if own.size == 1:
-            out[k, 1], out[k, 2] = math.nan, math.nan
+            out[k, 1:] = math.nan
         else:
             designed = own.size <= DESIGNED and own.min() == own.max()
             out[k, 0] -= _apart(x, y, own) if designed else _apart_of_some(x, y, own)
             heading = poses[2, start:end].astype(np.float64)
-            out[k, 1], out[k, 2] = _rank_and_nees(x, y, heading, own, means[k], truth[k], floor)
+            rank, nees, log_score = _of_spread(x, y, heading, own, means[k], truth[k], floor)
+            out[k, 1], out[k, 2], out[k, 3] = rank, nees, log_score
         start = end
 
 
@@ -171,7 +174,7 @@ def _apart_of_some(x: Floats, y: Floats, weights: Floats) -> Scalar:
 
 
 @compiled
-def _rank_and_nees(
+def _of_spread(
     x: Floats,
     y: Floats,
     heading: Floats,
@@ -179,8 +182,8 @@ def _rank_and_nees(
     mean: Floats,
     truth: Floats,
     floor: Floats,
-) -> tuple[Scalar, Scalar]:
-    """Weight nearer to the mean than the truth is, and dᵀ P⁻¹ d of (x, y, θ)."""
+) -> tuple[Scalar, Scalar, Scalar]:
+    """Weight nearer to the mean than the truth is; of (x, y, θ) dᵀ P⁻¹ d, and -log N(d; 0, P)."""
     n = weights.size
     mx, my, centre = mean[0], mean[1], atan2_64(mean[3], mean[2])
     turned = np.empty(n)
@@ -215,7 +218,8 @@ def _rank_and_nees(
         turned[i] = weights[i] if v0 * v0 + v1 * v1 < distance else 0.0
     for i in range(n):
         nearer += turned[i]
-    return nearer, distance + u2 * u2
+    nees = distance + u2 * u2
+    return nearer, nees, 0.5 * (nees + 3 * LOG_TURN) + log64(g00 * g11 * g22)
 
 
 @compiled
@@ -395,7 +399,7 @@ def moments(clouds: Clouds) -> Floats:
 
 
 def calibration(clouds: Clouds, means: Floats, unit: str) -> Floats:
-    """Energy score, rank of the truth and NEES of each cloud, (k, 3); NaN is not available.
+    """Energy score, rank of the truth, NEES and log score of clouds, (k, 4); NaN: not available.
 
     With X, X' drawn from the belief and z the truth, in (x, y):
 
@@ -409,13 +413,15 @@ def calibration(clouds: Clouds, means: Floats, unit: str) -> Floats:
     - NEES dᵀ P⁻¹ d, d = truth - estimate in (x, y, θ), θ about the direction of the mean and
       wrapped, P the second moments of the belief about the estimate. On average 3 if the truth is
       a draw from the belief.
+    - log score -log N(d; 0, P), nats: ½ (NEES + log det 2πP), with the same d and P. The score of
+      Dawid & Sebastiani (1999): proper, and only mean and covariance count.
 
     Args:
         clouds: the beliefs.
         means: of their (x, y, cos θ, sin θ), (k, 4).
         unit: of lengths.
     """
-    out = np.empty((len(clouds.each), 3))
+    out = np.empty((len(clouds.each), 4))
     means = np.ascontiguousarray(means)
     calibration_of(
         clouds.poses, clouds.weights, clouds.ends, means, clouds.truth, covariance_floor(unit), out

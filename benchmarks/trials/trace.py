@@ -27,7 +27,7 @@ PLAN_COLUMNS = ("conflict", *_READ, "trusted")
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
 _PROFILE_OFFSETS = 4  # on either side of the present
 _BATCH = 16384  # poses measured in one pass: they fit a core's second cache
-_CALIBRATION = ("energy", "rank", "nees")
+_CALIBRATION = ("energy", "rank", "nees", "log_score")
 _EACH = {metric.name: metric.each for metric in METRICS if metric.each}
 
 
@@ -69,8 +69,8 @@ class OffsetTrace:
         states: s, (k,), ascending.
         means: of x, y, cos θ, sin θ, (k, 4).
         variances: of the same, (k, 4); NaN for a belief of one point.
-        values: (k,) each, NaN where not available: energy, rank and nees (``clouds.calibration``),
-            and what metrics ask ``each`` state for, under their names.
+        values: (k,) each, NaN where not available: those of ``clouds.calibration``, and
+            what metrics ask ``each`` state for, under their names.
     """
 
     states: Indices

@@ -13,7 +13,14 @@ from typing import ClassVar
 import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.clouds import calibration, cloud_of, covariance_floor, joined, moments
+from benchmarks.trials.clouds import (
+    LOG_TURN,
+    calibration,
+    cloud_of,
+    covariance_floor,
+    joined,
+    moments,
+)
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.fixes import NEAR, Fixes, metre
 from benchmarks.trials.journeys import (
@@ -171,7 +178,7 @@ class TrackLog:
     def __init__(self, log: Log, floor_plan: Map, thresholds: Thresholds, judged: int) -> None:
         self._log, self._map, self._thresholds, self._judged = log, floor_plan, thresholds, judged
         self._best: list[tuple[float, float, float]] = []
-        self._rows: list[tuple[float, float, float]] = []  # rank, NEES, quality
+        self._rows: list[tuple[float, ...]] = []  # rank, NEES, log score, quality
 
     def see(self, moment: Moment) -> None:
         """Take in a record."""
@@ -180,11 +187,11 @@ class TrackLog:
             raise InputError(f"its belief of state {moment.step} holds no points of the present.")
         clouds = joined([cloud_of(moment.step, 0, points)], [moment.truth])
         means = moments(clouds)[:, :4]
-        rank = nees = math.nan
+        calibrated = [math.nan] * 3
         if np.isfinite(moment.truth).all():
-            _, rank, nees = calibration(clouds, means, self._log.unit)[0].tolist()
+            _, *calibrated = calibration(clouds, means, self._log.unit)[0].tolist()
         quality = quality_of(moment.belief)
-        self._rows.append((rank, nees, math.nan if quality is None else quality))
+        self._rows.append((*calibrated, math.nan if quality is None else quality))
         self._best.append(best_cluster(*points, unit=self._log.unit).mean)
 
     @property
@@ -194,7 +201,7 @@ class TrackLog:
 
     def scores(self) -> dict[str, float]:
         """Return the scores by records that no journey has; NaN is not available."""
-        calibrated = np.array(self._rows)[:, :2]
+        calibrated = np.array(self._rows)[:, :3]
         return track_scores(
             self.track, calibrated, self._thresholds, self._map, judged=self._judged
         )
@@ -206,7 +213,7 @@ class TrackLog:
         recorded = RecordedTrack(best=(x, y, heading), scores=finite(self.scores()))
         if not track.known.size:
             return None, recorded
-        run = track.journey(np.array(self._rows)[:, 2])
+        run = track.journey(np.array(self._rows)[:, 3])
         return whole_run(run, Track.GROUPS), recorded
 
 
@@ -222,13 +229,14 @@ def track_scores(
 
     Args:
         track: of n records.
-        calibrated: rank of the reference and NEES at each record, (n, 2); NaN is unknown.
+        calibrated: rank of the reference, NEES and log score at each record, (n, 3); NaN is
+            unknown.
         thresholds: what counts as lost.
         floor_plan: the map; None: agreement is not available.
         judged: first record by which beliefs are judged.
     """
     errors, own = track.errors, track.at_stamps
-    ranks, nees = (known[np.isfinite(known)] for known in calibrated[judged:].T)
+    ranks, nees, logs = (known[np.isfinite(known)] for known in calibrated[judged:].T)
     last = errors.translation[-thresholds.lost_steps :]
     limit = thresholds.lost / metre(track.log.unit)
     fixes, agreed = track.fixes(), (math.nan,) * len(AGREE)
@@ -246,6 +254,7 @@ def track_scores(
         "lost": float(last.mean() > limit) if last.size else math.nan,
         **{f"coverage_{p}": mean((ranks <= p / 100).astype(np.float64)) for p in LEVELS},
         "nees": mean(nees),
+        "log_score": mean(logs) - 2 * math.log(metre(track.log.unit)),  # of a density per m² rad
         "ape_rmse": errors.rmse,
         "rpe_rmse": track.relative.rmse,
         **dict(zip(AGREEMENTS, agreed, strict=True)),
@@ -255,10 +264,10 @@ def track_scores(
 def calibration_of_gaussians(
     poses: Floats, covariances: Floats, truth: Floats, unit: str
 ) -> Floats:
-    """Rank of the truth and NEES of N(pose, P), as ``clouds.calibration`` has them, (n, 2).
+    """Rank of the truth, NEES and log score of N(pose, P), as ``clouds.calibration``, (n, 3).
 
-    The rank is P(D(X) < D(z)) in (x, y), 1 - exp(-D²/2); NEES is dᵀ P⁻¹ d in (x, y, θ). NaN where
-    pose, covariance or truth is.
+    The rank is P(D(X) < D(z)) in (x, y), 1 - exp(-D²/2); NEES is dᵀ P⁻¹ d in (x, y, θ), the log
+    score ½ (NEES + log det 2πP). NaN where pose, covariance or truth is.
 
     Args:
         poses: means, (n, 3).
@@ -268,7 +277,7 @@ def calibration_of_gaussians(
     """
     off = truth - poses
     known = np.isfinite(off).all(axis=1) & np.isfinite(covariances).all(axis=(1, 2))
-    found = np.full((len(poses), 2), math.nan)
+    found = np.full((len(poses), 3), math.nan)
     p = covariances[known] + np.diag(covariance_floor(unit))
     dx, dy, turned = off[known].T
     g00 = np.sqrt(p[:, 0, 0])  # Cholesky, P = G Gᵀ, G u = d
@@ -280,7 +289,9 @@ def calibration_of_gaussians(
     u1 = (dy - g10 * u0) / g11
     u2 = (arrays.wrapped(turned) - g20 * u0 - g21 * u1) / g22
     distance = u0 * u0 + u1 * u1
-    found[known] = np.column_stack([1 - arrays.exp(-distance / 2), distance + u2 * u2])
+    nees = distance + u2 * u2
+    logs = 0.5 * (nees + 3 * LOG_TURN) + arrays.log(g00 * g11 * g22)
+    found[known] = np.column_stack([1 - arrays.exp(-distance / 2), nees, logs])
     return found
 
 

@@ -1,4 +1,4 @@
-"""Moments, energy score, rank of the truth and NEES of clouds against plain forms; what is none."""
+"""Moments and scores of clouds against plain forms; what is no cloud."""
 
 import math
 import warnings
@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import stats
 
 from benchmarks.trials.clouds import calibration, cloud_of, covariance_floor, joined, moments
 from deqmcl_gym.validation import InputError
@@ -38,7 +39,7 @@ def spread(poses, weights):
 
 
 def calibrated(poses, weights, truth=TRUTH, unit="px"):
-    """Energy score, rank, NEES of one cloud."""
+    """Energy score, rank, NEES, log score of one cloud."""
     clouds = together((poses, weights), truth=truth)
     return calibration(clouds, moments(clouds)[:, :4], unit)[0]
 
@@ -61,9 +62,9 @@ def test_one_point_has_its_distance_as_energy_score_and_nothing_that_needs_a_spr
     one = np.array([[3.0, 4.0, PI / 2]]), np.ones(1)
     mean, variance = spread(*one)
     assert mean == pytest.approx([3, 4, 0, 1], abs=1e-15)
-    energy, rank, nees = calibrated(*one, truth=np.zeros(3))
+    energy, *others = calibrated(*one, truth=np.zeros(3))
     assert energy == 5.0
-    assert np.isnan([*variance, rank, nees]).all()
+    assert np.isnan([*variance, *others]).all()
 
 
 def plain_energy(poses, weights, truth):
@@ -89,7 +90,7 @@ def test_the_energy_score_is_that_of_all_pairs_up_to_the_pairs_left_out(n):
 
 def test_the_energy_score_of_two_points_is_known_by_hand():
     poses = np.array([[0.0, 0, 0], [10.0, 0, 0]])
-    energy, _, _ = calibrated(poses, np.array([0.4, 0.6]), np.array([5.0, 12.0, 0.0]))
+    energy, *_ = calibrated(poses, np.array([0.4, 0.6]), np.array([5.0, 12.0, 0.0]))
     # both are 13 away; the 51 + 77 copies have 51 · 77 of 128 · 127 / 2 pairs 10 apart
     assert energy == pytest.approx(13 - 0.5 * 10 * 51 * 77 / (64 * 127), rel=1e-12)
 
@@ -98,11 +99,11 @@ def test_the_energy_score_of_two_points_is_known_by_hand():
 def test_the_energy_score_of_a_designed_set_of_points_is_that_of_all_pairs(root):
     poses = gaussian_points(np.array([1e4, 50.0, 1.0]), root @ root.T)
     weights, truth = np.full(512, 1 / 512), np.array([1e4 + 2, 51.0, 1.0])
-    energy, _, _ = calibrated(poses, weights, truth)
+    energy, *_ = calibrated(poses, weights, truth)
     assert energy == pytest.approx(plain_energy(poses, weights, truth), rel=1e-5)
 
 
-def test_rank_and_nees_are_those_of_numpys_linear_algebra():
+def test_rank_nees_and_log_score_are_those_of_numpys_linear_algebra():
     for seed in range(20):
         poses, weights = cloud(300, seed)
         mean = weights @ poses[:, :2]
@@ -113,7 +114,9 @@ def test_rank_and_nees_are_those_of_numpys_linear_algebra():
         d = np.array([*(TRUTH[:2] - mean), (TRUTH[2] - angle + PI) % (2 * PI) - PI])
         inverse = np.linalg.inv(p[:2, :2])
         own = np.einsum("ni,ij,nj->n", off[:, :2], inverse, off[:, :2])
-        _, rank, nees = calibrated(poses, weights)
+        _, rank, nees, log_score = calibrated(poses, weights)
+        density = stats.multivariate_normal(np.zeros(3), p).logpdf(d)
+        assert log_score == pytest.approx(-density, rel=1e-9)
         assert nees == pytest.approx(d @ np.linalg.inv(p) @ d, rel=1e-9)
         nearer = weights[own < d[:2] @ inverse @ d[:2]].sum()
         assert rank == pytest.approx(nearer, abs=1e-12)
@@ -128,10 +131,27 @@ def test_a_truth_drawn_from_the_belief_has_uniform_rank_and_nees_3():
     for _ in range(2000):
         draws = rng.normal(0, (20, 5, 0.2), size=(1001, 3))
         found.append(calibrated(draws[1:], np.full(1000, 1e-3), draws[0]))
-    _, rank, nees = np.array(found).T
+    _, rank, nees, _ = np.array(found).T
     for level in (0.5, 0.8, 0.95):
         assert np.mean(rank <= level) == pytest.approx(level, abs=0.056)
     assert np.mean(nees) == pytest.approx(3, abs=0.28)
+
+
+def test_the_log_score_of_too_small_and_of_too_large_a_spread_is_worse_than_that_of_the_true_one():
+    # a spread of k times that of the truth costs 3 log k + 3 / (2 k²) - 3 / 2 nats; over 400 draws
+    # with an SD of √(3 / 2) |1 - 1 / k²| / 20: below 0.19 and 0.05. Five SD: a false alarm in 10⁶
+    rng = np.random.default_rng(5)
+    z = rng.normal(size=(401, 1000, 3))
+    sd = np.array([20, 5, 0.2])
+    truths, shares = z[0, :400] * sd, np.full(1000, 1e-3)
+    each = zip(z[1:], truths, strict=True)
+    found = np.array(
+        [[calibrated(k * sd * own, shares, truth)[3] for k in (0.5, 1, 2)] for own, truth in each]
+    )
+    small, true, large = found.mean(axis=0)
+    cost = {k: 3 * math.log(k) + 1.5 / k**2 - 1.5 for k in (0.5, 2)}
+    assert small - true == pytest.approx(cost[0.5], abs=5 * 0.19)
+    assert large - true == pytest.approx(cost[2], abs=5 * 0.05)
 
 
 def test_coverage_needs_no_gaussian_shape():
@@ -140,8 +160,8 @@ def test_coverage_needs_no_gaussian_shape():
     angle = rng.uniform(0, 2 * PI, 1001)
     radius = 10 + 0.1 * rng.normal(size=1001)
     poses = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.zeros(1001)])
-    _, on_it, _ = calibrated(poses[1:], np.full(1000, 1e-3), poses[0] * (10 / radius[0]))
-    _, inside, _ = calibrated(poses[1:], np.full(1000, 1e-3), poses[0] * 0.5)
+    _, on_it, *_ = calibrated(poses[1:], np.full(1000, 1e-3), poses[0] * (10 / radius[0]))
+    _, inside, *_ = calibrated(poses[1:], np.full(1000, 1e-3), poses[0] * 0.5)
     assert 0.2 < on_it < 0.8
     assert inside == 0.0
 
@@ -149,7 +169,7 @@ def test_coverage_needs_no_gaussian_shape():
 @pytest.mark.parametrize(("unit", "pixel"), [("px", 1.0), ("m", 0.02)])
 def test_a_collapsed_cloud_is_scored_by_the_floors_alone_which_go_with_the_unit(unit, pixel):
     poses, truth = np.zeros((5, 3)), np.array([0.3 * pixel, 0.4 * pixel, 0.0])
-    energy, rank, nees = calibrated(poses, np.full(5, 0.2), truth, unit)
+    energy, rank, nees, _ = calibrated(poses, np.full(5, 0.2), truth, unit)
     assert nees == pytest.approx(0.25 / 1e-2, rel=1e-9)
     assert rank == 1.0
     assert energy == pytest.approx(0.5 * pixel, rel=1e-12)

@@ -47,7 +47,9 @@ def test_our_own_tracks_have_the_numbers_of_the_replay_but_for_time_and_beliefs(
     with open("mcl/trials.csv", newline="") as file:
         ours = {f"mcl-{row['seed']}": row for row in csv.DictReader(file)}
     theirs = table(tmp_path / "s" / "trials.csv")
-    unknown = {"localizer", "seed", "ms_per_step", "nees"} | {f"coverage_{p}" for p in (50, 80, 95)}
+    unknown = {"localizer", "seed", "ms_per_step", "nees", "log_score"} | {
+        f"coverage_{p}" for p in (50, 80, 95)
+    }
     for label, row in ours.items():
         known = row.keys() - unknown
         assert {name: theirs[label][name] for name in known} == {name: row[name] for name in known}
@@ -102,12 +104,15 @@ def test_gaussians_are_calibrated_by_the_chi_squared_distribution():
     spread = roots @ roots.transpose(0, 2, 1) + 0.01 * np.eye(3)
     poses = rng.uniform(-3, 3, (n, 3))
     truth = poses + (np.linalg.cholesky(spread) @ rng.normal(size=(n, 3, 1)))[:, :, 0]
-    rank, nees = calibration_of_gaussians(poses, spread, truth, "m").T
+    rank, nees, log_score = calibration_of_gaussians(poses, spread, truth, "m").T
     off = truth - poses
     off[:, 2] = (off[:, 2] + math.pi) % (2 * math.pi) - math.pi
     floored = spread + np.diag([4e-6, 4e-6, 1e-6])  # (0.1 px)², 1e-6
     by_numpy = np.einsum("ni,nij,nj->n", off, np.linalg.inv(floored), off)
     np.testing.assert_allclose(nees, by_numpy, rtol=1e-9)
+    turns = 3 * math.log(2 * math.pi)
+    logs = (by_numpy + np.linalg.slogdet(floored)[1] + turns) / 2
+    np.testing.assert_allclose(log_score, logs, rtol=1e-9, atol=1e-9)
     flat = np.einsum("ni,nij,nj->n", off[:, :2], np.linalg.inv(floored[:, :2, :2]), off[:, :2])
     np.testing.assert_allclose(rank, chi2.cdf(flat, 2), rtol=1e-9, atol=1e-12)
     # NEES has mean 3 and variance 6, a share p of ranks variance p(1-p): 4 sigma, once in 16,000
@@ -129,6 +134,9 @@ def test_a_covariance_gives_the_columns_of_calibration(here, tmp_path):
     row = table(tmp_path / "s" / "results.csv")["slam"]
     # one SD off: χ² = 1, which 39 % of draws are below
     assert float(row["nees"]) == pytest.approx(1, rel=1e-3)
+    # ½ (1 + log det 2πP), P of 0.2 m, 0.2 m and 0.1 rad
+    density = math.log(0.2 * 0.2 * 0.1) + 1.5 * math.log(2 * math.pi)
+    assert float(row["log_score"]) == pytest.approx(0.5 + density, abs=1e-3)
     assert [float(row[f"coverage_{p}"]) for p in (50, 80, 95)] == [1, 1, 1]
     assert float(row["position_median"]) == pytest.approx(0.2)
     assert 0 < float(row["agreement_03"]) <= 1

@@ -42,21 +42,34 @@ motion.alpha1 = { low = 0.05, high = 0.5 }
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """A folder with a hall, a lap in it, and a search on it."""
+def hall(tmp_path_factory):
+    """A folder with a hall and a lap in it."""
     at = tmp_path_factory.mktemp("tune")
     write_lap(recorded_in_a_hall(steps=60), at)
     (at / "space.toml").write_text(SPACE)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(at)
-        assert exit_code(*MCL, "--candidates", "22", "--jobs", "1", "--out", "whole") == 0
     return at
+
+
+@pytest.fixture(scope="module")
+def folder(hall):
+    """The folder with a search on the lap."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(hall)
+        assert exit_code(*MCL, "--candidates", "22", "--jobs", "1", "--out", "whole") == 0
+    return hall
 
 
 @pytest.fixture
 def here(folder, monkeypatch):
     monkeypatch.chdir(folder)
     return folder
+
+
+@pytest.fixture
+def before(hall, monkeypatch):
+    """Where nothing need have been searched."""
+    monkeypatch.chdir(hall)
+    return hall
 
 
 def lines(path):
@@ -145,6 +158,84 @@ def test_of_a_poor_default_and_a_good_candidate_the_good_one_wins_by_any_score(
     assert exit_code(*words, *poor, "--candidates", "2", "--jobs", "1", "--out", out) == 0
     (cell,) = read_sweep(out / "best.toml").cells()
     assert cell.params["particles"] >= 500
+
+
+PLUG_IN = """
+import numpy as np
+import localizers
+
+# m beside dead reckoning, standard deviation in m and rad, quality
+KINDS = {"near and sure": (2.1, 0.02, 0.9), "far and honest": (2.4, 1.5, 0.2), "bad": (3, 0.01, 1)}
+
+
+class Belief(localizers.PointsBelief):
+    quality = None
+
+
+class Stated:
+    def __init__(self, robot, *, kind="bad", rated=True):
+        self._inner, self._kind, self._rated = localizers.make("dead-reckoning", robot), kind, rated
+
+    def _of(self, belief):
+        off, sd, quality = KINDS[self._kind]
+        (pose,), _ = belief.points()
+        ends = np.sqrt(6) * sd * np.vstack([np.eye(3), -np.eye(3), np.zeros((1, 3))])
+        found = Belief(pose + [off, 0, 0] + ends, [1 / 12] * 6 + [0.5])
+        found.quality = quality if self._rated else None
+        return found
+
+    def reset(self, *given):
+        return self._of(self._inner.reset(*given))
+
+    def update(self, *given):
+        return self._of(self._inner.update(*given))
+"""
+
+
+@pytest.mark.parametrize(
+    ("score", "winner"),
+    [
+        ("median", "near and sure"),
+        ("false-commitment", "far and honest"),
+        ("log-score", "far and honest"),
+    ],
+)
+def test_a_score_of_honesty_prefers_an_honest_belief_to_a_nearer_one_that_is_too_sure(
+    before, tmp_path, score, winner
+):
+    (tmp_path / "stated.py").write_text(PLUG_IN)
+    (tmp_path / "kinds.toml").write_text('kind = ["near and sure", "far and honest"]\n')
+    words = (*COMMAND, "--reference", "lap.tum", "--localizer", tmp_path / "stated.py")
+    words += ("--space", tmp_path / "kinds.toml", "--score", score, "--scan", "power=0.2")
+    out = tmp_path / "out"
+    assert exit_code(*words, "--candidates", "3", "--jobs", "1", "--out", out) == 0
+    (cell,) = read_sweep(out / "best.toml").cells()
+    assert cell.params["kind"] == winner
+
+
+@pytest.mark.parametrize(
+    ("score", "localizer", "lacking"),
+    [
+        ("false-commitment", "dead-reckoning", "quality"),
+        ("log-score", "dead-reckoning", "spread"),
+        ("false-commitment", "stated.py", "quality"),
+    ],
+)
+def test_a_score_that_a_belief_has_nothing_for_is_refused_before_anything_runs(
+    before, tmp_path, capsys, score, localizer, lacking
+):
+    (tmp_path / "kinds.toml").write_text("scan.sigma = [0.1, 0.2]\nonly = true\n")
+    words = [*COMMAND, "--reference", "lap.tum", "--space", tmp_path / "kinds.toml"]
+    words += ["--score", score, "--scan", "power=0.2", "--candidates", "2"]
+    if localizer == "stated.py":
+        (tmp_path / localizer).write_text(PLUG_IN.replace("rated=True", "rated=False"))
+        localizer = tmp_path / localizer
+    words += ["--localizer", localizer, "--out", tmp_path / "o"]
+    assert exit_code(*words) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said.startswith(f"deqmcl: --score is {score}, but a belief of ")
+    assert f"has no {lacking}: choose another one of median, p95, localized" in said
+    assert not (tmp_path / "o").exists()
 
 
 def test_too_slow_a_candidate_does_not_win(here, tmp_path):

@@ -1,10 +1,12 @@
 """What another stack has estimated: the same poses and covariances from every format."""
 
+import csv
 import math
 
 import numpy as np
 import pytest
 from bags import ODOMETRY, bag, header, make, odometry, quaternion
+from deqmcl_command import exit_code
 from refusals import refused
 
 from deqmcl_gym import logs
@@ -131,3 +133,20 @@ def test_covariances_of_another_shape_are_refused(shape):
             [1.0], np.zeros((1, 3)), covariances=[np.full((3, 3), math.nan)]
         ).covariances[0, 0, 0]
     )
+
+
+def test_the_command_scores_a_bag_s_amcl_pose_with_its_covariance(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    logs.Trajectory(TIMES, POSES).write("true.tum")
+    spread = np.diag([0.04, 0.04, 0.01])
+    off = POSES + np.array([0.2, 0.0, 0.0])  # one standard deviation
+    rows = zip(TIMES, off, strict=True)
+    bag(tmp_path / "nav", *(("/amcl_pose", COVARIANT, posed(*row, spread)) for row in rows))
+    words = ("score", "nav:/amcl_pose", "--reference", "true.tum", "--out", "scored")
+    assert exit_code(*words) == 0
+    with open("scored/results.csv", newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert row["localizer"] == "amcl_pose"
+    assert float(row["nees"]) == pytest.approx(1, rel=1e-3)
+    assert [float(row[f"coverage_{p}"]) for p in (50, 80, 95)] == [1, 1, 1]
+    assert float(row["position_median"]) == pytest.approx(0.2)

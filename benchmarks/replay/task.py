@@ -1,0 +1,203 @@
+"""What ``deqmcl tune`` is to find: the score that is to be best, the localizer, space and segments.
+
+A score is of a run on a segment, and a search compares means over segments.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
+
+from benchmarks.execution.apart import check_methods, check_settings, checked_apart
+from benchmarks.replay.options import NAME
+from benchmarks.replay.space import ASSUMED, Segment, Space
+from benchmarks.setup.changes import NOTHING, Changes
+from benchmarks.trials.plugins import guest_of
+from benchmarks.trials.scoring import Finished
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
+from deqmcl_gym.validation import InputError
+from localizers import Belief, quality_of
+from localizers.naming.plugins import is_ctrl_c
+
+ETA = 3  # of candidates, one of so many goes on
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """What is to be small; ``sign`` -1: large.
+
+    Attributes:
+        words: what it is.
+        unit: "m", "share" of records, or "nats".
+        column: of a run on a log, or of its whole run.
+        needs: what a belief must have for it, in words.
+        given: whether a belief has that.
+    """
+
+    words: str
+    unit: str
+    column: str
+    sign: int = 1
+    needs: str = ""
+    given: Callable[[Belief], bool] = lambda _: True
+
+    def of(self, record: Finished) -> float:
+        """Return the value of a run; NaN is not available."""
+        journey = {} if record.journey is None else record.journey.scores
+        value = ({} if record.track is None else record.track.scores).get(self.column)
+        value = journey.get(self.column) if value is None else value
+        return math.nan if value is None else float(value)
+
+
+def _spread(belief: Belief) -> bool:
+    """Whether it is more than one point, or says nothing of the present."""
+    points = belief.points()
+    return points is None or len(points[1]) > 1
+
+
+SCORES = {
+    "median": Score(words="median position error", unit="m", column="position_median"),
+    "p95": Score(words="95 % position error", unit="m", column="position_p95"),
+    "localized": Score(
+        words="share of records within 1 m and 30°", unit="share", column="within_1m", sign=-1
+    ),
+    "false-commitment": Score(
+        words="share of records with quality above 0.5 while more than 2 m off",
+        unit="share",
+        column="false_steps",
+        needs="quality",
+        given=lambda belief: quality_of(belief) is not None,
+    ),
+    "log-score": Score(
+        words="log score of the reference pose",
+        unit="nats",
+        column="log_score",
+        needs="spread",
+        given=_spread,
+    ),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """What is searched for, and on what.
+
+    Attributes:
+        localizer: its name.
+        base: its parameters before the search.
+        usual: values of the default, as far as they are known, by name in ``space``.
+        space: what is searched.
+        segments: to train on and held out.
+        score: a name in ``SCORES``.
+        max_ms: most ms per step that a winner may take; None: any.
+        seed: root of all randomness.
+    """
+
+    localizer: str
+    base: Changes
+    usual: Mapping[str, Any]
+    space: Space
+    segments: Sequence[Segment]
+    score: str
+    max_ms: float | None
+    seed: int
+
+    @property
+    def goal(self) -> Score:
+        """The score."""
+        return SCORES[self.score]
+
+    @property
+    def training(self) -> list[Segment]:
+        """The segments that the search sees."""
+        return [one for one in self.segments if not one.held_out]
+
+    @property
+    def held_out(self) -> list[Segment]:
+        """Those that it does not."""
+        return [one for one in self.segments if one.held_out]
+
+    @property
+    def rungs(self) -> list[int]:
+        """How many training segments candidates run on, rung by rung."""
+        count = len(self.training)
+        return sorted({-(-count // ETA**2), -(-count // ETA), count})
+
+    def parts(self, candidate: Changes) -> tuple[Changes, Changes]:
+        """Return the parameters of the localizer, and what it assumes beside the log's own."""
+        assumed = {n: v for n, v in candidate.items() if n.partition(".")[0] in ASSUMED}
+        own = {n: v for n, v in candidate.items() if n not in assumed}
+        return self.base | own, Changes(assumed)
+
+    def trial(self, candidate: Changes, segment: Segment, run: int) -> Trial:
+        """Return the run of a candidate on a segment."""
+        params, assumed = self.parts(candidate)
+        return Trial(
+            scenario=NAME,
+            world=segment.world,
+            assumed=segment.assumed | assumed,
+            localizer=self.localizer,
+            params=params,
+            lag=0,
+            seed=self.seed,
+            trial=segment.number,
+            filter_seed=run,
+        )
+
+    def check(self) -> None:
+        """Set up each log, let the localizer look at the ends of all ranges, and begin a run.
+
+        Raises:
+            InputError: something of it is refused.
+        """
+        first = {one.world["log"]: one for one in self.segments}
+        check_settings([self.trial(NOTHING, one, 0) for one in first.values()])
+        ends = [Changes({name: end}) for name, one in self.space.items() for end in one.ends]
+        try:
+            check_methods([self.trial(one, self.segments[0], 0) for one in (NOTHING, *ends)])
+        except InputError as error:
+            raise InputError(f"the default, or an end of a range, is refused: {error}") from None
+        guest = self.trial(NOTHING, self.training[0], 0)
+        if guest_of(guest):
+            checked_apart(_check_score, guest, self.score)
+        else:
+            _check_score(guest, self.score)
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Everything that the search depends on, but for its code and how long it goes on."""
+        return {
+            "localizer": self.localizer,
+            "params": self.base.json(),
+            "space": {name: one.json() for name, one in self.space.items()},
+            "score": self.score,
+            "max_ms": self.max_ms,
+            "seed": self.seed,
+            "segments": [
+                [one.held_out, one.world.json(), one.assumed.json()] for one in self.segments
+            ],
+        }
+
+
+def _check_score(trial: Trial, name: str) -> None:
+    """Take the first step of a run, and refuse a score that its belief has nothing for.
+
+    Raises:
+        InputError: there is nothing. Any other trouble is left to the run.
+    """
+    goal = SCORES[name]
+    try:
+        *_, last = islice(Stage.of(trial).moments(), 2)
+        given = goal.given(last.belief)
+    except BaseException as error:
+        if is_ctrl_c(error):
+            raise
+        return
+    if not given:
+        others = ", ".join(own for own, score in SCORES.items() if score.needs != goal.needs)
+        raise InputError(
+            f"--score is {name}, but a belief of {trial.localizer} has no {goal.needs}: choose "
+            f"another one of {others}."
+        )
