@@ -96,7 +96,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="also tell and draw where the map is wrong: cells that beams end in or pass though "
         "the map says otherwise",
     )
-    shared.add_mcap(parser)
+    shared.add_views(parser)
     shared.add_jobs(parser, "runs")
     shared.add_timeout(parser, "run")
     shared.add_out(parser)
@@ -106,8 +106,8 @@ def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.apart import answered_within, where_safe
     from benchmarks.execution.engines import Where
-    from benchmarks.pictures.mcap import check_mcap, record_runs
-    from benchmarks.replay.calibration import calibrated, with_fitted_beams
+    from benchmarks.pictures.viewing import Views, shown_again
+    from benchmarks.replay.calibration import calibrated, judged_alike, uses_scan, with_fitted_beams
     from benchmarks.replay.command import gated, run_replay, sweep_of
     from benchmarks.replay.nav2 import read_nav2
     from benchmarks.replay.options import reading_of, replay_of
@@ -115,8 +115,8 @@ def run(options: argparse.Namespace) -> str:
     from deqmcl_gym.validation import InputError
 
     where = Where(jobs=options.jobs, timeout=options.timeout)
-    if options.mcap is not None:
-        check_mcap(options.mcap)
+    views = shared.views_of(options)
+    views.check()
     if options.node is not None and options.nav2 is None:
         raise InputError("--node is given without --nav2: name the file that the node is in.")
     nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)
@@ -133,11 +133,15 @@ def run(options: argparse.Namespace) -> str:
     if options.fit_beams:
         with doing("fitting the beam model to the first part of the log"):
             replay = with_fitted_beams(replay)
-    if "scan.power" not in replay.assumed:
-        with doing("fitting the power of the scan model to the first part of the log"):
-            replay = calibrated(replay)
     with answered_within(options.timeout):
         localizers = shared.localizers_named(options.localizers)
+        own = shared.params_named(options.param, localizers)
+        if "scan.power" not in replay.assumed:
+            if any(uses_scan(name, own.get(name, {})) for name in localizers):
+                with doing("fitting the power of the scan model to the first part of the log"):
+                    replay = calibrated(replay)
+            else:
+                replay = judged_alike(replay)
         sweep = sweep_of(
             replay,
             localizers,
@@ -145,7 +149,7 @@ def run(options: argparse.Namespace) -> str:
             seeds=options.seeds,
             root=options.seed,
             shared={} if nav2 is None else {"amcl": nav2.params},
-            own=shared.params_named(options.param, localizers),
+            own=own,
         )
         check(sweep)
         said += gated(sweep, told.get("every"))
@@ -154,9 +158,11 @@ def run(options: argparse.Namespace) -> str:
         text = run_replay(
             replay, sweep, options.out, how, options.words, notes, residuals=options.residuals
         )
-        if options.mcap is None:
+        if views == Views():
             return text
         first = list(replace(sweep, trials=1).distinct())
-        with doing(f"writing {options.mcap}"):
-            where_safe(first, record_runs, first, options.mcap.absolute())
-        return f"{text}\n\nMCAP, the first run of each: {options.mcap}"
+        with doing("playing the first run of each again, to show it"):
+            where_safe(first, shown_again, first, views)
+        return (
+            text if views.mcap is None else f"{text}\n\nMCAP, the first run of each: {options.mcap}"
+        )

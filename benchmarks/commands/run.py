@@ -22,7 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="also write the lap as a log: .log, .csv, .npz, .bag or .mcap",
     )
-    shared.add_mcap(parser)
+    shared.add_views(parser)
     shared.add_out(parser)
 
 
@@ -36,6 +36,7 @@ def run(options: argparse.Namespace) -> str:
     own = shared.params_named(options.param, named)
     sweep = shared.sweep_of(options, named, own=own, agent=options.agent)
     trials = sweep.distinct()
-    log, mcap = (None if one is None else one.absolute() for one in (options.log, options.mcap))
+    log = None if options.log is None else options.log.absolute()
+    views = shared.views_of(options)
     with doing(f"running and drawing a lap of {trials[0].localizer}"):
-        return where_safe(trials, run_lap, *trials, options.out.absolute(), log, mcap)
+        return where_safe(trials, run_lap, *trials, options.out.absolute(), log, views)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from benchmarks.console import doing, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
+    from benchmarks.pictures.viewing import Views
     from benchmarks.sweeps.design import Sweep
 
 
@@ -110,10 +111,26 @@ def add_out(parser: argparse.ArgumentParser, default: str | None = None) -> None
     parser.add_argument("--out", type=folder, metavar="DIR", help=words, **needed)
 
 
-def add_mcap(parser: argparse.ArgumentParser) -> None:
-    """Add the file for Foxglove."""
+def add_views(parser: argparse.ArgumentParser) -> None:
+    """Add the file and the server for Foxglove."""
     help_ = "also write what is believed, for Foxglove and Lichtblick (needs the extra view)"
     parser.add_argument("--mcap", type=file, metavar="FILE.mcap", help=help_)
+    parser.add_argument(
+        "--live",
+        nargs="?",
+        type=int,
+        const=8765,
+        metavar="PORT",
+        help="also show it live, to a viewer that connects to this port of this machine (8765; "
+        "needs the extra view)",
+    )
+
+
+def views_of(options: argparse.Namespace) -> "Views":
+    """Return where a run is to be looked at."""
+    from benchmarks.pictures.viewing import Views
+
+    return Views(mcap=options.mcap and options.mcap.absolute(), live=options.live)
 
 
 def add_setting(parser: argparse.ArgumentParser) -> None:

@@ -69,6 +69,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "number that differs",
     )
     add("--fail-fast", action="store_true", help="stop at the first failed trial")
+    add(
+        "--mcap",
+        type=shared.folder,
+        metavar="DIR",
+        help="also write the runs of the report's animations, for Foxglove and Lichtblick (needs "
+        "the extra view)",
+    )
     add("--dry-run", action="store_true", help="list settings and methods, and estimate the time")
     add("--yes", action="store_true", help="run more than 100,000 trials without confirmation")
 
@@ -163,7 +170,9 @@ _NO_SHARD = (
 def _swept(options: argparse.Namespace) -> str:
     from benchmarks.execution.apart import parameters
     from benchmarks.execution.engines import Where
+    from benchmarks.pictures.viewing import check_folder
     from benchmarks.report import decisions
+    from benchmarks.report.animations import write_laps
     from benchmarks.report.words import conclusion
     from benchmarks.report.writing import no_report, write_report
     from benchmarks.sweeps.dry_run import dry_run
@@ -193,6 +202,8 @@ def _swept(options: argparse.Namespace) -> str:
         fail_fast=options.fail_fast,
     )
     how.where.check()
+    if options.mcap is not None:
+        check_folder(options.mcap)
     with shared.checking():
         named = sweeps_named(options.suite, added)
         driven = {part: shared.with_agents(own, options.agents) for part, own in named.items()}
@@ -217,8 +228,10 @@ def _swept(options: argparse.Namespace) -> str:
         with begun(sweep, out / part, how, command=options.words) as running:
             results = running.results()
             files = write_report(out / part, results)
+            laps = "" if options.mcap is None else write_laps(results, options.mcap / part)
         lines = [summary(sweep, results, out / part, files), conclusion(results).text]
-        texts.append("\n".join(filter(None, [*lines, decisions.summary(results.panels)])))
+        lines += [decisions.summary(results.panels), laps]
+        texts.append("\n".join(filter(None, lines)))
         if results.failures or how.shard is None:
             failed += filter(None, [incomplete_sentence(results)])
     if (why := no_report()) is not None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from benchmarks.files import own_folder, write_part
 from benchmarks.pictures import figures
 from benchmarks.pictures.film import Film, webp
-from benchmarks.pictures.mcap import check_mcap, recorded
+from benchmarks.pictures.viewing import Views
 from benchmarks.setup.scenario import TrialEnv
 from benchmarks.tables.text import csv_text, short_name, state_name
 from benchmarks.trials.episode import Moment
@@ -31,14 +31,14 @@ _ERRORS = {  # drawn, by the map's unit
 }
 
 
-def run_lap(trial: Trial, out: Path, log: Path | None = None, mcap: Path | None = None) -> str:
+def run_lap(trial: Trial, out: Path, log: Path | None = None, views: Views | None = None) -> str:
     """Run one lap of one localizer; write animation, error curve, trace; return what to print.
 
-    ``log`` is where to write the lap as a log, ``mcap`` what is believed, if anywhere.
+    ``log`` is where to write the lap as a log, ``views`` where what is believed is looked at.
     """
     figures.require_plots()
-    if mcap is not None:
-        check_mcap(mcap)
+    shown = views or Views()
+    shown.check()
     if log is not None:
         check_writable(log)
         if os.path.lexists(log):
@@ -50,10 +50,8 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None, mcap: Path | None 
     film = Film(figures.camera_of(stage), title, figures.LAP_STRIDE)
     outside: list[int] = []
     episode = _noting(outside, film.of(stage.moments()), stage.room.floor_plan)
-    if mcap is not None:
-        rows = recorded({short_name(title): episode}, stage, mcap, times=None)
-        episode = (moment for (moment,) in rows)
-    trace = trace_of(episode, trial.offsets, stage.task)
+    rows = shown.of({short_name(title): episode}, stage, times=None)
+    trace = trace_of((moment for (moment,) in rows), trial.offsets, stage.task)
     measure, words = _ERRORS[unit]
     curves = {
         state_name(offset): (kept.states, measure(kept.means, trace.truth[kept.states]))
@@ -78,7 +76,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None, mcap: Path | None 
         )
     lines.append(f"Written to {out}: {', '.join(files)}.")
     lines += [] if log is None else [f"Log: {log}"]
-    lines += [] if mcap is None else [f"MCAP: {mcap}"]
+    lines += [] if shown.mcap is None else [f"MCAP: {shown.mcap}"]
     return "\n".join([f"{heading}: {trace.steps} steps", *lines])
 
 

@@ -8,8 +8,10 @@ one with which the belief's 95 % region covers the reference about as often as i
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
@@ -129,6 +131,20 @@ def calibrated(replay: Replay) -> Replay:
         f"{count:,} records ({percent(tried[0][0])} with power 1). Coverage and NEES in the tables "
         "are those of the records after them.",
     )
+
+
+def judged_alike(replay: Replay) -> Replay:
+    """Return what is played without a fit, its beliefs judged by the records as after one."""
+    count = _part(replay.log)
+    if count is None:
+        return replay
+    judged = int(replay.log.referenced[0]) + count
+    return replace(replay, world=replay.world | {"judged": judged})
+
+
+def uses_scan(name: str, params: Mapping[str, Any]) -> bool:
+    """Whether a localizer weighs scans by the robot's model; ``amcl`` has one of its own."""
+    return name != "amcl" or params.get("laser_model_type") == "robot"
 
 
 def _part(log: Log) -> int | None:

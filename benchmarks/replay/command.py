@@ -1,7 +1,6 @@
 """``deqmcl replay``: a sweep over runs of localizers on one log, with tracks and its own CSV."""
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence
 from benchmarks.sweeps.running import Options, TrialsFailedError, begun
-from benchmarks.tables.text import percent
+from benchmarks.tables.text import file_words, percent
 from benchmarks.tables.tracks import Row, results_csv, rows_of, trials_csv
 from benchmarks.trials.spec import Method
 from benchmarks.trials.tracks import AGREE, agreement
@@ -222,9 +221,7 @@ def _tracks(replay: Replay, rows: Sequence[Row]) -> dict[str, bytes]:
     if log.reference is not None and log.referenced.size:
         known = log.referenced
         files[f"{_TRACKS}/reference.tum"] = Trajectory(log.times[known], log.reference[known]).tum
-    for number, row in enumerate(rows, 1):
-        word = re.sub(r"[^\w.-]+", "-", row.label).strip("-.")
-        own = word if word == row.label else f"{word}-{number}"
+    for row, own in zip(rows, file_words([row.label for row in rows]), strict=True):
         for run in row.runs:
             files[f"{_TRACKS}/{own}-{run.seed}.tum"] = Trajectory(log.times, run.track.best).tum
     return files

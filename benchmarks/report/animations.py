@@ -14,16 +14,22 @@ from typing import NamedTuple
 
 from msgspec import Struct
 
+from benchmarks.console import doing
+from benchmarks.execution.apart import where_safe
 from benchmarks.files import as_written
 from benchmarks.pictures.figures import FIGURES
+from benchmarks.pictures.viewing import Views, shown_again
 from benchmarks.sweeps.drawing import STRIDE, Animation, Promise
+from benchmarks.sweeps.results import Results
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import by_world
 from benchmarks.tables.panels import Panel
+from benchmarks.tables.text import file_words
 from benchmarks.trials.journeys import JOURNEY_SCORES
 from deqmcl_gym.files import UnreadableError, content_of, json_of, typed
 from deqmcl_gym.validation import InputError
 
+ANIMATED = 1  # panels with animations: they are what makes a page large
 IMAGES, INDEX = "images", "laps.json"
 _NONE = "the folder has none of these trials"
 _LOCALIZED = JOURNEY_SCORES["metres_to_localize"]
@@ -148,6 +154,22 @@ def animations_of(panel: Panel) -> list[Animation]:
             )
         )
     return chosen
+
+
+def write_laps(results: Results, folder: Path) -> str:
+    """Run the trials that a report animates again, and write each as an MCAP file; say which."""
+    shown = [one for panel in results.panels[:ANIMATED] for one in animations_of(panel)]
+    names = []
+    for animation in shown:
+        for own, trial in zip(file_words(animation.labels), animation.trials, strict=True):
+            path = folder / f"{animation.name}-{own}.mcap"
+            with doing(f"writing {path}"):
+                views = Views(mcap=path.absolute())
+                where_safe([trial], shown_again, [trial], views)
+            names.append(path.name)
+    if not names:
+        return "No MCAP: the report animates nothing."
+    return f"MCAP in {folder}: {', '.join(names)}."
 
 
 def _ranked(panel: Panel, focus: Comparison) -> tuple[list[tuple[float, int]], str]:

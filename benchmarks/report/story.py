@@ -6,7 +6,7 @@ from typing import Any
 
 from benchmarks.pictures import styled
 from benchmarks.report import charts, decisions, error_tables, tables, tracks, words
-from benchmarks.report.animations import Drawn, Figure, animations_of
+from benchmarks.report.animations import ANIMATED, Drawn, Figure, animations_of
 from benchmarks.report.svg import HOUSE_STYLE, Looks, Picture, looks
 from benchmarks.report.swept import charts_over
 from benchmarks.report.tables import Table
@@ -139,7 +139,6 @@ def blocks(panel: Panel, looks: Looks, *, pictured: bool) -> list[Block]:
 
 PICTURED = 8  # panels with pictures; the tables are of all
 _LISTED = 100  # files left out
-ANIMATED = 1  # panels with animations: they are what makes a page large
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,6 +3,7 @@
 import csv
 import io
 import math
+import re
 from collections.abc import Collection, Iterable, Sequence
 from itertools import count
 from typing import Any
@@ -62,6 +63,13 @@ def csv_text(header: Sequence[str], lines: Iterable[Iterable[Any]]) -> str:
 def fixed(value: float, digits: int = 2) -> str:
     """A number, or n/a."""
     return "n/a" if math.isnan(value) else f"{value:.{digits}f}"
+
+
+def file_words(labels: Sequence[str]) -> list[str]:
+    """Return names of files, an own one for each label; a label that may be one is its own."""
+    words = [re.sub(r"[^\w.-]+", "-", label).strip("-.") for label in labels]
+    each = enumerate(zip(words, labels, strict=True), 1)
+    return [word if word == label else f"{word}-{number}" for number, (word, label) in each]
 
 
 def percent(share: float, digits: int = 0) -> str:

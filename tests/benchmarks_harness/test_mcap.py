@@ -4,6 +4,7 @@ import json
 import math
 import struct
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from mcap.reader import make_reader
 from refusals import refused
 
 from benchmarks.pictures.film import laid
-from benchmarks.pictures.mcap import check_mcap, recorded
+from benchmarks.pictures.viewing import Views
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
@@ -99,7 +100,7 @@ def lap(tmp_path_factory):
     stage, path = Stage.of(trial), tmp_path_factory.mktemp("mcap") / "new" / "a.mcap"
     episode = (moment for moment in stage.moments() if moment.step <= 12)
     kept = []
-    for (moment,) in recorded({"H": episode}, stage, path, None):
+    for (moment,) in Views(mcap=path).of({"H": episode}, stage, None):
         belief = moment.belief
         kept.append((moment, belief.points(), belief.advised.points(), belief.protected.points(),
                      belief.trusted))  # fmt: skip
@@ -246,7 +247,7 @@ def test_a_run_that_is_stopped_leaves_no_file(tmp_path):
         scenario="guided", localizer="mcl", params={"particles": 20}, lag=0, seed=1, trial=0
     )
     stage = Stage.of(trial)
-    rows = recorded({"mcl": stage.moments()}, stage, tmp_path / "a.mcap", None)
+    rows = Views(mcap=tmp_path / "a.mcap").of({"mcl": stage.moments()}, stage, None)
     next(rows)
     assert len([*tmp_path.iterdir()]) == 1
     rows.close()
@@ -255,13 +256,41 @@ def test_a_run_that_is_stopped_leaves_no_file(tmp_path):
 
 def test_what_cannot_be_written_is_refused_before_anything_is_run(tmp_path, monkeypatch):
     with refused("a.bag", "must end in .mcap"):
-        check_mcap(tmp_path / "a.bag")
+        Views(mcap=tmp_path / "a.bag").check()
     (tmp_path / "a.mcap").touch()
     with refused("a.mcap", "exists already"):
-        check_mcap(tmp_path / "a.mcap")
+        Views(mcap=tmp_path / "a.mcap").check()
     monkeypatch.setitem(sys.modules, "foxglove", None)
     with refused("foxglove-sdk", "pip install 'deqmcl-gym[view]'"):
-        check_mcap(tmp_path / "b.mcap")
+        Views(mcap=tmp_path / "b.mcap").check()
+
+
+SWEEP = """
+title = "a few"
+scenario = "guided"
+localizers = ["mcl", "mcl-map"]
+trials = 3
+params.particles = 20
+"""
+
+
+def test_a_sweep_writes_the_runs_that_its_report_animates(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("few.toml").write_text(SWEEP)
+    words = ("sweep", "few.toml", "--jobs", "1", "--out", "out", "--mcap", "runs")
+    assert exit_code(*words) == 0
+    places = ("best", "median", "worst")
+    names = [f"lap-1-{place}-{own}.mcap" for place in places for own in ("mcl", "mcl-map")]
+    assert sorted(path.name for path in Path("runs").iterdir()) == sorted(names)
+    assert f"MCAP in runs: {', '.join(names)}." in capsys.readouterr().out
+    shown = json.loads(Path("out/images/laps.json").read_text())
+    for place in places:
+        for key, own in zip(shown[f"lap-1-{place}"]["trials"], ("mcl", "mcl-map"), strict=True):
+            curve = json.loads(Path(f"out/trials/{key}.json").read_text())
+            topics = read(Path(f"runs/lap-1-{place}-{own}.mcap"))
+            assert len(topics[f"/{own}/cloud"]) == curve["steps_done"] + 1
+    assert exit_code(*words) == 2
+    assert "--mcap is runs, which is there already" in capsys.readouterr().err
 
 
 COMMANDS = {

@@ -8,7 +8,14 @@ import pytest
 import test_yardstick
 from refusals import refused
 
-from benchmarks.replay.calibration import LEVEL, PART, beams_of, calibrated, with_fitted_beams
+from benchmarks.replay.calibration import (
+    LEVEL,
+    PART,
+    beams_of,
+    calibrated,
+    judged_alike,
+    with_fitted_beams,
+)
 from benchmarks.replay.command import sweep_of
 from benchmarks.replay.options import replay_of
 from benchmarks.trials.attempt import attempt
@@ -47,12 +54,15 @@ def test_a_fitted_power_makes_beliefs_about_as_sure_as_they_may_be_on_the_rest_o
     assert sure < 0.6
     assert 0.85 <= calm <= 1.0
     assert calibrated(replay) == fitted  # whenever it is made
+    unfitted = judged_alike(replay)
+    assert unfitted.scenario.judged == fitted.scenario.judged
+    assert unfitted.assumed == replay.assumed
 
 
 def test_without_enough_of_a_reference_the_power_stays(replay, folder):
     for kept in ({"length": 250}, {"start": 400}):
         few = replace(replay, world=replay.world | kept)
-        assert calibrated(few) == few
+        assert calibrated(few) == judged_alike(few) == few
     log = logs.read(folder / "log.npz")
     logs.write(replace(log, reference=None), folder / "blind.npz")
     told = {"every": "0.1m,5deg", "start": "1.5,1.6,0"}

@@ -440,6 +440,25 @@ def test_a_start_may_be_what_a_person_knows(recorded, capsys, start):
     assert said.get(start[0], "in the polygon of 4 corners") in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("words", "fits"),
+    [
+        (["--localizers", "amcl"], False),
+        (["--localizers", "amcl,dead-reckoning"], True),
+        (["--localizers", "amcl", "--param", "amcl.laser_model_type=robot"], True),
+    ],
+)
+def test_the_power_of_scans_is_fitted_only_where_a_localizer_uses_it(
+    recorded, monkeypatch, words, fits
+):
+    fitted = []
+    monkeypatch.setattr(
+        "benchmarks.replay.calibration.calibrated", lambda replay: fitted.append(1) or replay
+    )
+    assert replay(*KNOWN, "--seeds", "1", *words, "--out", "o") == 0
+    assert bool(fitted) is fits
+
+
 def test_params_reach_their_localizer_and_no_other(recorded):
     words = (*KNOWN, "--seeds", "1", "--localizers", "mcl,mcl-map")
     assert replay(*words, "--out", "plain") == 0

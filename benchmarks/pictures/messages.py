@@ -1,28 +1,19 @@
-"""Runs as an MCAP file for Foxglove and Lichtblick: docs/look-at-it.md has the table of topics.
+"""Runs as messages for Foxglove and Lichtblick: docs/look-at-it.md has the table of topics.
 
-Written by foxglove-sdk, an optional extra, from the moments that animations are drawn from. Lengths
+Made by foxglove-sdk, an optional extra, from the moments that animations are drawn from. Lengths
 are in metres; the frames are ``map`` and ``base_link``.
 """
 
 import math
-import os
-import secrets
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
-from importlib.util import find_spec
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from benchmarks.pictures.film import laid
-from benchmarks.tables.text import short_names
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.fixes import metre
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from deqmcl_gym.envs.log import LogEnv
-from deqmcl_gym.files import PREFIX, SUFFIX
 from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
 from deqmcl_gym.maps.polygons import edges_of
 from deqmcl_gym.numerics import arrays
@@ -43,84 +34,32 @@ _SERIES = {  # of the topic …/series, beside the step
 }
 
 
-def check_mcap(path: Path) -> None:
-    """Refuse a file that cannot be written.
-
-    Raises:
-        InputError: foxglove-sdk is not installed, the name has another ending, or the file exists.
-    """
-    if find_spec("foxglove") is None:
-        raise InputError(
-            "--mcap needs foxglove-sdk, which is not installed: pip install 'deqmcl-gym[view]'."
-        )
-    if path.suffix.lower() != ".mcap":
-        raise InputError(f"--mcap is {path}, but must end in .mcap.")
-    if os.path.lexists(path):
-        raise InputError(f"{path} exists already: give another --mcap.")
-
-
-def record_runs(trials: Sequence[Trial], path: Path) -> None:
-    """Run trials on one log again, side by side, and write them."""
-    stages = [Stage.of(trial) for trial in trials]
-    short = short_names([trial.localizer for trial in trials])
-    runs = {short[stage.trial.localizer]: stage.moments() for stage in stages}
-    room = stages[0].room
-    times = room.log.times.tolist() if isinstance(room, LogEnv) else None
-    for _ in recorded(runs, stages[0], path, times):
-        pass
-
-
-def recorded(
-    runs: Mapping[str, Iterable[Moment]], stage: Stage, path: Path, times: Sequence[float] | None
-) -> Iterator[tuple[Moment, ...]]:
-    """Pass runs on, side by side, and write them; the file is there whole when they have ended.
-
-    Args:
-        runs: moments of one world by the name of the localizer.
-        stage: of any of them.
-        path: of the file, see ``check_mcap``.
-        times: of the steps, s; None: one second each.
-    """
-    from foxglove import Context, open_mcap
-
-    if times is not None and times[0] < 0:
-        raise InputError(f"the log begins at {times[0]:g} s, but an MCAP has no time before 0 s.")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f"{PREFIX}{secrets.token_hex(4)}{SUFFIX}")
-    try:
-        context = Context()
-        with open_mcap(beside, context=context):
-            recording = _Recording(context, stage, tuple(runs))
-            for moments in zip(*runs.values(), strict=True):
-                step = moments[0].step
-                recording.write(float(step) if times is None else times[step], moments)
-                yield moments
-        beside.replace(path)
-    finally:
-        with suppress(FileNotFoundError):
-            beside.unlink()
-
-
-class _Recording:
-    """Writes moments to an open file; its first writes the map, too."""
+class Messages:
+    """Logs moments to all that listens to a context: the map with the first."""
 
     def __init__(self, context: Any, stage: Stage, names: Sequence[str]) -> None:
+        """Log to a context of foxglove.
+
+        Args:
+            context: with a file or a server.
+            stage: of any of the runs.
+            names: of their localizers.
+        """
         from foxglove import channels
 
         room, self._context = stage.room, context
         self._names, self._map, self._lidar = names, room.floor_plan, room.lidar
         self._metre = metre(self._map.unit)
-        self._lag, self._begun = stage.trial.lag, False
+        self._lag = stage.trial.lag
         self._even = _is_even(self._lidar)
         self._channels: dict[str, Any] = {}
         self._kinds: Mapping[str, Any] = vars(channels)
 
-    def write(self, time: float, moments: Sequence[Moment]) -> None:
-        """Write what the localizers believe after a step."""
+    def write(self, time: float, moments: Sequence[Moment], *, again: bool = False) -> None:
+        """Log what the localizers believe after a step, at a time in s; the map first or again."""
         self._time = round(time * 1e9)
-        if not self._begun:
+        if again or "/map" not in self._channels:
             self._write_map()
-            self._begun = True
         first = moments[0]
         known = bool(np.isfinite(first.truth).all())
         best = [self._best(moment) for moment in moments]
