@@ -27,7 +27,10 @@ SCRIPTS = [
 LEARNED = f"{EXAMPLES}/learned_localizer/learned.py:Learned"
 
 FOREIGN = {"filterpy_ukf.py:Ukf": "filterpy.kalman", "particles_smc.py:Smc": "particles"}
-WRAPPED = FOREIGN | {"kiss_icp_odometry.py": "kiss_icp.config"}
+WRAPPED = FOREIGN | {
+    "filterpy_odometry.py": "filterpy.kalman",
+    "kiss_icp_odometry.py": "kiss_icp.config",
+}
 
 
 @pytest.mark.parametrize("name", FOREIGN)
