@@ -27,6 +27,10 @@ SCRIPTS = [
 LEARNED = f"{EXAMPLES}/learned_localizer/learned.py:Learned"
 
 FOREIGN = {"filterpy_ukf.py:Ukf": "filterpy.kalman", "particles_smc.py:Smc": "particles"}
+WRAPPED = FOREIGN | {
+    "filterpy_odometry.py": "filterpy.kalman",
+    "kiss_icp_odometry.py": "kiss_icp.config",
+}
 
 
 @pytest.mark.parametrize("name", FOREIGN)
@@ -36,12 +40,12 @@ def test_a_filter_of_another_library_keeps_the_laws_of_a_localizer(name):
     assert report.passed, str(report)
 
 
-@pytest.mark.parametrize("name", FOREIGN)
-def test_a_filter_whose_library_is_missing_says_what_to_install(name, monkeypatch):
-    package = FOREIGN[name].partition(".")[0]
-    for module in (package, FOREIGN[name]):
+@pytest.mark.parametrize("name", WRAPPED)
+def test_an_example_whose_library_is_missing_says_what_to_install(name, monkeypatch):
+    package = WRAPPED[name].partition(".")[0]
+    for module in (package, WRAPPED[name]):
         monkeypatch.setitem(sys.modules, module, None)  # as if it were not there
-    with refused(f"run pip install {package}"):
+    with refused(f"run pip install {package.replace('_', '-')}"):
         runpy.run_path(str(EXAMPLES / "foreign" / name.partition(":")[0]))
 
 
