@@ -167,8 +167,8 @@ def _differences(suite: dict[str, Any], one: Handed) -> Iterator[str]:
         if spelt(method) not in map(spelt, given["localizers"]):
             yield f"localizers have no {method['name']}"
     free = _FREE if one.held_out else tuple(name for name in _FREE if name != "seed")
-    plain = ({k: v for k, v in said.items() if k not in free} for said in (suite, given))
-    yield from differences(*plain)
+    theirs, ours = ({k: v for k, v in said.items() if k not in free} for said in (suite, given))
+    yield from differences(theirs, ours)
 
 
 def _more_agents(suite: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
