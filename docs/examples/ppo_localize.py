@@ -16,6 +16,7 @@ draws the learning curves.
 import argparse
 import math
 import sys
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -44,6 +45,8 @@ FASTER = {  # in training, for time: as many particles at first, few later; scor
 }  # fmt: skip
 TURNS = np.radians([0, 45, -45, 90, -90, 135, -135, 180])
 DRIVES = 4  # steps of 0.2 m after each turn
+ENVS, ROLLOUT = 8, 64  # envs of a training, and decisions in each from update to update
+KEPT = 2_048  # a training keeps its policy every so many decisions
 METRES = 10.0  # of lengths in the observation
 
 
@@ -114,16 +117,28 @@ class Motions(gym.Wrapper):
 
 
 class Curve(BaseCallback):
-    """Notes the end of each training episode.
+    """Notes the end of each training episode, and keeps policy and notes.
+
+    Args:
+        files: of a number of decisions: that of the policy, and that of the notes.
 
     Attributes:
         points: steps of the environment done, return, whether the task was done; (k, 3).
     """
 
-    def __init__(self) -> None:
+    def __init__(self, files: Callable[[int], tuple[Path, Path]]) -> None:
         super().__init__()
         self.points: list[tuple[int, float, bool]] = []
-        self._done = 0
+        self._files, self._done = files, 0
+
+    def _on_rollout_start(self) -> None:
+        if self.num_timesteps and self.num_timesteps % KEPT == 0:
+            self._on_training_end()
+
+    def _on_training_end(self) -> None:
+        saved, curve = self._files(self.num_timesteps)
+        np.save(curve, np.array(self.points, float))
+        self.model.save(saved)
 
     def _on_step(self) -> bool:
         for info, ended in zip(self.locals["infos"], self.locals["dones"], strict=True):
@@ -139,19 +154,17 @@ class Curve(BaseCallback):
         return True
 
 
-def trained(seed: int, decisions: int) -> tuple[PPO, Any]:
-    """Train a policy; return it, and its episodes as in ``Curve``."""
+def train(seed: int, decisions: int, files: Callable[[int], tuple[Path, Path]]) -> None:
+    """Train a policy, and keep it and its episodes as ``Curve`` does."""
     envs = make_vec_env(
-        "deqmcl_gym/Localize-v0", n_envs=8, seed=seed, wrapper_class=Motions,
+        "deqmcl_gym/Localize-v0", n_envs=ENVS, seed=seed, wrapper_class=Motions,
         env_kwargs={"floor_plan": TRAINED, "localizer": FASTER},
     )  # fmt: skip
     policy = PPO(
-        "MlpPolicy", envs, seed=seed, n_steps=64, batch_size=128, n_epochs=8, gamma=0.99,
+        "MlpPolicy", envs, seed=seed, n_steps=ROLLOUT, batch_size=128, n_epochs=8, gamma=0.99,
         ent_coef=0.01, learning_rate=5e-4, device="cpu",
     )  # fmt: skip
-    curve = Curve()
-    policy.learn(decisions, callback=curve)
-    return policy, np.array(curve.points, float)
+    policy.learn(decisions, callback=Curve(files))
 
 
 def scored(policy: PPO, seed: int) -> Played:
@@ -172,11 +185,14 @@ def scored(policy: PPO, seed: int) -> Played:
 def policy_of(seed: int, given: argparse.Namespace) -> tuple[Any, list[Played]]:
     """Train a policy, or read it if an earlier call has; return its curve and its scores."""
     torch.set_num_threads(1)  # the nets are small
-    saved, curve = given.out / f"ppo-{seed}.zip", given.out / f"curve-{seed}.npy"
+
+    def files(decisions: int) -> tuple[Path, Path]:
+        name = f"{seed}-{decisions}"
+        return given.out / f"ppo-{name}.zip", given.out / f"curve-{name}.npy"
+
+    saved, curve = files(given.decisions)
     if not saved.exists():
-        policy, points = trained(seed, given.decisions)
-        np.save(curve, points)
-        policy.save(saved)
+        train(seed, given.decisions, files)
     policy = PPO.load(saved, device="cpu")
     return np.load(curve), [scored(policy, episode) for episode in range(given.episodes)]
 
@@ -206,16 +222,19 @@ def draw(curves: list[Any], file: str, window: int = 200) -> None:
 def main() -> None:
     """Train, score, draw."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--decisions", type=int, default=20_000, help="of a training")
+    parser.add_argument("--decisions", type=int, default=20_480, help="of a training")
     parser.add_argument("--seeds", type=int, default=3, help="trainings: seeds 0, 1, …")
     parser.add_argument("--episodes", type=int, default=100, help="in which they are scored")
     parser.add_argument("--against", default="spin,wall-follower,four-deep", help="policies")
     parser.add_argument("--out", type=Path, default=Path("ppo-localize"), help="folder")
+    parser.add_argument("--jobs", type=int, default=2, help="processes")
     given = parser.parse_args()
+    if given.decisions % (ENVS * ROLLOUT):
+        parser.error(f"--decisions is {given.decisions}: give a multiple of {ENVS * ROLLOUT}")
     given.out.mkdir(exist_ok=True)
     seeds, episodes = range(given.seeds), range(given.episodes)
     played = {}
-    with ProcessPoolExecutor(2) as pool:
+    with ProcessPoolExecutor(given.jobs) as pool:
         ours = list(pool.map(partial(policy_of, given=given), seeds))
         for seed, (_, scores) in zip(seeds, ours, strict=True):
             played[f"ppo, seed {seed}"] = scores

@@ -43,7 +43,7 @@ autodoc_typehints_description_target = "documented_params"  # of dataclasses: as
 GALLERY = (
     "first_localizer", "custom_room", "many_rooms", "plan_sensor", "doors", "lost_in_a_building",
     "your_map", "your_log", "sweep_and_report", "figures_for_a_paper", "learned_scan_model", "ppo",
-    "ppo_localize", "sb3_journeys",
+    "ppo_localize", "sb3_journeys", "cleanrl_journeys",
 )  # fmt: skip
 
 

@@ -19,10 +19,11 @@ from localizers.checks.subject import default_robot
 
 EXAMPLES = ROOT / "docs" / "examples"
 QUICK = ("custom_room.py", "doors.py")
+TRAINING = ("cleanrl_journeys.py", "ppo.py", "ppo_localize.py", "sb3_journeys.py")
 SCRIPTS = [
     path.name if path.name in QUICK else pytest.param(path.name, marks=pytest.mark.slow)
     for path in sorted(EXAMPLES.glob("*.py"))
-    if path.name not in ("conftest.py", "ppo.py", "ppo_localize.py", "sb3_journeys.py")
+    if path.name not in ("conftest.py", *TRAINING)
 ]
 LEARNED = f"{EXAMPLES}/learned_localizer/learned.py:Learned"
 
@@ -82,6 +83,33 @@ def test_ppo_trains_on_many_journeys_at_once():
     pytest.importorskip("stable_baselines3")
     said = run("sb3_journeys.py", "--steps", 1024, "--rooms", 8)
     assert "mean return of the last" in said
+
+
+@pytest.mark.slow
+def test_ppo_in_one_file_trains_is_scored_and_draws_its_curves(tmp_path):
+    pytest.importorskip("torch")
+    few = ("--steps", 8192, "--rooms", 32, "--seeds", 1, "--episodes", 4)
+    said = run("cleanrl_journeys.py", *few, "--curve", tmp_path / "curve.svg")
+    rows = re.findall(r"^[|] (PPO, seed 0|plan) [|] +(-?[\d.]+) ", said, re.MULTILINE)
+    assert [name for name, _ in rows] == ["PPO, seed 0", "plan"]
+    assert "<svg" in (tmp_path / "curve.svg").read_text()
+
+
+def test_advantages_end_with_an_episode_and_are_its_discounted_errors():
+    torch = pytest.importorskip("torch")
+    script = runpy.run_path(str(EXAMPLES / "cleanrl_journeys.py"))
+    gamma, decay = script["GAMMA"], script["GAMMA"] * script["LAMBDA"]
+    rng = np.random.default_rng(0)
+    earned, values, after = rng.normal(size=(5, 2)), rng.normal(size=(5, 2)), rng.normal(size=2)
+    ended = np.zeros((5, 2))
+    ended[2, 0] = 1  # the first room's episode ends with step 2, the other's goes on
+    given = [torch.tensor(part) for part in (earned, values, ended, after)]
+    found = script["advantages"](*given).numpy()
+    follow = np.vstack([values[1:], after])
+    errors = earned + gamma * (1 - ended) * follow - values
+    for room, last in ((0, 2), (1, 4)):
+        expected = sum(decay**step * errors[step, room] for step in range(last + 1))
+        np.testing.assert_allclose(found[0, room], expected, rtol=1e-12)
 
 
 @pytest.mark.slow
