@@ -70,7 +70,8 @@ class Ukf:
     def reset(self, prior: Prior, plan: np.ndarray, rng: np.random.Generator) -> Belief:
         """Return the Gaussian of the prior's moments."""
         self.rng = rng
-        sigma_points = MerweScaledSigmaPoints(3, alpha=0.5, beta=2.0, kappa=0.0, subtract=apart)
+        # alpha = 1 and kappa = 0: no weight is negative, so covariances stay positive
+        sigma_points = MerweScaledSigmaPoints(3, alpha=1.0, beta=2.0, kappa=0.0, subtract=apart)
         self.filter = UnscentedKalmanFilter(
             dim_x=3, dim_z=1, dt=1.0, hx=None, fx=None, points=sigma_points,
             x_mean_fn=mean_of, residual_x=apart,
@@ -109,7 +110,8 @@ class Ukf:
             return
         rows = iter(self.robot.scan.hit_moments(seen[1:][:, fits], lidar.max_range)[0])
         ukf.sigmas_f = poses[1:]
-        ukf.update(measured[fits], R=np.diag(variances[0, fits]), hx=lambda pose: next(rows))
+        noise = np.diag(np.maximum(variances[0, fits], self._least))  # 0 far beyond max_range
+        ukf.update(measured[fits], R=noise, hx=lambda pose: next(rows))
 
     def _moments(self, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Mean (3,) and covariance (3, 3) of poses (n, 3)."""
