@@ -1,6 +1,6 @@
 """The tables of docs/leaderboard.md, from what ``deqmcl leaderboard`` wrote."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from docs.numbers.reading import Cells, Number, filled, read, table
 
@@ -19,7 +19,7 @@ def _board(report: str) -> Callable[[], str]:
         before = ""
         for row in read(report):
             lines.append([
-                f"`{row['scenario']}`, {_UNITS[row['score']]}" if row["setting"] != before else "",
+                "" if row["setting"] == before else f"`{row['scenario']}`, {_what(row)}",
                 f"`{row['method']}`",
                 *(filled(_form(name, row["score"]), row) or "–" for name in _SIGNS),
                 f"{Number(row['cost']):.2f} ×",
@@ -37,7 +37,10 @@ def _form(name: str, score: str) -> str:
     return f"{{{name}:{_SIGNS[name]}{form}}} ({{{name}_low:{form}}} to {{{name}_high:{form}}})"
 
 
-_UNITS = {"error": "e", "success_1m": "% localized"}
+def _what(row: Mapping[str, str]) -> str:
+    return f"e in {row['unit']}" if row["score"] == "error" else "% localized"
+
+
 TABLES = {
     "leaderboard": _board("ranking/leaderboard"),
     "leaderboard-agents": _board("ranking/agents"),
