@@ -46,7 +46,7 @@ def test_an_example_whose_library_is_missing_says_what_to_install(name, monkeypa
     package = WRAPPED[name].partition(".")[0]
     for module in (package, WRAPPED[name]):
         monkeypatch.setitem(sys.modules, module, None)  # as if it were not there
-    with refused(f"run pip install {package.replace('_', '-')}"):
+    with refused("run pip install", f" {package.replace('_', '-')}"):
         runpy.run_path(str(EXAMPLES / "foreign" / name.partition(":")[0]))
 
 
