@@ -14,10 +14,11 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
+import deqmcl_gym
 import localizers
 from benchmarks.studies.training_data import recorded
 
-folder = Path(__file__).resolve().parent / "learned_scan"
+folder = Path(deqmcl_gym.__file__).parents[1] / "docs/examples/learned_scan"  # in a clone
 sys.path.insert(0, str(folder))
 from learned_scan import ScanNet  # noqa: E402 - the plug-in
 

@@ -63,7 +63,7 @@ class FromFirstSteps:
 sphinx_gallery_conf = {
     "examples_dirs": "docs/examples",
     "gallery_dirs": "docs/gallery",
-    "filename_pattern": r"examples/(?!ppo|sb3)",  # run all but those that need PyTorch
+    "filename_pattern": r"examples/(?!ppo|sb3|cleanrl)",  # run all but those that need PyTorch
     "ignore_pattern": r"conftest",
     "within_subsection_order": FromFirstSteps,
     "show_memory": False,

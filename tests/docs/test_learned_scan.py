@@ -74,7 +74,7 @@ def test_a_beam_does_not_depend_on_those_after_it(net):
 
 def test_numpy_computes_what_torch_was_trained_to(code, net):
     torch = pytest.importorskip("torch")
-    train = runpy.run_path(str(FOLDER / "train.py"))
+    train = runpy.run_path(str(FOLDER / "train_scan_model.py"))
     with np.load(FOLDER / "learned_scan.npz") as file:
         weights = {name: torch.tensor(file[name]) for name in file.files if "." in name}
     made = train["net_of"]()
@@ -150,7 +150,7 @@ def test_training_writes_what_the_model_reads(tmp_path):
         tmp_path / "new.npz",
         ("--data", tmp_path / "data.npz", "--unseen", tmp_path / "data.npz"),
     )
-    said = python(FOLDER / "train.py", *files, "--epochs", 1, "--out", out)
+    said = python(FOLDER / "train_scan_model.py", *files, "--epochs", 1, "--out", out)
     assert said.count("beam model") == said.count("learned") == 2
     with np.load(out) as new, np.load(FOLDER / "learned_scan.npz") as shipped:
         assert {n: new[n].shape for n in new} == {n: shipped[n].shape for n in shipped}

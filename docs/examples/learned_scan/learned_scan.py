@@ -10,7 +10,7 @@ sensor does, each is cut to [0, max_range], what is beyond being the mass of the
 gives shares, means and widths from ẑ_b, its neighbours, and how the beams before b fitted: a beam
 beside one that met a box is likely to meet it, too.
 
-``train.py`` makes ``learned_scan.npz``. To run it needs NumPy alone.
+``train_scan_model.py`` makes ``learned_scan.npz``. To run it needs NumPy alone.
 """
 
 from dataclasses import replace
@@ -35,7 +35,7 @@ _ROOT = np.sqrt(2 * np.pi)
 
 
 class ScanNet:
-    """The weights that ``train.py`` writes, and the density of scans that they are.
+    """The weights that ``train_scan_model.py`` writes, and the density of scans that they are.
 
     Attributes:
         beams: of the lidar that it was trained for.

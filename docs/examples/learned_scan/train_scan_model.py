@@ -1,4 +1,4 @@
-"""Train the learned scan model: ``python docs/examples/learned_scan/train.py --help``.
+"""Train the learned scan model: ``python docs/examples/learned_scan/train_scan_model.py --help``.
 
 Needs the extra ``rl`` (PyTorch). The data are of ``python -m benchmarks.studies.training_data``:
 scans, and the ranges that the map gives at the true pose. The loss is the negative log-likelihood
