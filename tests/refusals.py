@@ -9,10 +9,10 @@ from deqmcl_gym.validation import InputError
 
 
 @contextmanager
-def refused(*words: str) -> Iterator[None]:
-    """Expect an ``InputError`` of one sentence that has these words."""
+def refused(*words: str) -> Iterator[pytest.ExceptionInfo[InputError]]:
+    """Expect an ``InputError`` of one sentence that has these words; yield what holds it."""
     with pytest.raises(InputError) as caught:
-        yield
+        yield caught
     sentence = str(caught.value)
     assert [word for word in words if word not in sentence] == [], sentence
     assert "\n" not in sentence

@@ -116,7 +116,6 @@ def run(options: argparse.Namespace) -> str:
 
     where = Where(jobs=options.jobs, timeout=options.timeout)
     views = shared.views_of(options)
-    views.check()
     if options.node is not None and options.nav2 is None:
         raise InputError("--node is given without --nav2: name the file that the node is in.")
     nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)

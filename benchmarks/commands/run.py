@@ -32,11 +32,11 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.pictures.lap import run_lap
     from localizers.naming.registry import complete
 
+    views = shared.views_of(options)
     named = (complete(options.localizer),)
     own = shared.params_named(options.param, named)
     sweep = shared.sweep_of(options, named, own=own, agent=options.agent)
     trials = sweep.distinct()
     log = None if options.log is None else options.log.absolute()
-    views = shared.views_of(options)
     with doing(f"running and drawing a lap of {trials[0].localizer}"):
         return where_safe(trials, run_lap, *trials, options.out.absolute(), log, views)

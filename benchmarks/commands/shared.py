@@ -154,10 +154,16 @@ def add_views(parser: argparse.ArgumentParser) -> None:
 
 
 def views_of(options: argparse.Namespace) -> "Views":
-    """Return where a run is to be looked at."""
+    """Return where a run is to be looked at, by absolute path.
+
+    Raises:
+        InputError: that cannot be written or served.
+    """
     from benchmarks.pictures.viewing import Views
 
-    return Views(mcap=options.mcap and options.mcap.absolute(), live=options.live)
+    views = Views(mcap=options.mcap, live=options.live)
+    views.check()
+    return views if views.mcap is None else replace(views, mcap=views.mcap.absolute())
 
 
 def add_setting(parser: argparse.ArgumentParser) -> None:

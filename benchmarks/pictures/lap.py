@@ -31,14 +31,12 @@ _ERRORS = {  # drawn, by the map's unit
 }
 
 
-def run_lap(trial: Trial, out: Path, log: Path | None = None, views: Views | None = None) -> str:
+def run_lap(trial: Trial, out: Path, log: Path | None, views: Views) -> str:
     """Run one lap of one localizer; write animation, error curve, trace; return what to print.
 
     ``log`` is where to write the lap as a log, ``views`` where what is believed is looked at.
     """
     figures.require_plots()
-    shown = views or Views()
-    shown.check()
     if log is not None:
         check_writable(log)
         if os.path.lexists(log):
@@ -50,7 +48,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None, views: Views | Non
     film = Film(figures.camera_of(stage), title, figures.LAP_STRIDE)
     outside: list[int] = []
     episode = _noting(outside, film.of(stage.moments()), stage.room.floor_plan)
-    rows = shown.of({short_name(title): episode}, stage, times=None)
+    rows = views.of({short_name(title): episode}, stage, times=None)
     trace = trace_of((moment for (moment,) in rows), trial.offsets, stage.task)
     measure, words = _ERRORS[unit]
     curves = {
@@ -76,7 +74,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None = None, views: Views | Non
         )
     lines.append(f"Written to {out}: {', '.join(files)}.")
     lines += [] if log is None else [f"Log: {log}"]
-    lines += [] if shown.mcap is None else [f"MCAP: {shown.mcap}"]
+    lines += [] if views.mcap is None else [f"MCAP: {views.mcap}"]
     return "\n".join([f"{heading}: {trace.steps} steps", *lines])
 
 

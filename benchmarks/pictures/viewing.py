@@ -28,7 +28,7 @@ from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import PREFIX, SUFFIX
 from deqmcl_gym.validation import InputError, integer
 
-HOST, PORT = "127.0.0.1", 8765
+HOST = "127.0.0.1"
 _PACE = 0.1  # s between two steps of a live run, at least
 _GRACE = 0.2  # s after a viewer's first subscription in which its others come
 _LOOK = 0.05  # s between two looks whether a viewer has come or gone

@@ -161,7 +161,8 @@ def sample(trials: Mapping[str, Trial], code: str, share: float = SHARE) -> dict
     for key, trial in trials.items():
         first.setdefault(json.dumps(trial.canonical() | {"trial": 0, "filter_seed": 0}), key)
     others = sorted(trials.keys() - first.values(), key=partial(_drawn, code))
-    chosen = {*first.values(), *others[: math.ceil(share * len(others))]}
+    count = math.ceil(round(share * len(others), 6))  # 0.07 * 100 is above 7
+    chosen = {*first.values(), *others[:count]}
     return {key: trial for key, trial in trials.items() if key in chosen}
 
 

@@ -1,4 +1,4 @@
-"""The tables of docs/leaderboard.md, from what ``deqmcl leaderboard`` wrote."""
+"""The tables of docs/leaderboard.md and of its agents in docs/acting.md, from its CSV files."""
 
 from collections.abc import Callable, Mapping
 
@@ -41,7 +41,26 @@ def _what(row: Mapping[str, str]) -> str:
     return f"e in {row['unit']}" if row["score"] == "error" else "% localized"
 
 
+def _agents() -> str:
+    """Return a row per agent: its share, and how much above its baseline, with each localizer."""
+    rows = {row["method"]: row for row in read("ranking/agents")}
+    lines: list[Cells] = []
+    for agent in dict.fromkeys(method.partition(" with ")[0] for method in rows):
+        own = [rows[f"{agent} with {localizer}"] for localizer in ("mcl-map", "amcl")]
+        shares = [[filled(_SHARE, row), filled(_ABOVE, row) or "–"] for row in own]
+        lines.append([f"`{agent}`", *shares[0], *shares[1]])
+    return table(
+        "agent | localized with `mcl-map`: | above `still`, points: | with `amcl`: | "
+        "above `still`, points:",
+        lines,
+    )
+
+
+_SHARE = "{public:.0p} % ({public_low:.0p} to {public_high:.0p})"
+_ABOVE = "{public_diff:.0p} ({public_diff_low:.0p} to {public_diff_high:.0p})"
+
 TABLES = {
+    "agents": _agents,
     "leaderboard": _board("ranking/leaderboard"),
     "leaderboard-agents": _board("ranking/agents"),
 }

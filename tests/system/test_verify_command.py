@@ -166,3 +166,6 @@ def test_a_sample_has_the_first_world_of_each_setting_and_method_and_one_in_a_hu
     others = len(trials) - len(first)
     assert [len(keys - first) for keys in drawn] == [-(-others // 100)] * 2
     assert drawn[0] != drawn[1]
+    hundred = dict.fromkeys([*first, *sorted(trials.keys() - first)[:100]])
+    few = verifying.sample({key: trials[key] for key in hundred}, "a", 0.07)
+    assert len(few) == len(first) + 7  # though 0.07 * 100 is above 7
