@@ -25,26 +25,26 @@ from learned_scan import ScanNet  # noqa: E402 - the plug-in
 net, beam = ScanNet(), localizers.CensoredGaussianUniform(sigma=0.5)
 
 # %%
-# Left: the density of a beam whose range is 6 m on the map, by what the beams before it read. If
+# The density of a beam whose range is 6 m on the map, by what the beams before it read. If
 # they fitted, it is like the beam model; if two in a row were much too short, a box or a person may
 # stand there, and shorter readings are likelier.
 
 ranges = np.linspace(0.02, 11.98, 600)
 expected = np.full((ranges.size, 16), 6.0)
-figure, (left, right) = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+figure, axes = plt.subplots(figsize=(6.4, 4), layout="constrained")
 for words, before in (("those before it fitted", 6.0), ("the two before it read 2 m", 2.0)):
     scans = expected.copy()
     scans[:, 6:8] = before
     scans[:, 8] = ranges
-    left.plot(ranges, np.exp(net.log_density(scans, expected)[:, 8]), label=f"learned: {words}")
+    axes.plot(ranges, np.exp(net.log_density(scans, expected)[:, 8]), label=f"learned: {words}")
 one_beam = beam.density(ranges, expected[:, :1].T, 12.0)[0]
-left.plot(ranges, one_beam, "k--", label="beam model: whatever they read")
-left.set(xlabel="range, m", ylabel="density, 1/m", title="a beam of 6 m on the map", yscale="log")
-left.set_ylim(1e-3, 10)
-left.legend(loc="upper left", fontsize="small")
+axes.plot(ranges, one_beam, "k--", label="beam model: whatever they read")
+axes.set(xlabel="range, m", ylabel="density, 1/m", title="a beam of 6 m on the map", yscale="log")
+axes.set_ylim(1e-3, 10)
+axes.legend(loc="upper left", fontsize="small")
 
 # %%
-# Right: how likely scans are at the true poses, on average, in buildings that no training saw. On
+# How likely scans are at the true poses, on average, in buildings that no training saw. On
 # a right map the beam model is right and the net is not: it has to find out what the world is like.
 # Where the map is wrong, the net predicts scans better. What that is worth to a filter is told in
 # `Learning <../learning.html#a-learned-scan-model>`_.
@@ -61,14 +61,15 @@ for level, scenario in levels.items():
     scores.append((np.mean(usual), net.log_density(seen, wall).sum(axis=1).mean()))
     print(f"{level}: beam model {scores[-1][0]:.2f}, learned {scores[-1][1]:.2f} nats a scan")
 
+figure, axes = plt.subplots(figsize=(6.4, 4), layout="constrained")
 places = np.arange(len(levels))
 for shift, name, values in zip(
     (-0.2, 0.2), ("beam model", "learned"), np.transpose(scores), strict=True
 ):
-    bars = right.bar(places + shift, values, 0.38, label=name)
-    right.bar_label(bars, fmt="%.1f")
-right.set(ylabel="mean log-likelihood of a scan, nats", title="unseen buildings")
-right.set_xticks(places, levels)
-right.margins(y=0.1)
-right.legend(loc="lower left")
+    bars = axes.bar(places + shift, values, 0.38, label=name)
+    axes.bar_label(bars, fmt="%.1f")
+axes.set(ylabel="mean log-likelihood of a scan, nats", title="unseen buildings")
+axes.set_xticks(places, levels)
+axes.margins(y=0.1)
+axes.legend(loc="lower left")
 plt.show()
