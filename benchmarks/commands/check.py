@@ -87,7 +87,7 @@ def run(options: argparse.Namespace) -> str:
 
 def _by_scenario(options: argparse.Namespace) -> str:
     """Check an agent or a scan model."""
-    from benchmarks.studies import agent_laws, scan_laws
+    from benchmarks.checks import agent_laws, scan_laws
 
     kind, laws = ("agents", agent_laws) if options.agent else ("scan models", scan_laws)
     tried = []

@@ -5,7 +5,6 @@ the same command resumes: docs/tune-on-your-log.md.
 """
 
 import argparse
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +14,7 @@ from benchmarks.console import doing, warn
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.replay.nav2 import Amcl
     from benchmarks.replay.options import Replay
-    from benchmarks.replay.task import Task
+    from benchmarks.tuning.task import Task
 
 _SAID = ("every", "max_beams", "motion", "scan", "radius", "unknown")
 
@@ -69,6 +68,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_seed(parser)
     shared.add_jobs(parser, "runs")
     shared.add_timeout(parser, "run")
+    add("--retry-failed", action="store_true", help="run again what failed before")
     shared.add_out(parser)
 
 
@@ -77,17 +77,17 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.execution.apart import answered_within
     from benchmarks.execution.engines import Where
     from benchmarks.replay.nav2 import read_nav2
-    from benchmarks.replay.task import SCORES
-    from benchmarks.replay.tuned import write
-    from benchmarks.replay.tuning import searching
     from benchmarks.sweeps.running import Options
+    from benchmarks.tuning.search import searching
+    from benchmarks.tuning.task import GOALS
+    from benchmarks.tuning.written import write
     from deqmcl_gym.validation import InputError, integer, number, one_of
 
     named = shared.localizers_named(options.localizer)
     if len(named) != 1:
         raise InputError(f"--localizer is {options.localizer!r}, but must name one localizer.")
     (name,) = named
-    one_of("score", options.score, SCORES)
+    one_of("score", options.score, GOALS)
     if options.max_ms is not None:
         number("--max-ms", options.max_ms, low=0, above=True)
     if options.candidates is not None:
@@ -104,7 +104,7 @@ def run(options: argparse.Namespace) -> str:
         task = _task(options, name, nav2)
         with doing("checking the segments and the ends of all ranges"):
             task.check()
-        how = Options(where=where, progress=False)
+        how = Options(where=where, retry_failed=options.retry_failed, progress=False)
         with searching(task, options.out, how) as search:
             found = search.found(
                 candidates=options.candidates,
@@ -117,32 +117,30 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     """Return what is searched for, of the options."""
     from benchmarks.execution.apart import parameters
     from benchmarks.replay.nav2 import usual_params
-    from benchmarks.replay.space import built_in, read_space, segments_of
-    from benchmarks.replay.task import Task
+    from benchmarks.replay.options import length_and_angle
     from benchmarks.setup.changes import Changes
-    from deqmcl_gym.envs.log import spacing
+    from benchmarks.tuning.space import built_in, read_space, segments_of
+    from benchmarks.tuning.task import Task
     from deqmcl_gym.validation import InputError, integer, number
     from localizers.methods.family import Shared
 
     seed = integer("--seed", options.seed)
     length = number("--segment", options.segment, low=0, above=True)
     gap = number("--gap", options.gap, low=0)
-    sd = spacing("--start-sd", options.start_sd, "m")
-    if math.inf in sd:
-        raise InputError(f"--start-sd is {options.start_sd!r}, but must be as 0.2m,0.1rad.")
+    sd = length_and_angle("--start-sd", options.start_sd)
     own = shared.params_named(options.param, [name]).get(name, {})
     replays = _replays(options, name, nav2)
     noise = [one for one in vars(replays[0].motion) if one != "still"]
+    base = Changes({} if nav2 is None else nav2.params) | own
     if options.space is None:
-        space = built_in(name, noise)
+        space = built_in(name, noise, base)
     else:
         try:
-            known = built_in(name, noise)
+            known = built_in(name, noise, base)
         except InputError:  # of a plug-in: the file names all
             known = {}
         space = read_space(options.space, name, known)
     segments = segments_of(replays, length, gap, sd, seed)
-    base = Changes({} if nav2 is None else nav2.params) | own
     taken = parameters(name) or ()
     defaults = usual_params() if name == "amcl" else vars(Shared())
     scan = {f"scan.{part}": value for part, value in vars(replays[0].scenario.scan).items()}
@@ -162,9 +160,14 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
 def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "list[Replay]":
     """Return the logs as the default would play them."""
     from benchmarks.replay.calibration import calibrated
+    from benchmarks.replay.command import disagreement
     from benchmarks.replay.options import reading_of, replay_of
     from deqmcl_gym.validation import InputError
 
+    files = [Path(log).resolve() for log in options.logs]
+    for log, file in zip(options.logs, files, strict=True):
+        if files.count(file) > 1:
+            raise InputError(f"{log} is given twice: give each log once.")
     maps = _each("--map", options.map, options.logs)
     references = _each("--reference", options.reference or [None], options.logs)
     told: dict[str, Any] = {"otherwise": "global"}
@@ -184,7 +187,9 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
     for replay, log in zip(replays, options.logs, strict=True):
         if not replay.log.referenced.size:
             raise InputError(f"{log} has no reference, so no error is known: give --reference.")
-    warn([*warnings, *(replay.sideways for replay in replays)])
+    notes = [] if nav2 is None else nav2.notes
+    sideways = [replay.sideways for replay in replays]
+    warn([*warnings, *notes, *sideways, *map(disagreement, replays)])
     if {replay.log.unit for replay in replays} != {"m"}:
         raise InputError("a log is in px, but tune takes logs in m: give another one.")
     if name != "amcl" and "scan.power" not in replays[0].assumed:

@@ -1,1 +1,1 @@
-"""Localizers on recorded logs: what they believed at each record, and how far off that was."""
+"""Localizers on recorded logs: ``deqmcl replay``, ``basin`` and ``score``."""

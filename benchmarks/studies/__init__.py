@@ -1,1 +1,1 @@
-"""Studies, each with a command of its own: ``speed`` (measured ratios) and ``phase`` (a figure)."""
+"""Studies, each with a command of its own: speed, phase, scores of acting, training data."""

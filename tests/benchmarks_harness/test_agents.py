@@ -7,10 +7,10 @@ from refusals import refused
 from report_cases import results, trials
 
 from benchmarks.agents import AGENTS
+from benchmarks.checks.agent_laws import verdicts
 from benchmarks.report.words import conclusion, overview
 from benchmarks.setup.changes import Named
 from benchmarks.setup.names import make_agent, scenario
-from benchmarks.studies.agent_laws import verdicts
 from benchmarks.sweeps.sweepfile import read_sweep, sweep_of
 from benchmarks.tables.comparison import baseline_of
 from benchmarks.tables.panels import panels
@@ -190,7 +190,7 @@ BAD = AGENT.replace("        return np.array", "        {}\n        return np.ar
     ],
 )
 def test_each_law_is_broken_by_an_agent(tmp_path, monkeypatch, law, code):
-    monkeypatch.setattr("benchmarks.studies.trying.apart", lambda f, *given, timeout: f(*given))
+    monkeypatch.setattr("benchmarks.checks.apart", lambda f, *given, timeout: f(*given))
     (tmp_path / "mine.py").write_text(BAD.format(code))
     failed = [v.law for v in verdicts(f"{tmp_path}/mine.py") if v.status == "FAILED"]
     assert law in failed

@@ -3,8 +3,8 @@
 import pytest
 from refusals import refused
 
+from benchmarks.checks.scan_laws import verdicts
 from benchmarks.cli import main
-from benchmarks.studies.scan_laws import verdicts
 from localizers.models.beams import BEAM_MODELS
 
 MODEL = """
@@ -46,7 +46,7 @@ def test_our_scan_models_keep_all_laws(kind):
     ],
 )
 def test_each_law_is_broken_by_a_scan_model(tmp_path, monkeypatch, law, code):
-    monkeypatch.setattr("benchmarks.studies.trying.apart", lambda f, *given, timeout: f(*given))
+    monkeypatch.setattr("benchmarks.checks.apart", lambda f, *given, timeout: f(*given))
     (tmp_path / "mine.py").write_text(MODEL.format(code))
     failed = [v.law for v in verdicts(f"{tmp_path}/mine.py") if v.status == "FAILED"]
     assert law in failed

@@ -1,9 +1,11 @@
 """``deqmcl tune``: what it searches, on what, and that it tells no more than was measured."""
 
 import csv
+import json
 import math
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +16,10 @@ from refusals import refused
 
 from benchmarks.replay.nav2 import nav2_document, read_nav2, usual_params
 from benchmarks.replay.options import replay_of
-from benchmarks.replay.space import (
+from benchmarks.setup.changes import Changes
+from benchmarks.sweeps.sweepfile import read_sweep
+from benchmarks.tuning.search import RUNS, Found, Tried
+from benchmarks.tuning.space import (
     Choice,
     Range,
     beside,
@@ -23,15 +28,13 @@ from benchmarks.replay.space import (
     segments_of,
     spread,
 )
-from benchmarks.replay.tuned import importance
-from benchmarks.replay.tuning import Tried
-from benchmarks.setup.changes import Changes
-from benchmarks.sweeps.sweepfile import read_sweep
+from benchmarks.tuning.task import GOALS
+from benchmarks.tuning.written import _segments, importance, verdict
 from deqmcl_gym import logs
 
 COMMAND = ("tune", "lap.csv", "--map", "hall.yaml", "--segment", "0.8", "--gap", "0.1")
 MCL = (*COMMAND, "--reference", "lap.tum", "--localizer", "mcl", "--space", "space.toml")
-MCL += ("--scan", "power=0.2", "--every", "0.1m,5deg", "--max-beams", "20", "--seed", "3")
+MCL += ("--scan", "power=0.2", "--every", "0.1m,5deg", "--max-beams", "20", "--seed", "4")
 SPACE = """
 only = true
 particles = { low = 20, high = 200, log = true, whole = true }
@@ -160,6 +163,26 @@ def test_of_a_poor_default_and_a_good_candidate_the_good_one_wins_by_any_score(
     assert cell.params["particles"] >= 500
 
 
+FRAIL = """
+from pathlib import Path
+
+import localizers
+
+
+class Frail:
+    def __init__(self, robot, *, kind=0):
+        self._inner, self._fails = localizers.make("dead-reckoning", robot), kind == 0
+
+    def reset(self, *given):
+        self._steps = 0
+        return self._inner.reset(*given)
+
+    def update(self, *given):
+        self._steps += 1
+        if self._fails and self._steps > 3 and not Path(__file__).with_name("mended").exists():
+            raise RuntimeError("it broke")
+        return self._inner.update(*given)
+"""
 PLUG_IN = """
 import numpy as np
 import localizers
@@ -238,11 +261,74 @@ def test_a_score_that_a_belief_has_nothing_for_is_refused_before_anything_runs(
     assert not (tmp_path / "o").exists()
 
 
-def test_too_slow_a_candidate_does_not_win(here, tmp_path):
+def test_too_slow_a_candidate_does_not_win(here, tmp_path, capsys):
     out = tmp_path / "out"
     limit = ("--max-ms", "1e-6", "--candidates", "4", "--jobs", "1")
     assert exit_code(*MCL, *limit, "--out", out) == 0
-    assert "No candidate kept to that." in (out / "tuned.md").read_text()
+    assert capsys.readouterr().out.startswith("Nothing that was tried keeps to 1e-06 ms per step")
+
+
+def held_out(default, tuned, *, max_ms=None, best_ms=1.0, default_ms=1.0):
+    """A search for the smallest median, with these errors on each held-out segment; None failed."""
+    segments = [SimpleNamespace(world={"log": "lap.csv"}, begins=0.0, metres=1.0)] * len(default)
+    task = SimpleNamespace(goal=GOALS["median"], max_ms=max_ms, held_out=segments)
+    tried = [Tried(values=Changes(), round=0, free=False, ms=default_ms)]
+    tried += [Tried(values=Changes({"particles": 5}), round=0, free=True, ms=best_ms)]
+    runs = [
+        [[run(error)] * RUNS if error is not None else [] for error in own]
+        for own in (default, tuned)
+    ]
+    return Found(
+        task=task, tried=tried, best=tried[1], default_runs=runs[0], best_runs=runs[1], rounds=1
+    )
+
+
+def run(error):
+    track = SimpleNamespace(scores={"position_median": error})
+    return SimpleNamespace(journey=None, track=track)
+
+
+def said_of(found):
+    return verdict(found, _segments(found, found.task.goal))
+
+
+def test_no_gain_is_told_where_the_tuned_parameters_fail_and_the_default_does_not():
+    found = held_out([0.2] * 11, [0.1] * 8 + [None] * 3)
+    assert "8 of 8 segments better" in said_of(found)
+    assert "a gain is not shown" in said_of(found)
+    assert said_of(found).endswith(
+        "3 (those of the default on 0, those of the tuned parameters on 3)."
+    )
+    assert "a gain is not shown" in said_of(held_out([None, None] + [0.2] * 9, [0.1] * 10 + [None]))
+    found = held_out([0.2] * 8 + [None] * 3, [0.1] * 11)
+    assert "The 95 % interval excludes 0." in said_of(found)
+
+
+def test_a_default_that_is_too_slow_is_not_recommended():
+    worse = held_out([0.1] * 8, [0.2] * 8, max_ms=2.0, default_ms=5.0)
+    assert "the default takes more than 2 ms per step" in said_of(worse)
+    assert "keep the default" in said_of(held_out([0.1] * 8, [0.2] * 8))
+
+
+def test_that_only_slower_ones_were_better_is_said():
+    found = held_out([0.1] * 8, [0.1] * 8, max_ms=2.0)
+    found = replace(found, best=found.tried[0])
+    assert "no candidate of at most 2 ms was better than the default" in said_of(found)
+
+
+def test_a_failing_default_ends_the_search_and_can_be_run_again(before, tmp_path, capsys):
+    (tmp_path / "frail.py").write_text(FRAIL)
+    (tmp_path / "few.toml").write_text("kind = [1, 2]\n")
+    words = (*COMMAND, "--reference", "lap.tum", "--localizer", tmp_path / "frail.py")
+    words += ("--space", tmp_path / "few.toml", "--scan", "power=0.2", "--candidates", "3")
+    words += ("--jobs", "1", "--out", tmp_path / "out")
+    assert exit_code(*words) == 3
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert "failed on the segment at" in said
+    assert "--retry-failed runs it again." in said
+    (tmp_path / "mended").touch()
+    assert exit_code(*words) == 3
+    assert exit_code(*words, "--retry-failed") == 0
 
 
 def test_best_toml_is_the_winner_as_a_sweep(here):
@@ -368,6 +454,7 @@ def test_a_candidate_beside_another_stays_in_the_space_and_moves_something():
         ("particles = [[1], [2]]", "numbers, words, true or false"),
         ("particles = { low = 5 }", "lacks low or high"),
         ("particles = { low = 5, high = 5 }", "low must be below high"),
+        ("particles = { low = 2000, high = 2004, whole = true }", "one number in 3 digits"),
         ("particles = { low = 0, high = 5, log = true }", "needs low above 0"),
         ("particles = { low = 1.5, high = 5, whole = true }", "whole number"),
         ("particles = { low = 1, high = 5, step = 1 }", "step"),
@@ -391,6 +478,55 @@ def test_a_file_changes_what_it_names_and_false_leaves_out(tmp_path):
     assert found["scan.sigma"] == Choice((0.1, 0.2))
     assert set(known) - set(found) == {"particles"}
     assert all(found[name] == known[name] for name in set(found) - {"scan.sigma"})
+
+
+def test_a_range_with_few_values_has_a_group_for_each():
+    one = Range(low=1, high=3, whole=True)
+    drawn = spread({"n": one}, 60, np.random.default_rng(0))
+    tried = [
+        replace(Tried(values=own, round=0, free=True), rank=(own["n"] != 2) / 2) for own in drawn
+    ]
+    share, chance, best = importance({"n": one}, tried)["n"]
+    assert share == pytest.approx(1)
+    assert chance < 0.2
+    assert best == "2"
+
+
+@pytest.mark.parametrize(
+    ("given", "most", "least"),
+    [
+        ({"min_particles": 1000, "max_particles": 4000}, (1000, 5000), (50, 500)),
+        ({"min_particles": 100, "max_particles": 300}, (500, 5000), (50, 300)),
+        ({"min_particles": 6000, "max_particles": 9000}, None, (50, 500)),
+        ({"min_particles": "many", "max_particles": [1]}, (500, 5000), (50, 500)),
+        ({}, (500, 5000), (50, 500)),
+    ],
+)
+def test_the_least_and_the_most_particles_keep_to_those_of_a_nav2_file(given, most, least):
+    found = built_in("amcl", [], given)
+    for name, ends in {"max_particles": most, "min_particles": least}.items():
+        assert (None if name not in found else (found[name].low, found[name].high)) == ends
+
+
+def test_a_heading_past_a_half_turn_is_a_start_all_the_same(here):
+    replay = replay_of("lap.csv", "hall.yaml", reference="lap.tum", every="0.1m,5deg")
+    for one in segments_of([replay], 0.8, 0.1, (0.02, 20.0), 0):
+        assert abs(one.assumed["prior.mean"][2]) <= 2 * math.pi
+
+
+def test_fewer_candidates_are_some_of_those_of_a_whole_round(here, tmp_path):
+    out = tmp_path / "out"
+    words = (*MCL, "--jobs", "1", "--out", out, "--candidates")
+    assert exit_code(*words, "20") == 0
+    few = [row["particles"] for row in lines(out / "candidates.csv")]
+    runs = set(files(out / "trials"))
+    assert exit_code(*words, "36") == 0
+    many = [row["particles"] for row in lines(out / "candidates.csv")]
+    assert set(few) <= set(many)
+    assert many[:18] == few[:18]
+    assert runs < set(files(out / "trials"))
+    state = json.loads((out / "tune.json").read_text())
+    assert [one["candidates"] for one in state["rounds"]] == [18, 18]
 
 
 def test_importance_is_the_share_of_variance_between_groups_beyond_chance():
@@ -429,6 +565,7 @@ def test_importance_is_the_share_of_variance_between_groups_beyond_chance():
         ((*MCL, "--segment", "-1"), "--segment is -1"),
         ((*MCL, "--start-sd", "0.2m"), "--start-sd is '0.2m'"),
         ((*MCL, "--map", "hall.yaml", "--map", "hall.yaml"), "--map is given 3 times for 1 logs"),
+        (("tune", "lap.csv", *MCL[1:]), "lap.csv is given twice"),
         ((*MCL, "--localizer", "mcl,amcl"), "must name one localizer"),
         ((*MCL, "--localizer", "mcll"), "did you mean 'mcl'"),
         ((*MCL, "--nav2", "x.yaml"), "--nav2 is given, but mcl is tuned"),

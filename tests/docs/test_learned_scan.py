@@ -11,8 +11,8 @@ from refusals import refused
 from test_links import ROOT
 
 import localizers
+from benchmarks.checks import scan_laws
 from benchmarks.setup.names import scenario
-from benchmarks.studies import scan_laws
 from benchmarks.studies.training_data import recorded
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -89,7 +89,7 @@ def test_numpy_computes_what_torch_was_trained_to(code, net):
 
 
 def test_it_keeps_the_laws_of_scan_models(monkeypatch):
-    monkeypatch.setattr("benchmarks.studies.trying.apart", lambda f, *given, timeout: f(*given))
+    monkeypatch.setattr("benchmarks.checks.apart", lambda f, *given, timeout: f(*given))
     assert {verdict.status for verdict in scan_laws.verdicts(MODEL)} == {"ok"}
 
 

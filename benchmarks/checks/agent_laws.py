@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.checks import asked, require, tried
 from benchmarks.setup.changes import Changes, Named
 from benchmarks.setup.interfaces import Agent
 from benchmarks.setup.names import absolute_agent, absolute_scenario, make_agent, plug_ins_of_agent
-from benchmarks.studies.trying import asked, require, tried
 from benchmarks.trials.episode import moments
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage

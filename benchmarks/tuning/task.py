@@ -11,12 +11,12 @@ from typing import Any
 
 from benchmarks.execution.apart import check_methods, check_settings, checked_apart
 from benchmarks.replay.options import NAME
-from benchmarks.replay.space import ASSUMED, Segment, Space
 from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.trials.plugins import guest_of
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
+from benchmarks.tuning.space import ASSUMED, Segment, Space
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
 from localizers.naming.plugins import is_ctrl_c
@@ -25,7 +25,7 @@ ETA = 3  # of candidates, one of so many goes on
 
 
 @dataclass(frozen=True, kw_only=True)
-class Score:
+class Goal:
     """What is to be small; ``sign`` -1: large.
 
     Attributes:
@@ -57,20 +57,20 @@ def _spread(belief: Belief) -> bool:
     return points is None or len(points[1]) > 1
 
 
-SCORES = {
-    "median": Score(words="median position error", unit="m", column="position_median"),
-    "p95": Score(words="95 % position error", unit="m", column="position_p95"),
-    "localized": Score(
+GOALS = {
+    "median": Goal(words="median position error", unit="m", column="position_median"),
+    "p95": Goal(words="95 % position error", unit="m", column="position_p95"),
+    "localized": Goal(
         words="share of records within 1 m and 30°", unit="share", column="within_1m", sign=-1
     ),
-    "false-commitment": Score(
+    "false-commitment": Goal(
         words="share of records with quality above 0.5 while more than 2 m off",
         unit="share",
         column="false_steps",
         needs="quality",
         given=lambda belief: quality_of(belief) is not None,
     ),
-    "log-score": Score(
+    "log-score": Goal(
         words="log score of the reference pose",
         unit="nats",
         column="log_score",
@@ -90,7 +90,7 @@ class Task:
         usual: values of the default, as far as they are known, by name in ``space``.
         space: what is searched.
         segments: to train on and held out.
-        score: a name in ``SCORES``.
+        score: a name in ``GOALS``.
         max_ms: most ms per step that a winner may take; None: any.
         seed: root of all randomness.
     """
@@ -105,9 +105,9 @@ class Task:
     seed: int
 
     @property
-    def goal(self) -> Score:
+    def goal(self) -> Goal:
         """The score."""
-        return SCORES[self.score]
+        return GOALS[self.score]
 
     @property
     def training(self) -> list[Segment]:
@@ -187,7 +187,7 @@ def _check_score(trial: Trial, name: str) -> None:
     Raises:
         InputError: there is nothing. Any other trouble is left to the run.
     """
-    goal = SCORES[name]
+    goal = GOALS[name]
     try:
         *_, last = islice(Stage.of(trial).moments(), 2)
         given = goal.given(last.belief)
@@ -196,7 +196,7 @@ def _check_score(trial: Trial, name: str) -> None:
             raise
         return
     if not given:
-        others = ", ".join(own for own, score in SCORES.items() if score.needs != goal.needs)
+        others = ", ".join(own for own, score in GOALS.items() if score.needs != goal.needs)
         raise InputError(
             f"--score is {name}, but a belief of {trial.localizer} has no {goal.needs}: choose "
             f"another one of {others}."

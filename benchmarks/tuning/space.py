@@ -5,7 +5,7 @@ Ranges are built in, or from a file. Segments are trained on and held out in tur
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.execution.apart import parameters
 from benchmarks.replay.options import Replay
 from benchmarks.setup import changes
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.changes import NOTHING, Changes
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats
@@ -107,6 +107,8 @@ class Choice:
 Space = Mapping[str, Range | Choice]
 
 _NOISE = Range(low=0.02, high=2.0, log=True)
+_MANY = Range(low=500, high=5000, log=True, whole=True)
+_FEW = Range(low=50, high=500, log=True, whole=True)
 _OF_AMCL: Space = {
     **{f"alpha{i}": _NOISE for i in (1, 2, 3, 4)},
     "laser_model_type": Choice(("likelihood_field", "likelihood_field_prob")),
@@ -115,8 +117,8 @@ _OF_AMCL: Space = {
     "z_rand": Range(low=0.05, high=0.95, log=True),
     "laser_likelihood_max_dist": Range(low=0.3, high=4.0, log=True),
     "max_beams": Range(low=20, high=180, log=True, whole=True),
-    "max_particles": Range(low=500, high=5000, log=True, whole=True),
-    "min_particles": Range(low=50, high=500, log=True, whole=True),
+    "max_particles": _MANY,
+    "min_particles": _FEW,
     "pf_err": Range(low=0.01, high=0.2, log=True),
     "resample_interval": Choice((1, 2, 4)),
     "update_min_d": Range(low=0.05, high=0.4, log=True),
@@ -138,19 +140,21 @@ _OF_SCAN: Space = {
 }
 
 
-def built_in(localizer: str, noise: Sequence[str]) -> Space:
+def built_in(localizer: str, noise: Sequence[str], base: Mapping[str, Any] = NOTHING) -> Space:
     """Return the ranges that are searched where no file says otherwise.
 
     Args:
         localizer: its name.
         noise: names of the numbers of the motion model that filters assume.
+        base: its parameters before the search; the ranges of amcl's numbers of particles keep to
+            the other number of these.
 
     Raises:
         InputError: none is known, as of a plug-in: a file must name them.
     """
     taken = parameters(localizer)
     if localizer == "amcl":
-        return _OF_AMCL
+        return _of_amcl(base)
     own = {name: one for name, one in _OF_OTHERS.items() if taken is not None and name in taken}
     if "lag" not in own:
         own.pop("plan_beta", None)  # it would only choose poses at a start that is not known
@@ -160,6 +164,23 @@ def built_in(localizer: str, noise: Sequence[str]) -> Space:
             "--space space.toml."
         )
     return {**own, **_OF_SCAN, **{f"motion.{name}": _NOISE for name in noise}}
+
+
+def _of_amcl(base: Mapping[str, Any]) -> Space:
+    """Return Nav2's; where only one of the least and most particles is moved, they fit, too."""
+    found = dict(_OF_AMCL)
+    many, few = _MANY, _FEW
+    least, most = base.get("min_particles"), base.get("max_particles")
+    if isinstance(least, int):  # what is no number is refused when the localizer looks at it
+        many = replace(many, low=max(many.low, least))
+    if isinstance(most, int):
+        few = replace(few, high=min(few.high, most))
+    for name, one in {"max_particles": many, "min_particles": few}.items():
+        if one.low < one.high:
+            found[name] = one
+        else:
+            del found[name]
+    return found
 
 
 def read_space(path: Path, localizer: str, known: Space) -> Space:
@@ -223,7 +244,13 @@ def _one(name: str, value: Any) -> Range | Choice:
         raise InputError(f"{name} has low {low:g} and high {high:g}, but low must be below high.")
     if log and low <= 0:
         raise InputError(f"{name} has low {low:g} and log: a logarithm needs low above 0.")
-    return Range(low=low, high=high, log=log, whole=whole)
+    found = Range(low=low, high=high, log=log, whole=whole)
+    if found.at(0.0) == found.at(1.0):
+        raise InputError(
+            f"{name} has low {low:.10g} and high {high:.10g}, which are one number in "
+            f"{_DIGITS} digits: give a wider range, or a list of choices."
+        )
+    return found
 
 
 def spread(space: Space, count: int, rng: np.random.Generator) -> list[Changes]:
@@ -348,6 +375,7 @@ class _Part:
         off = stream(seed, STARTS, number).standard_normal((_TRIES, 3)) * [sd[0], *sd]
         drawn = np.vstack([true + off, true])
         mean = drawn[int(np.argmax([*self.ground.free(drawn[:-1]), True]))]
+        mean[2] = math.remainder(mean[2], 4 * math.pi)  # within 2π, as a pose must be
         prior = {"mean": tuple(mean.tolist()), "sd_position": sd[0], "sd_heading": sd[1]}
         told = {f"prior.{name}": value for name, value in prior.items()}
         return Segment(

@@ -12,15 +12,15 @@ import yaml
 
 from benchmarks.files import write_part
 from benchmarks.replay.nav2 import nav2_document
-from benchmarks.replay.space import Choice, Range
-from benchmarks.replay.task import SCORES, Score, Task
-from benchmarks.replay.tuning import RUNS, Found, Tried
 from benchmarks.report.writing import load, no_report
 from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.tables.pairing import milliseconds_per_step
 from benchmarks.tables.stats import Estimate, estimate
 from benchmarks.tables.text import csv_text, estimated, fixed, percent, significant
 from benchmarks.trials.scoring import Finished
+from benchmarks.tuning.search import RUNS, Found, Tried
+from benchmarks.tuning.space import Choice, Range
+from benchmarks.tuning.task import GOALS, Goal, Task
 from deqmcl_gym.files import command_line, utf8
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
@@ -30,8 +30,8 @@ _SHUFFLES = 1000  # of the ranks, for what chance would give
 _BINS = 4  # of a range
 _FEW = 20  # candidates below which importance says nothing
 _LEAST = 6  # segments: of fewer, a sign test could not tell any difference from chance (p < 0.05)
-_COVERAGE = Score(words="share inside the 95 % region", unit="share", column="coverage_95")
-_TABLE = (*(SCORES[name] for name in ("median", "p95", "localized")), _COVERAGE)
+_COVERAGE = Goal(words="share inside the 95 % region", unit="share", column="coverage_95")
+_TABLE = (*(GOALS[name] for name in ("median", "p95", "localized")), _COVERAGE)
 
 
 def write(
@@ -85,7 +85,7 @@ def write(
 _COLUMNS = ("log", "begins_s", "metres", "runs", "default", "tuned", "difference")
 
 
-def _segments(found: Found, goal: Score) -> list[list[Any]]:
+def _segments(found: Found, goal: Goal) -> list[list[Any]]:
     """Return a line per held-out segment; those where a run failed have no numbers."""
     lines = []
     each = zip(found.task.held_out, found.default_runs, found.best_runs, strict=True)
@@ -97,25 +97,28 @@ def _segments(found: Found, goal: Score) -> list[list[Any]]:
     return lines
 
 
-def _mean(goal: Score, records: Sequence[Finished]) -> float:
+def _mean(goal: Goal, records: Sequence[Finished]) -> float:
     values = [goal.of(record) for record in records]
     return float(np.mean(values)) if len(values) == RUNS else math.nan
 
 
 def verdict(found: Found, rows: Sequence[Sequence[Any]]) -> str:
-    """Say the held-out result of default and winner, paired, in one sentence or two."""
-    goal = found.task.goal
+    """Say the held-out result of default and winner, paired, in a few sentences."""
+    goal, limit = found.task.goal, found.task.max_ms
     pairs = np.array([row[4:6] for row in rows], np.float64)
     known = pairs[~np.isnan(pairs).any(axis=1)]
-    failed = len(pairs) - len(known)
-    left_out = f" {failed} segments are left out, as runs failed there." if failed else ""
+    left_out = _left_out(found, len(pairs) - len(known))
     on = f"on {len(known)} held-out segments, {RUNS} runs each"
+    slow = ""
+    if limit is not None and not found.best.ms <= limit:
+        slow = f"Nothing that was tried keeps to {limit:g} ms per step; this is the best of all. "
     if not len(known):
-        return f"No held-out segment could be compared.{left_out}"
+        return f"{slow}No held-out segment could be compared.{left_out}"
     before, after = known.mean(axis=0)
     if found.best.values == NOTHING:
+        which = "candidate" if limit is None or slow else f"candidate of at most {limit:g} ms"
         return (
-            f"No gain: no candidate was better than the default on the training segments. The "
+            f"{slow}No gain: no {which} was better than the default on the training segments. The "
             f"default's {goal.words} {on}: {_number(goal, before)}.{left_out}"
         )
     off = known[:, 1] - known[:, 0]
@@ -126,20 +129,43 @@ def verdict(found: Found, rows: Sequence[Sequence[Any]]) -> str:
         f"{_number(goal, after)}, {better} of {len(known)} segments better; difference "
         f"{_difference(goal, gain)}."
     )
-    return f"{said} {_conclusion(goal, gain)}{left_out}"
+    return f"{slow}{said} {_conclusion(found, gain)}{left_out}"
 
 
-def _conclusion(goal: Score, gain: Estimate) -> str:
+def _failed(runs: Sequence[Sequence[Finished]]) -> int:
+    """Return on how many segments a run failed."""
+    return sum(len(own) < RUNS for own in runs)
+
+
+def _left_out(found: Found, count: int) -> str:
+    """Say how many segments cannot be compared, and whose runs failed there."""
+    if not count:
+        return ""
+    default, tuned = _failed(found.default_runs), _failed(found.best_runs)
+    whose = f"those of the default on {default}, those of the tuned parameters on {tuned}"
+    if found.best.values == NOTHING:
+        whose = f"those of the default on {default}"
+    return f" Segments left out, as a run failed there: {count} ({whose})."
+
+
+def _conclusion(found: Found, gain: Estimate) -> str:
+    limit, slow = found.task.max_ms, found.tried[0].ms
     if math.isnan(gain.low):
         return f"Fewer than {_LEAST} segments are too few for an interval: a gain is not shown."
+    each = zip(found.default_runs, found.best_runs, strict=True)
+    if any(len(tuned) < RUNS <= len(default) for default, tuned in each):
+        return "The tuned parameters fail where the default does not: a gain is not shown."
     if not (gain.low > 0 or gain.high < 0):
         return "The 95 % interval includes 0: a gain is not shown."
-    if goal.sign * gain.mean < 0:
+    if found.task.goal.sign * gain.mean < 0:
         return "The 95 % interval excludes 0."
-    return "The tuned parameters are worse on held-out segments: keep the default."
+    worse = "The tuned parameters are worse on held-out segments"
+    if limit is not None and not slow <= limit:
+        return f"{worse}, but the default takes more than {limit:g} ms per step."
+    return f"{worse}: keep the default."
 
 
-def _number(goal: Score, value: float, *, bare: bool = False) -> str:
+def _number(goal: Goal, value: float, *, bare: bool = False) -> str:
     if goal.unit == "share":
         return f"{100 * value:.1f}{'' if bare else ' %'}"
     if goal.unit == "nats":
@@ -147,7 +173,7 @@ def _number(goal: Score, value: float, *, bare: bool = False) -> str:
     return f"{value:.3f}{'' if bare else ' m'}"
 
 
-def _difference(goal: Score, gain: Estimate) -> str:
+def _difference(goal: Goal, gain: Estimate) -> str:
     if goal.unit == "share":
         return estimated(gain.percent, "+.1f", " points")
     if goal.unit == "nats":
@@ -197,7 +223,8 @@ def importance(space: Mapping[str, Range | Choice], tried: Sequence[Tried]) -> d
     """Return by parameter: share of the variance of ranks that it explains alone, and where.
 
     The ranks are those of the candidates drawn from the whole space, in the first rung of their
-    round. A range is cut into four at the quartiles of what was drawn. The share is ε², the
+    round. A range is cut into four at the quartiles of what was drawn, one with four values or
+    fewer into these. The share is ε², the
     correlation ratio η² less what as many groups would explain by chance (Kelley 1935): the main
     effects of a functional ANOVA.
 
@@ -211,8 +238,8 @@ def importance(space: Mapping[str, Range | Choice], tried: Sequence[Tried]) -> d
     found = {}
     for name, one in space.items():
         values = [own.values[name] for own in free]
-        if isinstance(one, Choice):
-            kinds = list(dict.fromkeys(values))
+        kinds = list(dict.fromkeys(values))
+        if isinstance(one, Choice) or len(kinds) <= _BINS:
             groups = np.array([kinds.index(value) for value in values])
             words = [str(kind) for kind in kinds]
         else:
@@ -255,7 +282,8 @@ def _importance(found: Found) -> str:
     rest = [f"`{name}`" for name, (share, chance, _) in listed if share <= chance]
     said = (
         f"Share of the variance of ranks among {free} candidates drawn from the whole space that "
-        "a parameter explains alone (ε² over four parts of its range)."
+        "a parameter explains alone (ε² over four parts of its range, or over its values if it has "
+        "four or fewer)."
     )
     chance_words = f"Not more than chance: {', '.join(rest)}." if rest else ""
     table = "\n".join(lines) if len(lines) > 2 else ""
@@ -266,8 +294,6 @@ def _made(found: Found, words: Sequence[str]) -> str:
     task, train, held = found.task, found.task.training, found.task.held_out
     metres = float(np.mean([one.metres for one in task.segments]))
     limit = "" if task.max_ms is None else f" At most {task.max_ms:g} ms per step were allowed."
-    if task.max_ms is not None and not found.best.ms <= task.max_ms:
-        limit += " No candidate kept to that."
     return (
         f"    {command_line(words)}\n\n"
         f"{len(found.tried)} candidates in {found.rounds} rounds; `--candidates "

@@ -6,10 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
+from benchmarks.checks import asked, require, tried
 from benchmarks.setup.assumed import is_code
 from benchmarks.setup.changes import Changes
 from benchmarks.setup.names import absolute_scenario
-from benchmarks.studies.trying import asked, require, tried
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.numerics.types import Singles

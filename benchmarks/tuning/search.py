@@ -14,17 +14,15 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from msgspec import to_builtins
 
 from benchmarks.execution.apart import provenance
-from benchmarks.files import is_empty, locked
-from benchmarks.replay.space import DRAWS, ORDER, Segment, beside, spread, stream
-from benchmarks.replay.task import ETA, Task
+from benchmarks.files import is_empty, locked, refuse_changed
 from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
@@ -32,6 +30,8 @@ from benchmarks.sweeps.store import Store
 from benchmarks.tables.pairing import milliseconds_per_step
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scoring import Finished
+from benchmarks.tuning.space import DRAWS, ORDER, Segment, beside, spread, stream
+from benchmarks.tuning.task import ETA, Task
 from deqmcl_gym.files import UnreadableError, content_of, json_of, write_text
 from deqmcl_gym.validation import InputError
 
@@ -39,6 +39,13 @@ STATE = "tune.json"
 ROUND = 18  # candidates
 RUNS = 3  # of default and winner on each held-out segment
 _FINALISTS, _FINAL_RUNS = 3, 2
+
+
+class Measured(NamedTuple):
+    """What the search keeps of a run: its score and the ms per step; NaN is not known."""
+
+    value: float
+    ms: float
 
 
 @dataclass(kw_only=True)
@@ -93,7 +100,7 @@ class Searching:
         store: of its runs.
         options: how they run.
         now: what their numbers depend on.
-        state: of ``STATE``: seconds of each round that was done.
+        state: of ``STATE``: of each round its candidates, once it is done, and its seconds.
     """
 
     task: Task
@@ -101,7 +108,7 @@ class Searching:
     options: Options
     now: Provenance
     state: dict[str, Any]
-    _records: dict[tuple[Changes, int, int], Finished | None] = field(default_factory=dict)
+    _measured: dict[tuple[Changes, int, int], Measured | None] = field(default_factory=dict)
 
     def found(self, *, candidates: int | None, budget: float | None) -> Found:
         """Search until so many candidates were tried, or the budget (s) leaves no further round.
@@ -117,17 +124,13 @@ class Searching:
                 budget is not None and number and not self._time_left(number, budget)
             ):
                 break
-            began = time.monotonic()
             tried += self._round(number, count, tried)
             number += 1
-            if number > len(self.state["rounds"]):
-                self.state["rounds"].append(time.monotonic() - began)
-                self.save()
             self._say(tried, number)
         best = self._final(tried)
         asked = [NOTHING] + [best.values] * (best is not tried[0])
-        self._measure(asked, self.task.held_out, RUNS)
-        default, won = (self._all(one, self.task.held_out, RUNS) for one in (NOTHING, best.values))
+        self._run(asked, self.task.held_out, RUNS)
+        default, won = (self._held_out(one) for one in (NOTHING, best.values))
         return Found(
             task=self.task,
             tried=tried,
@@ -143,39 +146,32 @@ class Searching:
 
     def _time_left(self, number: int, budget: float) -> bool:
         """Whether a further round, the final and the held-out runs fit; rounds done always do."""
-        done = self.state["rounds"]
-        if number < len(done):
+        rounds = self.state["rounds"]
+        if number < len(rounds) and rounds[number]["candidates"] == ROUND:
             return True
-        task, last = self.task, done[-1]
+        before, spent = rounds[number - 1], sum(one["seconds"] for one in rounds[:number])
+        task, last = self.task, before["seconds"] * ROUND / before["candidates"]
         train, held = len(task.training), len(task.held_out)
         rungs, left, runs = [0, *task.rungs], ROUND, 0
-        for before, size in pairwise(rungs):
-            runs += left * (size - before)
+        for smaller, size in pairwise(rungs):
+            runs += left * (size - smaller)
             left = -(-left // ETA)
         ending = (_FINALISTS + 1) * (_FINAL_RUNS - 1) * train + 2 * RUNS * held
-        return bool(sum(done) + last * (1 + ending / runs) <= budget)
+        return bool(spent + last * (1 + ending / runs) <= budget)
 
     def _round(self, number: int, count: int, before: Sequence[Tried]) -> list[Tried]:
         """Draw the candidates of a round and halve them."""
         task = self.task
-        rng = stream(task.seed, DRAWS, number)
         order = stream(task.seed, ORDER, number).permutation(len(task.training))
-        near = count // 2 if number else 0
-        free = spread(task.space, count - near - (number == 0), rng)
-        drawn = [Tried(values=values, round=number, free=True) for values in free]
-        if number == 0:
-            drawn.insert(0, Tried(values=NOTHING, round=0, free=False))
-        for i in range(near):
-            parent = self._best(before)[i % 2].values
-            values = beside(task.space, parent, task.usual, rng)
-            drawn.append(Tried(values=values, round=number, free=False))
+        drawn = self._drawn(number, count, before)
         alive = list(drawn)
         for rung, size in enumerate(task.rungs):
             segments = [task.training[i] for i in order[:size]]
-            self._measure([one.values for one in alive], segments, 1)
+            with self._timed(number, count):
+                self._run([one.values for one in alive], segments, 1)
             for one in alive:
                 self._judge(one, segments, 1)
-            self._refuse_unscored(alive[0], segments)
+            self._refuse_unscored(drawn[0], segments, 1)
             alive.sort(key=self._key)
             if rung == 0:
                 for place, one in enumerate(alive):
@@ -184,16 +180,47 @@ class Searching:
                 kept = alive[: -(-len(alive) // ETA)]
                 lost = [one for one in alive if one.values == NOTHING and one not in kept]
                 alive = kept + lost  # the default is compared with to the end
+        done = self.state["rounds"][number]
+        done["candidates"] = max(count, done["candidates"])
+        self.save()
         return drawn
+
+    def _drawn(self, number: int, count: int, before: Sequence[Tried]) -> list[Tried]:
+        """Return the candidates of a round; after the first, fewer are some of ``ROUND``."""
+        task, rng = self.task, stream(self.task.seed, DRAWS, number)
+        near = ROUND // 2 if number else 0
+        free = spread(task.space, (ROUND if number else count - 1) - near, rng)
+        drawn = [Tried(values=NOTHING, round=0, free=False)] * (number == 0)
+        drawn += [Tried(values=values, round=number, free=True) for values in free]
+        drawn = drawn[: count - count * near // ROUND]
+        for i in range(count * near // ROUND):
+            parent = self._best(before)[i % 2].values
+            values = beside(task.space, parent, task.usual, rng)
+            drawn.append(Tried(values=values, round=number, free=False))
+        return drawn
+
+    @contextmanager
+    def _timed(self, number: int, count: int) -> Iterator[None]:
+        """Count the seconds of a part of a round, unless that was done before."""
+        rounds, began = self.state["rounds"], time.monotonic()
+        if number == len(rounds):
+            rounds.append({"candidates": 0, "seconds": 0.0})
+        try:
+            yield
+        finally:
+            if rounds[number]["candidates"] < count:
+                rounds[number]["seconds"] += time.monotonic() - began
+                self.save()
 
     def _final(self, tried: Sequence[Tried]) -> Tried:
         """Return the winner: the best and the default once more on all training segments."""
         task = self.task
         last = self._best(tried)[:_FINALISTS]
         last += [tried[0]] * (tried[0] not in last)
-        self._measure([one.values for one in last], task.training, _FINAL_RUNS)
+        self._run([one.values for one in last], task.training, _FINAL_RUNS)
         for one in last:
             self._judge(one, task.training, _FINAL_RUNS)
+        self._refuse_unscored(tried[0], task.training, _FINAL_RUNS)
         return min(last, key=self._key)
 
     def _best(self, tried: Sequence[Tried]) -> list[Tried]:
@@ -209,53 +236,60 @@ class Searching:
 
     def _judge(self, one: Tried, segments: Sequence[Segment], runs: int) -> None:
         """Set a candidate's score on segments, each counting as much as any other."""
-        records = [r for own in self._all(one.values, segments, runs) for r in own]
-        whole = len(records) == len(segments) * runs
-        values = [self.task.goal.of(record) for record in records]
+        each = [self._measured[one.values, s.number, run] for s in segments for run in range(runs)]
+        values = [math.nan if own is None else own.value for own in each]
+        times = [own.ms for own in each if own is not None and not math.isnan(own.ms)]
         one.segments = len(segments)
-        one.value = float(np.mean(values)) if whole and not np.isnan(values).any() else math.inf
-        one.ms = milliseconds_per_step(records)
+        one.value = math.inf if np.isnan(values).any() else float(np.mean(values))
+        one.ms = float(np.median(times)) if times else math.nan
 
-    def _refuse_unscored(self, one: Tried, segments: Sequence[Segment]) -> None:
+    def _refuse_unscored(self, one: Tried, segments: Sequence[Segment], runs: int) -> None:
+        """Refuse a default that failed, or that has no such score."""
         if one.values != NOTHING or math.isfinite(one.value):
             return
-        for segment in segments:
-            trial = self.task.trial(NOTHING, segment, 0)
+        for segment, run in product(segments, range(runs)):
+            trial = self.task.trial(NOTHING, segment, run)
             if why := self.store.failure(self.now.key(trial), trial):
                 raise TrialsFailedError(
                     f"the default of {self.task.localizer} failed on the segment at "
-                    f"{segment.begins:.1f} s: {why}"
+                    f"{segment.begins:.1f} s: {why.rstrip('.')}. --retry-failed runs it again."
                 )
         raise InputError(
             f"--score is {self.task.score}, which {self.task.localizer} does not have: choose "
             "another one."
         )
 
-    def _measure(
-        self, candidates: Sequence[Changes], segments: Sequence[Segment], runs: int
-    ) -> None:
+    def _run(self, candidates: Sequence[Changes], segments: Sequence[Segment], runs: int) -> None:
+        """Run what was not yet run; of each run the score and the time are kept in memory."""
         asked = [
             (one, segment, run)
             for one in candidates
             for segment in segments
             for run in range(runs)
-            if (one, segment.number, run) not in self._records
+            if (one, segment.number, run) not in self._measured
         ]
         trials = {self.now.key(t): t for t in (self.task.trial(*one) for one in asked)}
         run_missing(trials, self.store, self.options, self.now)
         for one, segment, run in asked:
-            trial = self.task.trial(one, segment, run)
-            key = self.now.key(trial)
-            self._records[one, segment.number, run] = self.store.get(key, trial)
+            record = self._record(one, segment, run)
+            self._measured[one, segment.number, run] = (
+                None
+                if record is None
+                else Measured(self.task.goal.of(record), milliseconds_per_step([record]))
+            )
 
-    def _all(self, one: Changes, segments: Sequence[Segment], runs: int) -> list[list[Finished]]:
-        """Return the finished runs of a candidate by segment."""
-        each = [[self._records[one, s.number, run] for run in range(runs)] for s in segments]
+    def _record(self, one: Changes, segment: Segment, run: int) -> Finished | None:
+        trial = self.task.trial(one, segment, run)
+        return self.store.get(self.now.key(trial), trial)
+
+    def _held_out(self, one: Changes) -> list[list[Finished]]:
+        """Return the finished runs of a candidate by held-out segment."""
+        each = [[self._record(one, s, run) for run in range(RUNS)] for s in self.task.held_out]
         return [[record for record in own if record is not None] for own in each]
 
     def _say(self, tried: Sequence[Tried], number: int) -> None:
         best, default = self._best(tried)[0], tried[0]
-        spent = sum(self.state["rounds"]) / 60
+        spent = sum(one["seconds"] for one in self.state["rounds"]) / 60
         print(
             f"deqmcl: round {number}: {len(tried)} candidates in {spent:.1f} min; on the training "
             f"segments default {default.value:.3f}, best {best.value:.3f}",
@@ -282,6 +316,7 @@ def searching(task: Task, out: Path, options: Options) -> Iterator[Searching]:
                 f"{out} holds a search for something else ({'; '.join(apart[:3])}): give a new "
                 "--out, or the same options."
             )
+        refuse_changed(out)
     with locked((store := Store(out)).out):
         search = Searching(task, store, options, now, state)
         search.save()
@@ -295,7 +330,12 @@ def _read(out: Path) -> dict[str, Any]:
         raise InputError(f"{out} holds files, but no {STATE}: give a new --out.") from None
     except UnreadableError as error:
         raise InputError(f"{out / STATE} {error}: give a new --out.") from None
-    rounds = state.get("rounds")
-    if not isinstance(rounds, list) or not all(isinstance(s, int | float) for s in rounds):
-        raise InputError(f"{out / STATE} is not as deqmcl tune writes it: give a new --out.")
+    try:
+        rounds = [
+            {"candidates": int(one["candidates"]), "seconds": float(one["seconds"])}
+            for one in state["rounds"]
+        ]
+    except (KeyError, TypeError, ValueError):
+        why = f"{out / STATE} is not as deqmcl tune writes it: give a new --out."
+        raise InputError(why) from None
     return {"identity": state.get("identity"), "rounds": rounds}

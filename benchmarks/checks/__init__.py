@@ -1,4 +1,4 @@
-"""Trying laws, one after the other, on what they are about; code from elsewhere in processes."""
+"""The laws of `deqmcl check` of agents and scan models, and how laws are tried, one by one."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar

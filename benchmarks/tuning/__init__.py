@@ -1,0 +1,1 @@
+"""``deqmcl tune``: the parameters of a localizer that are best on a log."""
