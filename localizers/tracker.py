@@ -15,18 +15,16 @@ from numpy.typing import ArrayLike
 from deqmcl_gym.logs.motion import composed, has_moved, increments_of, relative
 from deqmcl_gym.maps.map import PIXELS, pixel
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.numerics.types import Floats, Pose, Reals
 from deqmcl_gym.validation import InputError, number, one_of
 from localizers.api import Belief, Localizer, Prior
 from localizers.beliefs import best_cluster, quality_of
-
-Pose = tuple[float, float, float]
 
 _EVERY = 10.0, math.radians(5)  # px (0.2 m), rad
 _FASTEST = 250.0, 2 * math.pi  # px/s (5 m/s), rad/s
 _SLACK = 25.0, 0.5  # px (0.5 m), rad: of a step, whatever its duration
 _GAP = 1.0  # s without odometry beyond which the pose in between is unknown
-_BACK = 1.0  # s by which a stamp may be late; beyond, the clock was set back
+_BACK = 1.0  # s by which a stamp may be late; beyond, the clock may have been set back
 _WAITING = 10  # scans that may wait for their odometry
 _MOST = 10_000  # odometry messages or updates that are remembered
 _NO_PLAN = np.empty((0, 3))
@@ -40,9 +38,10 @@ class Counts:
     Attributes:
         updates: scans that the localizer was given.
         still: scans that it was not, as the robot had hardly moved since the last one.
-        late_odometry: messages up to 1 s older than the newest, or doubled: left out.
+        late_odometry: messages older than the newest, or doubled: left out.
         odometry_jumps: steps faster than the robot can go: taken as no motion.
-        clock_resets: odometry more than 1 s older than the newest: all stamps begin anew.
+        clock_resets: two messages in a row that are more than 1 s older than the newest, in their
+            order: all stamps begin anew, from the first of them.
         late_scans: not newer than the last one whose odometry was there, or doubled: left out.
         crowded_scans: more than 10 waited for odometry: the one that came first is left out.
         scans_without_odometry: before the first odometry, or where it has a gap of more than 1 s.
@@ -108,6 +107,15 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class _Reading:
+    """Odometry: its time, the pose without jumps, and the frame of the odometry as it came."""
+
+    time: float
+    pose: Pose
+    frame: Pose | None
+
+
+@dataclass(frozen=True)
 class _Update:
     """A belief, its time, and the odometry then, without jumps."""
 
@@ -151,9 +159,9 @@ class Tracker:
         self.fastest = _pair("fastest", fastest)
         self._slack = _SLACK[0] * size, _SLACK[1]
         number("memory", self.memory, low=0, above=True)
-        self._odometry: deque[tuple[float, Pose]] = deque(maxlen=_MOST)  # without jumps
-        self._frame: Pose | None = None  # of the latest odometry, in that without jumps
+        self._odometry: deque[_Reading] = deque(maxlen=_MOST)
         self._raw: Pose | None = None  # the latest odometry as it came
+        self._older: tuple[float, Pose] | None = None  # the message before, if far too old
         self._waiting: dict[float, Reals] = {}  # by stamp, in the order in which they came
         self._updates: deque[_Update] = deque(maxlen=_MOST)
         self._looked_at = -math.inf  # stamp of the last scan that waited no longer
@@ -184,25 +192,17 @@ class Tracker:
             self.counts.unusable += 1
             return False
         raw = _tuple(given[None])
-        if self._odometry and self._raw is not None:
-            last, there = self._odometry[-1]
-            if last - _BACK <= time <= last:
-                self.counts.late_odometry += 1
-                return False
-            if time < last:
-                self.counts.clock_resets += 1
-                self._set_back(time)
-                self._frame = _frame(there, raw)
-            elif self._has_jumped(time - last, raw):
-                self.counts.odometry_jumps += 1
-                self._frame = _frame(there, raw)
-        here = raw
-        if self._frame is not None:
-            here = _tuple(composed(np.array([self._frame]), np.array(raw)))
-        self._raw = raw
-        self._odometry.append((time, here))
-        while self._odometry[0][0] < time - self.memory:
-            self._odometry.popleft()
+        if not self._odometry:
+            self._take(time, raw, None)
+        elif time <= self._odometry[-1].time and not self._clock_is_back(time, raw):
+            self.counts.late_odometry += 1
+            return False
+        else:
+            last = self._odometry[-1]
+            jumped = self._has_jumped(time - last.time, raw)
+            self.counts.odometry_jumps += jumped
+            self._take(time, raw, _frame(last.pose, raw) if jumped else last.frame)
+        self._older = None
         self._begun()
         return self._updated()
 
@@ -230,11 +230,11 @@ class Tracker:
 
         That is the belief after the last scan used until then, carried on by the odometry without
         its noise. After the latest odometry, the robot stands where it was. None is returned
-        before the start, and where odometry or belief are older than ``memory`` or in a gap.
+        before the start, and where the odometry is older than ``memory`` or has a gap.
         """
         if not self._odometry:
             return None
-        newest = self._odometry[-1][0]
+        newest = self._odometry[-1].time
         when = newest if time is None else min(time, newest)
         update = next((one for one in reversed(self._updates) if one.time <= when), None)
         here = self._odometry_at(when)
@@ -243,7 +243,7 @@ class Tracker:
             return None
         moved = relative(np.array([update.odometry]), np.array([here]))
         poses = composed(np.asarray(points[0], np.float64), moved)
-        frame = self._frame
+        frame = next(one.frame for one in reversed(self._odometry) if one.time <= when)
         told = here if frame is None else _tuple(relative(np.array([frame]), np.array([here])))
         return Estimate(when, poses, points[1], quality_of(update.belief), told, self.unit)
 
@@ -252,11 +252,11 @@ class Tracker:
         if self._start is None or not self._odometry:
             return False
         prior, time = self._start
-        newest, here = self._odometry[-1]
-        if time is not None and time > newest:
+        newest = self._odometry[-1]
+        if time is not None and time > newest.time:
             return False
         known = None if time is None else self._odometry_at(time)
-        at, pose = (newest, here) if time is None or known is None else (time, known)
+        at, pose = (newest.time, newest.pose) if time is None or known is None else (time, known)
         self._start = None
         belief = self.localizer.reset(prior, _NO_PLAN, self.rng)
         self._updates.append(_Update(at, pose, belief))
@@ -267,7 +267,7 @@ class Tracker:
         if not self._waiting or not self._odometry:
             return False
         updated = False
-        for time in sorted(one for one in self._waiting if one <= self._odometry[-1][0]):
+        for time in sorted(one for one in self._waiting if one <= self._odometry[-1].time):
             self._looked_at = time
             updated |= self._used(time, self._waiting.pop(time))
         return updated
@@ -288,26 +288,34 @@ class Tracker:
         belief = self.localizer.update(ranges, moved, _NO_PLAN)
         self.counts.updates += 1
         self._updates.append(_Update(time, here, belief))
-        while self._updates[0].time < time - self.memory:
-            self._updates.popleft()
+        while len(self._updates) > 1 and self._updates[1].time <= time - self.memory:
+            self._updates.popleft()  # the one before that time is what was believed then
         return True
 
     def _odometry_at(self, time: float) -> Pose | None:
         """Return the pose by odometry at a time, without jumps; None if it is not known."""
-        after: tuple[float, Pose] | None = None
-        for at, pose in reversed(self._odometry):
-            if at == time:
-                return pose
-            if at < time:
-                if after is None or after[0] - at > _GAP:
+        after: _Reading | None = None
+        for one in reversed(self._odometry):
+            if one.time == time:
+                return one.pose
+            if one.time < time:
+                if after is None or after.time - one.time > _GAP:
                     return None
-                share = (time - at) / (after[0] - at)
-                (x, y, turn), (x1, y1, turn1) = pose, after[1]
+                share = (time - one.time) / (after.time - one.time)
+                (x, y, turn), (x1, y1, turn1) = one.pose, after.pose
                 turned = math.remainder(turn1 - turn, 2 * math.pi)
                 heading = math.remainder(turn + share * turned, 2 * math.pi)
                 return x + share * (x1 - x), y + share * (y1 - y), heading
-            after = at, pose
+            after = one
         return None
+
+    def _take(self, time: float, raw: Pose, frame: Pose | None) -> None:
+        """Remember odometry that came, and forget what is older than ``memory``."""
+        here = raw if frame is None else _tuple(composed(np.array([frame]), np.array(raw)))
+        self._raw = raw
+        self._odometry.append(_Reading(time, here, frame))
+        while self._odometry[0].time < time - self.memory:
+            self._odometry.popleft()
 
     def _has_jumped(self, seconds: float, raw: Pose) -> bool:
         assert self.fastest is not None
@@ -315,15 +323,29 @@ class Tracker:
         (far, turned), (slack, more) = self.fastest, self._slack
         return has_moved(self._raw, raw, far * seconds + slack, turned * seconds + more)
 
-    def _set_back(self, time: float) -> None:
-        """Let all stamps begin anew: the belief stays, as if it were of this time."""
+    def _clock_is_back(self, time: float, raw: Pose) -> bool:
+        """Whether odometry that is not newer is the second of a clock that was set back.
+
+        Then all stamps begin anew from the first: the belief stays, as if it were of its time, and
+        the robot has not moved until then.
+        """
+        last, older = self._odometry[-1], self._older
+        self._older = (time, raw) if time < last.time - _BACK else None
+        if older is None or self._older is None or time <= older[0]:
+            return False
+        self.counts.late_odometry -= 1  # the first: it is used after all
+        self.counts.clock_resets += 1
         self._odometry.clear()
+        self._take(*older, _frame(last.pose, older[1]))
         self._waiting.clear()
         self._looked_at = -math.inf
+        if self._start is not None:
+            self._start = self._start[0], None  # its stamp was of the other clock
         if self._updates:
-            last = self._updates[-1]
+            known = self._updates[-1]
             self._updates.clear()
-            self._updates.append(_Update(time, last.odometry, last.belief))
+            self._updates.append(_Update(older[0], known.odometry, known.belief))
+        return True
 
 
 def _pair(what: str, given: tuple[float, float]) -> tuple[float, float]:

@@ -143,8 +143,10 @@ def test_odometry_that_jumps_or_begins_anew_moves_the_belief_by_nothing(lap, ear
     first = [one for one in messages(log) if one[1] <= 30]
     later = replace(log, times=log.times - earlier, odometry=elsewhere)
     given = [*first, *list(messages(later))[len(first) :]]
-    # at the jump itself the motion of one message is lost: its scan is used all the same
-    jumps = {"clock_resets": 1} if earlier else {"odometry_jumps": 1}
+    # at the jump itself the motion of one message is lost: its scan is used all the same, but if
+    # the clock was set back, which is known from the next message on
+    jumps = {"clock_resets": int(earlier > 0), "odometry_jumps": int(not earlier)}
+    jumps |= {"late_odometry": 0, "late_scans": int(earlier > 0)}
     found = estimates(lap, given, **jumps)
     reference = log.reference[-1]
     for one in (plain, found):
@@ -152,6 +154,61 @@ def test_odometry_that_jumps_or_begins_anew_moves_the_belief_by_nothing(lap, ear
     back = composed(np.array([found.map_to_odom]), np.array(found.odometry))[0]
     assert back == pytest.approx(found.pose, abs=1e-9)
     assert found.odometry == pytest.approx(given[-2][2], abs=1e-9)
+
+
+def test_single_messages_of_long_ago_are_left_out_as_of_a_second_publisher_that_lags(lap):
+    log = lap[1]
+    plain = estimates(lap, messages(log))
+    given = list(messages(log))
+    lagging = [("odometry", time - 2.0, value) for kind, time, value in given if kind != "scan"]
+    both = [one for k, old in enumerate(lagging) for one in (*given[2 * k : 2 * k + 2], old)]
+    same(estimates(lap, both, late_odometry=61, clock_resets=0), plain)
+
+
+def test_before_a_jump_of_the_odometry_an_estimate_has_that_of_its_time(lap):
+    tracker = Tracker(Follows(), np.random.default_rng(0))
+    tracker.initialpose(GaussianPrior(mean=(1.0, 2.0, 0.0), sd_position=0.1))
+    for time, x in ((0.0, 5.0), (0.5, 5.1), (1.0, 0.0), (1.5, 0.1)):
+        tracker.odometry(time, (x, 0.0, 0.0))
+    assert tracker.counts.odometry_jumps == 1
+    assert tracker.at(0.5).odometry == pytest.approx((5.1, 0.0, 0.0))
+    assert tracker.at().odometry == pytest.approx((0.1, 0.0, 0.0))
+    # of a cloud with two headings the mean moves a little less than the odometry
+    before = tracker.at(0.0).map_to_odom
+    assert tracker.at(0.5).map_to_odom == pytest.approx(before, abs=1e-3)
+    assert tracker.at().map_to_odom[0] - before[0] > 4
+
+
+def test_after_a_long_stop_what_was_believed_before_is_remembered(lap):
+    tracker = Tracker(Follows(), np.random.default_rng(0))
+    tracker.initialpose(GaussianPrior(mean=(1.0, 2.0, 0.0), sd_position=0.1))
+    for step in range(601):
+        tracker.odometry(0.1 * step, (0.0, 0.0, 0.0))
+        tracker.scan(0.1 * step, np.ones(3, np.float32))
+    before = tracker.at(59.9)
+    tracker.odometry(60.2, (0.3, 0.0, 0.0))
+    assert tracker.scan(60.2, np.ones(3, np.float32))
+    same(tracker.at(59.9), before)
+
+
+def test_a_start_that_waits_begins_by_a_clock_that_was_set_back():
+    tracker = Tracker(Follows(), np.random.default_rng(0))
+    tracker.odometry(1000.0, (0.0, 0.0, 0.0))
+    prior = GaussianPrior(mean=(1.0, 2.0, 0.0), sd_position=0.1)
+    assert not tracker.initialpose(prior, 1001.0)
+    tracker.odometry(0.0, (0.0, 0.0, 0.0))
+    tracker.odometry(0.1, (0.0, 0.0, 0.0))
+    assert tracker.counts.clock_resets == 1
+    assert tracker.at() is not None
+
+
+def test_a_jump_at_the_message_that_tells_that_the_clock_was_set_back_is_seen():
+    tracker = Tracker(Follows(), np.random.default_rng(0))
+    tracker.initialpose(GaussianPrior(mean=(1.0, 2.0, 0.0), sd_position=0.1))
+    for time, x in ((1000.0, 0.0), (0.0, 0.0), (0.1, 7.0)):
+        tracker.odometry(time, (x, 0.0, 0.0))
+    assert (tracker.counts.clock_resets, tracker.counts.odometry_jumps) == (1, 1)
+    assert tracker.at().pose[0] == pytest.approx(1.0, abs=0.1)
 
 
 def test_an_estimate_is_carried_on_by_the_odometry_and_looks_back_as_far_as_it_remembers(lap):
