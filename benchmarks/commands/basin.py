@@ -12,7 +12,7 @@ from benchmarks.commands import shared
 from benchmarks.console import doing, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
-    from benchmarks.setup.changes import Changes
+    from benchmarks.replay.options import Replay
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -49,9 +49,9 @@ def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.apart import answered_within
     from benchmarks.execution.engines import Where
-    from benchmarks.replay.basin import Question, run_basin, sweep_of
-    from benchmarks.replay.command import gated
-    from benchmarks.setup.changes import NOTHING
+    from benchmarks.replay.basin import Question, basin_sweep, run_basin
+    from benchmarks.replay.command import disagreement, gated
+    from benchmarks.setup.changes import NOTHING, Changes
     from benchmarks.sweeps.running import Options, check
     from deqmcl_gym.validation import InputError, integer, number
 
@@ -66,18 +66,23 @@ def run(options: argparse.Namespace) -> str:
         raise InputError(f"--{given[0]} is of a log, but --scenario is given: leave one out.")
     if options.log is not None and options.map is None:
         raise InputError(f"{options.log} is given without --map: name its map.")
-    said: list[str] = []
+    said: list[str | None] = []
     scenario, world, assumed, title = options.scenario, NOTHING, NOTHING, options.scenario
     if options.log is not None:
         asked = 20.0 if options.segment is None else options.segment
         segment = number("--segment", asked, low=0, above=True)
-        with doing("reading the log and the map"), shared.log_warnings() as said:
-            title, world, assumed = _segments(options, segment)
-        scenario = "log"
+        question.check_segment(segment)
+        with doing("reading the log and the map"), shared.log_warnings() as read:
+            replay = _replay(options)
+        said = [*read, disagreement(replay)]
+        whole = {name: own for name, own in replay.world.items() if name not in ("start", "judged")}
+        scenario, assumed = "log", replay.assumed
+        world = Changes({**whole, "segment": segment})
+        title = f"Segments of {segment:g} m of {Path(options.log).name}"
     with answered_within(options.timeout):
         localizers = shared.localizers_named(options.localizers)
         with shared.checking():
-            sweep = sweep_of(
+            sweep = basin_sweep(
                 question,
                 localizers,
                 title=f"How wrong may the start be? {title}",
@@ -95,11 +100,10 @@ def run(options: argparse.Namespace) -> str:
         return run_basin(question, sweep, options.out, Options(where=where), options.words)
 
 
-def _segments(options: argparse.Namespace, segment: float) -> tuple[str, "Changes", "Changes"]:
-    """Return a title, the world and what is assumed: segments of a log, as replay reads it."""
+def _replay(options: argparse.Namespace) -> "Replay":
+    """Return the log as ``deqmcl replay`` reads it, with a power of the scan model."""
     from benchmarks.replay.calibration import calibrated
     from benchmarks.replay.options import EVERY, reading_of, replay_of
-    from benchmarks.setup.changes import Changes
 
     replay = replay_of(
         options.log,
@@ -110,8 +114,4 @@ def _segments(options: argparse.Namespace, segment: float) -> tuple[str, "Change
         every=options.every or EVERY,
         scan=options.scan or "",
     )
-    if "scan.power" not in replay.assumed:
-        replay = calibrated(replay)
-    whole = {name: own for name, own in replay.world.items() if name not in ("start", "judged")}
-    title = f"Segments of {segment:g} m of {Path(options.log).name}"
-    return title, Changes({**whole, "segment": segment}), replay.assumed
+    return replay if "scan.power" in replay.assumed else calibrated(replay)

@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> str:
     figures = own_subfolder(out, "figures")
     how = Options(where=Where(jobs=options.jobs), retry_failed=True)
     localizers = PAPER_METHODS if named is None else shared.localizers_named(named)
-    sweep = shared.sweep_of(options, localizers, options.trials)
+    sweep = shared.setting_sweep(options, localizers, options.trials)
     if not (out / "report.html").exists():
         load()  # while the workers load theirs
     with begun(sweep, out, how, command=options.words) as running:

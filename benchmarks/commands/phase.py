@@ -25,7 +25,9 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.studies.phase.command import METHODS, run_phase
 
     named = options.localizers
-    sweep = shared.sweep_of(options, METHODS if named is None else shared.localizers_named(named))
+    sweep = shared.setting_sweep(
+        options, METHODS if named is None else shared.localizers_named(named)
+    )
     title = f"The queue as theta phase: scenario {sweep.scenario}, {shared.setting_words(sweep)}"
     trials, out, command = sweep.distinct(), options.out.absolute(), options.words
     with doing("running and drawing a lap of each localizer"):

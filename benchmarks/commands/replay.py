@@ -108,7 +108,7 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.pictures.viewing import Views, shown_again
     from benchmarks.replay.calibration import calibrated, judged_alike, uses_scan, with_fitted_beams
-    from benchmarks.replay.command import gated, run_replay, sweep_of
+    from benchmarks.replay.command import gated, replay_sweep, run_replay
     from benchmarks.replay.nav2 import read_nav2
     from benchmarks.replay.options import reading_of, replay_of
     from benchmarks.sweeps.running import Options, check
@@ -141,7 +141,7 @@ def run(options: argparse.Namespace) -> str:
                     replay = calibrated(replay)
             else:
                 replay = judged_alike(replay)
-        sweep = sweep_of(
+        sweep = replay_sweep(
             replay,
             localizers,
             particles=options.particles,

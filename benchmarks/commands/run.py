@@ -35,7 +35,7 @@ def run(options: argparse.Namespace) -> str:
     views = shared.views_of(options)
     named = (complete(options.localizer),)
     own = shared.params_named(options.param, named)
-    sweep = shared.sweep_of(options, named, own=own, agent=options.agent)
+    sweep = shared.setting_sweep(options, named, own=own, agent=options.agent)
     trials = sweep.distinct()
     log = None if options.log is None else options.log.absolute()
     with doing(f"running and drawing a lap of {trials[0].localizer}"):

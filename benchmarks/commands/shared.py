@@ -240,7 +240,7 @@ def _value(word: str, text: str) -> Any:
     return value
 
 
-def sweep_of(
+def setting_sweep(
     options: argparse.Namespace,
     localizers: Sequence[str],
     trials: int = 1,

@@ -16,7 +16,7 @@ import PIL
 from benchmarks.files import written
 from benchmarks.pictures import styled
 from benchmarks.pictures.film import Camera, png, side_by_side, webp
-from benchmarks.trials.clouds import cloud_of, joined, moments
+from benchmarks.trials.clouds import belief_moments, cloud_of, joined
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.metrics import state_error
 from benchmarks.trials.plugins import keyed
@@ -171,6 +171,6 @@ def _error_and_spread(belief: Belief, offset: int, truth: Reals, unit: str) -> s
     points = belief.points(offset)
     if points is None:
         return "n/a"
-    (row,) = moments(joined([cloud_of(FIG_5_STATE, offset, points)], [truth]))
+    (row,) = belief_moments(joined([cloud_of(FIG_5_STATE, offset, points)], [truth]))
     error = state_error(row[None, :4], truth[None])[0]
     return f"error {error:.1f}, SD {(row[4] + row[5]) ** 0.5:.1f} {unit}"

@@ -48,23 +48,24 @@ def run_lap(trial: Trial, out: Path, log: Path | None, views: Views) -> str:
     film = Film(figures.camera_of(stage), title, figures.LAP_STRIDE)
     outside: list[int] = []
     episode = _noting(outside, film.of(stage.moments()), stage.room.floor_plan)
-    rows = views.of({short_name(title): episode}, stage, times=None)
-    trace = trace_of((moment for (moment,) in rows), trial.offsets, stage.task)
     measure, words = _ERRORS[unit]
-    curves = {
-        state_name(offset): (kept.states, measure(kept.means, trace.truth[kept.states]))
-        for offset, kept in trace.offsets.items()
-    }
     heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
-    files = {
-        "lap.webp": webp(film.frames, figures.LAP_MILLISECONDS),
-        "error.png": figures.error_plot(curves, heading, words),
-        "error.csv": _curves_csv(trace).encode(),
-        "trace.npz": npz(trace),
-    } | trajectories(trace)
-    if log is not None:
-        write(_log(film.moments, stage.room), log)
-    write_part(out, "run", files)
+    # all is written inside: at its end a live run waits for its viewer
+    with views.showing({short_name(title): episode}, stage) as rows:
+        trace = trace_of((moment for (moment,) in rows), trial.offsets, stage.task)
+        curves = {
+            state_name(offset): (kept.states, measure(kept.means, trace.truth[kept.states]))
+            for offset, kept in trace.offsets.items()
+        }
+        files = {
+            "lap.webp": webp(film.frames, figures.LAP_MILLISECONDS),
+            "error.png": figures.error_plot(curves, heading, words),
+            "error.csv": _curves_csv(trace).encode(),
+            "trace.npz": npz(trace),
+        } | trajectories(trace)
+        if log is not None:
+            write(_log(film.moments, stage.room), log)
+        write_part(out, "run", files)
     lines = [_line(row, unit) for row in scores(trace, trial.lag, stage.scenario.thresholds)]
     if outside:
         lines.append(

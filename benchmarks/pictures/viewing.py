@@ -11,13 +11,14 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Self
 
+from benchmarks.console import Terminated
 from benchmarks.files import is_empty
 from benchmarks.pictures.messages import Messages
 from benchmarks.tables.text import short_names
@@ -74,40 +75,43 @@ class Views:
         if os.path.lexists(self.mcap):
             raise InputError(f"{self.mcap} exists already: give another --mcap.")
 
-    def of(
-        self, runs: Mapping[str, Iterable[Moment]], stage: Stage, times: Sequence[float] | None
-    ) -> Iterator[tuple[Moment, ...]]:
-        """Pass runs on, side by side, and show them; a file is there whole when they have ended.
+    @contextmanager
+    def showing(
+        self, runs: Mapping[str, Iterable[Moment]], stage: Stage
+    ) -> Iterator[Iterator[tuple[Moment, ...]]]:
+        """Yield runs, side by side, that are shown as they go on.
 
-        A live run begins when a viewer has subscribed to something, and ends when none is left.
+        A live run begins when a viewer has subscribed to something. A file is there whole when the
+        runs have ended. At the end of the block the last step is shown until no viewer is left, so
+        write inside it what is to be kept.
 
         Args:
             runs: moments of one world by the name of the localizer.
-            stage: of any of them.
-            times: of the steps, s; None: one second each.
+            stage: of the first of them.
 
         Raises:
-            InputError: the times begin before 0, or the port is taken.
+            InputError: a log has times before 0 s, or the port is taken.
         """
-        if self == Views():
-            yield from zip(*runs.values(), strict=True)
-            return
-        if times is not None and times[0] < 0:
-            raise InputError(
-                f"the log begins at {times[0]:g} s, but Foxglove has no time before 0 s."
-            )
+        with ExitStack() as stack:
+            live: _Live | None = None
+            if self.live is not None:
+                live = stack.enter_context(_Live(self.live, stage, tuple(runs)))
+            yield stack.enter_context(closing(self._shown(runs, stage, live)))
+
+    def _shown(
+        self, runs: Mapping[str, Iterable[Moment]], stage: Stage, live: "_Live | None"
+    ) -> Generator[tuple[Moment, ...], None, None]:
+        """Pass runs on, side by side, and to the file and the server."""
         with ExitStack() as stack:
             writers: list[Callable[[float, Sequence[Moment]], None]] = []
             if self.mcap is not None:
                 context = stack.enter_context(_file(self.mcap))
                 writers.append(Messages(context, stage, tuple(runs)).write)
-            if self.live is not None:
-                live = stack.enter_context(_Live(self.live, stage, tuple(runs)))
+            if live is not None:
                 writers.append(live.write)
             for moments in zip(*runs.values(), strict=True):
-                step = moments[0].step
                 for write in writers:
-                    write(float(step) if times is None else times[step], moments)
+                    write(_time(stage, moments[0]), moments)
                 yield moments
 
 
@@ -127,10 +131,26 @@ def shown_again(trials: Sequence[Trial], views: Views) -> None:
     stages = [Stage.of(trial) for trial in trials]
     short = short_names([trial.localizer for trial in trials])
     runs = {short[stage.trial.localizer]: stage.moments() for stage in stages}
-    room = stages[0].room
-    times = room.log.times.tolist() if isinstance(room, LogEnv) else None
-    for _ in views.of(runs, stages[0], times):
-        pass
+    with views.showing(runs, stages[0]) as rows:
+        for _ in rows:
+            pass
+
+
+def _time(stage: Stage, moment: Moment) -> float:
+    """Return when a moment is that was just run, s: its record's time, in a room one second a step.
+
+    Raises:
+        InputError: it is before 0.
+    """
+    if not isinstance(stage.room, LogEnv):
+        return float(moment.step)
+    at = stage.room.record.time
+    if at < 0:
+        raise InputError(
+            f"a record of the log is at {at:g} s, but Foxglove has no time before 0 s: give a log "
+            "with later times."
+        )
+    return at
 
 
 @contextmanager
@@ -213,21 +233,26 @@ class _Live:
                 came, _ = self._audience.wait(_LOOK)
             while self._audience.wait(_GRACE)[0]:
                 pass  # a viewer subscribes to several topics at once
+        came |= self._audience.wait(0)[0]  # while the step was computed
         while (left := self._due - time.monotonic()) > 0:
             came |= self._audience.wait(left)[0]
         self._due = time.monotonic() + _PACE
         self._messages.write(at, moments, again=came)
 
     def __exit__(self, failed: type[BaseException] | None, *_: object) -> None:
-        """Show the last step until nobody looks any more, if all went well."""
+        """Show the last step until nobody looks any more or Ctrl-C is pressed, if all went well."""
         try:
             if failed is None and self._last is not None:
-                _say("the run is over: close the viewer's connection to go on")
+                _say("the run is over: close the viewer's connection or press Ctrl-C to go on")
                 watched = True
                 while watched:
                     came, watched = self._audience.wait(_LOOK)
                     if came:
                         self._messages.write(*self._last, again=True)
+        except Terminated:
+            raise
+        except KeyboardInterrupt:  # ends the waiting only: the run is over
+            pass
         finally:
             if self._server is not None:
                 self._server.stop()

@@ -19,7 +19,8 @@ from tabulate import tabulate
 from benchmarks.files import write_part
 from benchmarks.pictures import styled
 from benchmarks.pictures.figures import png_of
-from benchmarks.replay.command import own_params, particles_by_name
+from benchmarks.replay.command import methods_of, own_params
+from benchmarks.replay.options import length_and_angle
 from benchmarks.report.writing import no_report
 from benchmarks.setup.changes import Changes
 from benchmarks.setup.logs import LogScenario
@@ -31,9 +32,8 @@ from benchmarks.tables.stats import wilson
 from benchmarks.tables.text import csv_text, percent, short_names
 from benchmarks.trials.fixes import metre
 from benchmarks.trials.journeys import WholeRun
-from benchmarks.trials.spec import Method, Trial
+from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import utf8
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, number
@@ -81,11 +81,23 @@ class Question:
         return cls(
             distances=_listed("--distances", distances, 1000.0),
             angles=tuple(map(math.radians, _listed("--angles", angles, 180.0))),
-            spread=_pair("--spread", spread),
-            near=_pair("--localized", near),
+            spread=length_and_angle("--spread", spread),
+            near=length_and_angle("--localized", near),
             within=float(match[1]),
             unit=match[2],
         )
+
+    def check_segment(self, length: float) -> None:
+        """Refuse segments of a log, of a length in m, that end before ``within`` does.
+
+        Raises:
+            InputError: they are no longer than that.
+        """
+        if self.unit == "m" and length <= self.within:
+            raise InputError(
+                f"--segment is {length:g} m, but must be longer than --within, {self.within:g} m: "
+                "give a longer segment or a shorter way."
+            )
 
     @property
     def words(self) -> str:
@@ -144,7 +156,7 @@ class Basin:
         return last if last >= 0 else None
 
 
-def sweep_of(
+def basin_sweep(
     question: Question,
     localizers: Sequence[str],
     *,
@@ -162,13 +174,7 @@ def sweep_of(
     Raises:
         InputError: an unknown localizer, one named twice, or something of the world is refused.
     """
-    if not localizers:
-        raise InputError("--localizers names none: name one or more, comma-separated.")
-    if len(set(localizers)) < len(localizers):
-        raise InputError(f"a localizer is named twice in {', '.join(localizers)}.")
-    params = {
-        name: {**particles_by_name(name, particles), **own.get(name, {})} for name in localizers
-    }
+    methods = methods_of(localizers, particles, own)
     rooms = (
         {}
         if isinstance(named(scenario), LogScenario)
@@ -176,7 +182,7 @@ def sweep_of(
     )
     base = Sweep(
         title=title,
-        localizers=tuple(Method(name, Changes(params[name])) for name in localizers),
+        localizers=methods,
         scenario=scenario,
         lag=0,
         world=world | rooms,  # else the true start would be off, too
@@ -211,7 +217,7 @@ def run_basin(
 
     Args:
         question: what is asked.
-        sweep: of ``sweep_of``, checked.
+        sweep: of ``basin_sweep``, checked.
         out: folder; refused if it holds what is not of this sweep.
         options: how the runs run.
         command: the words that this was started by.
@@ -382,11 +388,3 @@ def _listed(option: str, text: str, most: float) -> tuple[float, ...]:
     if sorted(set(found)) != found:
         raise InputError(f"{option} is {text!r}, but must be ascending: name each once.")
     return tuple(found)
-
-
-def _pair(option: str, text: str) -> tuple[float, float]:
-    """Return metres and rad of "0.5m,15deg", both of them given."""
-    length, angle = spacing(option, text, "m")
-    if not (math.isfinite(length) and math.isfinite(angle)):
-        raise InputError(f'{option} is {text!r}, but must have both, as in "0.5m,15deg".')
-    return length, angle

@@ -16,17 +16,18 @@ from benchmarks.report.animations import Drawn
 from benchmarks.report.tracks import accuracy, differences_table, tables_of
 from benchmarks.report.words import conclusion
 from benchmarks.report.writing import load, no_report
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence
 from benchmarks.sweeps.running import Options, TrialsFailedError, begun
 from benchmarks.tables.text import file_words, percent
-from benchmarks.tables.tracks import Row, results_csv, rows_of, trials_csv
+from benchmarks.tables.tracks import Row, rows_of, tracks_results_csv, tracks_trials_csv
 from benchmarks.trials.spec import Method
 from benchmarks.trials.tracks import AGREE, agreement
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Trajectory
 from deqmcl_gym.validation import InputError, integer
+from localizers import names as localizer_names
 
 FEW = 0.5  # share of beams within the larger distance below which log and map do not fit
 _LOOKED_AT = 200  # reference poses
@@ -38,7 +39,7 @@ _WORLDS = (
 )
 
 
-def sweep_of(
+def replay_sweep(
     replay: Replay,
     localizers: Sequence[str],
     *,
@@ -48,10 +49,7 @@ def sweep_of(
     shared: Mapping[str, Mapping[str, Any]],
     own: Mapping[str, Mapping[str, Any]],
 ) -> Sweep:
-    """Return the sweep whose worlds are the runs of each localizer on a log.
-
-    A localizer has the parameters of ``shared`` by its name, else as many particles as are asked
-    for, None: its own default; what is its ``own`` comes before both.
+    """Return the sweep whose worlds are the runs of each localizer on a log; see ``methods_of``.
 
     Raises:
         InputError: an unknown localizer, one named twice, or a number out of range.
@@ -60,17 +58,9 @@ def sweep_of(
         integer("--particles", particles, low=1)
     integer("--seeds", seeds, low=1, high=10_000)
     integer("--seed", root)
-    if not localizers:
-        raise InputError("--localizers names none: name one or more, comma-separated.")
-    if len(set(localizers)) < len(localizers):
-        raise InputError(f"a localizer is named twice in {', '.join(localizers)}.")
-    params = {
-        name: {**(shared.get(name) or particles_by_name(name, particles)), **own.get(name, {})}
-        for name in localizers
-    }
     return Sweep(
         title=f"Replay of {Path(replay.world['log']).name}",
-        localizers=tuple(Method(name, Changes(params[name])) for name in localizers),
+        localizers=methods_of(localizers, particles, own, shared),
         scenario=NAME,
         lag=0,
         world=replay.world,
@@ -110,7 +100,7 @@ def run_replay(
 
     Args:
         replay: what is played.
-        sweep: of ``sweep_of``, checked.
+        sweep: of ``replay_sweep``, checked.
         out: folder; refused if it holds what is not of this sweep.
         options: how the runs run.
         command: the words that this was started by.
@@ -121,7 +111,7 @@ def run_replay(
         TrialsFailedError: some runs failed; what the others gave is written.
     """
     with begun(sweep, out, options, command=command) as running:
-        said = warn([*warnings, replay.sideways, _disagreement(replay)])
+        said = warn([*warnings, replay.sideways, disagreement(replay)])
         results = running.results()
         rows = _rows(replay, sweep, results)
         said += warn([_misfit(replay, rows)])
@@ -159,7 +149,7 @@ def misfit_words(share: float, where: str) -> str | None:
     )
 
 
-def _disagreement(replay: Replay) -> str | None:
+def disagreement(replay: Replay) -> str | None:
     """Return the warning that log and map do not fit, by the reference; None if they do."""
     log, floor_plan = replay.scenario.recording()
     known = log.referenced
@@ -196,8 +186,8 @@ def _contents(
     wrong: Residuals | None,
 ) -> dict[str, bytes]:
     contents = {
-        "results.csv": utf8(results_csv(rows, next(iter(results.panels), None))),
-        "trials.csv": utf8(trials_csv(rows)),
+        "results.csv": utf8(tracks_results_csv(rows, next(iter(results.panels), None))),
+        "trials.csv": utf8(tracks_trials_csv(rows)),
         **_tracks(replay, rows),
     }
     if wrong is not None:
@@ -231,6 +221,31 @@ def own_params(name: str) -> tuple[str, ...]:
     """Say that a localizer takes no parameter that all have: each is given its own, and no lag."""
     takes(name)
     return ()
+
+
+def methods_of(
+    localizers: Sequence[str],
+    particles: int | None,
+    own: Mapping[str, Mapping[str, Any]],
+    shared: Mapping[str, Mapping[str, Any]] = NOTHING,
+) -> tuple[Method, ...]:
+    """Return localizers with their parameters.
+
+    One has those of ``shared`` by its name, else as many particles as are asked for, None: its own
+    default; what is its ``own`` comes before both.
+
+    Raises:
+        InputError: none is named, or one is unknown or named twice.
+    """
+    if not localizers:
+        raise InputError(f"no localizer is named: allowed values: {', '.join(localizer_names())}.")
+    if len(set(localizers)) < len(localizers):
+        raise InputError(f"a localizer is named twice in {', '.join(localizers)}.")
+    params = {
+        name: {**(shared.get(name) or particles_by_name(name, particles)), **own.get(name, {})}
+        for name in localizers
+    }
+    return tuple(Method(name, Changes(given)) for name, given in params.items())
 
 
 def particles_by_name(name: str, particles: int | None) -> Mapping[str, Any]:

@@ -3,7 +3,7 @@
 import math
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from benchmarks.setup.names import absolute_assumed, scenario
 from benchmarks.setup.priors import Gaussian
 from benchmarks.trials.fixes import metre
 from benchmarks.trials.tracks import absolute
+from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, number, pose
@@ -140,9 +141,13 @@ class Replay:
         prior = self.scenario.prior
         if not isinstance(prior, Gaussian):
             return f"Start: {prior.where}."
-        x, y, heading = prior.mean or self.scenario.room().log[0].reference or (0.0, 0.0, 0.0)
+        around = "the reference's first pose"
+        if (at := prior.mean or self.log[0].reference) is not None:
+            x, y, heading = at
+            around = f"({x:z.2f}, {y:z.2f}, {heading:z.2f} rad)"
         return (
-            f"Start: known to 0.2 m and 0.1 rad, around ({x:z.2f}, {y:z.2f}, {heading:z.2f} rad)."
+            f"Start: known to {prior.sd_position:g} {self.log.unit} and {prior.sd_heading:g} rad, "
+            f"around {around}."
         )
 
 
@@ -204,7 +209,7 @@ def replay_of(
     if start == "reference":
         if not whole.referenced.size:
             raise InputError(f"--start is reference, but {log} has none: give --reference.")
-        world["start"] = int(whole.referenced[0])
+        world["start"] = first_referenced(whole)
     played, ground = _replayed(world).recording()
     check_inside(played, ground)
     assumed = {**_assumed("motion", motion), **absolute_assumed(Changes(_assumed("scan", scan)))}
@@ -235,6 +240,23 @@ def replay_of(
     return Replay(world=Changes(world), assumed=Changes(assumed), noise=origin, reference=said)
 
 
+def first_referenced(whole: Log) -> int:
+    """Return the record at which a log is begun: its first with a reference pose; 0 if none has."""
+    return int(whole.referenced[0]) if whole.referenced.size else 0
+
+
+def length_and_angle(option: str, text: str) -> tuple[float, float]:
+    """Return metres and rad of "0.5m,15deg".
+
+    Raises:
+        InputError: it has another form, or only one of them.
+    """
+    length, angle = spacing(option, text, "m")
+    if not (math.isfinite(length) and math.isfinite(angle)):
+        raise InputError(f'{option} is {text!r}, but must have both, as in "0.5m,15deg".')
+    return length, angle
+
+
 def reading_of(words: Sequence[str]) -> dict[str, Any]:
     """Return NAME=VALUE words as arguments of ``logs.read``.
 
@@ -242,10 +264,8 @@ def reading_of(words: Sequence[str]) -> dict[str, Any]:
         InputError: a word of another form.
     """
     found: dict[str, Any] = {}
-    for word in words:
-        name, equals, value = map(str.strip, word.partition("="))
-        if not equals:
-            raise InputError(f"--read is {word!r}, but must be NAME=VALUE, as scan_topic=/front.")
+    form = "NAME=VALUE, as scan_topic=/front"
+    for name, value in _pairs("--read", words, form, often=("scan_topic",)):
         if name == "scanner":
             raise InputError(
                 "--read takes no scanner: write it into the file, as "
@@ -257,8 +277,6 @@ def reading_of(words: Sequence[str]) -> dict[str, Any]:
                 value,
             )
             continue
-        if name in found:
-            raise InputError(f"--read gives {name} twice: give it once.")
         numbers = None if name.endswith(("_topic", "_frame")) else _numbers(value)
         one = numbers[0] if numbers is not None and len(numbers) == 1 else numbers
         found[name] = value if one is None else one
@@ -362,13 +380,11 @@ def interpolation_errors(log: Log) -> tuple[Floats, Floats] | None:
 def _assumed(part: str, given: str) -> dict[str, Any]:
     """Return "kind=…,name=number,…" as assumptions by dotted name."""
     found: dict[str, Any] = {}
-    for word in filter(None, map(str.strip, given.split(","))):
-        name, equals, value = map(str.strip, word.partition("="))
+    option, form = f"--{part}", "name=number, comma-separated"
+    for name, value in _pairs(option, _listed(given), form):
         numbers = None if name == "kind" else _numbers(value)
-        if not equals or (name != "kind" and numbers is None):
-            raise InputError(f"--{part} has {word}, but must be name=number, comma-separated.")
-        if f"{part}.{name}" in found:
-            raise InputError(f"--{part} gives {name} twice: give it once.")
+        if numbers is None and name != "kind":
+            raise InputError(f"{option} has '{name}={value}', but must be {form}.")
         found[f"{part}.{name}"] = value if numbers is None else numbers[0]
     return found
 
@@ -376,20 +392,45 @@ def _assumed(part: str, given: str) -> dict[str, Any]:
 def _changes(given: str) -> dict[str, Any]:
     """Return "share=…,distance=…,kinds=removed+added,seed=…" as changes of a map's walls."""
     found: dict[str, Any] = {}
-    for word in filter(None, map(str.strip, given.split(","))):
-        name, equals, value = map(str.strip, word.partition("="))
-        if not equals:
-            raise InputError(f"--changed-walls has {word}, but must be name=value.")
+    for name, value in _pairs("--changed-walls", _listed(given), "name=value, comma-separated"):
         numbers = _numbers(value)
         known: Any = value if numbers is None else numbers[0]
         if name == "kinds":
             known = value.split("+")
         elif name == "seed" and isinstance(known, float) and known.is_integer():
             known = int(known)
-        if f"changed_walls.{name}" in found:
-            raise InputError(f"--changed-walls gives {name} twice: give it once.")
         found[f"changed_walls.{name}"] = known
     return found
+
+
+def _listed(given: str) -> list[str]:
+    """Return the words of a comma-separated list, empty ones left out."""
+    return [word for part in given.split(",") if (word := part.strip())]
+
+
+def _pairs(
+    option: str, words: Iterable[str], form: str, often: Collection[str] = ()
+) -> Iterator[tuple[str, str]]:
+    """Yield the name and the value of each "name=value".
+
+    Args:
+        option: that has the words.
+        words: in their order.
+        form: of one of them, for readers.
+        often: names that may be given more than once.
+
+    Raises:
+        InputError: a word has another form, or another name is given twice.
+    """
+    seen: set[str] = set()
+    for word in words:
+        name, equals, value = map(str.strip, word.partition("="))
+        if not (name and equals):
+            raise InputError(f"{option} has {word!r}, but must be {form}.")
+        if name in seen and name not in often:
+            raise InputError(f"{option} gives {name} twice: give it once.")
+        seen.add(name)
+        yield name, value
 
 
 def _numbers(text: str) -> list[float] | None:

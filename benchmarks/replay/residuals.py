@@ -14,7 +14,7 @@ from benchmarks.report.svg import HOUSE_STYLE, INK, LOOKS, Picture, canvas, pict
 from benchmarks.report.tables import Table
 from benchmarks.report.tracks import draw_map
 from benchmarks.tables.text import csv_text, percent
-from benchmarks.tables.tracks import Row, Run
+from benchmarks.tables.tracks import Row, TrackedRun
 from benchmarks.trials.residuals import HIT, LEAST_POSES, THROUGH, Place, Scans, places_of
 from deqmcl_gym.files import utf8
 from deqmcl_gym.maps import Map
@@ -40,7 +40,7 @@ class Residuals:
     """
 
     label: str
-    run: Run
+    run: TrackedRun
     floor_plan: Map
     true: Map | None
 

@@ -15,22 +15,21 @@ from typing import Any
 import numpy as np
 
 from benchmarks.files import write_part
-from benchmarks.replay.options import EVERY, NO_ERROR
+from benchmarks.replay.options import EVERY, NO_ERROR, first_referenced
 from benchmarks.report.tracks import accuracy, shown, tables_of
 from benchmarks.setup.logs import REPLAY, ReplayScenario, check_inside
 from benchmarks.setup.names import scenario
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.results import results_in
 from benchmarks.tables.text import percent
-from benchmarks.tables.tracks import Row, Run, results_csv, trials_csv
+from benchmarks.tables.tracks import Row, TrackedRun, tracks_results_csv, tracks_trials_csv
 from benchmarks.trials.tracks import Track, calibration_of_gaussians, track_scores
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Log, Scanner, Trajectory, referenced
 from deqmcl_gym.logs.estimates import read_estimate, with_covariances
-from deqmcl_gym.logs.motion import composed, relative
+from deqmcl_gym.logs.motion import between, composed, relative
 from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
 
@@ -69,14 +68,19 @@ class Yardstick:
         floor_plan: str | None,
         every: str | None,
     ) -> "Yardstick":
-        """Return a log with its reference, thinned as ``replay`` would.
+        """Return a log with its reference, of the records that ``replay`` would play.
 
         Raises:
             InputError: something of it is refused.
         """
         whole = LogEnv(log=log, reference=reference, reading=reading, map=floor_plan)
         ground = None if floor_plan is None else whole.floor_plan
-        played = LogEnv(log=whole.log, every=every or EVERY, max_beams=REPLAY.env["max_beams"]).log
+        played = LogEnv(
+            log=whole.log,
+            start=first_referenced(whole.log),
+            every=every or EVERY,
+            max_beams=REPLAY.env["max_beams"],
+        ).log
         if ground is not None:
             check_inside(played, ground)
         elif not played.referenced.size:
@@ -129,7 +133,8 @@ class Yardstick:
                 )
             log = self.log.of_records(np.flatnonzero(inside))
             at = np.searchsorted(estimate.times, log.times, side="right") - 1
-            moved = relative(_between(self.odometry, estimate.times[at]), log.odometry)
+            then = between(self.odometry.times, self.odometry.poses, estimate.times[at])
+            moved = relative(then, log.odometry)
             best = composed(estimate.poses[at], moved)
         unknown = np.full((len(best), 3, 3), np.nan)
         spread = unknown if estimate.covariances is None else estimate.covariances[at]
@@ -143,16 +148,14 @@ class Yardstick:
         """
         track, spread = self.track(estimate)
         truth = (
-            np.full_like(track.best, np.nan)
-            if track.log.reference is None
-            else (track.log.reference)
+            np.full_like(track.best, np.nan) if track.log.reference is None else track.log.reference
         )
         calibrated = calibration_of_gaussians(track.best, spread, truth, track.log.unit)
         judged = self.judged
         if self.log is not None and judged:
             judged = int(np.searchsorted(track.log.times, self.log.times[judged]))
         found = track_scores(track, calibrated, self.thresholds, self.floor_plan, judged=judged)
-        return Row(label=label, runs=[Run.of_track(track, found)])
+        return Row(label=label, runs=[TrackedRun.of_track(track, found)])
 
     def uncovered(self, row: Row) -> str | None:
         """Return the warning that an estimate misses records of the log; None if few."""
@@ -205,8 +208,8 @@ def score(
     rows = [yardstick.row(label, estimate) for label, estimate in estimates.items()]
     every = [*yardstick.ours, *rows]
     contents = {
-        "results.csv": utf8(results_csv(every, None)),
-        "trials.csv": utf8(trials_csv(every)),
+        "results.csv": utf8(tracks_results_csv(every, None)),
+        "trials.csv": utf8(tracks_trials_csv(every)),
     }
     files = write_part(out, "score", contents)
     texts = [*accuracy(every), *(one.text("simple") for one in tables_of(every))]
@@ -245,13 +248,6 @@ def _named(word: str) -> tuple[str, str, str | None]:
 
 def _odometry(log: Log) -> Trajectory:
     return Trajectory(log.times, log.odometry, log.source)
-
-
-def _between(trajectory: Trajectory, times: Floats) -> Floats:
-    """Return poses at times, in a straight line between two; before and after, the ends'."""
-    x, y, heading = trajectory.poses.T
-    columns = [np.interp(times, trajectory.times, one) for one in (x, y, np.unwrap(heading))]
-    return np.column_stack([*columns[:2], arrays.wrapped(columns[2])])
 
 
 def _at_own_times(estimate: Trajectory, reference: Trajectory) -> tuple[Log, Any]:

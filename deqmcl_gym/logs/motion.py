@@ -85,6 +85,21 @@ def relative(origins: Floats, poses: Floats) -> Floats:
     return np.column_stack([cosine * dx + sine * dy, cosine * dy - sine * dx, arrays.wrapped(turn)])
 
 
+def between(times: Floats, poses: Floats, at: Floats) -> Floats:
+    """Return poses at times, on straight lines between the poses before and after, (n, 3).
+
+    Before the first pose and after the last it is that one; headings turn the shorter way.
+
+    Args:
+        times: of the poses, s, (k,), not decreasing.
+        poses: (x, y, θ), (k, 3).
+        at: the times asked for, s, (n,).
+    """
+    x, y, heading = poses.T
+    columns = [np.interp(at, times, column) for column in (x, y, np.unwrap(heading))]
+    return np.column_stack([*columns[:2], arrays.wrapped(columns[2])])
+
+
 def heading_of(quaternions: Floats) -> Floats:
     """Return the headings of quaternions (n, 4) x, y, z, w; NaN for quaternions of length 0."""
     x, y, z, w = quaternions.T

@@ -5,6 +5,7 @@ Transforms between the frames of a robot give the scanner's mounting and, if nee
 
 import math
 import os
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,14 +15,13 @@ import numpy as np
 
 from deqmcl_gym.files import opened_log
 from deqmcl_gym.logs.log import Log, Scanner
-from deqmcl_gym.logs.motion import heading_of
+from deqmcl_gym.logs.motion import between, heading_of
 from deqmcl_gym.logs.pairing import MAX_APART, paired
 from deqmcl_gym.logs.raw_records import NO_ODOMETRY, UNREADABLE, RawRecords
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.logs.transforms import ODOMETRY, Transforms, frame_name, only_frame
-from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import LARGEST, InputError, number, one_of, shown
+from deqmcl_gym.validation import LARGEST, InputError, LogWarning, number, one_of, shown
 
 SCAN = "sensor_msgs/msg/LaserScan"
 POSES: dict[str, Callable[[Any], Any]] = {
@@ -33,7 +33,7 @@ _TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 UNIT_TOPIC, REFERENCE_TOPIC = "/deqmcl_unit", "/reference"
 ESTIMATE_TOPIC = "/amcl_pose"  # of Nav2's AMCL
 _GAP = 1.0  # s without odometry beyond which the pose in between is unknown
-_ROBOT = "base_link"
+_ROBOT, _MAP = "base_link", "map"
 
 
 def require_rosbags() -> None:
@@ -88,6 +88,7 @@ def read_bag(
             reference = _topic(path, bag, tuple(POSES), "reference_topic", named)
         messages = _Messages(path, [one for one in scans if one], odometry, reference)
         messages.read(bag)
+    _warn_of_frames(path, reference, messages.frames)
     base = None if base_frame is None else frame_name(base_frame)
     return messages.log(base, max_gap, max_range, MAX_APART if max_apart is None else max_apart)
 
@@ -105,7 +106,7 @@ def _scan_topics(given: str | Sequence[str] | None) -> Sequence[str | None]:
 
 
 def read_pose_topic(path: Path, topic: str | None = None) -> tuple[Floats, Floats | None]:
-    """Read the poses that a stack has published in a bag.
+    """Read the poses that a stack has published in a bag; warn if they are not in the map's frame.
 
     Args:
         path: of the bag.
@@ -124,6 +125,7 @@ def read_pose_topic(path: Path, topic: str | None = None) -> tuple[Floats, Float
         raise InputError(f"{path} does not exist: give the path of a bag.")
     rows: list[list[float]] = []
     spreads: list[Any] = []
+    frames: set[str] = set()
     with _opened(path) as bag:
         if topic is None and ESTIMATE_TOPIC in bag.topics:
             topic = ESTIMATE_TOPIC
@@ -132,7 +134,9 @@ def read_pose_topic(path: Path, topic: str | None = None) -> tuple[Floats, Float
         for connection, _, raw in bag.messages(connections=chosen):
             message = bag.deserialize(raw, connection.msgtype)
             rows.append(_row(connection.msgtype, message))
+            frames.add(frame_name(message.header.frame_id))
             spreads.append(getattr(message.pose, "covariance", np.zeros(36)))
+    _warn_of_frames(path, asked, frames)
     moments = np.array(spreads, np.float64).reshape(-1, 6, 6)[:, [[0], [1], [5]], [0, 1, 5]]
     moments[(moments == 0).all(axis=(1, 2))] = np.nan
     told = np.isfinite(moments).all(axis=(1, 2)).any()
@@ -145,6 +149,18 @@ def _row(kind: str, message: Any) -> list[float]:
     at, turned = pose.position, pose.orientation
     time = _seconds(message.header.stamp)
     return [time, at.x, at.y, turned.x, turned.y, turned.z, turned.w]
+
+
+def _warn_of_frames(path: Path, topic: str | None, frames: set[str]) -> None:
+    """Warn of poses that are not in the map's frame, as the headers of their messages say."""
+    if other := sorted(frames - {"", _MAP}):
+        warnings.warn(
+            f"the poses of {topic} in {path} are in frame {' and '.join(other)}, but are taken as "
+            f"poses in {_MAP}: what lies between the frames, such as the drift of odometry, "
+            f"counts as error, so give a topic of poses in {_MAP}.",
+            LogWarning,
+            stacklevel=3,
+        )
 
 
 class _Messages:
@@ -162,6 +178,7 @@ class _Messages:
         self.unit = "m"
         self.moved: dict[str, list[list[float]]] = {}  # by frame: t, x, y, qx, qy, qz, qw
         self.truth: list[list[float]] = []
+        self.frames: set[str] = set()  # that poses of the truth are in
 
     def read(self, bag: Any) -> None:
         """Read all messages needed; count those that cannot be decoded."""
@@ -195,6 +212,7 @@ class _Messages:
             row = _row(connection.msgtype, message)
             if connection.topic == self.reference:
                 self.truth.append(row)
+                self.frames.add(frame_name(message.header.frame_id))
             if connection.topic == self.odometry:  # it may be both
                 self.moved.setdefault(frame_name(message.child_frame_id), []).append(row)
 
@@ -257,9 +275,7 @@ def _placed(records: RawRecords, odometry: Floats) -> RawRecords:
         before = np.maximum(after - 1, 0)
         known = (times >= at[0]) & (times <= at[-1])
         known &= np.isin(times, at) | (at[after] - at[before] <= _GAP)
-        x, y, heading = odometry[:, 1:].T
-        columns = [np.interp(times, at, column) for column in (x, y, np.unwrap(heading))]
-        poses = np.column_stack([*columns[:2], arrays.wrapped(columns[2])])
+        poses = between(at, odometry[:, 1:], times)
     if lost := int((~known).sum()):
         records.damage[NO_ODOMETRY] += lost
     records.odometry = list(poses)

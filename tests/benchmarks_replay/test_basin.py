@@ -17,6 +17,7 @@ from benchmarks.setup.names import scenario
 from benchmarks.trials.journeys import WholeRun
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
+from deqmcl_gym.maps import GridMap
 from localizers import GaussianPrior
 
 ON_LOG = ("basin", "lap.csv", "--map", "hall.yaml", "--reference", "lap.tum", "--segment", "2")
@@ -202,6 +203,17 @@ def test_another_question_of_the_same_runs_runs_nothing(recorded, capsys):
     assert {row["share"] for row in table("out/basin.csv")} == {"1.0"}
 
 
+@pytest.mark.parametrize("wrong", [False, True])
+def test_a_map_that_does_not_fit_the_log_is_noticed(recorded, capsys, wrong):
+    if wrong:
+        GridMap(occupancy=GridMap.load("hall.yaml").occupancy, resolution=0.1).save("hall.yaml")
+    right = ("--distances", "0", "--angles", "0", "--trials", "1")
+    words = (*FEW, *right, "--localizers", "dead-reckoning", "--jobs", "1", "--out", "out")
+    assert exit_code(*words) == 0
+    said = "Warning: log and map do not fit: seen from the reference poses"
+    assert (said in capsys.readouterr().err) == wrong
+
+
 BAD = [
     ((), ["LOG", "--scenario"]),
     (("lap.csv",), ["lap.csv", "--map"]),
@@ -221,7 +233,10 @@ BAD = [
     ((*ON_LOG[1:6], "--trials", "0"), ["--trials", "0"]),
     ((*ON_LOG[1:6], "--localizers", "mcl,mcl"), ["twice", "mcl"]),
     ((*ON_LOG[1:6], "--localizers", "mlc"), ["'mlc'", "mcl"]),
-    ((*ON_LOG[1:], "--distances", "0,90"), ["prior.distance", "90", "nothing is free"]),
+    (ON_LOG[1:], ["--segment is 2 m", "longer than --within, 10 m"]),
+    ((*ON_LOG[1:], "--within", "2m"), ["--segment is 2 m", "longer than --within, 2 m"]),
+    ((*ON_LOG[1:6], "--localizers", ","), ["no localizer is named", "mcl-map"]),
+    ((*FEW[1:], "--distances", "0,90"), ["prior.distance", "90", "nothing is free"]),
     (ON_LOG[1:4], ["lap.csv", "reference"]),
 ]
 

@@ -16,7 +16,7 @@ from benchmarks.replay.calibration import (
     judged_alike,
     with_fitted_beams,
 )
-from benchmarks.replay.command import sweep_of
+from benchmarks.replay.command import replay_sweep
 from benchmarks.replay.options import replay_of
 from benchmarks.trials.attempt import attempt
 from benchmarks.trials.plugins import key_of
@@ -41,7 +41,7 @@ def replay(folder):
 def share_within(replay):
     """Share of the reference within the 95 % region of mcl, where nothing was fitted on."""
     own = {"mcl": {"particles": 1000}}
-    sweep = sweep_of(replay, ["mcl"], particles=None, seeds=1, root=1, shared={}, own=own)
+    sweep = replay_sweep(replay, ["mcl"], particles=None, seeds=1, root=1, shared={}, own=own)
     (trial,) = sweep.distinct()
     return attempt(trial, key_of(trial)).record.track.scores[f"coverage_{LEVEL}"]
 

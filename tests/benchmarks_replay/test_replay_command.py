@@ -10,6 +10,7 @@ import pytest
 from hall import recorded_in_a_hall, write_lap
 
 from benchmarks.cli import main
+from benchmarks.replay.command import methods_of
 from benchmarks.replay.options import replay_of
 from benchmarks.report.tracks import differences_table, tables_of, told
 from benchmarks.setup.logs import motion_noise
@@ -401,6 +402,10 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--param", "amcl.pf_z=much"), "pf_z"),
         (("--param", "mcl.particles=9", "--param", "mcl.particles=9"), "twice"),
         (("--motion", "alpha1=0.1,alpha1=0.2"), "--motion gives alpha1 twice"),
+        (("--motion", "=0.1"), "--motion has '=0.1', but must be name=number"),
+        (("--scan", "sigma"), "--scan has 'sigma', but must be name=number"),
+        (("--changed-walls", "share"), "--changed-walls has 'share', but must be name=value"),
+        (("--read", "max_range"), "--read has 'max_range', but must be NAME=VALUE"),
         (("--read", "max_range=9", "--read", "max_range=8"), "--read gives max_range twice"),
         (("--jobs", "0"), "--jobs"),
         (("--start", "room=1,1,2,2"), "room=x,y,x,y,x,y,"),
@@ -409,7 +414,7 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--start", "none.toml"), "none.toml"),
         (("--localizers", "mlc"), "'mcl'"),
         (("--localizers", "mcl,mcl"), "named twice"),
-        (("--localizers", ","), "names none"),
+        (("--localizers", ","), "no localizer is named"),
         (("--reference", "far.tum"), "leaves the map"),
         (("--reference", "late.tum"), "same clock"),
         (("--map", "lost.yaml"), "lost.yaml"),
@@ -438,6 +443,34 @@ def test_a_start_may_be_what_a_person_knows(recorded, capsys, start):
     assert replay(*KNOWN, *words, "--out", "o") == 0
     said = {"p": "one of 2 places: 50 % up to 0.5 from (1.2, 1)", "n": "up to 0.8 from (1.2, 1)"}
     assert said.get(start[0], "in the polygon of 4 corners") in capsys.readouterr().out
+
+
+def test_a_start_is_told_with_the_spread_and_the_mean_of_its_prior(recorded):
+    spread = "[prior]\nkind = 'gaussian'\nsd_position = 0.5\nsd_heading = 0.3\n"
+    (recorded / "mean.toml").write_text(f"{spread}mean = [1.2, 1.0, 0.1]\n")
+    (recorded / "none.toml").write_text(spread)
+    x, y, heading = logs.read_tum("lap.tum").poses[0].tolist()
+    here = f"around ({x:z.2f}, {y:z.2f}, {heading:z.2f} rad)"
+    for start, reference, said in (
+        ("mean.toml", "lap.tum", "0.5 m and 0.3 rad, around (1.20, 1.00, 0.10 rad)"),
+        ("none.toml", "lap.tum", f"0.5 m and 0.3 rad, {here}"),
+        ("none.toml", None, "0.5 m and 0.3 rad, around the reference's first pose"),
+        (None, "lap.tum", f"0.2 m and 0.1 rad, {here}"),
+    ):
+        replay = replay_of("lap.csv", "hall.yaml", reference=reference, start=start)
+        assert f"Start: known to {said}." in replay.facts
+
+
+def test_a_localizer_has_its_own_parameters_before_shared_ones_before_the_number_of_particles():
+    own = {"amcl": {"pf_z": 0.5}, "mcl-map": {"particles": 9}}
+    methods = methods_of(["mcl", "amcl", "mcl-map"], 70, own, {"amcl": {"pf_err": 0.1}})
+    assert {method.name: dict(method.params) for method in methods} == {
+        "mcl": {"particles": 70},
+        "amcl": {"pf_err": 0.1, "pf_z": 0.5},
+        "mcl-map": {"particles": 9},
+    }
+    (bounded,) = methods_of(["amcl"], 70, {})
+    assert dict(bounded.params) == {"max_particles": 70, "min_particles": 70}
 
 
 @pytest.mark.parametrize(

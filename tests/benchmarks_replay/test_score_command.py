@@ -9,6 +9,7 @@ from deqmcl_command import exit_code
 from hall import recorded_in_a_hall, write_lap
 from scipy.stats import chi2
 
+from benchmarks.replay.options import replay_of
 from benchmarks.replay.theirs import Yardstick
 from benchmarks.trials.tracks import calibration_of_gaussians
 from deqmcl_gym import logs
@@ -75,6 +76,17 @@ def test_between_its_poses_an_estimate_is_carried_on_by_the_odometry(here):
         expected = composed(estimate.poses[[last]], moved)[0]
         assert best[:2] == pytest.approx(expected[:2], abs=1e-9)
         assert math.remainder(best[2] - expected[2], 2 * math.pi) == pytest.approx(0, abs=1e-9)
+
+
+def test_a_log_is_scored_at_the_records_that_replay_plays(here, tmp_path):
+    whole, late = logs.read_tum("lap.tum"), str(tmp_path / "late.tum")
+    logs.Trajectory(whole.times[5:], whole.poses[5:]).write(late)
+    played = replay_of("lap.csv", "hall.yaml", reference=late, every="0.1m,5deg").log
+    for floor_plan in ("hall.yaml", None):
+        scored = Yardstick.of_log("lap.csv", late, {}, floor_plan, "0.1m,5deg").log
+        for name in ("times", "odometry", "ranges", "reference"):
+            np.testing.assert_array_equal(getattr(scored, name), getattr(played, name))
+        assert scored.times[0] == whole.times[5]
 
 
 def test_without_a_log_errors_are_those_at_the_estimates_own_times(here, tmp_path):

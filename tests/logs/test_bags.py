@@ -133,7 +133,8 @@ def test_topics_are_chosen_by_type_if_there_is_one_and_by_name_if_there_are_seve
         logs.read(path, scan_topic="/odom")
     with pytest.raises(InputError, match="reference_topic"):
         logs.read(path, scan_topic="/scan", reference_topic="/amcl_pose")
-    log, _ = read_and_warned(path, scan_topic="/scan", reference_topic="/odom")
+    log, warned = read_and_warned(path, scan_topic="/scan", reference_topic="/odom")
+    assert f"the poses of /odom in {path} are in frame odom" in warned
     np.testing.assert_allclose(log.reference, log.odometry, atol=1e-12)
 
 

@@ -2,6 +2,7 @@
 
 import csv
 import math
+import warnings
 
 import numpy as np
 import pytest
@@ -24,17 +25,17 @@ def covariances(n=3):
     return roots @ roots.transpose(0, 2, 1)
 
 
-def posed(time, pose, covariance=None):
+def posed(time, pose, covariance=None, frame="map"):
     x, y, heading = pose
     at = make("geometry_msgs/msg/Point", x, y, 0.0)
     found = make("geometry_msgs/msg/Pose", at, quaternion(yaw=heading))
     if covariance is None:
-        return make(POSE, header(time, "map"), found)
+        return make(POSE, header(time, frame), found)
     six = np.zeros((6, 6))
     six[np.ix_([0, 1, 5], [0, 1, 5])] = covariance
     six[[2, 3, 4], [2, 3, 4]] = 9.0  # z, roll and pitch are nothing of ours
     spread = make("geometry_msgs/msg/PoseWithCovariance", found, six.ravel())
-    return make(COVARIANT, header(time, "map"), spread)
+    return make(COVARIANT, header(time, frame), spread)
 
 
 def amcl_pose(path, given):
@@ -70,11 +71,26 @@ def test_a_topic_is_asked_for_by_name_and_zeros_are_no_covariance(tmp_path):
     assert read_estimate(path).times.tolist() == [1.0, 2.0]
     assert read_estimate(path).covariances is None
     assert read_estimate(path, "/slam").poses[0] == pytest.approx(POSES[1])
-    assert read_estimate(path, "/odom").poses[0] == pytest.approx([7.0, 0.0, 0.0])
+    with pytest.warns(LogWarning, match="in frame odom"):
+        assert read_estimate(path, "/odom").poses[0] == pytest.approx([7.0, 0.0, 0.0])
     with refused("/scan", "/slam (geometry_msgs/msg/PoseStamped)"):
         read_estimate(path, "/scan")
     with refused("2 topics", "FILE:TOPIC"):
         read_estimate(bag(tmp_path / "y", *other))
+
+
+@pytest.mark.parametrize(
+    ("frame", "other"),
+    [("map", ""), ("/map", ""), ("", ""), ("odom", "odom"), ("/odom", "odom"), ("a/map", "a/map")],
+)
+def test_poses_in_another_frame_than_the_map_s_are_warned_of(tmp_path, frame, other):
+    path = bag(tmp_path / "x", ("/slam", POSE, posed(1.0, POSES[0], frame=frame)))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        read_estimate(path)
+    said = [str(one.message) for one in caught if issubclass(one.category, LogWarning)]
+    named = f"the poses of /slam in {path} are in frame {other}, but are taken as poses in map"
+    assert [one.startswith(named) for one in said] == ([True] if other else [])
 
 
 def test_poses_that_are_not_finite_are_left_out_and_counted(tmp_path):
@@ -133,6 +149,19 @@ def test_covariances_of_another_shape_are_refused(shape):
             [1.0], np.zeros((1, 3)), covariances=[np.full((3, 3), math.nan)]
         ).covariances[0, 0, 0]
     )
+
+
+def test_the_command_says_that_odometry_is_scored_as_poses_in_the_map(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    logs.Trajectory(TIMES, POSES).write("true.tum")
+    rows = (("/odometry/filtered", ODOMETRY, odometry(time, 1.0)) for time in TIMES)
+    bag(tmp_path / "nav", *rows)
+    words = ("score", "nav:/odometry/filtered", "--reference", "true.tum", "--out", "scored")
+    assert exit_code(*words) == 0
+    said = "Warning: the poses of /odometry/filtered in nav are in frame odom"
+    assert said in capsys.readouterr().err
 
 
 def test_the_command_scores_a_bag_s_amcl_pose_with_its_covariance(tmp_path, monkeypatch):

@@ -81,7 +81,7 @@ def test_the_map_of_a_log_is_out_of_date_if_asked_and_nothing_else_is(tmp_path):
     assert not ((told == 100) & (hall.occupancy == 0)).any()
     assert any("changed on purpose" in fact and "share 0.5" in fact for fact in replay.facts)
     for said, words in (
-        ("0.3", "--changed-walls has 0.3"),
+        ("0.3", "--changed-walls has '0.3'"),
         ("seed=1,seed=2", "--changed-walls gives seed twice"),
         ("seed=nan", "changed_walls.seed is nan"),
         ("kinds=moved", "unknown kind of changed_walls 'moved'"),

@@ -5,12 +5,19 @@ import math
 import numpy as np
 import pytest
 from drives import read_and_warned, real
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from deqmcl_gym import logs
 from deqmcl_gym.envs.log import spacing
-from deqmcl_gym.logs.motion import composed, dead_reckoned, increments_of, relative, sideways_of
+from deqmcl_gym.logs.motion import (
+    between,
+    composed,
+    dead_reckoned,
+    increments_of,
+    relative,
+    sideways_of,
+)
 from deqmcl_gym.validation import InputError
 
 
@@ -37,6 +44,22 @@ def test_what_is_sideways_is_nothing_on_an_arc_and_all_of_a_strafe(length, turn,
     strafed = composed(arc, np.array([0, aside, 0]))
     increments = increments_of(np.vstack([np.zeros(3), arc, strafed]))
     np.testing.assert_allclose(sideways_of(increments), [0.0, aside], atol=1e-12)
+
+
+poses = st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(-3.1, 3.1))
+
+
+@given(st.lists(poses, min_size=2, max_size=10), st.floats(-1, 11))
+def test_between_two_poses_a_robot_drives_straight_and_turns_the_shorter_way(track, at):
+    (found,) = between(np.arange(float(len(track))), np.array(track), np.array([at]))
+    place = min(max(at, 0.0), len(track) - 1.0)  # before the first and after the last: as there
+    k = min(int(place), len(track) - 2)
+    (x, y, heading), (x1, y1, heading1), share = track[k], track[k + 1], place - k
+    turn = math.remainder(heading1 - heading, 2 * math.pi)
+    assume(math.pi - abs(turn) > 1e-6)  # else neither way is the shorter one
+    assert found[:2] == pytest.approx((x + share * (x1 - x), y + share * (y1 - y)), abs=1e-12)
+    off = math.remainder(found[2] - heading - share * turn, 2 * math.pi)
+    assert off == pytest.approx(0, abs=1e-12)
 
 
 sizes = st.one_of(st.just(0.0), st.floats(2**-13, 10.0, width=32))
