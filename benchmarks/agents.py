@@ -22,11 +22,11 @@ from benchmarks.policies import (
 )
 from benchmarks.setup.interfaces import Agent
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.numerics.types import Floats, Point, Pose, Reals
 from deqmcl_gym.validation import InputError, number
 from deqmcl_gym.world.config import WORLDS, Driver, World
-from deqmcl_gym.world.course import Course, Point, Pose
-from deqmcl_gym.world.driver import GuidedPlan
+from deqmcl_gym.world.course import Course
+from deqmcl_gym.world.driver import NO_PLAN, GuidedPlan
 from deqmcl_gym.world.route import Journeys
 from localizers import Belief, RobotModel, best_cluster, mean_pose
 
@@ -34,7 +34,6 @@ _AHEAD = 8  # the start of a stale plan is an eighth of the plan ahead
 _LAP_HORIZON, _HORIZON = 40, 100  # actions planned on the estimate, of a lap and to a goal
 _STEP = 10.0  # px: 0.2 m
 _OFF = 25.0  # px: so far from its way a robot plans another one
-_NO_PLAN = np.empty((0, 2), np.float32)
 _LOOK_ROUND = np.array([0.0, math.radians(15)], np.float32)  # where nothing is believed
 _BACK_OFF = math.radians(120)  # turned on the spot after a contact, before it drives on
 
@@ -185,7 +184,7 @@ class OnEstimate:
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
         """Return no plan: nothing is believed yet."""
-        return np.empty((0, 2), np.float32)
+        return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next action of a plan from the mean pose, and the rest of that plan."""
@@ -218,7 +217,7 @@ class ToGoal:
         self._world = _in_the_building(robot)
         self._journeys = Journeys(self._world)
         self._plan: GuidedPlan | None = None
-        self._backing: Reals = np.empty((0, 2), np.float32)
+        self._backing: Reals = NO_PLAN
         self._side = 1.0
         self.goal: Point | None = None
         self.step, self.arc, self.way = 0, 0.0, 0.0
@@ -230,7 +229,7 @@ class ToGoal:
             raise InputError("the agent drives to a goal: give a world with a route.")
         x, y = info["goal"].tolist()
         self.goal = x, y
-        return np.empty((0, 2), np.float32)
+        return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next action towards the goal, and those after it."""
@@ -291,7 +290,7 @@ class Dispatched(ToGoal):
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
         """Return no plan."""
         self._rng = rng_of(info)
-        return _NO_PLAN
+        return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals]:
         """Return the next action along the route, and no plan."""
@@ -304,7 +303,7 @@ class Dispatched(ToGoal):
             self.goal = x, y
             self._plan = None
         planned, _ = self._on_its_way().after(self)
-        return planned[0], _NO_PLAN
+        return planned[0], NO_PLAN
 
 
 class OnRoute(ToGoal):

@@ -13,11 +13,11 @@ import numpy as np
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats, Reals, Singles
 from deqmcl_gym.validation import InputError, integer
+from deqmcl_gym.world.driver import NO_PLAN
 from localizers import Belief, RobotModel
 
 _STEP = 10.0  # px: 0.2 m, a drive
 _TURN = math.pi / 12  # a turn on the spot
-_NO_PLAN = np.empty((0, 2), np.float32)
 _METRE = 50.0  # px
 _SAMPLES = 64  # poses of the belief that are looked ahead from
 _HEADINGS = 12  # of one motion
@@ -35,11 +35,11 @@ class Still:
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
         """Return no plan."""
-        return _NO_PLAN
+        return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals]:
         """Return the next action, and no plan."""
-        return np.array(self._next(belief, info), np.float32), _NO_PLAN
+        return np.array(self._next(belief, info), np.float32), NO_PLAN
 
     def _next(self, belief: Belief, info: dict[str, Any]) -> tuple[float, float]:
         return 0.0, 0.0

@@ -5,10 +5,8 @@ from typing import Any, Protocol
 import gymnasium as gym
 
 from deqmcl_gym.maps import Lidar, Map
-from deqmcl_gym.numerics.types import Reals
+from deqmcl_gym.numerics.types import Pose, Reals
 from localizers import Belief
-
-Pose = tuple[float, float, float]
 
 
 class TrialEnv(Protocol):
@@ -65,7 +63,7 @@ class Agent(Protocol):
             info: the env's latest, without the truth.
 
         Returns:
-            The action to be carried out next, (distance px, turn rad), and the plan after it,
-            (h, 2), which the localizer gets with the next scan; None: that which the env then
-            shows.
+            The action to be carried out next, (distance, turn) in the map's unit and rad, and the
+            plan after it, (h, 2), which the localizer gets with the next scan; None: that which the
+            env then shows.
         """

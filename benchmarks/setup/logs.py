@@ -19,7 +19,9 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import InputError, integer
-from localizers import GaussianUniform, OdometryMotion, RobotModel
+from localizers import GaussianUniform, RobotModel
+from localizers.models.beams import METRE_SIGMA
+from localizers.models.motion_fit import LEAST_STEPS
 from localizers.models.nav2_motion import MotionModel, kind_of, unknown_motion
 
 # arguments of the env that are not a scenario's to give
@@ -27,9 +29,6 @@ _OURS = ("on_mismatch", "render_mode", "others")
 _ARGUMENTS = tuple(name for name in signature(LogEnv).parameters if name not in _OURS)
 _EPISODES = ("segment", "plan", "horizon", "radius")  # of them: may differ between envs of one log
 _READ = ("log", "reference", "reading")  # of them: what the records are read from
-_SHARE, _WITHIN = 0.99, 2.5758  # so much of a normal distribution lies within so many σ
-_LEAST = 10  # steps to estimate from
-_ROUNDS = 50  # of the fit of two numbers, which has converged long before
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -248,11 +247,11 @@ def typical_steps(log: Log) -> tuple[Floats, Floats]:
     true = np.column_stack([told[:, 0] + error[:, 0], unknown, told[:, 2] + error[:, 1]])
     true[single] = done[single]
     moving = np.abs(told).max(axis=1, initial=0.0) > 0
-    if moving.sum() < _LEAST:
+    if moving.sum() < LEAST_STEPS:
         raise InputError(
             f"{log.source} has {int(moving.sum())} stretches with movement between poses of its "
-            f"reference, too few to estimate the noise of the motion, which needs {_LEAST}: give "
-            "it by --motion, or in a scenario by assumed.motion."
+            "reference, too few to estimate the noise of the motion, which needs "
+            f"{LEAST_STEPS}: give it by --motion, or in a scenario by assumed.motion."
         )
     return told[moving], true[moving]
 
@@ -282,51 +281,17 @@ def motion_noise(log: Log, kind: str = "differential") -> MotionModel:
         InputError: fewer than 10 stretches with movement have a reference at both ends.
     """
     least, steps = unknown_motion(kind, log.unit), typical_steps(log)
-    found = _odometry(*steps) if isinstance(least, OdometryMotion) else type(least).fitted(*steps)
+    found = type(least).fitted(*steps)
     noise = [name for name in vars(least) if name != "still"]
     larger = {name: max(getattr(least, name) / 2, getattr(found, name)) for name in noise}
     return replace(least, **larger)
-
-
-def _odometry(meant: Floats, done: Floats) -> OdometryMotion:
-    """Return the noise of turn and drive that fits steps best.
-
-    ε_d and ε_φ are what the reference did beyond the odometry at each step. σ_dd is such that 99 %
-    of |ε_d| / |d| lie within 2.58 σ_dd, and never less than their root mean square: odometry that
-    goes the wrong way for some steps (a speed without its sign, wheels that slip) must stay
-    possible. Of the steps only the longer half counts, as the reference has noise of its own.
-    σ_φφ and σ_φd maximize the likelihood of all ε_φ ~ N(0, (σ_φφ |φ| +
-    σ_φd |d|)²), on a grid that is refined around its best point.
-    """
-    driven, turned = lengths_of(meant), np.abs(meant[:, 2])
-    off = done - meant
-    off[np.isnan(off[:, 1]), 1] = 0.0
-    missed = (off[:, :2] * meant[:, :2]).sum(axis=1) / np.maximum(driven, 1e-9)  # along the way
-    missed_turn = arrays.wrapped(off[:, 2])
-    long = driven >= max(np.median(driven), 1e-9)
-    ratio = np.abs(missed[long] / driven[long]) if long.any() else np.zeros(1)
-    drive = max(np.sqrt(np.square(ratio).mean()), np.quantile(ratio, _SHARE) / _WITHIN)
-
-    def cost(turn: float, drift: float) -> float:
-        spread = np.maximum(turn * turned + drift * driven, 1e-6)
-        return float((np.log(spread) + 0.5 * np.square(missed_turn / spread)).sum())
-
-    scale = np.sqrt(np.square(missed_turn).mean())
-    best = (scale / max(turned.mean(), 1e-9), scale / max(driven.mean(), 1e-9))
-    width = 100.0
-    for _ in range(_ROUNDS):
-        factors = width ** np.linspace(-1, 1, 7)
-        tried = [(best[0] * a, best[1] * b) for a in factors for b in factors]
-        best = min(tried, key=lambda pair: cost(*pair))
-        width = max(np.sqrt(width), 1.001)
-    return OdometryMotion(drive=float(drive), turn=float(best[0]), drift=float(best[1]))
 
 
 LOG = LogScenario(
     words="segments of a recorded log, named by log, map and reference in a file of your own",
     env={"segment": 50.0, "every": "0.2m,5deg", "max_beams": 60},
     motion=unknown_motion("differential", "m"),  # what is not given if some of it is
-    scan=GaussianUniform(sigma=0.2),  # Nav2's sigma_hit
+    scan=GaussianUniform(sigma=METRE_SIGMA),
     prior=Gaussian(sd_position=0.2, sd_heading=0.1),
     thresholds=Thresholds(far=1.0, lost=1.0),
 )

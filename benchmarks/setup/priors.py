@@ -1,4 +1,7 @@
-"""Where a robot may start, as the filters assume it: the priors of scenarios, by kind."""
+"""Where a robot may start, as the filters assume it: the priors of scenarios, by kind.
+
+Lengths are in the map's unit; the defaults are for one in px.
+"""
 
 import math
 from collections.abc import Mapping
@@ -30,9 +33,9 @@ class Gaussian:
     """x_0 ~ N(mean, diag(sd_position², sd_position², sd_heading²)).
 
     Attributes:
-        mean: (x px, y px, θ rad); None is the planned start, which need not be the true one, and
-            in a log its reference.
-        sd_position: in x and in y, px.
+        mean: (x, y, θ rad); None is the planned start, which need not be the true one, and in a
+            log its reference.
+        sd_position: in x and in y.
         sd_heading: rad.
     """
 
@@ -68,7 +71,7 @@ class Displaced:
 
     Attributes:
         mean, sd_position, sd_heading: as of ``Gaussian``, before the mean is displaced.
-        distance: by which the mean is off, px.
+        distance: by which the mean is off.
         angle: by which its heading is off, rad.
     """
 
@@ -108,7 +111,8 @@ class Displaced:
             )
         px, py = around[free[0]].tolist() if self.distance > 0 else (x, y)
         turned = heading + (self.angle if side < 0.5 else -self.angle)
-        return replace(right, mean=(px, py, turned))
+        within = math.remainder(turned, 4 * math.pi)  # within 2π, as a pose must be
+        return replace(right, mean=(px, py, within))
 
     @property
     def where(self) -> str:
@@ -126,9 +130,9 @@ class Uniform:
     """x_0 is anywhere in free space, or in that of a polygon or annulus, in any heading.
 
     Attributes:
-        polygon: corners (x, y) of a room, px; None: no polygon.
-        near: centre (x, y) of an annulus, px; None: no annulus.
-        within, beyond: distances from there, px.
+        polygon: corners (x, y) of a room; None: no polygon.
+        near: centre (x, y) of an annulus; None: no annulus.
+        within, beyond: distances from there.
     """
 
     polygon: tuple[tuple[float, float], ...] | None = field(default=None, metadata=LENGTH)

@@ -25,9 +25,11 @@ from localizers.naming.scans import ScanPlugIn
 class Thresholds:
     """What the scores count as far off, and as lost.
 
+    Lengths are in the map's unit; the defaults are for one in px.
+
     Attributes:
-        far: position error above which an estimate is far off, px.
-        lost: mean position error of the last steps above which a trial is lost, px.
+        far: position error above which an estimate is far off.
+        lost: mean position error of the last steps above which a trial is lost.
         lost_steps: how many steps these are.
     """
 

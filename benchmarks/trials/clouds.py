@@ -92,10 +92,10 @@ def calibration_of(
     floor: Floats,
     out: Floats,
 ) -> None:
-    """Fill in energy score, rank of the truth, NEES and log score: ``clouds.calibration``, (k, 4).
+    """Fill in energy score, rank of the truth, NEES and log score, (k, 4); see ``calibration``.
 
     Args:
-        poses, weights, ends: as ``moments``.
+        poses, weights, ends: as ``cloud_moments``.
         means: of (x, y, cos θ, sin θ), (k, 4).
         truth: (k, 3).
         floor: added to the variances of x, y, θ, (3,).
@@ -374,7 +374,7 @@ def joined(
     )
 
 
-def moments(clouds: Clouds) -> Floats:
+def belief_moments(clouds: Clouds) -> Floats:
     """Weighted mean and variance of (x, y, cos θ, sin θ), (k, 8); NaN variance of one point.
 
     Weights that add up to 1 but for rounding are divided by their sum first, in place.
@@ -394,7 +394,7 @@ def moments(clouds: Clouds) -> Floats:
         raise _unsound(clouds.each[int(np.argmin(sound))])
     if (np.abs(total - 1) > _EXACT).any():  # NumPy's sums are good to 1e-13
         clouds.weights[:] /= np.repeat(total, clouds.ends - starts)
-        return moments(clouds)
+        return belief_moments(clouds)
     return out[:, :8]
 
 

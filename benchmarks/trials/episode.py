@@ -15,10 +15,10 @@ import numpy as np
 
 from benchmarks.setup.interfaces import Agent
 from deqmcl_gym.numerics.types import Reals
+from deqmcl_gym.world.driver import NO_PLAN
 from localizers import Belief, Localizer, Prior
 
 _UNKNOWN = np.full(3, np.nan)
-_NONE = np.empty((0, 2), np.float32)
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Moment:
 
     Attributes:
         step: t, from 0 (reset).
-        truth: the true pose x_t, (3,) px, px, rad; NaN where a log has no reference.
-        ranges: the scan o_t, (B,) px; the one at t = 0 was shown to nobody.
+        truth: the true pose x_t, (3,), in the map's unit and rad; NaN where a log has no reference.
+        ranges: the scan o_t, (B,), in the map's unit; the one at t = 0 was shown to nobody.
         belief: what the localizer believes after it.
         seconds: time the localizer took.
         action: the command that led here, (2,); None at t = 0.
@@ -108,6 +108,6 @@ def _plan_of(agent: Agent, localizer: Localizer, plan: Reals | None, info: dict[
     """Return the plan that a localizer is shown: the agent's, else the env's."""
     author = info.get("plan_author") if plan is None else getattr(agent, "plan_author", None)
     if author == "own" and not getattr(localizer, "own_plans", True):
-        return _NONE
+        return NO_PLAN
     shown: Reals = info["planned_actions"][: info["planned_count"]] if plan is None else plan
     return shown

@@ -103,7 +103,7 @@ class Stage:
         return groups_named([name for name, asked in about.items() if asked])
 
     @property
-    def filter_rng(self) -> np.random.Generator:
+    def stream(self) -> np.random.Generator:
         """The localizer's stream: ``Trial.filter_rng``, but on a whole log with a shorter key."""
         if self.scenario.judged is None:
             return self.trial.filter_rng()
@@ -137,7 +137,7 @@ class Stage:
             agent,
             localizer,
             lambda: deepcopy(self.prior(), copies),
-            self.filter_rng,
+            self.stream,
             seed=self.trial.world_seed,
         )
 

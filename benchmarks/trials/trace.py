@@ -11,7 +11,15 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from benchmarks.trials.clouds import Cloud, Clouds, Task, calibration, cloud_of, joined, moments
+from benchmarks.trials.clouds import (
+    Cloud,
+    Clouds,
+    Task,
+    belief_moments,
+    calibration,
+    cloud_of,
+    joined,
+)
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.journeys import RecordedTrack, WholeRun
 from benchmarks.trials.metrics import METRICS
@@ -157,7 +165,7 @@ def trace_of(
     asked = tuple(offsets)
     lap = _Lap(task)
     scored = _Beliefs(asked, lap, partial(_measured, task=task))
-    sampled = _Beliefs(_between(asked), lap, moments, stride=PROFILE_STRIDE)
+    sampled = _Beliefs(_between(asked), lap, belief_moments, stride=PROFILE_STRIDE)
     for moment in episode:
         for collector in (lap, scored, sampled):
             collector.see(moment)
@@ -275,7 +283,7 @@ class _Beliefs:
 
 def _measured(clouds: Clouds, task: Task) -> Floats:
     """Moments, calibration, and what metrics ask each state for, side by side."""
-    spread = moments(clouds)
+    spread = belief_moments(clouds)
     fit = calibration(clouds, spread[:, :4], task.floor_plan.unit)
     return np.column_stack([spread, fit, *(each(clouds, task) for each in _EACH.values())])
 

@@ -15,11 +15,11 @@ import numpy as np
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import (
     LOG_TURN,
+    belief_moments,
     calibration,
     cloud_of,
     covariance_floor,
     joined,
-    moments,
 )
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.fixes import NEAR, Fixes, metre
@@ -186,7 +186,7 @@ class TrackLog:
         if points is None:
             raise InputError(f"its belief of state {moment.step} holds no points of the present.")
         clouds = joined([cloud_of(moment.step, 0, points)], [moment.truth])
-        means = moments(clouds)[:, :4]
+        means = belief_moments(clouds)[:, :4]
         calibrated = [math.nan] * 3
         if np.isfinite(moment.truth).all():
             _, *calibrated = calibration(clouds, means, self._log.unit)[0].tolist()

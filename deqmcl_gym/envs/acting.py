@@ -18,15 +18,15 @@ from deqmcl_gym.envs.belief import BeliefView, Estimator, Seen, StepResult
 from deqmcl_gym.maps import Offices
 from deqmcl_gym.maps.clusters import Cluster, best_cluster
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.numerics.types import Floats, Point, Pose, Singles
 from deqmcl_gym.validation import LARGEST, InputError, array, integer, number, one_of
 from deqmcl_gym.world.config import World
-from deqmcl_gym.world.course import Point, Pose, wrapped
+from deqmcl_gym.world.course import wrapped
+from deqmcl_gym.world.driver import NO_PLAN
 from deqmcl_gym.world.episode import Body, Physics, contacts_of
 from deqmcl_gym.world.rules import Commands, check_no_options, scan_space
 from deqmcl_gym.world.sensor import LidarSensor
 
-_NO_PLAN = np.empty((0, 2), np.float32)
 _METRE = 50.0  # px
 _NEAR = math.radians(30)  # within 1 m and this a cluster is right
 _GOALS = 10_000  # drawn before a room is refused
@@ -165,7 +165,7 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         sds = float(noise.drive), float(noise.turn), float(noise.drift)
         self._body = Body(pose, Physics(self._walls, (x, y)), lidar, sds, motion)
         self._scan = self._body.scan
-        self.belief = self._localizer.reset(prior, _NO_PLAN, own)
+        self.belief = self._localizer.reset(prior, NO_PLAN, own)
         self.steps, self._ended = 0, False
         self._updated()
         return self._seen(), self._info(np.zeros(2, np.float32), False, False)
@@ -184,7 +184,7 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         else:
             collided = self._body.move(*command.tolist())
             ranges = self._looked(on)
-            self.belief = self._localizer.update(ranges, command.copy(), _NO_PLAN)
+            self.belief = self._localizer.update(ranges, command.copy(), NO_PLAN)
             self._updated()
         self.steps += 1
         reward, terminated, success = self._judged(on, collided)

@@ -12,11 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym import logs
-from deqmcl_gym.logs.log import Pose
 from deqmcl_gym.logs.motion import increments_of
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics.types import Floats, Indices, Singles
+from deqmcl_gym.numerics.types import Floats, Indices, Pose, Singles
 from deqmcl_gym.validation import InputError, array, integer, number, one_of, shown
 from deqmcl_gym.world.config import WORLDS
 from deqmcl_gym.world.differences import map_changed

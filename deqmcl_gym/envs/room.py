@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import Lidar, Map
-from deqmcl_gym.numerics.types import Singles
+from deqmcl_gym.numerics.types import Pose, Singles
 from deqmcl_gym.validation import InputError, integer, one_of, pose
 from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start
-from deqmcl_gym.world.course import MAX_STEPS, Course, Pose, check_free
+from deqmcl_gym.world.course import MAX_STEPS, Course, check_free
 from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
 from deqmcl_gym.world.driver import FixedPlan
 from deqmcl_gym.world.episode import Episode, contacts_of

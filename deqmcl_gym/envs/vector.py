@@ -12,13 +12,12 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.envs.vector_rooms import Rooms
 from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics.types import Bools, Indices, Singles
+from deqmcl_gym.numerics.types import Bools, Indices, RoomActions
 from deqmcl_gym.registration import MAX_EPISODE_STEPS
 from deqmcl_gym.validation import InputError, integer, one_of, shown
 from deqmcl_gym.world.course import Course
 from deqmcl_gym.world.rules import RoomRules
 
-Actions = Singles
 Info = dict[str, Any]
 StepResult = tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], Info]
 
@@ -26,7 +25,7 @@ _MODES = {mode.value: mode for mode in AutoresetMode}
 MAX_BYTES = 16 * 2**30  # of all rooms
 
 
-class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
+class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
     """n rooms of :class:`deqmcl_gym.envs.room.RoomEnv`, each with its own seed and episodes.
 
     docs/environment.md describes what differs from one room.
@@ -87,7 +86,7 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
         self._ended = np.zeros(self.num_envs, np.bool_)
 
     @property
-    def plan(self) -> Actions:
+    def plan(self) -> RoomActions:
         """The actions planned for each episode, done and to come, (T, 2) float32.
 
         Raises:
@@ -149,7 +148,7 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
         nothing = np.zeros((self.num_envs, 2), np.float32)
         return self._seen(), self._info(chosen, nothing, np.zeros_like(chosen))
 
-    def step(self, actions: Actions) -> StepResult:
+    def step(self, actions: RoomActions) -> StepResult:
         """Turn, then drive in each room; where an episode ended, begin the next one.
 
         Raises:
@@ -209,7 +208,7 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
             return last[0], last[1] + 1
         return secrets.randbits(128), 0
 
-    def _begun_again(self, commands: Actions, collided: Bools) -> Info:
+    def _begun_again(self, commands: RoomActions, collided: Bools) -> Info:
         """Begin the next episode where one has ended; return its last observation and info."""
         ended = self._ended.copy()
         rooms = np.flatnonzero(ended)
@@ -232,7 +231,7 @@ class RoomVectorEnv(VectorEnv[Any, Actions, NDArray[Any]]):
         goals = None if rules.journeys is None else rooms.goals
         return rules.seen(rooms.scans, rooms.plans()[0], rooms.covered, rooms.elapsed, goals)
 
-    def _info(self, among: Bools, commands: Actions, collided: Bools) -> Info:
+    def _info(self, among: Bools, commands: RoomActions, collided: Bools) -> Info:
         """Return ``RoomInfo`` as arrays over the rooms, zero and masked out if not ``among``.
 
         ``commands`` and ``collided`` become part of it and must not be used elsewhere.

@@ -25,7 +25,7 @@ class Grounds:
         self._own = own
         self._datums = np.zeros((rooms, 3))
         slots = rooms if own else 1
-        self.numbers = kernels.Grounds(
+        self.numbers = kernels.GroundRows(
             slots=np.arange(rooms) if own else np.zeros(rooms, np.intp),
             sizes=np.zeros((slots, 3)),
             walls=np.empty((slots, 0, 5)),

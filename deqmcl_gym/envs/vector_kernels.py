@@ -17,7 +17,7 @@ from deqmcl_gym.world.path_kernels import drawn, judged, roll_out
 
 
 def sides(walls: Floats) -> Floats:
-    """Return walls (x₀, y₀, x₁, y₁) as :class:`Rules` has them.
+    """Return walls (x₀, y₀, x₁, y₁) as :class:`GroundRows` has them.
 
     Returns:
         (x₀, y₀, unit x, unit y, length), (S, 5).
@@ -68,7 +68,7 @@ class Cells(NamedTuple):
     endless: Bools
 
 
-class Grounds(NamedTuple):
+class GroundRows(NamedTuple):
     """What is there in n rooms: s maps, n or one for all.
 
     Attributes:
@@ -172,7 +172,7 @@ def step(
 
     Args:
         robots: :class:`Robots`, as a plain tuple like the next three: numba takes it faster.
-        grounds: :class:`Grounds`.
+        grounds: :class:`GroundRows`.
         courses: :class:`Courses`.
         rules: :class:`Rules`.
         commands: distance, turn, (n, 2).

@@ -8,8 +8,8 @@ import numpy as np
 from deqmcl_gym.envs import vector_kernels as kernels
 from deqmcl_gym.envs.vector_grounds import Grounds, wide
 from deqmcl_gym.maps import GridMap
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
-from deqmcl_gym.world.course import MAX_STEPS, Course, Pose
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Pose, Singles
+from deqmcl_gym.world.course import MAX_STEPS, Course
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan
 from deqmcl_gym.world.reality import Beginning
 from deqmcl_gym.world.rules import RoomRules

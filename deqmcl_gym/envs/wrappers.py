@@ -13,9 +13,8 @@ from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Lidar
-from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.numerics.types import Floats, Pose, Singles
 from deqmcl_gym.validation import InputError, boolean, integer, number, shown
-from deqmcl_gym.world.course import Pose
 from deqmcl_gym.world.rules import scan_space
 from deqmcl_gym.world.sensor import Stream
 

@@ -16,9 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.logs.log import Log, Pose, Scanner
+from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.ros import REFERENCE_TOPIC, SCAN, UNIT_TOPIC, require_rosbags
 from deqmcl_gym.logs.transforms import ODOMETRY
+from deqmcl_gym.numerics.types import Pose
 from deqmcl_gym.validation import InputError
 
 _TRANSFORMS, _POSE = "tf2_msgs/msg/TFMessage", "geometry_msgs/msg/PoseStamped"

@@ -190,9 +190,9 @@ class CellGrid(NamedTuple):
     """A grid for kernels that drive robots.
 
     Attributes:
-        reach: of each cell; empty if there is no grid.
-        up, down: as ``grid_kernels.fill_runs`` fills them in.
-        frame: a ``grid_kernels.Frame``, as a plain tuple.
+        reach: of each cell.
+        up, down: as ``fill_runs`` fills them in.
+        frame: a :class:`Frame`, as a plain tuple.
     """
 
     reach: Reach
@@ -201,19 +201,13 @@ class CellGrid(NamedTuple):
     frame: tuple[float, ...]
 
 
-_NO_RUNS = np.empty((0, 0), np.int16)
-NO_CELLS = tuple(
-    CellGrid(np.empty((0, 0), np.uint8), _NO_RUNS, _NO_RUNS, (0.0, 0.0, 1.0, 0.0, 1.0))
-)
-
-
 @compiled
 def feasible(starts: Any, ends: Any, reach: Reach, frame: Any, radius: float, out: Bools) -> None:
     """Fill in whether a disc swept along each path meets no solid cell and stays on the map.
 
     Args:
         starts, ends: rows x and y (further rows are ignored), (2+, n), float32 or float64.
-        reach, frame: as ``grid_kernels.cast``.
+        reach, frame: as ``cast``.
         radius: of the disc.
         out: (n,).
     """
@@ -242,7 +236,7 @@ def roll_out(
 
     Args:
         poses: rows x, y, θ, (3, n).
-        moves: increments, (F, 3, n); as ``kernels.drive``.
+        moves: increments, (F, 3, n); as ``drive_kernels.drive``.
         reach, frame, radius: as ``feasible``.
         collisions: number of steps of each that collide, (n,).
         out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).

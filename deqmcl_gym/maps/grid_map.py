@@ -14,10 +14,10 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym.maps import contact_kernels, grid_file, grid_kernels, grid_walls, stride_kernels
 from deqmcl_gym.maps.grid_file import FREE, MAX_SIDE, OCCUPIED, UNKNOWN
 from deqmcl_gym.maps.grid_kernels import Frame
-from deqmcl_gym.maps.map import Box, Point, check_beams, check_moves, check_pairs, check_path, table
+from deqmcl_gym.maps.map import Box, check_beams, check_moves, check_pairs, check_path, table
 from deqmcl_gym.maps.stride_kernels import Reach
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Ints, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Ints, Point, Singles
 from deqmcl_gym.validation import InputError, keep_plain, number, one_of, pose
 
 Unknown = str | float  # "obstacle", "transparent", "free", or an occupancy from 0 to 1

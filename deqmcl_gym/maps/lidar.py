@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps.drive_kernels import mounted
-from deqmcl_gym.maps.map import LENGTH, Caster, Map, Point
+from deqmcl_gym.maps.map import LENGTH, Caster, Map
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.elementary import cos64, sin64
-from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Point, Singles
 from deqmcl_gym.validation import (
     InputError,
     array,
@@ -80,7 +80,7 @@ class Mount:
 
     def seen(self, own: Floats) -> Floats:
         """Return the angles against the robot's heading, in [-π, π], of the scanner's own."""
-        return _wrapped(self.heading - own if self.upside_down else self.heading + own)
+        return arrays.wrapped(self.heading - own if self.upside_down else self.heading + own)
 
     def hides(self, bearings: Floats) -> Bools:
         """Return which beams, by their angles against the robot's heading, are blind, (B,)."""
@@ -281,10 +281,6 @@ def _fan(beams: int, field_of_view: float) -> Floats:
     half = field_of_view / 2
     full_circle = field_of_view > _TURN - 1e-9
     return np.linspace(-half, half, beams, endpoint=not full_circle)
-
-
-def _wrapped(angles: Floats) -> Floats:
-    return np.where(np.abs(angles) > math.pi, arrays.wrapped(angles), angles)
 
 
 def _moved(poses: NDArray[Any], place: Point) -> NDArray[Any]:

@@ -16,13 +16,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps.drive_kernels import drive, laid
-from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Ints, Point, Singles
 from deqmcl_gym.validation import InputError, number, one_of, real
 
 _LARGEST_HEADING = 1e3  # rad: float32 resolves 6e-5 there
 
 Box = tuple[float, float, float, float]  # x_low, y_low, x_high, y_high
-Point = tuple[float, float]
 
 
 class Caster(Protocol):

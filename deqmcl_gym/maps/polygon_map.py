@@ -23,7 +23,6 @@ from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.map import (
     Box,
     Caster,
-    Point,
     check_beams,
     check_moves,
     check_pairs,
@@ -32,7 +31,7 @@ from deqmcl_gym.maps.map import (
     table,
 )
 from deqmcl_gym.maps.polygons import Polygon, has_free_space, oriented_edges, parse_polygon
-from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Ints, Point, Singles
 from deqmcl_gym.validation import InputError, number, one_of, shown
 
 _ZERO_LENGTH = 1e-3  # px: a shorter edge counts as having no length

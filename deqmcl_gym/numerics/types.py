@@ -1,4 +1,4 @@
-"""The array types of all three packages, one name for each."""
+"""The types of arrays, poses and points of all three packages, one name for each."""
 
 from typing import Any
 
@@ -11,3 +11,7 @@ Reals = NDArray[np.floating[Any]]  # of either size
 Bools = NDArray[np.bool_]
 Indices = NDArray[np.intp]
 Ints = NDArray[np.int32]
+RoomActions = Singles  # (distance, turn) of rooms, (..., 2)
+
+Pose = tuple[float, float, float]  # x, y, θ
+Point = tuple[float, float]  # x, y

@@ -9,14 +9,14 @@ import numpy as np
 
 from deqmcl_gym.maps import GridMap, Map
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Pose, RoomActions
 from deqmcl_gym.validation import InputError, integer
 from deqmcl_gym.world.config import Driver, World
-from deqmcl_gym.world.course import MAX_STEPS, Course, Path, Pose
+from deqmcl_gym.world.course import MAX_STEPS, Course, Path
 from deqmcl_gym.world.driver_kernels import NEARER, room_for_noise, steer
 from deqmcl_gym.world.path_kernels import once_round, roll_out
 
-Actions = Singles
+NO_PLAN = np.empty((0, 2), np.float32)  # of one who shows nothing of what is to come
 
 
 class Underway(Protocol):
@@ -49,7 +49,7 @@ class FixedPlan:
         begun: step of the episode after which it begins.
     """
 
-    actions: Actions
+    actions: RoomActions
     horizon: int
     begun: int = 0
 
@@ -58,7 +58,7 @@ class FixedPlan:
         """The last step."""
         return self.begun + len(self.actions)
 
-    def after(self, underway: Underway) -> tuple[Actions, int]:
+    def after(self, underway: Underway) -> tuple[RoomActions, int]:
         """Return the next h actions, zero-padded, and their number; 0 ends the episode.
 
         The array (h, 2) is fresh. They are the same wherever the robot is.
@@ -67,21 +67,21 @@ class FixedPlan:
         end = step + self.horizon
         return self._padded[step:end].copy(), min(self.horizon, len(self.actions) - step)
 
-    def after_each(self, steps: Indices) -> tuple[Actions, Indices]:
+    def after_each(self, steps: Indices) -> tuple[RoomActions, Indices]:
         """Return the results of :meth:`after` for each of ``steps`` (n,): (n, h, 2) and (n,)."""
         return self._windows[steps], self._counts[steps]
 
-    def replaced(self, step: int, actions: Actions) -> "FixedPlan":
+    def replaced(self, step: int, actions: RoomActions) -> "FixedPlan":
         """Return the plan in which ``actions`` (k, 2) follow ``step`` steps of this one."""
         kept = self.actions[: step - self.begun]
         return FixedPlan(np.vstack([kept, actions]), self.horizon, self.begun)
 
     @cached_property
-    def _padded(self) -> Actions:
+    def _padded(self) -> RoomActions:
         return np.vstack([self.actions, np.zeros((self.horizon, 2), np.float32)])
 
     @cached_property
-    def _windows(self) -> Actions:
+    def _windows(self) -> RoomActions:
         """Row t has the actions after step t, (T + 1, h, 2); a view."""
         windows = np.lib.stride_tricks.sliding_window_view(self._padded, self.horizon, axis=0)
         return windows.transpose(0, 2, 1)
@@ -159,11 +159,11 @@ class GuidedPlan:
         return plan
 
     @cached_property
-    def actions(self) -> Actions:
+    def actions(self) -> RoomActions:
         """The lap from the expected start without noise, (T, 2) float32."""
         return self._rolled_out(self.course.start, self.course.arc, 0.0, self.limit)
 
-    def after(self, underway: Underway) -> tuple[Actions, int]:
+    def after(self, underway: Underway) -> tuple[RoomActions, int]:
         """Return the next h actions from where the robot truly is; see ``FixedPlan.after``."""
         left = self.limit - underway.step
         # what is done on a route does not depend on how much of it is shown
@@ -179,7 +179,7 @@ class GuidedPlan:
         ahead = self._rolled_out(underway.pose, underway.arc, underway.way, left)
         return FixedPlan(ahead, self.horizon, begun=underway.step)
 
-    def _rolled_out(self, pose: Pose, arc: float, way: float, most: int) -> Actions:
+    def _rolled_out(self, pose: Pose, arc: float, way: float, most: int) -> RoomActions:
         """Return the next actions, at most so many."""
         path, ground, route = self.course.path, self.world.floor_plan, self.world.route
         if route is None:
@@ -201,7 +201,7 @@ class GuidedPlan:
 
     def _among_cells(
         self, ground: GridMap, clearance: float, pose: Pose, arc: float, way: float, most: int
-    ) -> Actions:
+    ) -> RoomActions:
         """Return the same on a map of cells, in one kernel."""
         path, goal = self.course.path, self.course.goal
         assert goal is not None  # of a route
@@ -216,7 +216,7 @@ class GuidedPlan:
 
     def _along(
         self, path: Path, share: float, pose: Pose, arc: float, way: float, most: int
-    ) -> Actions:
+    ) -> RoomActions:
         rules = (share * self.rules[0], *self.rules[1:])
         actions = np.empty((most, 2), np.float32)
         return actions[: roll_out(pose, arc, way, path.edges, path.period, rules, actions)]
@@ -246,13 +246,13 @@ def _check_drivable(plan: GuidedPlan) -> None:
         raise InputError(f"the driver meets a wall near ({x:g}, {y:g}), even without noise: {wish}")
 
 
-def _blocked(start: Pose, actions: Actions, floor_plan: Map, body: float) -> Bools:
+def _blocked(start: Pose, actions: RoomActions, floor_plan: Map, body: float) -> Bools:
     """Whether a disc of radius ``body`` without noise would touch a wall in each step, (T,)."""
     points = points_of(start, actions)
     return floor_plan.collides(points[:-1], points[1:], body)
 
 
-def points_of(start: Pose, actions: Actions) -> Floats:
+def points_of(start: Pose, actions: RoomActions) -> Floats:
     """Where a robot without noise comes by, (T + 1, 2)."""
     x, y, heading = start
     distances, turns = actions.astype(np.float64).T

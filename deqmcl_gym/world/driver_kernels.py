@@ -10,10 +10,9 @@ import numpy as np
 from deqmcl_gym.maps.grid_kernels import distances, feasible
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
-from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.numerics.types import Floats, RoomActions
 from deqmcl_gym.world.path_kernels import roll_out
 
-Actions = Singles
 NEARER = (1.0, 0.7, 0.5, 0.35, 0.25)  # shares of the look-ahead that are tried on a route
 _BLOCK = 64  # steps looked at together: the first blocked one ends the search
 
@@ -44,7 +43,7 @@ def steer(
     rules: tuple[float, float, float, float, float, float],
     cells: Any,
     body: float,
-    actions: Actions,
+    actions: RoomActions,
 ) -> int:
     """Fill in what a driver does from ``pose`` on a route, and return the number of actions.
 
@@ -114,7 +113,7 @@ def back_onto(
 
 @compiled
 def _first_blocked(
-    pose: tuple[float, float, float], actions: Actions, cells: Any, body: float
+    pose: tuple[float, float, float], actions: RoomActions, cells: Any, body: float
 ) -> int:
     """Return the first step without noise in which a disc would touch a solid cell; -1: none."""
     reach, _, _, frame = cells

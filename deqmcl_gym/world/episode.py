@@ -11,12 +11,11 @@ import pymunk
 
 from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.maps.polygons import oriented_edges
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics.types import Floats, Point, Pose
 from deqmcl_gym.world.config import World
-from deqmcl_gym.world.course import Point, Pose
 from deqmcl_gym.world.driver import GuidedPlan
 from deqmcl_gym.world.path_kernels import drawn, judged
-from deqmcl_gym.world.people import Crowded
+from deqmcl_gym.world.people import Contacts, Crowded
 from deqmcl_gym.world.reality import Beginning
 from deqmcl_gym.world.rules import RoomRules
 from deqmcl_gym.world.sensor import LidarSensor, Stream, episode_stream
@@ -81,9 +80,6 @@ class Walls:
         """See ``Cells.first_contact``."""
         contact = self.space.segment_query_first(start, end, 0.0, _WALLS)
         return None if contact is None else contact.alpha
-
-
-Contacts = Cells | Walls | Crowded  # what a disc can touch
 
 
 def contacts_of(world: World) -> Contacts:

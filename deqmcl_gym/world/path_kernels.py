@@ -8,9 +8,7 @@ import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import TURN, atan2_64, centred64, cos64, sin64
-from deqmcl_gym.numerics.types import Floats, Singles
-
-Actions = Singles
+from deqmcl_gym.numerics.types import Floats, RoomActions
 
 
 @compiled
@@ -103,7 +101,7 @@ def roll_out(
     edges: Floats,
     period: float,
     rules: tuple[float, float, float, float, float, float],
-    actions: Actions,
+    actions: RoomActions,
 ) -> int:
     """Fill in the actions of a driver from ``pose`` without noise, until it is done.
 

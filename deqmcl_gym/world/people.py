@@ -6,11 +6,11 @@ from typing import Protocol
 
 import numpy as np
 
-from deqmcl_gym.maps.map import LENGTH, Caster, Map, Point, pixel
+from deqmcl_gym.maps.map import LENGTH, Caster, Map, pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Point, Singles
 from deqmcl_gym.validation import InputError, integer, keep_plain, number
 from deqmcl_gym.world.differences import ordered
 
@@ -98,10 +98,27 @@ class Crowd:
         return path, np.cumsum(np.pad(lengths, ((0, 0), (1, 0))), axis=1)
 
 
-class Crowded:
-    """Walls and people: what a disc can touch (``deqmcl_gym.world.episode.Contacts``)."""
+class Contacts(Protocol):
+    """What a disc can touch.
 
-    def __init__(self, walls: "_Contacts", crowd: Crowd, body: float) -> None:
+    Attributes:
+        skin, reach: as of ``World``.
+    """
+
+    skin: float
+    reach: float
+
+    def gap(self, centre: Point) -> float:
+        """Distance of the disc's rim from the nearest of it, negative if they overlap."""
+
+    def first_contact(self, start: Point, end: Point) -> float | None:
+        """Share of a drive at which a disc that starts clear touches something; None: never."""
+
+
+class Crowded:
+    """Walls and people."""
+
+    def __init__(self, walls: Contacts, crowd: Crowd, body: float) -> None:
         """Put a crowd, for a robot of radius ``body``, among walls."""
         self._walls, self._crowd, self._size = walls, crowd, crowd.radius + body
         self.skin, self.reach = walls.skin, walls.reach
@@ -116,15 +133,6 @@ class Crowded:
         of_people = _first_contact(*start, *end, self._crowd.places, self._size)
         first = min(math.inf if of_walls is None else of_walls, of_people)
         return first if first < math.inf else None
-
-
-class _Contacts(Protocol):
-    skin: float
-    reach: float
-
-    def gap(self, centre: Point) -> float: ...
-
-    def first_contact(self, start: Point, end: Point) -> float | None: ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,10 +9,10 @@ import numpy as np
 
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.altered import altered
-from deqmcl_gym.maps.map import Caster, Point
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.maps.map import Caster
+from deqmcl_gym.numerics.types import Floats, Point, Pose
 from deqmcl_gym.world.config import World
-from deqmcl_gym.world.course import Course, Pose
+from deqmcl_gym.world.course import Course
 from deqmcl_gym.world.differences import Changes, Way
 from deqmcl_gym.world.driver import GuidedPlan, Plan, points_of
 from deqmcl_gym.world.people import AmongPeople, Crowd

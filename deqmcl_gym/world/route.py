@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.maps.map import Map, pixel
-from deqmcl_gym.numerics.types import Bools, Floats, Indices
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Point, Pose
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world import route_kernels
 from deqmcl_gym.world.config import Route, World
-from deqmcl_gym.world.course import Course, Path, Point, Pose
+from deqmcl_gym.world.course import Course, Path
 from deqmcl_gym.world.sensor import Stream, episode_stream
 
 _CELL = 5.0  # px: 0.1 m

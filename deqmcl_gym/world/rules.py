@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym import validation
 from deqmcl_gym.maps import Lidar, Offices
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Point, Pose, RoomActions, Singles
 from deqmcl_gym.validation import LARGEST, InputError, boolean, integer, one_of
 from deqmcl_gym.world.config import WORLDS, Robot, World, offices_of
-from deqmcl_gym.world.course import MAX_STEPS, Course, Point, Pose, wrapped
+from deqmcl_gym.world.course import MAX_STEPS, Course, wrapped
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan
 from deqmcl_gym.world.path_kernels import COLLISION_PENALTY, GOAL_BONUS, once_round
 from deqmcl_gym.world.route import Journeys
@@ -25,7 +25,6 @@ from deqmcl_gym.world.sensor import Stream, episode_stream
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing, View
 
-Actions = Singles
 _FLOAT32 = np.dtype(np.float32)
 _START_TRIES = 1000
 _FREE_TRIES = 100_000
@@ -52,7 +51,7 @@ class Commands:
             bound.tolist() for bound in (self.space.low, self.space.high)
         )
 
-    def checked(self, action: Any) -> Actions:
+    def checked(self, action: Any) -> RoomActions:
         """Return an action as a fresh array, (2,) float32.
 
         Raises:
@@ -69,7 +68,7 @@ class Commands:
             "rad."
         )
 
-    def checked_each(self, actions: Any, resting: Bools) -> Actions:
+    def checked_each(self, actions: Any, resting: Bools) -> RoomActions:
         """Return one action for each room as a fresh array, (n, 2) float32.
 
         Actions of rooms that are ``resting`` (n,) are ignored, but must be numbers.
@@ -92,7 +91,7 @@ class Commands:
                 raise InputError(f"in room {room}, {refused}") from None
         return commands
 
-    def checked_plan(self, what: str, actions: ArrayLike) -> Actions:
+    def checked_plan(self, what: str, actions: ArrayLike) -> RoomActions:
         """Return actions as a fresh array, (k, 2) float32; [] has none.
 
         Raises:
@@ -104,7 +103,7 @@ class Commands:
         return plan.astype(np.float32)
 
 
-def _as_float32(action: Any) -> Actions | None:
+def _as_float32(action: Any) -> RoomActions | None:
     """Return a fresh array, or None for words, truth values, complex numbers and ragged lists."""
     if type(action) is np.ndarray and action.dtype is _FLOAT32:  # what the space asks for
         return action.copy()
@@ -118,7 +117,7 @@ def _as_float32(action: Any) -> Actions | None:
 
 
 @compiled
-def _first_outside(commands: Actions, low: Actions, high: Actions, resting: Bools) -> int:
+def _first_outside(commands: RoomActions, low: Singles, high: Singles, resting: Bools) -> int:
     """Return the first row, of those not ``resting``, outside [low, high]; -1 if there is none."""
     for room in range(resting.size):
         if not resting[room]:

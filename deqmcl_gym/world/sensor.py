@@ -12,11 +12,10 @@ from typing import Protocol, cast
 import numpy as np
 
 from deqmcl_gym.maps import Lidar
-from deqmcl_gym.maps.map import Caster, Point
+from deqmcl_gym.maps.map import Caster
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.entropy import Seeds
-from deqmcl_gym.numerics.types import Floats, Indices, Singles
-from deqmcl_gym.world.course import Pose
+from deqmcl_gym.numerics.types import Floats, Indices, Point, Pose, Singles
 from deqmcl_gym.world.differences import Glass
 
 

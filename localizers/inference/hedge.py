@@ -162,7 +162,7 @@ class Hedge:
             protected = mixed(protected, share, belief.advised, stream)
         advised = self.advised.step(advised, scan, action, plan, stream)
         protected = self.protected.step(protected, scan, action, plan[:0], rng)
-        log_odds, evidence = absorbed(log_odds, _evidence(advised), _evidence(protected))
+        log_odds, evidence = weighed(log_odds, _evidence(advised), _evidence(protected))
         events = belief.events
         if _counts(advised, protected) != _counts(belief.advised, belief.protected):
             events = _events(events, advised, protected)
@@ -189,7 +189,7 @@ def switched(log_odds: float, switching: float) -> float:
 
 
 @compiled
-def absorbed(log_odds: float, log_a: float, log_b: float) -> tuple[float, float]:
+def weighed(log_odds: float, log_a: float, log_b: float) -> tuple[float, float]:
     """Return the log-odds after evidence a for A and b for B, and log (q a + (1 - q) b).
 
     Odds instead of q, because 1 - q of a q near 1 is rounded off. They stay as they are, and the

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.numerics.elementary import cos64, sin64
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics.types import Floats, Pose
 from deqmcl_gym.validation import InputError
 from localizers.api import Prior
 from localizers.inference.bayes_filter import (
@@ -16,8 +16,6 @@ from localizers.inference.bayes_filter import (
     require_reset,
 )
 from localizers.models.robot import RobotModel
-
-Pose = tuple[float, float, float]
 
 _KEPT = 10_000  # poses, at least
 

@@ -5,11 +5,12 @@ An action is an increment (forward, left, turn): a turn, then a translation in t
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import final
+from typing import Self, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from deqmcl_gym.logs.motion import lengths_of
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.drive_kernels import drive as drive_poses
 from deqmcl_gym.maps.map import PER_LENGTH
@@ -18,9 +19,11 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import log32, sincos32
 from deqmcl_gym.numerics.types import Floats, Indices, Ints, Singles
 from deqmcl_gym.validation import InputError, number
+from localizers.models.motion_fit import SHARE, WITHIN, longer_half, moving
 
 _HALF, _MINUS_TWO = np.float32(0.5), np.float32(-2.0)
 _TURN, _PER_UNIFORM = np.float32(2 * np.pi), np.float32(2.0**-24)
+_ROUNDS = 50  # of the fit of two numbers, which has converged long before
 
 
 @compiled
@@ -161,6 +164,49 @@ class OdometryMotion:
         moves = np.empty((steps, 3, n), np.float32)
         noisy_moves(uniforms, increments(actions), self.drive, self.turn, self.drift, moves)
         return moves
+
+    @classmethod
+    def fitted(cls, meant: Floats, done: Floats) -> Self:
+        """Return the noise of turn and drive that fits steps of a log best.
+
+        ε_d and ε_φ are what the reference did beyond the odometry at each step. σ_dd is such that
+        99 % of |ε_d| / |d| lie within 2.58 σ_dd, and never less than their root mean square:
+        odometry that goes the wrong way for some steps (a speed without its sign, wheels that slip)
+        must stay possible. Of the steps only the longer half counts, as the reference has noise of
+        its own. σ_φφ and σ_φd maximize the likelihood of all ε_φ ~ N(0, (σ_φφ |φ| + σ_φd |d|)²), on
+        a grid that is refined around its best point.
+
+        Args:
+            meant: increments of the odometry, (k, 3); rows with NaN are left out.
+            done: increments of the reference, (k, 3), likewise. Of one whose ``left`` alone is NaN
+                only the way ahead and the turn are known.
+
+        Raises:
+            InputError: fewer than 10 steps have movement and a reference.
+        """
+        told, true, _ = moving(meant, done)
+        driven, turned = lengths_of(told), np.abs(told[:, 2])
+        off = true - told
+        off[np.isnan(off[:, 1]), 1] = 0.0
+        missed = (off[:, :2] * told[:, :2]).sum(axis=1) / np.maximum(driven, 1e-9)  # along the way
+        missed_turn = arrays.wrapped(off[:, 2])
+        long = longer_half(driven)
+        ratio = np.abs(missed[long] / driven[long]) if long.any() else np.zeros(1)
+        drive = max(np.sqrt(np.square(ratio).mean()), np.quantile(ratio, SHARE) / WITHIN)
+
+        def cost(turn: float, drift: float) -> float:
+            spread = np.maximum(turn * turned + drift * driven, 1e-6)
+            return float((np.log(spread) + 0.5 * np.square(missed_turn / spread)).sum())
+
+        scale = np.sqrt(np.square(missed_turn).mean())
+        best = (scale / max(turned.mean(), 1e-9), scale / max(driven.mean(), 1e-9))
+        width = 100.0
+        for _ in range(_ROUNDS):
+            factors = width ** np.linspace(-1, 1, 7)
+            tried = [(best[0] * a, best[1] * b) for a in factors for b in factors]
+            best = min(tried, key=lambda pair: cost(*pair))
+            width = max(np.sqrt(width), 1.001)
+        return cls(drive=float(drive), turn=float(best[0]), drift=float(best[1]))
 
 
 def increments(actions: ArrayLike) -> Floats:

@@ -18,14 +18,10 @@ from deqmcl_gym.maps.map import LENGTH, PER_SQUARE, PIXELS, SQUARE, pixel, scale
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import sincos32, wrapped32
-from deqmcl_gym.numerics.types import Bools, Floats, Singles
-from deqmcl_gym.validation import InputError, number, one_of
+from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.validation import number, one_of
 from localizers.models.motion import OdometryMotion, increments, normal_pairs
-
-_SHARE, _WITHIN = 0.99, 2.5758  # so much of a normal distribution lies within so many σ
-_LEAST = 10  # steps to fit to
-_ROUNDS = 500  # of the fit, which has converged long before
-_TINY = 1e-12  # a variance: of (10⁻⁶ rad)², or as small a length
+from localizers.models.motion_fit import excess, longer_half, most_likely, moving
 
 
 @final
@@ -112,13 +108,13 @@ class DifferentialMotion:
         Raises:
             InputError: fewer than 10 steps have movement and a reference.
         """
-        told, true, directed = _moving(meant, done)
+        told, true, directed = moving(meant, done)
         still = cls().still
         rot1, drive, rot2 = _turns_and_drive(told, still)
         seen1, seen, _ = _turns_and_drive(np.where(directed[:, None], true, 0.0), still)
         seen1 = np.where(seen < still, rot1, seen1)  # a reference that stands has no direction
         seen = np.where(directed, seen, true[:, 0])
-        long = _long(drive)
+        long = longer_half(drive)
         apart = long & directed  # the turns before and after the drive are known, not only both
         error1 = arrays.wrapped(rot1 - seen1)
         backward = (np.abs(error1) > math.pi / 2) & long  # the nearer of two ways to tell the same
@@ -132,11 +128,11 @@ class DifferentialMotion:
             (error[~apart], (r1 + r2)[~apart], 2 * d[~apart]),
         ]
         errors, turning, driving = (np.concatenate(parts) for parts in zip(*of_turns, strict=True))
-        alpha1, alpha2 = _most_likely(errors, np.stack([turning, driving]))
+        alpha1, alpha2 = most_likely(errors, np.stack([turning, driving]))
         features = np.stack([d, r1 + r2])[:, long]
         missed = (drive - seen)[long]
-        alpha3, alpha4 = _most_likely(missed, features)
-        alpha3 *= _excess((alpha3, alpha4), missed, features)
+        alpha3, alpha4 = most_likely(missed, features)
+        alpha3 *= excess((alpha3, alpha4), missed, features)
         return cls(alpha1=alpha1, alpha2=alpha2, alpha3=alpha3, alpha4=alpha4)
 
 
@@ -189,12 +185,12 @@ class OmniMotion:
         As ``DifferentialMotion.fitted``: α3 to α5 grow by one factor until 99 % of the errors
         along lie within 2.58 standard deviations. α5 is 0 if no step has a direction.
         """
-        told, true, directed = _moving(meant, done)
+        told, true, directed = moving(meant, done)
         bearing, drive, _ = _turns_and_drive(told, 0.0)
         seen_bearing, seen, _ = _turns_and_drive(np.where(directed[:, None], true, 0.0), 0.0)
         error = arrays.wrapped(told[:, 2] - true[:, 2])
-        turn, d, long = told[:, 2] ** 2, drive**2, _long(drive)
-        alpha1, alpha2 = _most_likely(error, np.stack([turn, d]))
+        turn, d, long = told[:, 2] ** 2, drive**2, longer_half(drive)
+        alpha1, alpha2 = most_likely(error, np.stack([turn, d]))
         off = seen_bearing - bearing
         along = np.where(directed, seen * arrays.cos(off), true[:, 0]) - drive
         across, apart, none = seen * arrays.sin(off), long & directed, np.zeros_like(d)
@@ -202,9 +198,9 @@ class OmniMotion:
             [np.stack([d, turn, none])[:, long], np.stack([none, turn, d])[:, apart]]
         )
         missed = np.concatenate([along[long], across[apart]])
-        found = _most_likely(missed, features)
+        found = most_likely(missed, features)
         count = int(long.sum())
-        factor = _excess(found, missed[:count], features[:, :count])
+        factor = excess(found, missed[:count], features[:, :count])
         alpha3, alpha4, alpha5 = (float(alpha * factor) for alpha in found)
         return cls(alpha1=alpha1, alpha2=alpha2, alpha3=alpha3, alpha4=alpha4, alpha5=alpha5)
 
@@ -278,49 +274,6 @@ def _noise(n: int, sds: tuple[Floats, ...], rng: np.random.Generator) -> Singles
     normal_pairs(uniforms[0], 0.0, first, 0.0, second, noise[0], noise[1])
     normal_pairs(uniforms[1], 0.0, third, 0.0, 0.0, noise[2], noise[3])
     return noise
-
-
-def _moving(meant: Floats, done: Floats) -> tuple[Floats, Floats, Bools]:
-    """Return the steps with movement and a reference, (k, 3) each, and which have a direction."""
-    told, true = np.asarray(meant, np.float64), np.asarray(done, np.float64)
-    kept = np.isfinite(told).all(axis=1) & np.isfinite(true[:, ::2]).all(axis=1)
-    kept &= np.abs(told).max(axis=1) > 0
-    if kept.sum() < _LEAST:
-        raise InputError(
-            f"{int(kept.sum())} steps have movement and a reference at both ends, too few to fit "
-            f"the noise of the motion to, which needs {_LEAST}: give the noise instead."
-        )
-    return told[kept], true[kept], np.isfinite(true[kept, 1])
-
-
-def _long(drive: Floats) -> Bools:
-    """Which steps are of the longer half, (k,): noise of the reference matters less in them."""
-    return drive >= max(float(np.median(drive)), 1e-9)
-
-
-def _most_likely(errors: Floats, features: Floats) -> tuple[float, ...]:
-    """Return α ≥ 0 that maximizes the likelihood of errors (k,) ~ N(0, Σ α_j f_j), f (J, k).
-
-    By multiplicative steps, none of which lowers the likelihood (Févotte & Idier 2011).
-    """
-    square = errors**2
-    used = features.max(axis=1, initial=0.0) > 0
-    alphas = np.zeros(len(features))
-    alphas[used] = square.mean() / features[used].mean(axis=1) if errors.size else 0.0
-    for _ in range(_ROUNDS):
-        variance = np.maximum(alphas @ features, _TINY)
-        above = (features * (square / variance**2)).sum(axis=1)
-        below = np.maximum((features / variance).sum(axis=1), _TINY)
-        alphas = alphas * np.sqrt(above / below)
-    return tuple(float(alpha) for alpha in alphas)
-
-
-def _excess(alphas: tuple[float, ...], errors: Floats, features: Floats) -> float:
-    """Return the factor, 1 or more, on α that brings 99 % of the errors within 2.58 σ."""
-    if errors.size == 0:
-        return 1.0
-    spread = np.sqrt(np.maximum(np.array(alphas) @ features, _TINY))
-    return max(1.0, float(np.quantile(np.abs(errors) / spread, _SHARE)) / _WITHIN) ** 2
 
 
 @compiled

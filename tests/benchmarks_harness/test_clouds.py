@@ -9,7 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from benchmarks.trials.clouds import calibration, cloud_of, covariance_floor, joined, moments
+from benchmarks.trials.clouds import (
+    belief_moments,
+    calibration,
+    cloud_of,
+    covariance_floor,
+    joined,
+)
 from deqmcl_gym.validation import InputError
 from localizers.inference.gaussian import gaussian_points
 
@@ -34,14 +40,14 @@ def together(*beliefs, truth=TRUTH):
 
 def spread(poses, weights):
     """Mean and variance of one cloud."""
-    (row,) = moments(together((poses, weights)))
+    (row,) = belief_moments(together((poses, weights)))
     return row[:4], row[4:]
 
 
 def calibrated(poses, weights, truth=TRUTH, unit="px"):
     """Energy score, rank, NEES, log score of one cloud."""
     clouds = together((poses, weights), truth=truth)
-    return calibration(clouds, moments(clouds)[:, :4], unit)[0]
+    return calibration(clouds, belief_moments(clouds)[:, :4], unit)[0]
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
@@ -182,7 +188,7 @@ def test_a_cloud_gives_the_same_in_any_layout_and_company(dtype):
     poses = poses.astype(dtype)
     columns = np.ascontiguousarray(poses.T).T
     clouds = together(cloud(7, 1), (columns, weights), (poses[:1], np.ones(1)))
-    spreads = moments(clouds)
+    spreads = belief_moments(clouds)
     assert np.array_equal(spreads[1], np.concatenate(spread(poses, weights)))
     assert np.array_equal(calibration(clouds, spreads[:, :4], "px")[1], calibrated(poses, weights))
 
@@ -222,7 +228,7 @@ def test_points_that_are_not_numbers_of_that_shape_are_refused(points):
 )
 def test_weights_that_are_negative_or_do_not_add_up_to_1_are_refused(weights):
     with pytest.raises(InputError, match="add up to 1"):
-        moments(together((POSES, WEIGHTS), (POSES, weights)))
+        belief_moments(together((POSES, WEIGHTS), (POSES, weights)))
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e16])
@@ -231,7 +237,7 @@ def test_a_pose_that_is_not_finite_or_huge_is_refused_also_at_weight_0(value, co
     poses, weights = np.vstack([POSES, POSES[0]]), np.append(WEIGHTS, 0.0)
     poses[4, column] = value
     with pytest.raises(InputError, match="state 0 at offset 0 has poses that are not finite or"):
-        moments(together((POSES, WEIGHTS), (poses, weights)))
+        belief_moments(together((POSES, WEIGHTS), (poses, weights)))
 
 
 def test_weights_that_add_up_to_1_but_for_rounding_are_divided_by_their_sum():
@@ -281,7 +287,7 @@ def arrays_of_any_kind(draw, columns=None):
 def scored(poses, weights):
     """Moments, or why there are none."""
     try:
-        (ours,) = moments(together((poses, weights)))
+        (ours,) = belief_moments(together((poses, weights)))
     except InputError as refusal:
         return None, str(refusal)
     return ours, None

@@ -4,6 +4,7 @@ import json
 import math
 import struct
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ from mcap.reader import make_reader
 from refusals import refused
 
 from benchmarks.pictures.film import laid
-from benchmarks.pictures.viewing import Views
+from benchmarks.pictures.viewing import Views, shown_again
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
@@ -100,10 +101,11 @@ def lap(tmp_path_factory):
     stage, path = Stage.of(trial), tmp_path_factory.mktemp("mcap") / "new" / "a.mcap"
     episode = (moment for moment in stage.moments() if moment.step <= 12)
     kept = []
-    for (moment,) in Views(mcap=path).of({"H": episode}, stage, None):
-        belief = moment.belief
-        kept.append((moment, belief.points(), belief.advised.points(), belief.protected.points(),
-                     belief.trusted))  # fmt: skip
+    with Views(mcap=path).showing({"H": episode}, stage) as rows:
+        for (moment,) in rows:
+            belief = moment.belief
+            kept.append((moment, belief.points(), belief.advised.points(),
+                         belief.protected.points(), belief.trusted))  # fmt: skip
     return stage, kept, read(path), path
 
 
@@ -215,6 +217,38 @@ def test_a_replay_has_its_localizers_side_by_side_at_the_times_of_the_log(hall, 
     assert one(decoded(one(grid, 5)), 1) == pytest.approx(0.05)
 
 
+def segment_of(log, number=0):
+    """A trial on a segment of a log in the hall."""
+    world = {"log": str(log), "map": str(log.with_name("hall.yaml")), "segment": 1.0}
+    return Trial(
+        scenario="log", world=world | {"every": "0.05m,2deg"}, localizer="dead-reckoning",
+        params=(), lag=0, seed=0, trial=number,
+    )  # fmt: skip
+
+
+def test_a_segment_of_a_log_has_the_times_of_its_own_records(hall, tmp_path):
+    _, log = hall
+    begun = set()
+    for number in range(4):
+        trial = segment_of(tmp_path / "lap.csv", number)
+        shown_again([trial], Views(mcap=tmp_path / f"{number}.mcap"))
+        shown = read(tmp_path / f"{number}.mcap")["/truth"]
+        begun.add(shown[0][0])
+        for at, _, data in shown:
+            (pose,) = log.reference[log.times == at]
+            assert pose_of(one(decoded(data), 3))[:2] == pytest.approx(pose[:2], abs=1e-9)
+    assert len(begun) > 1  # else all would begin at one of some 20 records
+
+
+def test_a_log_with_times_before_0_is_refused_and_leaves_no_file(hall, tmp_path):
+    _, log = hall
+    logs.write(replace(log, times=log.times - 1000.0), "early.csv")
+    there = {path.name for path in tmp_path.iterdir()}
+    with refused("is at -", "no time before 0 s"):
+        shown_again([segment_of(tmp_path / "early.csv")], Views(mcap=tmp_path / "a.mcap"))
+    assert {path.name for path in tmp_path.iterdir()} == there
+
+
 def test_beams_at_uneven_angles_are_points_where_they_end(hall, tmp_path):
     _, log = hall
     assert exit_code(*REPLAY, "--max-beams", "17", "--mcap", "a.mcap", "--out", "out") == 0
@@ -247,10 +281,9 @@ def test_a_run_that_is_stopped_leaves_no_file(tmp_path):
         scenario="guided", localizer="mcl", params={"particles": 20}, lag=0, seed=1, trial=0
     )
     stage = Stage.of(trial)
-    rows = Views(mcap=tmp_path / "a.mcap").of({"mcl": stage.moments()}, stage, None)
-    next(rows)
-    assert len([*tmp_path.iterdir()]) == 1
-    rows.close()
+    with Views(mcap=tmp_path / "a.mcap").showing({"mcl": stage.moments()}, stage) as rows:
+        next(rows)
+        assert len([*tmp_path.iterdir()]) == 1
     assert [*tmp_path.iterdir()] == []
 
 

@@ -14,7 +14,7 @@ import localizers
 from deqmcl_gym.validation import InputError
 from localizers.inference.bayes_filter import FilterLocalizer
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.hedge import Hedge, absorbed, judging, mixed, share_of, switched
+from localizers.inference.hedge import Hedge, judging, mixed, share_of, switched, weighed
 from localizers.inference.queue import Queue
 from localizers.models.scan import LidarScan, Scan
 
@@ -32,7 +32,7 @@ SOME = st.floats(-50.0, 20.0)
 def test_in_no_sequence_of_scans_is_it_far_behind_either_member(evidence, switching, trust):
     log_odds, total = math.log(trust / (1 - trust)), 0.0
     for pair in evidence:
-        log_odds, log_p = absorbed(switched(log_odds, switching), *pair)
+        log_odds, log_p = weighed(switched(log_odds, switching), *pair)
         total += log_p
     stays = len(evidence) * math.log1p(-switching)
     rounding = 1e-12 * len(evidence) * 100
@@ -43,12 +43,12 @@ def test_in_no_sequence_of_scans_is_it_far_behind_either_member(evidence, switch
 
 def test_what_is_unknown_or_impossible_to_both_moves_no_trust():
     for log_a, log_b in ((math.nan, 0.0), (0.0, math.nan), (-math.inf, -math.inf)):
-        log_odds, evidence = absorbed(0.3, log_a, log_b)
+        log_odds, evidence = weighed(0.3, log_a, log_b)
         assert log_odds == 0.3
         assert math.isnan(evidence)
     doubt = math.log(1 - share_of(0.3))
-    assert absorbed(0.3, -math.inf, -2.0) == (-math.inf, pytest.approx(doubt - 2.0))
-    assert absorbed(math.inf, -math.inf, -2.0) == (math.inf, -math.inf)  # never doubted
+    assert weighed(0.3, -math.inf, -2.0) == (-math.inf, pytest.approx(doubt - 2.0))
+    assert weighed(math.inf, -math.inf, -2.0) == (math.inf, -math.inf)  # never doubted
 
 
 @given(q=st.floats(1e-9, 1 - 1e-9), switching=st.floats(0.0, 0.5))

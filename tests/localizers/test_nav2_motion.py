@@ -14,6 +14,7 @@ from following import wrapped
 
 from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
+from localizers.models.motion import OdometryMotion
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed, moved
 
 N = 100_000
@@ -201,8 +202,9 @@ def test_a_reference_with_noise_does_not_inflate_what_it_cannot_tell(model):
     assert math.sqrt(found.alpha2) * 0.2 < 0.1  # rad in 0.2 m
 
 
-def test_too_few_steps_are_refused():
+@pytest.mark.parametrize("model", [DifferentialMotion, OmniMotion, OdometryMotion])
+def test_too_few_steps_are_refused(model):
     steps = np.full((20, 3), 0.1)
     steps[9:] = np.nan
     with pytest.raises(InputError, match="9 steps have movement"):
-        DifferentialMotion.fitted(steps, steps)
+        model.fitted(steps, steps)
