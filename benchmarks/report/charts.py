@@ -14,7 +14,7 @@ from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.journeys import JourneyScore
 from benchmarks.tables.pairing import lap_errors, profile
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.stats import Estimate
+from benchmarks.tables.stats import UNKNOWN, Estimate
 from benchmarks.tables.text import estimated, fixed, p_value, percent
 from benchmarks.trials.journeys import JOURNEY_SCORES, Group, Score
 from benchmarks.trials.metrics import LEVELS
@@ -125,7 +125,7 @@ def score_header(score: Score) -> list[str]:
 
 def score_cells(row: Comparison, score: Score) -> list[str]:
     """Return a score of a method's runs, and how it compares with the baseline's."""
-    own = row.journey.get(score.name, JourneyScore(value=Estimate()))
+    own = row.journey.get(score.name, JourneyScore(value=UNKNOWN))
     cells = [_value(own.value, score)]
     if score.tested and row.is_baseline:
         cells += ["baseline", "–"]

@@ -48,7 +48,7 @@ _NOT_OF_THE_METHOD = ("seed", "trial", "filter_seed")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Score:
+class Scored:
     """What a run says of a method.
 
     Attributes:
@@ -94,11 +94,11 @@ class Entry:
         held: on held-out worlds; None: there is no such run.
     """
 
-    public: Sequence[Score]
-    held: Score | None = None
+    public: Sequence[Scored]
+    held: Scored | None = None
 
     @property
-    def first(self) -> Score:
+    def first(self) -> Scored:
         """Its public score."""
         return self.public[0]
 
@@ -151,8 +151,8 @@ class Board:
         lines = [
             [
                 f"{1 + ranks.index(entry.rank)}. {marked_label(entry.first.panel, entry.first.of)}",
-                *_scored(entry.first),
-                *(_scored(entry.held) if entry.held else ("–", "–")),
+                *_cells(entry.first),
+                *(_cells(entry.held) if entry.held else ("–", "–")),
                 _said(entry.gap, entry.first, "+") if entry.gap is not UNKNOWN else "–",
                 f"{significant(entry.first.of.cost, 2)} ×",
                 entry.label,
@@ -181,14 +181,14 @@ def boards(read: Sequence[Handed]) -> list[Board]:
     held = _held_out(read, public)
     for other in public[1:]:
         _refuse_other_worlds(public[0], other)
-    scores = {one.digest: dict(_scores(own)) for one in public if (own := held.get(one.digest))}
-    found: dict[tuple[Setting, Changes], dict[tuple[str, str], list[Score]]] = {}
+    scores = {one.digest: dict(_scored(own)) for one in public if (own := held.get(one.digest))}
+    found: dict[tuple[Setting, Changes], dict[tuple[str, str], list[Scored]]] = {}
     titles: dict[tuple[Setting, Changes], str] = {}
     for handed in public:
-        for key, score in _scores(handed):
-            place = (score.panel.setting, score.panel.swept)
-            titles.setdefault(place, score.panel.title)
-            found.setdefault(place, {}).setdefault((key, score.digest), []).append(score)
+        for key, scored in _scored(handed):
+            place = (scored.panel.setting, scored.panel.swept)
+            titles.setdefault(place, scored.panel.title)
+            found.setdefault(place, {}).setdefault((key, scored.digest), []).append(scored)
     return [
         Board(
             title=titles[place],
@@ -251,15 +251,15 @@ def _csv_lines(board: Board) -> Iterator[list[object]]:
         ]
 
 
-def _scored(score: Score) -> tuple[str, str]:
+def _cells(own: Scored) -> tuple[str, str]:
     """A score and its difference to the baseline's."""
-    value = _said(score.of.standing.value, score)
-    return value, "baseline" if score.of.is_baseline else _said(score.of.standing.diff, score, "+")
+    value = _said(own.of.standing.value, own)
+    return value, "baseline" if own.of.is_baseline else _said(own.of.standing.diff, own, "+")
 
 
-def _said(value: Estimate, score: Score, sign: str = "") -> str:
+def _said(value: Estimate, own: Scored, sign: str = "") -> str:
     """An error with two digits, or a share in per cent."""
-    if score.panel.aim is not None:
+    if own.panel.aim is not None:
         return estimated(value.percent, f"{sign}.0f")
     return estimated(value, f"{sign}.2f")
 
@@ -292,19 +292,19 @@ def _runs_table(read: Sequence[Handed]) -> Table:
     )
 
 
-def _scores(handed: Handed) -> Iterator[tuple[str, Score]]:
+def _scored(handed: Handed) -> Iterator[tuple[str, Scored]]:
     """Yield the methods of a run, each with what it is called wherever its files are."""
     for panel in handed.results.panels:
         for of in panel.present:
             said = panel.records[of.method][0].trial.canonical() | {"swept": panel.swept.json()}
             plain = {key: value for key, value in said.items() if key not in _NOT_OF_THE_METHOD}
             key = json.dumps(placeless(plain, handed.made.made), sort_keys=True)
-            yield key, Score(handed=handed, panel=panel, of=of)
+            yield key, Scored(handed=handed, panel=panel, of=of)
 
 
 def _of_any(
-    scores: Mapping[str, Mapping[str, Score]], public: Sequence[Score], key: str
-) -> Score | None:
+    scores: Mapping[str, Mapping[str, Scored]], public: Sequence[Scored], key: str
+) -> Scored | None:
     """Return the first held-out score of a method that one of its submissions has."""
     own = (scores.get(one.handed.digest, {}).get(key) for one in public)
     return next(filter(None, own), None)

@@ -16,7 +16,7 @@ from benchmarks.tables.pairing import differences
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate, sample_sd, worlds_to_see
 from benchmarks.tables.text import estimated, p_value, percent
-from benchmarks.tables.tracks import Row, Run, rows_of, worse
+from benchmarks.tables.tracks import Row, TrackedRun, rows_of, worse
 from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.journeys import JOURNEY_SCORES, Score
 from benchmarks.trials.metrics import LEVELS
@@ -149,7 +149,7 @@ def differences_table(panel: Panel) -> Table | None:
     )
 
 
-def told(run: Run) -> str:
+def told(run: TrackedRun) -> str:
     """Say how a run ended: where it was lost, or how far off it was at most."""
     track, scores = run.track, run.scores
     if not track.known.size:
@@ -240,7 +240,7 @@ def error_charts(panel: Panel, looks: Looks) -> list[Picture]:
 
 
 def _trajectory(
-    label: str, run: Run, which: str, floor_plan: Map, look: Look, name: str
+    label: str, run: TrackedRun, which: str, floor_plan: Map, look: Look, name: str
 ) -> Picture:
     """One run of a localizer on the map, the reference, and where it was lost for good."""
     track = run.track

@@ -24,6 +24,7 @@ from benchmarks.pictures.film import webp
 from benchmarks.setup.interfaces import Agent
 from benchmarks.tables.stats import wilson
 from benchmarks.tasks import OFFICE, POWER, robot_model
+from benchmarks.trials.fixes import metre
 from deqmcl_gym.envs.acting import ActingEnv, TrackEnv
 from deqmcl_gym.files import write_bytes
 from deqmcl_gym.numerics.types import Floats, Singles
@@ -109,13 +110,12 @@ def play(task: str, policy: str, seed: int, film: list[Any] | None = None, **mad
     if film is not None:
         film.append(env.render())
     success = bool(info.get("is_success", terminated))
-    per_metre = 1.0 if room.floor_plan.unit == "m" else 50.0
     return Played(
         score,
         success,
         terminated and not (success or info["collided"]),
         steps,
-        metres / per_metre,
+        metres / metre(room.floor_plan.unit),
         contacts,
         scans,
     )

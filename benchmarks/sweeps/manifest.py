@@ -247,7 +247,9 @@ def seeds(root: int) -> dict[str, Any]:
         "world": "env.reset(seed) of trial i: "
         "SeedSequence(root, spawn_key=(i, 0)).generate_state(1, uint64)[0] >> 11",
         "localizer": "run j of trial i: SeedSequence(root, spawn_key=(i, 1, j)), the same for "
-        "every method; in scenario replay: SeedSequence(root, spawn_key=(i,))",
+        "every method; in scenario replay: spawn_key=(i,) of run 0, (i, j) of the others",
+        "start": "of a prior that is drawn, run j of trial i: "
+        "SeedSequence(root, spawn_key=(i, 2, j))",
     }
 
 

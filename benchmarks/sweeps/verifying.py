@@ -7,7 +7,7 @@ import contextlib
 import hashlib
 import json
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -24,7 +24,7 @@ from benchmarks.sweeps.results import recorded_sweep
 from benchmarks.sweeps.running import counted
 from benchmarks.sweeps.store import Store
 from benchmarks.trials.attempt import Outcome
-from benchmarks.trials.provenance import environment
+from benchmarks.trials.provenance import Provenance, environment
 from benchmarks.trials.scoring import LATER, SCORE_NAMES, Finished, Record
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
@@ -131,20 +131,42 @@ def run_again(
     if draw:
         finished = {key: finished[key] for key in sorted(finished, key=partial(_drawn, draw))}
     chosen = sample(finished, f"{now.code}{draw}", share)
-    keys = {now.key(trial): key for key, trial in chosen.items()}
-    differing: dict[str, str] = {}
-    with (
-        where.engine(chosen.values()) as engine,
-        counted(folder, len(chosen), len(chosen)) as count,
-        contextlib.closing(outcomes([(k, chosen[keys[k]]) for k in keys], engine)) as ended,
-    ):
-        for own, outcome in ended:
-            if why := _difference(records[keys[own]], outcome):
-                differing[keys[own]] = why
-            count(bool(why))
+    differing = compare_again(
+        chosen, now, where, lambda key, found: _difference(records[key], found), folder
+    )
     parts = now.code, now.libraries, now.plug_ins
     checked = Verified(*parts, keys=list(chosen), of=len(records), environment=environment())
     return Again(folder=folder, checked=checked, chosen=chosen, differing=differing)
+
+
+def compare_again(
+    trials: Mapping[str, Trial],
+    now: Provenance,
+    where: Where,
+    difference: Callable[[str, Outcome], str | None],
+    folder: Path | None = None,
+) -> dict[str, str]:
+    """Run trials again; return how those differ that do, by name.
+
+    Args:
+        trials: by name.
+        now: what their numbers depend on now.
+        where: the engine.
+        difference: says of a trial's name and outcome how it differs; None or "" if it does not.
+        folder: whose name the progress shown has; None shows nothing.
+    """
+    names = {now.key(trial): name for name, trial in trials.items()}
+    differing: dict[str, str] = {}
+    with (
+        where.engine(trials.values()) as engine,
+        counted(folder or Path(), len(trials), len(trials), shown=folder is not None) as count,
+        contextlib.closing(outcomes([(k, trials[names[k]]) for k in names], engine)) as ended,
+    ):
+        for key, outcome in ended:
+            if why := difference(names[key], outcome):
+                differing[names[key]] = why
+            count(bool(why))
+    return differing
 
 
 def adopt(folder: Path, ours: Manifest, where: Where) -> str:
@@ -171,25 +193,16 @@ def _drawn(by: str, key: str) -> bytes:
     return hashlib.sha256(f"{by} {key}".encode()).digest()
 
 
-def fingerprint(record: Record) -> str:
-    """Return a digest of all that is in a record, times left out: equal only if it is.
-
-    Parts that a record does not have are left out, so that new ones change no other digest.
-    """
-    there = {name: part for name, part in _by_score(record).items() if part is not None}
-    plain = msgspec.to_builtins(there, str_keys=True, enc_hook=float)
-    return hashlib.sha256(json.dumps(plain, sort_keys=True).encode()).hexdigest()[:32]
-
-
 def _difference(before: Finished, now: Outcome) -> str | None:
     """Say where a trial's record differs first, its scores before all else; times may differ."""
     if now.record is None:
         return f"it finished before and fails now: {now.reason}"
     lacking = {name for row in before.scores for name in LATER - row.keys()}
-    return next(differences(_by_score(before), _by_score(now.record, lacking)), None)
+    return next(differences(parts_of(before), parts_of(now.record, lacking)), None)
 
 
-def _by_score(record: Record, without: Collection[str] = ()) -> dict[str, Any]:
+def parts_of(record: Record, without: Collection[str] = ()) -> dict[str, Any]:
+    """Return all that is in a record by name, its scores first but those ``without``; no times."""
     scores = {
         f"{name} at offset {row['offset']}": row[name]
         for row in record.scores

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.tables.stats import UNKNOWN, Estimate, multiplicities
+from benchmarks.tables.pairing import worlds_of
+from benchmarks.tables.stats import QUANTILES, UNKNOWN, Estimate, multiplicities
 from benchmarks.trials.scoring import Finished
 from deqmcl_gym.numerics.types import Bools, Floats
 
@@ -35,12 +36,10 @@ class Auroc:
 
 def auroc_of(records: Sequence[Finished]) -> Auroc:
     """Return how well the quality ranks the steps t ≥ 1 of one method's trials on one setting."""
-    runs: dict[int, list[Steps]] = {}
-    for record in records:
-        runs.setdefault(record.trial.trial, []).append(rated_steps(record))
+    runs = [[rated_steps(record) for record in own] for own in worlds_of(records)]
     worlds = [
         (np.concatenate([q for q, _ in own]), np.concatenate([far for _, far in own]))
-        for _, own in sorted(runs.items())
+        for own in runs
     ]
     return auroc_of_steps(worlds)
 
@@ -91,10 +90,8 @@ def in_order(worlds: Sequence[Steps]) -> Floats:
     return wins
 
 
-def auroc_interval(
-    wins: Floats, worlds: Sequence[Steps], level: float = 0.95
-) -> tuple[float, float]:
-    """Percentile bootstrap interval of the AUROC, over worlds.
+def auroc_interval(wins: Floats, worlds: Sequence[Steps]) -> tuple[float, float]:
+    """95 % percentile bootstrap interval of the AUROC, over worlds.
 
     10,000 resamples with a fixed seed; one without a far step, or with nothing else, has no AUROC
     and is left out. NaN unless two worlds or more have far steps, and two or more have others.
@@ -107,5 +104,5 @@ def auroc_interval(
     pairs = (drawn @ far) * (drawn @ others)
     # sums of halves below 2⁵³: exact, in whatever order they are added
     values = ((drawn @ wins) * drawn).sum(axis=1)[pairs > 0] / pairs[pairs > 0]
-    low, high = np.quantile(values, [(1 - level) / 2, (1 + level) / 2])
+    low, high = np.quantile(values, QUANTILES)
     return float(low), float(high)

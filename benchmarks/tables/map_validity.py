@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.tables.auroc import Auroc, Steps, auroc_of_steps
+from benchmarks.tables.pairing import worlds_of
 from benchmarks.tables.panels import Panel
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method
@@ -52,23 +53,24 @@ def told_apart(panels: Iterable[Panel]) -> list[ToldApart]:
 
 
 def _answers(records: Sequence[Finished]) -> dict[str, dict[str, Auroc]]:
-    worlds: dict[int, list[dict[str, Floats]]] = {}
-    for record in records:
-        columns = dict(record.against_map or {})
-        trusted = (record.plan or {}).get("trusted", [])
-        if any(value is not None for value in trusted):
-            columns["trusted"] = trusted
-        own = {name: np.array(values, np.float64) for name, values in columns.items()}
-        worlds.setdefault(record.trial.trial, []).append(own)
-    by_world = [own for _, own in sorted(worlds.items())]
-    signals = [name for name in by_world[0][0] if name not in ("off", "wrong")]
+    worlds = [[_columns(record) for record in own] for own in worlds_of(records)]
+    signals = [name for name in worlds[0][0] if name not in ("off", "wrong")]
     return {
         question: {
-            name: auroc_of_steps([_steps(own, question, name) for own in by_world])
+            name: auroc_of_steps([_steps(own, question, name) for own in worlds])
             for name in signals
         }
         for question in QUESTIONS
     }
+
+
+def _columns(record: Finished) -> dict[str, Floats]:
+    """What is true and the signals of a trial by name, (T,) each; NaN where there is none."""
+    columns = dict(record.against_map or {})
+    trusted = (record.plan or {}).get("trusted", [])
+    if any(value is not None for value in trusted):
+        columns["trusted"] = trusted
+    return {name: np.array(values, np.float64) for name, values in columns.items()}
 
 
 def _steps(runs: Sequence[Mapping[str, Floats]], question: str, name: str) -> Steps:

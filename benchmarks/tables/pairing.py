@@ -22,6 +22,14 @@ def agree(some: Changes, others: Changes) -> bool:
     return all(spelt(some[name]) == spelt(others[name]) for name in some.keys() & others.keys())
 
 
+def worlds_of(records: Iterable[Finished]) -> list[list[Finished]]:
+    """Return the records of each world, in the order of the worlds."""
+    worlds: dict[int, list[Finished]] = {}
+    for record in records:
+        worlds.setdefault(record.trial.trial, []).append(record)
+    return [own for _, own in sorted(worlds.items())]
+
+
 def runs_of(records: Iterable[Finished], name: str, offset: int = 0) -> Runs:
     """Return a score at an offset by run; NaN where it is not available."""
     return {

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.tables.auroc import Auroc, Steps, auroc_of_steps
+from benchmarks.tables.pairing import worlds_of
 from benchmarks.tables.panels import Panel
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method
@@ -52,15 +53,12 @@ def validities(panels: Iterable[Panel]) -> list[Validity]:
 def _validity(
     group: Sequence[Panel], label: str, method: Method, records: Sequence[Finished]
 ) -> Validity:
-    worlds: dict[int, list[dict[str, Floats]]] = {}
-    for record in records:
-        worlds.setdefault(record.trial.trial, []).append(_columns(record))
-    by_world = [own for _, own in sorted(worlds.items())]
-    names = [name for name in by_world[0][0] if name != "conflict"]
-    signals = {name: auroc_of_steps([_steps(own, name) for own in by_world]) for name in names}
+    worlds = [[_columns(record) for record in own] for own in worlds_of(records)]
+    names = [name for name in worlds[0][0] if name != "conflict"]
+    signals = {name: auroc_of_steps([_steps(own, name) for own in worlds]) for name in names}
     told = signals.pop("trusted", None)
     if told is not None and told.far_worlds is not None:  # else of a method that doubts no plan
-        laps = auroc_of_steps([_laps(own) for own in by_world])
+        laps = auroc_of_steps([_laps(own) for own in worlds])
         signals |= {"trusted": told, "trusted_lap": laps}
     return Validity(panels=group, label=label, method=method, signals=signals)
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from deqmcl_gym.numerics.types import Floats
 
 ALPHA = 0.05
+QUANTILES = (1 - 0.95) / 2, (1 + 0.95) / 2  # ends of an interval; 0.025 would change last digits
 _RESAMPLES = 10_000
 _BLOCK = 1_000  # resamples held at once
 _EXACT = 50  # signed ranks whose distribution is counted rather than approximated
@@ -46,8 +47,8 @@ def sample_sd(values: Floats) -> float:
     return float(np.std(values, ddof=1)) if values.size > 1 else float("nan")
 
 
-def paired_bootstrap(differences: Floats, level: float = 0.95) -> tuple[float, float]:
-    """Percentile bootstrap interval of the mean of paired differences, over worlds.
+def paired_bootstrap(differences: Floats) -> tuple[float, float]:
+    """95 % percentile bootstrap interval of the mean of paired differences, over worlds.
 
     10,000 resamples with a fixed seed: the same differences give the same interval. NaN of fewer
     than two. With ten worlds it is somewhat too narrow, as every percentile bootstrap is.
@@ -57,7 +58,7 @@ def paired_bootstrap(differences: Floats, level: float = 0.95) -> tuple[float, f
     means = np.concatenate(
         [differences[drawn].mean(axis=1) for drawn in _resamples(differences.size, _RESAMPLES)]
     )
-    low, high = np.quantile(means, [(1 - level) / 2, (1 + level) / 2])
+    low, high = np.quantile(means, QUANTILES)
     return float(low), float(high)
 
 
@@ -164,11 +165,11 @@ def holm(p_values: Sequence[float]) -> list[float]:
     return adjusted
 
 
-def wilson(share: float, n: int, level: float = 0.95) -> tuple[float, float]:
-    """Wilson's (1927) interval of a probability of which ``share`` was seen in n cases."""
+def wilson(share: float, n: int) -> tuple[float, float]:
+    """Wilson's (1927) 95 % interval of a probability of which ``share`` was seen in n cases."""
     if n == 0 or math.isnan(share):
         return math.nan, math.nan
-    z = NormalDist().inv_cdf((1 + level) / 2)
+    z = NormalDist().inv_cdf(QUANTILES[1])
     centre = (share + z * z / (2 * n)) / (1 + z * z / n)
     half = z / (1 + z * z / n) * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
     # exact ends at shares of 0 and 1, where the difference leaves round-off

@@ -39,7 +39,7 @@ _ENDS = {"diff": "diff.mean", "diff_low": "diff.low", "diff_high": "diff.high", 
 
 
 @dataclass(frozen=True)
-class Run:
+class TrackedRun:
     """A run that has come to its end.
 
     Attributes:
@@ -81,7 +81,7 @@ class Row:
     """
 
     label: str
-    runs: Sequence[Run]
+    runs: Sequence[TrackedRun]
     failed: int = 0
 
     @property
@@ -124,14 +124,14 @@ class Row:
         }
 
     @property
-    def middle(self) -> Run:
+    def middle(self) -> TrackedRun:
         """The run of the median error, or without a reference of the median agreement."""
         by = "position_median" if self.runs[0].track.known.size else "agreement_03"
         ordered = sorted(self.runs, key=lambda run: run.scores[by])
         return ordered[(len(ordered) - 1) // 2]
 
     @property
-    def worst(self) -> Run:
+    def worst(self) -> TrackedRun:
         """The run with the fewest records within 1 m and 30°, then with the largest 95 % error.
 
         Without a reference, the run of the least agreement.
@@ -139,7 +139,7 @@ class Row:
         return min(self.runs, key=worse)
 
 
-def worse(run: Run) -> tuple[float, ...]:
+def worse(run: TrackedRun) -> tuple[float, ...]:
     """What runs are ordered by, the worst first: see ``Row.worst``."""
     scores = run.scores
     if not run.track.known.size:
@@ -158,7 +158,7 @@ def rows_of(
         log: that they were run on.
     """
     return [
-        Row(label=label, runs=[Run.of(one, log) for one in own], failed=failed.get(label, 0))
+        Row(label=label, runs=[TrackedRun.of(one, log) for one in own], failed=failed.get(label, 0))
         for label, own in records.items()
     ]
 
@@ -169,7 +169,7 @@ def recorded(record: Finished) -> RecordedTrack:
     return record.track
 
 
-def results_csv(rows: Iterable[Row], panel: Panel | None) -> str:
+def tracks_results_csv(rows: Iterable[Row], panel: Panel | None) -> str:
     """Return results.csv: a line per localizer, its scores, then its differences to the first."""
     compared = {} if panel is None else {panel.labels[row.method]: row for row in panel.present}
     further = {f"{score}_{end}": (score, end) for score in _COMPARED for end in _ENDS}
@@ -184,7 +184,7 @@ def results_csv(rows: Iterable[Row], panel: Panel | None) -> str:
     return csv_text(["localizer", "seeds", "failed", *RESULTS, *further], lines)
 
 
-def trials_csv(rows: Iterable[Row]) -> str:
+def tracks_trials_csv(rows: Iterable[Row]) -> str:
     """Return trials.csv: a line per run that came to its end."""
     lines = (
         [row.label, run.seed, *(run.scores[name] for name in _TRIALS)]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.journeys import Outcomes
 from benchmarks.tables.pairing import differences, runs_of
-from benchmarks.tables.stats import Estimate, estimate
+from benchmarks.tables.stats import UNKNOWN, Estimate, estimate
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method
 
@@ -59,7 +59,7 @@ def verdict(
     others = [row for row in ranked if row.errors != winner.errors and row is not ranked[0]]
     behind = (row for row in others if winner.worse <= row.worse < math.inf)
     following = next(behind, None)
-    found = Estimate()
+    found = UNKNOWN
     if lead and following and winner.aim is None:
         ours, theirs = (runs_of(methods[row.method], "error") for row in (winner, following))
         found = estimate(differences(theirs, ours))

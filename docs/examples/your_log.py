@@ -16,6 +16,7 @@ import numpy as np
 import localizers
 from deqmcl_gym import GridMap, logs
 from deqmcl_gym.envs.wrappers import RecordLog
+from deqmcl_gym.logs.motion import dead_reckoned
 
 folder = Path(tempfile.mkdtemp())
 cells = np.zeros((120, 180), np.int8)
@@ -60,22 +61,18 @@ robot = localizers.RobotModel(
 )
 localizer = localizers.make("mcl", robot)
 ranges, info = env.reset()
-prior = localizers.GaussianPrior(mean=(4.4, 1.2, 0.0), sd_position=0.2)
+start = (4.4, 1.2, 0.0)
+prior = localizers.GaussianPrior(mean=start, sd_position=0.2)
 localizer.reset(prior, info["planned_actions"], np.random.default_rng(0))
-way, odometry, terminated = [], [np.array([4.4, 1.2, 0.0])], False
+way, actions, terminated = [], [], False
 while not terminated:
     ranges, _, terminated, _, info = env.step(log.next_action)
     belief = localizer.update(ranges, info["action"], info["planned_actions"])
     way.append(localizers.best_cluster(*belief.points(), unit="m").mean)
-    forward, left, turn = info["action"]
-    x, y, heading = odometry[-1]
-    heading += turn
-    x += forward * np.cos(heading) - left * np.sin(heading)
-    y += forward * np.sin(heading) + left * np.cos(heading)
-    odometry.append(np.array([x, y, heading]))
+    actions.append(info["action"])
 
 plt.imshow(cells == 0, cmap="gray", origin="lower", extent=(0, 9, 0, 6))
-plt.plot(*np.array(odometry)[:, :2].T, "--", color="tab:gray", label="odometry alone")
+plt.plot(*dead_reckoned(actions, start)[:, :2].T, "--", color="tab:gray", label="odometry alone")
 plt.plot(*np.array(way)[:, :2].T, color="tab:orange", label="mcl")
 plt.legend()
 plt.gca().set(xlabel="m", ylabel="m", aspect="equal")

@@ -15,6 +15,7 @@ from docs.numbers.reading import (
     filled,
     read,
     row,
+    rows_where,
     table,
 )
 
@@ -40,15 +41,9 @@ ENDS: Mapping[str, tuple[str, dict[str, object]]] = {
 CORRIDOR = 100.0  # px: how wide those of the room are
 
 
-def _in_world(report: str, beams: int, sigma: float, noise: float) -> list[dict[str, str]]:
-    """The rows of a report for a sensor and a noise of the motion, of the present."""
-
-    def holds(row: Mapping[str, str]) -> bool:
-        world = json.loads(row["world"])
-        given = world["lidar.beams"], world["lidar.sigma"], world["noise.drive"]
-        return given == (beams, sigma, noise) and row.get("offset", "0") == "0"
-
-    return [row for row in read(report) if holds(row)]
+def _world(beams: int, sigma: float, noise: float) -> dict[str, object]:
+    """A sensor and a noise of the motion, as rows of a report have them."""
+    return {"lidar.beams": beams, "lidar.sigma": sigma, "noise.drive": noise}
 
 
 def _shown(found: Mapping[str, str]) -> str:
@@ -66,8 +61,8 @@ def _authors() -> str:
         first = words
         for beams, sigma, sensor in SENSORS:
             for noise, size in NOISES:
-                world = _in_world("hedge/authors", beams, sigma, noise)
-                by = {r["method"]: r for r in world if r["scenario"] == scenario}
+                world = {"scenario": scenario} | _world(beams, sigma, noise)
+                by = {r["method"]: r for r in rows_where("hedge/authors", world)}
                 base = filled("{error:.1f}", by["mcl-map"])
                 cells = [_shown(by[method]) for method in ("mcl-plan", "mcl-plan-hedged")]
                 rows.append([first, f"{sensor}, {size}", base, *cells])
@@ -81,8 +76,10 @@ def _stale() -> str:
     kinds = (("mcl-map", 300), ("mcl-map", 150), ("mcl-plan-hedged", 300), ("mcl-plan-hedged", 600))
     for beams, sigma, sensor in SENSORS:
         for noise, size in NOISES:
-            world = _in_world("hedge/stale", beams, sigma, noise)
-            by = {(r["method"], json.loads(r["params"])["particles"]): r for r in world}
+            by = {
+                (r["method"], json.loads(r["params"])["particles"]): r
+                for r in rows_where("hedge/stale", _world(beams, sigma, noise))
+            }
             rows.append([f"{sensor}, {size}", *(filled("{error:.2f}", by[kind]) for kind in kinds)])
     head = "sensor, noise | `mcl-map`, N = 300: | `mcl-map`, N = 150:"
     return table(f"{head} | hedged, N = 150 + 150: | hedged, N = 300 + 300:", rows)
@@ -111,7 +108,7 @@ def _signals() -> str:
                 (r["method"], r["signal"]): filled(
                     "{auroc:.2f} ({auroc_low:.2f} to {auroc_high:.2f})", r
                 )
-                for r in _in_world("hedge/authors-plans", beams, sigma, noise)
+                for r in rows_where("hedge/authors-plans", _world(beams, sigma, noise))
             }
             plan = ("feasible", "log_evidence", "log_evidence_20", "tempering", "quality")
             cells = [found["mcl-plan", name] for name in plan]
@@ -159,7 +156,7 @@ def _own() -> str:
         for noise, size in NOISES:
             by = {
                 json.loads(r["params"]).get("own_plans", r["method"]): r
-                for r in _in_world("hedge/own", beams, sigma, noise)
+                for r in rows_where("hedge/own", _world(beams, sigma, noise))
             }
             cells = [_shown(by[kind]) for kind in ("mcl-plan-hedged", False)]
             rows.append([f"{sensor}, {size}", filled("{error:.1f}", by["mcl-map"]), *cells])
@@ -264,10 +261,12 @@ def sentences() -> Iterable[tuple[str, str]]:
 def _of_rooms() -> Iterable[str]:
     """Yield what it says at its head."""
     of = row("plan-sensor/results", "guided", "mcl-map", 300)
-    spec = "({diff:.1f} px of %s; 95 %% interval {diff_low:.1f} to {diff_high:.1f})"
-    halved = spec % filled("{error:.1f}", of)
-    yield filled(halved, row("plan-sensor/results", "guided", "mcl-plan", 300))
-    yield filled(halved, row("hedge/rooms", "guided", "mcl-plan-hedged", 300))
+    error = filled("{error:.1f}", of)
+    interval = "95 % interval {diff_low:.1f} to {diff_high:.1f}"
+    plan = row("plan-sensor/results", "guided", "mcl-plan", 300)
+    yield filled(f"({{diff:.1f}} px of {error}; {interval})", plan)
+    hedged = row("hedge/rooms", "guided", "mcl-plan-hedged", 300)
+    yield filled(f"{{diff:.1f}} px of the {error} px of `mcl-map` ({interval})", hedged)
     kept = [
         float(row("hedge/rooms", scenario, "mcl-plan-hedged", many)["diff"])
         / float(row("hedge/rooms", scenario, "mcl-plan", many)["diff"])
@@ -299,11 +298,7 @@ def _of_rooms() -> Iterable[str]:
         f"adds {min(ends[0]):.2f} to {max(ends[0]):.1f} px where `mcl-plan` adds "
         f"{min(ends[1]):.1f} to {max(ends[1]):.0f}"
     )
-    weak = next(
-        r
-        for r in _in_world("hedge/authors", 1, 100.0, 0.2)
-        if (r["scenario"], r["method"]) == ("guided-estimate", "mcl-plan")
-    )
+    weak = row("hedge/authors", "guided-estimate", "mcl-plan", where=_world(1, 100.0, 0.2))
     spec = "large noise it adds {diff:.0f} px ({diff_low:.0f} to {diff_high:.0f})"
     yield filled(spec, weak)
 

@@ -27,15 +27,15 @@ def _lost_in_short() -> str:
         [label, *(filled(c, row("lost/results", "lost", method, n, **params)) for c in columns)]
         for label, method, n, params in (
             (
-                "MCL with random poses when scans fit badly, without the route",
+                "`mcl-map` with random poses when scans fit badly, without the route",
                 "mcl-map", 10_000, {},
             ),
             ("the same, N = 50,000", "mcl-map", 50_000, {}),
             (
-                "the route used once, at the start: 20 poses drawn for each particle",
+                "`mcl-map`, the route used once, at the start: 20 poses drawn for each particle",
                 "mcl-map", 10_000, DRAWS,
             ),
-            ("the route as evidence at every step", "mcl-plan", 10_000, {}),
+            ("`mcl-plan`: the route as evidence at every step", "mcl-plan", 10_000, {}),
         )
     ]  # fmt: skip
     rows[2] = in_bold(rows[2], 1, 2)

@@ -65,7 +65,7 @@ def sentences() -> Iterable[tuple[str, str]]:
     starts = [Number(r["success_1m"]) for r in read("buildings/starts")]
     yield (
         "README.md",
-        f"{starts[0]:.0p} and {starts[2]:.0p} % are localized without the plan, "
+        f"`mcl-map` localizes {starts[0]:.0p} and {starts[2]:.0p} % without the plan, "
         f"{starts[1]:.0p} and {starts[3]:.0p} % if it is used once",
     )
     yield (

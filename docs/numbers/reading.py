@@ -5,7 +5,7 @@ import functools
 import json
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,26 +46,46 @@ def read(report: str) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
+def rows_where(
+    report: str, where: Mapping[str, object], offset: int = 0
+) -> Iterator[dict[str, str]]:
+    """Yield the rows of a report at an offset, if it has several, where columns have these values.
+
+    Changes of the world, and of what is assumed of it, count as columns.
+    """
+    for row in read(report):
+        said = row | _parts(row, "world") | _parts(row, "assumed")
+        if row.get("offset", "0") == str(offset) and where.items() <= said.items():
+            yield row
+
+
 def row(
     report: str, scenario: str, method: str, particles: int | None = None, offset: int = 0,
-    **params: object,
+    where: Mapping[str, object] | None = None, **params: object,
 ) -> dict[str, str]:  # fmt: skip
-    """Return the row of a report for a method with these parameters."""
+    """Return the row of a report for a method with these parameters, and the fewest others.
+
+    None is a parameter that it may not have; ``where``: see ``rows_where``.
+    """
 
     def given(row: Mapping[str, str]) -> dict[str, object]:
-        swept = json.loads(row["swept"]) if row.get("swept") else {}
-        return {"particles": particles} | swept | json.loads(row["params"])
+        return {"particles": particles} | _parts(row, "swept") | _parts(row, "params")
 
     wanted = params | ({} if particles is None else {"particles": particles})
+    place = {"scenario": scenario, **(where or {})}
     found = [
         r
-        for r in read(report)
-        if (r["scenario"], r["method"], r.get("offset", "0")) == (scenario, method, str(offset))
-        and all(given(r).get(name) == value for name, value in wanted.items())
+        for r in rows_where(report, {"method": method} | place, offset)
+        if all(given(r).get(name) == value for name, value in wanted.items())
     ]
     if not found:
-        raise LookupError(f"{report}.csv has no {method} {wanted} in {scenario}")
+        raise LookupError(f"{report}.csv has no {method} {wanted} in {place}")
     return min(found, key=lambda r: len(r["params"]))
+
+
+def _parts(row: Mapping[str, str], column: str) -> dict[str, object]:
+    """Return the named parts in a column; none of a report without it."""
+    return json.loads(row.get(column) or "{}")
 
 
 def table(head: str, rows: Iterable[Cells]) -> str:

@@ -20,22 +20,25 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from msgspec import to_builtins
 from msgspec.structs import astuple, replace
 
 from benchmarks.commands import paper as paper_command
 from benchmarks.commands import shared
 from benchmarks.commands import sweep as sweep_command
 from benchmarks.execution.apart import provenance
-from benchmarks.execution.engines import Where, available_cpus, outcomes
+from benchmarks.execution.engines import Where, available_cpus
 from benchmarks.sweeps import manifest, suites
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, results_in
 from benchmarks.sweeps.store import named
 from benchmarks.sweeps.suites import Time
-from benchmarks.sweeps.verifying import fingerprint, sample
+from benchmarks.sweeps.verifying import compare_again, parts_of, sample
 from benchmarks.tables.csv_files import results_csv
 from benchmarks.tables.text import csv_text
+from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.provenance import code_digest
+from benchmarks.trials.scoring import Record
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.files import write_text
 from deqmcl_gym.validation import InputError
@@ -167,17 +170,16 @@ def verified(name: str, sweep: Sweep, where: Where) -> tuple[str, int]:
     trials = {_name(trial): trial for trial in sweep.distinct()}
     if kept.keys() - trials.keys():
         return "its sweep has no longer the trials of its sample", len(kept)
-    now = provenance(sweep.cells())
-    waiting = {now.key(trials[name]): name for name in kept}
-    differing = {}
-    with where.engine([trials[name] for name in kept]) as engine:
-        for key, outcome in outcomes([(k, trials[n]) for k, n in waiting.items()], engine):
-            row, record = kept[waiting[key]], outcome.record
-            if record is None:
-                differing[waiting[key]] = f"fails: {outcome.reason}"
-            elif fingerprint(record) != row["record"]:
-                error = record.scores[0]["error"]
-                differing[waiting[key]] = f"had error {row['error']} and has {error}"
+
+    def difference(trial: str, found: Outcome) -> str:
+        if found.record is None:
+            return f"fails: {found.reason}"
+        if fingerprint(found.record) == kept[trial]["record"]:
+            return ""
+        return f"had error {kept[trial]['error']} and has {found.record.scores[0]['error']}"
+
+    chosen = {trial: trials[trial] for trial in kept}
+    differing = compare_again(chosen, provenance(sweep.cells()), where, difference)
     for trial in kept:
         if trial in differing:
             own = trials[trial]
@@ -242,6 +244,16 @@ def sampled(results: Results, code: str) -> str:
         said = (_name(trial), trial.scenario, trial.localizer, *trial.run)
         rows.append([*said, records[key].scores[0]["error"], fingerprint(records[key])])
     return csv_text(_SAMPLED, rows)
+
+
+def fingerprint(record: Record) -> str:
+    """Return a digest of all that is in a record, times left out: equal only if it is.
+
+    Parts that a record does not have are left out, so that new ones change no other digest.
+    """
+    there = {name: part for name, part in parts_of(record).items() if part is not None}
+    plain = to_builtins(there, str_keys=True, enc_hook=float)
+    return _digest(json.dumps(plain, sort_keys=True))[:32]
 
 
 def _sample(name: str) -> Path:

@@ -8,7 +8,6 @@ from deqmcl_command import exit_code
 from sweep_command import without_report, write_small
 
 from benchmarks.sweeps.results import results_in
-from benchmarks.sweeps.verifying import fingerprint
 from docs.numbers import made, remake
 from docs.numbers.made import Accepted, Report, Verified
 
@@ -153,6 +152,6 @@ def test_a_fingerprint_is_of_the_whole_record(reports, runs):
         msgspec.structs.replace(record, scores=[score, *record.scores[1:]]),
         msgspec.structs.replace(record, events={"seen": 1}),
     ]
-    prints = {fingerprint(one) for one in (record, *others)}
+    prints = {remake.fingerprint(one) for one in (record, *others)}
     assert len(prints) == 3
-    assert fingerprint(msgspec.structs.replace(record, seconds=1e6)) in prints
+    assert remake.fingerprint(msgspec.structs.replace(record, seconds=1e6)) in prints

@@ -47,10 +47,10 @@ def test_the_command_is_the_sweep_of_its_name():
     parser = ArgumentParser()
     paper.arguments(parser)
     options = parser.parse_args([])
-    assert shared.sweep_of(options, METHODS, options.trials) == SUITES["paper"]
+    assert shared.setting_sweep(options, METHODS, options.trials) == SUITES["paper"]
     assert options.out.as_posix() == "results/paper"
     options = parser.parse_args(["--seed", "1"])
-    assert shared.sweep_of(options, METHODS, options.trials).seed == 1
+    assert shared.setting_sweep(options, METHODS, options.trials).seed == 1
 
 
 def test_the_figures_are_of_trial_0():
