@@ -170,11 +170,11 @@ class OdometryMotion:
         """Return the noise of turn and drive that fits steps of a log best.
 
         ε_d and ε_φ are what the reference did beyond the odometry at each step. σ_dd is such that
-        99 % of |ε_d| / |d| lie within 2.58 σ_dd, and never less than their root mean square:
+        99 % of ``|ε_d| / |d|`` lie within 2.58 σ_dd, and never less than their root mean square:
         odometry that goes the wrong way for some steps (a speed without its sign, wheels that slip)
         must stay possible. Of the steps only the longer half counts, as the reference has noise of
-        its own. σ_φφ and σ_φd maximize the likelihood of all ε_φ ~ N(0, (σ_φφ |φ| + σ_φd |d|)²), on
-        a grid that is refined around its best point.
+        its own. σ_φφ and σ_φd maximize the likelihood of all
+        ``ε_φ ~ N(0, (σ_φφ |φ| + σ_φd |d|)²)``, on a grid that is refined around its best point.
 
         Args:
             meant: increments of the odometry, (k, 3); rows with NaN are left out.
