@@ -83,7 +83,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
-    options = _parse(given)
+    try:
+        options = _parse(given)
+    except KeyboardInterrupt:
+        print("deqmcl: interrupted.", file=sys.stderr)
+        return INTERRUPTED
     try:
         with console.stoppable(leaving=leaving):
             _refuse_no_folder()

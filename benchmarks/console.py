@@ -156,21 +156,22 @@ def stoppable(*, leaving: bool) -> Iterator[None]:
     before = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGINT)}
     if before[signal.SIGINT] is not signal.default_int_handler:  # as for nohup
         del before[signal.SIGINT]
-    ended, again, hook = False, None, sys.unraisablehook
+    ended: type[KeyboardInterrupt] | None = None
+    again, hook = None, sys.unraisablehook
 
     def end(number: int, _: object) -> NoReturn:
         nonlocal ended
-        ended = True
+        ended = Terminated if number == signal.SIGTERM else KeyboardInterrupt
         for each in before:
             signal.signal(each, signal.SIG_IGN)
-        raise Terminated if number == signal.SIGTERM else KeyboardInterrupt
+        raise ended
 
     def dropped(unraisable: "sys.UnraisableHookArgs") -> None:
         nonlocal ended, again
         if not issubclass(unraisable.exc_type, KeyboardInterrupt):
             hook(unraisable)
             return
-        ended = False
+        ended = None
         for each in before:
             signal.signal(each, end)
         number = signal.SIGTERM if unraisable.exc_type is Terminated else signal.SIGINT
@@ -183,10 +184,14 @@ def stoppable(*, leaving: bool) -> Iterator[None]:
     sys.unraisablehook = dropped
     try:
         yield
+    except Exception as error:
+        if ended is not None:  # made another error of, as NumPy does while it is imported
+            raise ended from error
+        raise
     finally:
         sys.unraisablehook = hook
         if again is not None:
             again.cancel()  # it has come, or all is done
-        if not (ended and leaving):
+        if ended is None or not leaving:
             for number, handler in before.items():
                 signal.signal(number, handler)

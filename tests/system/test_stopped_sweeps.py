@@ -160,6 +160,39 @@ def test_a_trial_whose_worker_dies_is_tried_again_and_fails_if_that_goes_on(tmp_
     assert "die-once" in {line["method"] for line in lines(running.out)}
 
 
+TURNED = """
+import os, signal
+from benchmarks.console import stoppable
+try:
+    with stoppable(leaving=True):
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+        except KeyboardInterrupt:  # as NumPy does while it is imported
+            raise ImportError("numpy cannot be imported")
+except KeyboardInterrupt:
+    print("interrupted")
+"""
+PARSED = """
+import os, signal, sys
+from benchmarks import cli
+cli.import_module = lambda _: os.kill(os.getpid(), signal.SIGINT)
+sys.argv = ["deqmcl", "sweep"]
+sys.exit(cli.main())
+"""
+
+
+def test_a_ctrl_c_that_a_library_turned_into_another_error_is_one_all_the_same():
+    script, heard = [sys.executable, "-c", TURNED], {"preexec_fn": _hear_ctrl_c}
+    done = subprocess.run(script, capture_output=True, text=True, check=True, **heard)
+    assert (done.stdout, done.stderr) == ("interrupted\n", "")
+
+
+def test_ctrl_c_while_the_command_line_is_read_is_one_sentence():
+    script, heard = [sys.executable, "-c", PARSED], {"preexec_fn": _hear_ctrl_c}
+    done = subprocess.run(script, capture_output=True, text=True, check=False, **heard)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "deqmcl: interrupted.\n")
+
+
 DROPPED = """
 import ctypes, os, signal, sys, time
 from benchmarks.console import Terminated, stoppable
