@@ -181,11 +181,11 @@ def boards(read: Sequence[Handed]) -> list[Board]:
     held = _held_out(read, public)
     for other in public[1:]:
         _refuse_other_worlds(public[0], other)
-    scores = {one.digest: dict(_scored(own)) for one in public if (own := held.get(one.digest))}
+    scores = {one.digest: dict(_scores(own)) for one in public if (own := held.get(one.digest))}
     found: dict[tuple[Setting, Changes], dict[tuple[str, str], list[Scored]]] = {}
     titles: dict[tuple[Setting, Changes], str] = {}
     for handed in public:
-        for key, scored in _scored(handed):
+        for key, scored in _scores(handed):
             place = (scored.panel.setting, scored.panel.swept)
             titles.setdefault(place, scored.panel.title)
             found.setdefault(place, {}).setdefault((key, scored.digest), []).append(scored)
@@ -292,7 +292,7 @@ def _runs_table(read: Sequence[Handed]) -> Table:
     )
 
 
-def _scored(handed: Handed) -> Iterator[tuple[str, Scored]]:
+def _scores(handed: Handed) -> Iterator[tuple[str, Scored]]:
     """Yield the methods of a run, each with what it is called wherever its files are."""
     for panel in handed.results.panels:
         for of in panel.present:
