@@ -41,7 +41,16 @@ def installed(group: str = GROUP) -> dict[str, str]:
     """References by name of the entry points of a group; none is loaded.
 
     A name that several packages offer differently has all their references, joined by " and ".
+    Packages are looked through once in a process, and again when ``sys.path`` has changed: that
+    takes as long as several trials.
     """
+    return _installed(group, tuple(sys.path))
+
+
+@cache
+def _installed(group: str, path: tuple[str, ...]) -> dict[str, str]:
+    """Return the references on a path of Python's."""
+    del path
     found: dict[str, set[str]] = {}
     for distribution in _first_of_each_name():
         for name, reference in _offered(distribution, group) or ():
