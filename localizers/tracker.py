@@ -13,6 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.logs.motion import composed, has_moved, increments_of, relative
+from deqmcl_gym.logs.odometry import FASTEST, Odometry, Taken
+from deqmcl_gym.logs.scans import resampled
+from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import PIXELS, pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Pose, Reals
@@ -21,12 +24,8 @@ from localizers.api import Belief, Localizer, Prior
 from localizers.beliefs import best_cluster, quality_of
 
 _EVERY = 10.0, math.radians(5)  # px (0.2 m), rad
-_FASTEST = 250.0, 2 * math.pi  # px/s (5 m/s), rad/s
-_SLACK = 25.0, 0.5  # px (0.5 m), rad: of a step, whatever its duration
-_GAP = 1.0  # s without odometry beyond which the pose in between is unknown
-_BACK = 1.0  # s by which a stamp may be late; beyond, the clock may have been set back
 _WAITING = 10  # scans that may wait for their odometry
-_MOST = 10_000  # odometry messages or updates that are remembered
+_MOST = 10_000  # updates that are remembered
 _NO_PLAN = np.empty((0, 3))
 _NOTHING = np.zeros((1, 3))
 
@@ -44,7 +43,8 @@ class Counts:
             order: all stamps begin anew, from the first of them.
         late_scans: not newer than the last one whose odometry was there, or doubled: left out.
         crowded_scans: more than 10 waited for odometry: the one that came first is left out.
-        scans_without_odometry: before the first odometry, or where it has a gap of more than 1 s.
+        scans_without_odometry: before the first odometry, or in a gap: more than 1 s and 3 usual
+            periods.
         scans_before_start: not newer than the start, or no start was told.
         unusable: odometry or stamps that are not finite: left out.
     """
@@ -107,15 +107,6 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class _Reading:
-    """Odometry: its time, the pose without jumps, and the frame of the odometry as it came."""
-
-    time: float
-    pose: Pose
-    frame: Pose | None
-
-
-@dataclass(frozen=True)
 class _Update:
     """A belief, its time, and the odometry then, without jumps."""
 
@@ -140,6 +131,7 @@ class Tracker:
             0.2 m and 5°, (0, 0) uses every scan.
         fastest: speeds, per s and rad/s, above which odometry jumps; None is 5 m/s and 2π rad/s.
         memory: s of odometry and beliefs that ``at`` can look back.
+        lidar: that the localizer was made for, for scans that vary; None is its ``robot.lidar``.
         counts: what has become of the messages.
     """
 
@@ -149,19 +141,19 @@ class Tracker:
     every: tuple[float, float] | None = None
     fastest: tuple[float, float] | None = None
     memory: float = 10.0
+    lidar: Lidar | None = None
     counts: Counts = field(default_factory=Counts, init=False)
 
     def __post_init__(self) -> None:
         size = pixel(one_of("unit of length", self.unit, PIXELS))
         every = (_EVERY[0] * size, _EVERY[1]) if self.every is None else self.every
-        fastest = (_FASTEST[0] * size, _FASTEST[1]) if self.fastest is None else self.fastest
+        fastest = (FASTEST[0] * size, FASTEST[1]) if self.fastest is None else self.fastest
         self.every = _pair("every", every)
         self.fastest = _pair("fastest", fastest)
-        self._slack = _SLACK[0] * size, _SLACK[1]
         number("memory", self.memory, low=0, above=True)
-        self._odometry: deque[_Reading] = deque(maxlen=_MOST)
-        self._raw: Pose | None = None  # the latest odometry as it came
-        self._older: tuple[float, Pose] | None = None  # the message before, if far too old
+        if self.lidar is None:
+            self.lidar = getattr(getattr(self.localizer, "robot", None), "lidar", None)
+        self._odometry = Odometry(self.unit, self.fastest)
         self._waiting: dict[float, Reals] = {}  # by stamp, in the order in which they came
         self._updates: deque[_Update] = deque(maxlen=_MOST)
         self._looked_at = -math.inf  # stamp of the last scan that waited no longer
@@ -188,29 +180,32 @@ class Tracker:
         given = np.asarray(pose, dtype=np.float64)
         if given.shape != (3,):
             raise InputError(f"the odometry has shape {given.shape}, but must be a pose (x, y, θ).")
-        if not (math.isfinite(time) and np.isfinite(given).all()):
+        taken = self._odometry.take(time, _tuple(given[None]))
+        if taken is Taken.UNUSABLE:
             self.counts.unusable += 1
             return False
-        raw = _tuple(given[None])
-        if not self._odometry:
-            self._take(time, raw, None)
-        elif time <= self._odometry[-1].time and not self._clock_is_back(time, raw):
+        if taken is Taken.LATE:
             self.counts.late_odometry += 1
             return False
-        else:
-            last = self._odometry[-1]
-            jumped = self._has_jumped(time - last.time, raw)
-            self.counts.odometry_jumps += jumped
-            self._take(time, raw, _frame(last.pose, raw) if jumped else last.frame)
-        self._older = None
+        if taken is Taken.RESET:
+            self._begin_stretch()
+        self.counts.odometry_jumps = self._odometry.jumps
+        self._odometry.stretch.forget(time - self.memory)
         self._begun()
         return self._updated()
 
-    def scan(self, time: float, ranges: Reals) -> bool:
+    def scan(self, time: float, ranges: Reals, bearings: ArrayLike | None = None) -> bool:
         """Take a scan with its stamp, s; return whether there was an update.
 
+        Args:
+            time: its stamp, s.
+            ranges: (B,).
+            bearings: of its beams against the robot's heading, (B,) rad; None: those of the
+                localizer's lidar. Scans may vary in number and angles of beams: each bearing of
+                the localizer's lidar gets the nearest beam; see ``logs.scans.resampled``.
+
         Raises:
-            InputError: the localizer refuses the ranges.
+            InputError: the localizer refuses the ranges, or bearings are not as many.
         """
         if not math.isfinite(time):
             self.counts.unusable += 1
@@ -218,7 +213,7 @@ class Tracker:
         if time <= self._looked_at or time in self._waiting:
             self.counts.late_scans += 1
             return False
-        self._waiting[time] = np.array(ranges)
+        self._waiting[time] = self._seen(ranges, bearings)
         updated = self._updated()
         if len(self._waiting) > _WAITING:
             del self._waiting[next(iter(self._waiting))]
@@ -232,31 +227,31 @@ class Tracker:
         its noise. After the latest odometry, the robot stands where it was. None is returned
         before the start, and where the odometry is older than ``memory`` or has a gap.
         """
-        if not self._odometry:
+        if self._odometry.newest is None:
             return None
-        newest = self._odometry[-1].time
+        newest, _ = self._odometry.newest
         when = newest if time is None else min(time, newest)
         update = next((one for one in reversed(self._updates) if one.time <= when), None)
-        here = self._odometry_at(when)
+        here = self._odometry.stretch.at(when)
         points = None if update is None else update.belief.points()
         if update is None or here is None or points is None:
             return None
         moved = relative(np.array([update.odometry]), np.array([here]))
         poses = composed(np.asarray(points[0], np.float64), moved)
-        frame = next(one.frame for one in reversed(self._odometry) if one.time <= when)
+        frame = self._odometry.stretch.frame_at(when)
         told = here if frame is None else _tuple(relative(np.array([frame]), np.array([here])))
         return Estimate(when, poses, points[1], quality_of(update.belief), told, self.unit)
 
     def _begun(self) -> bool:
         """Begin the belief if its odometry is there."""
-        if self._start is None or not self._odometry:
+        newest = self._odometry.newest
+        if self._start is None or newest is None:
             return False
         prior, time = self._start
-        newest = self._odometry[-1]
-        if time is not None and time > newest.time:
+        if time is not None and time > newest[0]:
             return False
-        known = None if time is None else self._odometry_at(time)
-        at, pose = (newest.time, newest.pose) if time is None or known is None else (time, known)
+        known = None if time is None else self._odometry.stretch.at(time)
+        at, pose = newest if time is None or known is None else (time, known)
         self._start = None
         belief = self.localizer.reset(prior, _NO_PLAN, self.rng)
         self._updates.append(_Update(at, pose, belief))
@@ -264,10 +259,10 @@ class Tracker:
 
     def _updated(self) -> bool:
         """Give the localizer the scans whose odometry is there."""
-        if not self._waiting or not self._odometry:
+        if not self._waiting or self._odometry.newest is None:
             return False
-        updated = False
-        for time in sorted(one for one in self._waiting if one <= self._odometry[-1].time):
+        updated, (newest, _) = False, self._odometry.newest
+        for time in sorted(one for one in self._waiting if one <= newest):
             self._looked_at = time
             updated |= self._used(time, self._waiting.pop(time))
         return updated
@@ -276,7 +271,7 @@ class Tracker:
         if not self._updates or time <= self._updates[-1].time:
             self.counts.scans_before_start += 1
             return False
-        if (here := self._odometry_at(time)) is None:
+        if (here := self._odometry.stretch.at(time)) is None:
             self.counts.scans_without_odometry += 1
             return False
         assert self.every is not None
@@ -292,60 +287,29 @@ class Tracker:
             self._updates.popleft()  # the one before that time is what was believed then
         return True
 
-    def _odometry_at(self, time: float) -> Pose | None:
-        """Return the pose by odometry at a time, without jumps; None if it is not known."""
-        after: _Reading | None = None
-        for one in reversed(self._odometry):
-            if one.time == time:
-                return one.pose
-            if one.time < time:
-                if after is None or after.time - one.time > _GAP:
-                    return None
-                share = (time - one.time) / (after.time - one.time)
-                (x, y, turn), (x1, y1, turn1) = one.pose, after.pose
-                turned = math.remainder(turn1 - turn, 2 * math.pi)
-                heading = math.remainder(turn + share * turned, 2 * math.pi)
-                return x + share * (x1 - x), y + share * (y1 - y), heading
-            after = one
-        return None
+    def _seen(self, ranges: Reals, bearings: ArrayLike | None) -> Reals:
+        """Return a scan at the bearings of the localizer's lidar."""
+        if bearings is None:
+            return np.array(ranges)
+        if self.lidar is None:
+            raise InputError(
+                "bearings are given, but the localizer does not say for which lidar it was made: "
+                "give Tracker(…, lidar=…)."
+            )
+        return resampled(ranges, bearings, self.lidar.bearings)
 
-    def _take(self, time: float, raw: Pose, frame: Pose | None) -> None:
-        """Remember odometry that came, and forget what is older than ``memory``."""
-        here = raw if frame is None else _tuple(composed(np.array([frame]), np.array(raw)))
-        self._raw = raw
-        self._odometry.append(_Reading(time, here, frame))
-        while self._odometry[0].time < time - self.memory:
-            self._odometry.popleft()
-
-    def _has_jumped(self, seconds: float, raw: Pose) -> bool:
-        assert self.fastest is not None
-        assert self._raw is not None
-        (far, turned), (slack, more) = self.fastest, self._slack
-        return has_moved(self._raw, raw, far * seconds + slack, turned * seconds + more)
-
-    def _clock_is_back(self, time: float, raw: Pose) -> bool:
-        """Whether odometry that is not newer is the second of a clock that was set back.
-
-        Then all stamps begin anew from the first: the belief stays, as if it were of its time, and
-        the robot has not moved until then.
-        """
-        last, older = self._odometry[-1], self._older
-        self._older = (time, raw) if time < last.time - _BACK else None
-        if older is None or self._older is None or time <= older[0]:
-            return False
+    def _begin_stretch(self) -> None:
+        """Begin anew with stamps of a clock that was set back; the belief stays."""
         self.counts.late_odometry -= 1  # the first: it is used after all
         self.counts.clock_resets += 1
-        self._odometry.clear()
-        self._take(*older, _frame(last.pose, older[1]))
         self._waiting.clear()
         self._looked_at = -math.inf
         if self._start is not None:
             self._start = self._start[0], None  # its stamp was of the other clock
         if self._updates:
-            known = self._updates[-1]
+            known, begin = self._updates[-1], self._odometry.stretch.times[0]
             self._updates.clear()
-            self._updates.append(_Update(older[0], known.odometry, known.belief))
-        return True
+            self._updates.append(_Update(begin, known.odometry, known.belief))
 
 
 def _pair(what: str, given: tuple[float, float]) -> tuple[float, float]:
@@ -357,12 +321,6 @@ def _pair(what: str, given: tuple[float, float]) -> tuple[float, float]:
         number(f"the first of {what}", first, low=0, finite=False),
         number(f"the second of {what}", second, low=0, finite=False),
     )
-
-
-def _frame(there: Pose, raw: Pose) -> Pose:
-    """Return the frame in which odometry that reads ``raw`` is ``there``."""
-    back = relative(np.array([raw]), _NOTHING)
-    return _tuple(composed(np.array([there]), back))
 
 
 def _tuple(poses: Floats) -> Pose:

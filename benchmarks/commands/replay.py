@@ -16,7 +16,7 @@ _SAID = ("start", "every", "max_beams", "motion", "scan", "radius", "unknown", "
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
-    add("log", metavar="LOG", help="a CARMEN log, ROS bag, CSV or npz file")
+    add("log", nargs="+", metavar="LOG", help="a CARMEN log or ROS bag, or its parts; CSV or npz")
     add("--map", required=True, metavar="MAP.yaml", help="the map, as for ROS' map_server")
     add(
         "--unknown",

@@ -16,7 +16,7 @@ from benchmarks.report.animations import Drawn
 from benchmarks.report.tracks import accuracy, differences_table, tables_of
 from benchmarks.report.words import conclusion
 from benchmarks.report.writing import load, no_report
-from benchmarks.setup.changes import NOTHING, Changes
+from benchmarks.setup.changes import NOTHING, Changes, file_names
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence
 from benchmarks.sweeps.running import Options, TrialsFailedError, begun
@@ -59,7 +59,7 @@ def replay_sweep(
     integer("--seeds", seeds, low=1, high=10_000)
     integer("--seed", root)
     return Sweep(
-        title=f"Replay of {Path(replay.world['log']).name}",
+        title=f"Replay of {file_names(replay.world['log'])}",
         localizers=methods_of(localizers, particles, own, shared),
         scenario=NAME,
         lag=0,

@@ -11,15 +11,17 @@ from typing import Any
 import numpy as np
 
 from benchmarks.setup import changes
-from benchmarks.setup.changes import NOTHING, Changes
-from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise
+from benchmarks.setup.changes import NOTHING, Changes, file_names
+from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise, shows_noise
 from benchmarks.setup.names import absolute_assumed, scenario
 from benchmarks.setup.priors import Gaussian
 from benchmarks.trials.fixes import metre
 from benchmarks.trials.tracks import absolute
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.logs.trajectory import tolerance_of
+from deqmcl_gym.maps import Map
+from deqmcl_gym.numerics.types import Floats, Pose
 from deqmcl_gym.validation import InputError, number, pose
 from localizers import OmniMotion
 from localizers.models.nav2_motion import MotionModel, kind_of
@@ -83,7 +85,7 @@ class Replay:
         """What is played."""
         log = self.log
         return (
-            f"{len(log):,} records of {Path(self.world['log']).name} with {log.scanner.beams} "
+            f"{len(log):,} records of {file_names(self.world['log'])} with {log.scanner.beams} "
             f"beams each on the map {Path(self.world['map']).name}, {log.driven[-1]:,.0f} "
             f"{log.unit} by odometry."
         )
@@ -152,7 +154,7 @@ class Replay:
 
 
 def replay_of(
-    log: str | Path,
+    log: str | Path | Sequence[str | Path],
     floor_plan: str | Path,
     *,
     reference: str | Path | None = None,
@@ -170,7 +172,7 @@ def replay_of(
     """Return what is to be replayed.
 
     Args:
-        log: path of the log.
+        log: path of the log, or of its parts.
         floor_plan: path of the map's yaml.
         reference: path of a TUM file.
         reading: further arguments of ``logs.read``.
@@ -187,8 +189,9 @@ def replay_of(
     Raises:
         InputError: something of it is refused.
     """
+    parts = [log] if isinstance(log, str | Path) else log
     world: dict[str, Any] = {
-        "log": os.path.abspath(log),
+        "log": tuple(map(os.path.abspath, parts)) if len(parts) > 1 else os.path.abspath(parts[0]),
         "map": os.path.abspath(floor_plan),
         **({} if reference is None else {"reference": os.path.abspath(reference)}),
         **{f"reading.{name}": value for name, value in (reading or {}).items()},
@@ -212,32 +215,51 @@ def replay_of(
         world["start"] = first_referenced(whole)
     played, ground = _replayed(world).recording()
     check_inside(played, ground)
+    if start == "reference" and (at := played[0].reference) is not None:
+        _check_free(ground, at, "the reference begins at", "the reference of this log and map")
     assumed = {**_assumed("motion", motion), **absolute_assumed(Changes(_assumed("scan", scan)))}
-    noise = _replayed(world, assumed).motion
-    names = {f"motion.{name}" for name in vars(noise)}
-    told = [name.partition(".")[2] for name in assumed if name in names]
-    origin = "assumed, as there is no reference"
-    if played.reference is not None:
-        origin = "of the log's odometry against its reference, at least half of Nav2's defaults"
-    if names - {"motion.still"} <= assumed.keys():
-        origin = "given"
-    elif told:
-        origin = f"{', '.join(told)} given; the rest {origin}"
-        if played.reference is not None:
-            estimated = vars(motion_noise(played, kind_of(noise)))
-            assumed = {f"motion.{name}": value for name, value in estimated.items()} | assumed
+    assumed, origin = _with_noise(world, assumed, played)
     if (prior := _prior_of(start)) is not None:
         assumed |= prior
     elif start != "reference":
         at = _pose_of(start)
-        if not ground.free(np.array([at]))[0]:
-            raise InputError(
-                f"--start is ({at[0]:g}, {at[1]:g}), but that is no free space on the map: give a "
-                "pose where the robot can be."
-            )
+        _check_free(ground, at, "--start is", "a pose where the robot can be")
         assumed["prior.mean"] = at
-    said = _reference(whole.segment(world.get("start", 0)), played)
+    tolerance = (reading or {}).get("reference_tolerance")
+    said = _reference(whole.segment(world.get("start", 0)), played, tolerance)
     return Replay(world=Changes(world), assumed=Changes(assumed), noise=origin, reference=said)
+
+
+def _check_free(ground: Map, at: Pose, what: str, remedy: str) -> None:
+    """Refuse a start that is no free space."""
+    if not ground.free(np.array([at]))[0]:
+        raise InputError(
+            f"{what} ({at[0]:g}, {at[1]:g}), but that is no free space on the map: give {remedy}."
+        )
+
+
+def _with_noise(
+    world: Mapping[str, Any], assumed: Mapping[str, Any], played: Log
+) -> tuple[dict[str, Any], str]:
+    """Return what is assumed, with the noise of the motion that is not given, and its origin."""
+    noise = _replayed(world, assumed).motion
+    names = {f"motion.{name}" for name in vars(noise)}
+    told = [name.partition(".")[2] for name in assumed if name in names]
+    if names - {"motion.still"} <= assumed.keys():
+        return dict(assumed), "given"
+    estimated: dict[str, Any] = {}
+    if shows_noise(played):
+        origin = "of the log's odometry against its reference, at least half of Nav2's defaults"
+        estimated = {
+            f"motion.{n}": v for n, v in vars(motion_noise(played, kind_of(noise))).items()
+        }
+    elif played.reference is not None:
+        origin = "assumed, as too few records that move have a reference pose of their own time"
+    else:
+        origin = "assumed, as there is no reference"
+    if told:
+        return {**estimated, **assumed}, f"{', '.join(told)} given; the rest {origin}"
+    return dict(assumed), origin
 
 
 def first_referenced(whole: Log) -> int:
@@ -279,6 +301,8 @@ def reading_of(words: Sequence[str]) -> dict[str, Any]:
             continue
         numbers = None if name.endswith(("_topic", "_frame")) else _numbers(value)
         one = numbers[0] if numbers is not None and len(numbers) == 1 else numbers
+        if name == "odometry_publisher" and isinstance(one, float) and one.is_integer():
+            one = int(one)
         found[name] = value if one is None else one
     return found
 
@@ -325,13 +349,17 @@ def _pose_of(start: str) -> tuple[float, float, float]:
     return float(x), float(y), float(heading)
 
 
-def _reference(whole: Log, played: Log) -> str:
+def _reference(whole: Log, played: Log, tolerance: float | None) -> str:
     """Say how many of the records played have a reference pose, and how good those between are."""
     known = played.referenced
     if not known.size:
         return ""
+    within = tolerance_of(played, tolerance)
     between = 0 if played.interpolated is None else int(played.interpolated.sum())
-    counts = [f"{known.size - between:,} of {len(played):,} records have a pose of their own time"]
+    counts = [
+        f"{known.size - between:,} of {len(played):,} records have a pose within "
+        f"{1000 * within:.3g} ms of their own time"
+    ]
     if between:
         counts.append(
             f"for {between:,} it is interpolated along the odometry, whose error is spread over "

@@ -234,7 +234,8 @@ class Changes(Mapping[str, Any]):
         plan = self.get("floor_plan")
         named = [self[name] for name in FILES if name in self]
         named += [plan.get("file")] if isinstance(plan, Mapping) else []
-        return [str(path) for path in named if isinstance(path, str | Path)]
+        several = [one if isinstance(one, tuple) else (one,) for one in named]
+        return [str(path) for one in several for path in one if isinstance(path, str | Path)]
 
     def beside(self, folder: Path, names: Sequence[str] = FILES) -> Self:
         """Return a world's changes with the paths of files absolute, from a folder; ~ is home."""
@@ -243,9 +244,14 @@ class Changes(Mapping[str, Any]):
     def short(self) -> dict[str, Any]:
         """Return a world's values for a heading: those of files without their folder."""
         return {
-            name: Path(value).name if name in FILES and isinstance(value, str) else value
+            name: file_names(value) if name in FILES and isinstance(value, str | tuple) else value
             for name, value in self.items()
         }
+
+
+def file_names(given: Any) -> str:
+    """Return the name of a file without its folder, or those of the parts of a log."""
+    return ", ".join(Path(one).name for one in (given if isinstance(given, tuple) else (given,)))
 
 
 NOTHING = Changes()

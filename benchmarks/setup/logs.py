@@ -85,8 +85,8 @@ class LogScenario(Scenario):
         return replace(robot, motion=self.motion_of(self.recording()[0]))
 
     def motion_of(self, log: Log) -> MotionModel:
-        """Return the motion that the filters assume: without a reference none can be estimated."""
-        known = self.estimated and log.reference is not None
+        """Return the motion that filters assume; with too little of a reference, the default."""
+        known = self.estimated and shows_noise(log)
         return _noise(log, kind_of(self.motion)) if known else self.motion
 
     def changed(
@@ -115,7 +115,7 @@ class LogScenario(Scenario):
     @property
     def known(self) -> Mapping[str, Any]:
         """The noise that the log shows."""
-        shown = _noise(self.recording()[0], kind_of(self.motion))
+        shown = self.motion_of(self.recording()[0])
         return {f"motion.{name}": value for name, value in vars(shown).items()}
 
     def _check(self, log: Log) -> None:
@@ -208,6 +208,12 @@ def _noise(log: Log, kind: str) -> MotionModel:
     return motion_noise(log, kind)
 
 
+@lru_cache(maxsize=4)
+def shows_noise(log: Log) -> bool:
+    """Whether a log has enough of a reference to estimate the noise of its odometry."""
+    return log.reference is not None and len(typical_steps(log)[0]) >= LEAST_STEPS
+
+
 def typical_steps(log: Log) -> tuple[Floats, Floats]:
     """Return increments of the odometry, and what the reference says was done, (k, 3) each.
 
@@ -218,12 +224,14 @@ def typical_steps(log: Log) -> tuple[Floats, Floats]:
     adds up by variances). In which direction such a step went is not known: its ``left`` is NaN.
 
     Raises:
-        InputError: no reference, or fewer than 10 stretches with movement.
+        InputError: no reference.
     """
     if log.reference is None:
         raise InputError(f"{log.source} has no reference: give the noise of the motion instead.")
     between = np.zeros(len(log), np.bool_) if log.interpolated is None else log.interpolated
     own = log.referenced[~between[log.referenced]]
+    if own.size < 2:
+        return np.empty((0, 3)), np.empty((0, 3))
     meant, done = increments_of(log.odometry[own]), increments_of(log.reference[own])
     steps, off = np.diff(own), done - meant
     off[:, 2] = arrays.wrapped(off[:, 2])
@@ -247,12 +255,6 @@ def typical_steps(log: Log) -> tuple[Floats, Floats]:
     true = np.column_stack([told[:, 0] + error[:, 0], unknown, told[:, 2] + error[:, 1]])
     true[single] = done[single]
     moving = np.abs(told).max(axis=1, initial=0.0) > 0
-    if moving.sum() < LEAST_STEPS:
-        raise InputError(
-            f"{log.source} has {int(moving.sum())} stretches with movement between poses of its "
-            "reference, too few to estimate the noise of the motion, which needs "
-            f"{LEAST_STEPS}: give it by --motion, or in a scenario by assumed.motion."
-        )
     return told[moving], true[moving]
 
 
@@ -281,6 +283,12 @@ def motion_noise(log: Log, kind: str = "differential") -> MotionModel:
         InputError: fewer than 10 stretches with movement have a reference at both ends.
     """
     least, steps = unknown_motion(kind, log.unit), typical_steps(log)
+    if len(steps[0]) < LEAST_STEPS:
+        raise InputError(
+            f"{log.source} has {len(steps[0])} stretches with movement between poses of its "
+            "reference, too few to estimate the noise of the motion, which needs "
+            f"{LEAST_STEPS}: give it by --motion, or in a scenario by assumed.motion."
+        )
     found = type(least).fitted(*steps)
     noise = [name for name in vars(least) if name != "still"]
     larger = {name: max(getattr(least, name) / 2, getattr(found, name)) for name in noise}

@@ -13,7 +13,7 @@ import yaml
 from benchmarks.files import write_part
 from benchmarks.replay.nav2 import nav2_document
 from benchmarks.report.writing import load, no_report
-from benchmarks.setup.changes import NOTHING, Changes
+from benchmarks.setup.changes import NOTHING, Changes, file_names
 from benchmarks.tables.pairing import milliseconds_per_step
 from benchmarks.tables.stats import Estimate, estimate
 from benchmarks.tables.text import csv_text, estimated, fixed, percent, significant
@@ -91,7 +91,7 @@ def _segments(found: Found, goal: Goal) -> list[list[Any]]:
     each = zip(found.task.held_out, found.default_runs, found.best_runs, strict=True)
     for segment, default, best in each:
         before, after = (_mean(goal, own) for own in (default, best))
-        log = Path(segment.world["log"]).name
+        log = file_names(segment.world["log"])
         begins, metres = round(segment.begins, 2), round(segment.metres, 2)
         lines.append([log, begins, metres, RUNS, before, after, after - before])
     return lines

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from inspect import signature
 from os import PathLike
 from typing import Any, SupportsFloat, cast
@@ -31,7 +31,7 @@ def log_of(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> log
         InputError: it is neither, or cannot be read.
     """
     if not isinstance(given, logs.Log):
-        if not isinstance(given, str | PathLike):
+        if not isinstance(given, str | PathLike | list | tuple):
             raise InputError(f"log is {given!r}, but must be the path of a log, or a Log.")
         if not isinstance(reading, Mapping | None):
             raise InputError(f"reading is {shown(reading)}, but must be arguments of logs.read.")
@@ -185,9 +185,9 @@ class LogEnv(gym.Env[Singles, Singles]):
     happens otherwise; another action is never carried out. Checkers that try random actions, such
     as Gymnasium's `check_env`, need `on_mismatch="ignore"`.
 
-    **Observation Space**: `Box(0, 2 r, (beams,), float32)` for a scanner's `max_range` r: the scan.
-    Beams without a measurement (nothing in range, too near, failed) read 2 r, as Gymnasium's
-    checker requires finite spaces; localizers skip ranges above r.
+    **Observation Space**: `Box(0, 3 r, (beams,), float32)` for a scanner's `max_range` r: the scan.
+    Where nothing is within reach it reads 2 r, where a beam failed or saw something too near 3 r,
+    as Gymnasium's checker requires finite spaces; localizers skip ranges above r.
 
     **Info**: the keys of `Room-v0`. `action` is the odometry's increment that led here, (3,).
     `planned_actions` (horizon, 3) are the increments to come,
@@ -202,7 +202,8 @@ class LogEnv(gym.Env[Singles, Singles]):
     `segment` begins, drawn at `reset`. **Options** of `reset`: none.
 
     Args:
-        log: path of a log (see `deqmcl_gym.logs.read` for formats), or a `deqmcl_gym.logs.Log`.
+        log: path of a log, or of its parts (see `deqmcl_gym.logs.read` for formats), or a
+            `deqmcl_gym.logs.Log`.
         map: a map, the path of its yaml, its corners as for `floor_plan` of `Room-v0`, or None.
             The env itself needs no map; localizers find it as `env.unwrapped.floor_plan`.
         reference: path of a TUM trajectory in the frame of the map.
@@ -245,7 +246,7 @@ class LogEnv(gym.Env[Singles, Singles]):
     def __init__(
         self,
         *,
-        log: str | PathLike[str] | logs.Log | None = None,
+        log: str | PathLike[str] | Sequence[str | PathLike[str]] | logs.Log | None = None,
         map: Any = None,  # noqa: A002  # everybody calls it that
         reference: str | PathLike[str] | logs.Trajectory | None = None,
         segment: float | None = None,
@@ -294,9 +295,10 @@ class LogEnv(gym.Env[Singles, Singles]):
         self._planned = len(planned)
         most = np.maximum(np.abs(self._actions).max(axis=0), np.float32(1e-6))
         self.action_space = gym.spaces.Box(-most, most, dtype=np.float32)
-        none = np.float32(2 * self.lidar.max_range)
-        self._scans = np.where(np.isinf(self.log.ranges), none, self.log.ranges)
-        self.observation_space = gym.spaces.Box(0.0, none, (self.lidar.beams,), np.float32)
+        reach = self.lidar.max_range
+        self._scans = np.nan_to_num(self.log.ranges, nan=3 * reach, posinf=2 * reach)
+        most = np.float32(3 * reach)
+        self.observation_space = gym.spaces.Box(0.0, most, (self.lidar.beams,), np.float32)
         self._first = self._last = self._step = -1
 
     def _out_of_date(self, changes: Mapping[str, Any]) -> Map:

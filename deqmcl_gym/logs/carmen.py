@@ -2,33 +2,40 @@
 
 ``FLASER n r… x y θ odom_x odom_y odom_θ time host [logger_time]`` does not contain its angles: n
 beams begin at -90° and are 180°/n apart if n is even, or reach +90° if n is odd, as those of a SICK
-LMS. ``ROBOTLASER1 type start fov step max_range accuracy remission_mode n r… m remission… laser_x
-laser_y laser_θ odom_x odom_y odom_θ v ω safety_front safety_side axis time host [logger_time]``
-is complete. ``TRUEPOS x y θ odom_x odom_y odom_θ time host [logger_time]``, of CARMEN's simulator,
-is the reference. ``PARAM`` lines have the mounting and the range of FLASER's scanner; logs written
-here have ``PARAM deqmcl_scanner``, with all digits of the scanner.
+LMS, unless ``PARAM laser_front_laser_fov`` and ``…_resolution`` (degrees) or an argument say
+otherwise. ``RAWLASER1 type start fov step max_range accuracy remission_mode n r… m remission… time
+host [logger_time]`` has its angles but no odometry, which is that of the lines ``ODOM x y θ v ω a
+time host [logger_time]`` around it. ``ROBOTLASER1``, which begins as RAWLASER1, goes on with
+``laser_x laser_y laser_θ odom_x odom_y odom_θ v ω safety_front safety_side axis`` before its time
+and is complete. ``TRUEPOS x y θ odom_x odom_y odom_θ time host [logger_time]``, of CARMEN's
+simulator, is the reference. ``PARAM`` lines have the mounting and the range of FLASER's scanner;
+logs written here have ``PARAM deqmcl_scanner``, with all digits of the scanner.
 """
 
 import math
 import re
 import warnings
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from deqmcl_gym.files import numbers_of, save, text_of
+from deqmcl_gym.logs.bags import names_of
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.motion import composed, relative
+from deqmcl_gym.logs.odometry import JudgedOdometry
 from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecords, usable
+from deqmcl_gym.logs.scans import Fan
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.validation import InputError, LogWarning, one_of
+from deqmcl_gym.validation import InputError, LogWarning, number, one_of
 
-SCANS = ("FLASER", "ROBOTLASER1")
+SCANS = ("FLASER", "ROBOTLASER1", "RAWLASER1")
 SICK_RANGE = 79.0  # m: an LMS in its 80 m mode reports 81.83 or 81.91 where nothing is in range
-SMALLEST = 0.01  # m: 0 is a failed beam, and an LMS measures in cm
+_SICK = (90, 91, 180, 181, 360, 361)  # numbers of beams of an LMS over 180°
 _OURS, _UNIT = "deqmcl_scanner", "deqmcl_unit"
 
 # How a message of any kind begins and ends
@@ -55,16 +62,24 @@ class _Messages:
     params: dict[str, str] = field(default_factory=dict)
     truth: list[list[float]] = field(default_factory=list)
     mounts: list[list[float]] = field(default_factory=list)  # poses of laser and robot
+    odometry: list[list[float]] = field(default_factory=list)  # number of the line, t, x, y, θ
+    raw_lines: list[int] = field(default_factory=list)  # numbers of the lines of RAWLASER1
+    lines: int = 0
     unreadable: int = 0
 
     def read(self, line: str) -> None:
         """Read a line; count it if it is damaged."""
         kind, *words = line.split()
+        self.lines += 1
         try:
             if kind == "FLASER":
                 self._front_laser(words)
             elif kind == "ROBOTLASER1":
                 self._robot_laser(words)
+            elif kind == "RAWLASER1":
+                self._raw_laser(words)
+            elif kind == "ODOM":
+                self.odometry.append([self.lines, *numbers_of([words[6], *words[:3]])])
             elif kind == "PARAM":
                 name, value, *_ = words
                 self.params[name] = value
@@ -91,31 +106,81 @@ class _Messages:
         m = int(words[8 + n])
         if n < 1 or m < 0 or len(words) - n - m not in (22, 23):
             raise ValueError("another number of words")
-        _, start, _, step, farthest, *_ = numbers_of(words[:7])
         ranges = numbers_of(words[8 : 8 + n])
         rest = numbers_of(words[9 + n + m : 21 + n + m])
-        self.scans["ROBOTLASER1"].add(rest[11], rest[3:6], ranges, (start, step, farthest))
+        self.scans["ROBOTLASER1"].add(rest[11], rest[3:6], ranges, _fan(words))
         self.mounts.append(rest[:6])
 
-    def scanner(self, beams: int, geometry: tuple[float, ...] | None) -> Scanner:
-        """Return the scanner of messages with a geometry, or without one, as FLASER."""
+    def _raw_laser(self, words: list[str]) -> None:
+        n = int(words[7])
+        m = int(words[8 + n])
+        if n < 1 or m < 0 or len(words) - n - m not in (11, 12):
+            raise ValueError("another number of words")
+        stamp = numbers_of([words[9 + n + m]])[0]
+        self.scans["RAWLASER1"].add(stamp, (0, 0, 0), numbers_of(words[8 : 8 + n]), _fan(words))
+        self.raw_lines.append(self.lines)
+
+    def records(self, kind: str, field_of_view: float | None) -> RawRecords:
+        """Return the records of a kind of scan, with all that other messages say of them.
+
+        Args:
+            kind: of ``SCANS``.
+            field_of_view: of FLASER's scanner, rad; None: by PARAM, or that of a SICK LMS.
+        """
+        records = self.scans[kind]
+        if self.unreadable:
+            records.damage[UNREADABLE] += self.unreadable
+        if _OURS in self.params:
+            records.fans = [None] * len(records.fans)
+        elif kind == "RAWLASER1":
+            table = np.array(self.odometry).reshape(-1, 5)
+            unknown = np.full(len(table), np.nan)
+            judged = JudgedOdometry.of(table[:, 0], unknown, table[:, 1:], self.unit)
+            for remark in judged.remarks:
+                warnings.warn(f"{records.source}: {remark}.", LogWarning, stacklevel=3)
+            return records.with_odometry(self.raw_lines, judged)
+        elif kind == "FLASER":
+            told = math.radians(self._param("laser_front_laser_fov", math.nan))
+            if field_of_view is None and math.isfinite(told):
+                field_of_view = told
+            farthest = min(self._param("robot_front_laser_max", SICK_RANGE), SICK_RANGE)
+            records.fans = [
+                Fan(*self._angles(len(ranges), field_of_view), 0.0, farthest)
+                for ranges in records.ranges
+            ]
+            sizes = Counter(map(len, records.ranges))
+            if field_of_view is None and (beams := sizes.most_common(1)[0][0]) not in _SICK:
+                warnings.warn(
+                    f"{records.source}: FLASER lines do not say their angles: {beams} beams are "
+                    "taken as those of a SICK LMS, from -90° to 90°; for another lidar give "
+                    "field_of_view in rad, as 4.712 for 270°.",
+                    LogWarning,
+                    stacklevel=3,
+                )
+        return records
+
+    def _angles(self, beams: int, field_of_view: float | None) -> tuple[float, float]:
+        """Return the first angle and the increment of FLASER, rad."""
+        view = math.pi if field_of_view is None else field_of_view
+        step = math.radians(self._param("laser_front_laser_resolution", math.nan))
+        if field_of_view is None or not (step > 0 and abs(step * beams - view) < 2 * step):
+            step = view / max(beams - beams % 2, 1)
+        return -view / 2, step
+
+    def scanner(self, beams: int, kind: str, fan: Fan | None) -> Scanner:
+        """Return the scanner of a kind of message with the usual angles and limits."""
         if _OURS in self.params:
             return Scanner.of_json(_OURS, self.params[_OURS])
-        if geometry is None:
-            start, step = -math.pi / 2, math.pi / max(beams - beams % 2, 1)
-            farthest = self._param("robot_front_laser_max", SICK_RANGE)
-            names = ("offset", "side_offset", "angular_offset")
-            x, y, turn = (self._param(f"robot_frontlaser_{name}", 0.0) for name in names)
-        else:
-            start, step, farthest = geometry
+        assert fan is not None
+        names = ("offset", "side_offset", "angular_offset")
+        x, y, turn = (self._param(f"robot_frontlaser_{name}", 0.0) for name in names)
+        if kind == "ROBOTLASER1":
             x, y, turn = self._mounting()
         return Scanner(
-            angles=tuple((start + turn + step * np.arange(beams)).tolist()),
+            angles=tuple((turn + fan.angles(beams)).tolist()),
             mounting=(x, y),
             turn=turn,
-            min_range=SMALLEST,
-            max_range=min(farthest, SICK_RANGE),
-            no_return=min(farthest, SICK_RANGE),
+            max_range=fan.max_range,
         )
 
     @property
@@ -142,29 +207,45 @@ class _Messages:
             return default
 
 
-def read_carmen(path: Path, scan_topic: str | None = None, max_gap: float | None = None) -> Log:
-    """Read a CARMEN log, gzipped or not.
+def read_carmen(
+    paths: Sequence[Path],
+    scan_topic: str | None = None,
+    max_gap: float | None = None,
+    reference_tolerance: float | None = None,
+    field_of_view: float | None = None,
+) -> Log:
+    """Read the parts of a CARMEN log, gzipped or not.
 
     Args:
-        path: the file.
-        scan_topic: "FLASER" or "ROBOTLASER1"; None takes the one in the file.
-        max_gap: of the true poses in it; see ``referenced``.
+        paths: of its files, in order.
+        scan_topic: one of ``SCANS``; None takes the one in the file.
+        max_gap, reference_tolerance: of the true poses in it; see ``referenced``.
+        field_of_view: of FLASER's scanner, rad.
 
     Raises:
         InputError: there is no scan, a choice of two kinds, or no usable record.
     """
-    messages = _Messages({kind: RawRecords(str(path)) for kind in SCANS})
-    for line in text_of(path).splitlines():
-        if line.strip():
-            messages.read(line)
-    found = messages.scans[_kind(path, messages, scan_topic)]
-    if messages.unreadable:
-        found.damage[UNREADABLE] += messages.unreadable
-    log = found.log(messages.scanner, unit=messages.unit)
+    if field_of_view is not None:
+        number("field_of_view", field_of_view, low=0, above=True, high=2 * math.pi)
+    name = names_of(paths)
+    messages = _Messages({kind: RawRecords(name) for kind in SCANS})
+    for path in paths:
+        for line in text_of(path).splitlines():
+            if line.strip():
+                messages.read(line)
+    kind = _kind(name, messages, scan_topic)
+    records = messages.records(kind, field_of_view)
+    log = records.log(lambda beams, _, fan: messages.scanner(beams, kind, fan), unit=messages.unit)
     if messages.others:
         left_out = ", ".join(f"{count:,} {kind}" for kind, count in messages.others.most_common())
-        warnings.warn(f"{path}: left out messages of other kinds: {left_out}.", LogWarning, 2)
-    return with_own_reference(log, messages.truth, max_gap)
+        warnings.warn(f"{name}: left out messages of other kinds: {left_out}.", LogWarning, 2)
+    return with_own_reference(log, messages.truth, max_gap, reference_tolerance)
+
+
+def _fan(words: Sequence[str]) -> Fan:
+    """Return the fan of ROBOTLASER1 and RAWLASER1: type, start, fov, step, max_range, …."""
+    _, start, _, step, farthest, *_ = numbers_of(list(words[:7]))
+    return Fan(start, step, 0.0, min(farthest, SICK_RANGE))
 
 
 def write_carmen(log: Log, path: Path) -> None:
@@ -180,8 +261,8 @@ def write_carmen(log: Log, path: Path) -> None:
             ".csv or .npz."
         )
     mounts = composed(log.odometry, np.array([*scanner.mounting, 0.0])).tolist()
-    farthest = min(scanner.no_return, scanner.max_range)
-    head = _words(0, scanner.angles[0], step * scanner.beams, step, farthest, 0.01, 0)
+    most = scanner.max_range
+    head = _words(0, scanner.angles[0], step * scanner.beams, step, most, 0.01, 0)
     lines = [
         "# CARMEN log of deqmcl-gym",
         f"PARAM {_OURS} {scanner.json} 0 nohost 0",
@@ -189,7 +270,7 @@ def write_carmen(log: Log, path: Path) -> None:
     ]
     for record, mount in zip(log, mounts, strict=True):
         odometry, stamp = _words(*record.odometry), f"{record.time!r} nohost {record.time!r}"
-        ranges = np.where(np.isinf(record.ranges), np.float32(scanner.no_return), record.ranges)
+        ranges = np.nan_to_num(record.ranges, nan=0.0, posinf=most)
         scan = " ".join(map(str, ranges.tolist()))
         lines.append(f"ODOM {odometry} 0 0 0 {stamp}")
         if record.reference is not None:
@@ -201,19 +282,20 @@ def write_carmen(log: Log, path: Path) -> None:
     save(path, ("\n".join(lines) + "\n").encode())
 
 
-def _kind(path: Path, messages: _Messages, asked: str | None) -> str:
+def _kind(name: str, messages: _Messages, asked: str | None) -> str:
     if asked is not None:
         return one_of("kind of scan in a CARMEN log", asked, SCANS)
     there = [kind for kind, found in messages.scans.items() if found.times]
-    if len(there) == 1:
-        return there[0]
-    if there:
+    whole = [kind for kind in there if kind != "RAWLASER1"] or there  # raw ones are the same scans
+    if len(whole) == 1:
+        return whole[0]
+    if whole:
         raise InputError(
-            f"{path} has scans of two kinds, {' and '.join(there)}: choose one by scan_topic."
+            f"{name} has scans of two kinds, {' and '.join(whole)}: choose one by scan_topic."
         )
     damaged = f", and {messages.unreadable:,} unreadable lines" if messages.unreadable else ""
     raise InputError(
-        f"{path} has no scan{damaged}: a CARMEN log has lines that begin with {' or '.join(SCANS)}."
+        f"{name} has no scan{damaged}: a CARMEN log has lines that begin with {', '.join(SCANS)}."
     )
 
 

@@ -3,7 +3,7 @@
 CSV: a header ``time,odom_x,odom_y,odom_heading,[ref_x,ref_y,ref_heading,]range_0,range_1,…``;
 headings in rad; the reference is empty where it is unknown. A first line ``# {JSON}`` has the
 scanner: ``angles`` (rad, against the robot's heading), ``max_range`` and, optionally, ``mounting``,
-``min_range``, ``no_return``; a second line has the unit if it is not m: ``# px``.
+``min_range``; a second line has the unit if it is not m: ``# px``.
 
 npz: ``times`` (n,), ``odometry`` (n, 3), ``ranges`` (n, beams), ``reference`` (n, 3) with NaN where
 it is unknown, ``scanner`` with that JSON, ``unit``; no pickles.
@@ -63,7 +63,7 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
             found.add(time, odometry, numbers_of(row[first:]), reference=truth)
         except ValueError:
             found.damage[UNREADABLE] += 1
-    return found.log(lambda beams, _: _scanner(words, scanner, beams), unit=unit or "m")
+    return found.log(lambda beams, *_: _scanner(words, scanner, beams), unit=unit or "m")
 
 
 def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
@@ -101,7 +101,7 @@ def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
             "but they must be numbers of shape (n,), (n, 3) and (n, beams)."
         )
     found = RawRecords(str(path), times.tolist(), odometry.tolist(), list(ranges))
-    found.geometry = [(ranges.shape[1], None)] * n
+    found.fans, found.frames = [None] * n, [""] * n
     if (reference := known.pop("reference", None)) is not None:
         if reference.shape != (n, 3) or reference.dtype.kind not in "fiu":
             raise InputError(f"{path} has a reference {reference.shape}, but it must be {(n, 3)}.")
@@ -109,8 +109,10 @@ def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
         found.references = [
             pose if known else () for pose, known in zip(reference.tolist(), whole, strict=True)
         ]
+    else:
+        found.references = [()] * n
     words, unit = (str(known[name]) if name in known else None for name in ("scanner", "unit"))
-    return found.log(lambda beams, _: _scanner(words, scanner, beams), unit=unit or "m")
+    return found.log(lambda beams, *_: _scanner(words, scanner, beams), unit=unit or "m")
 
 
 def write_csv(log: Log, path: Path) -> None:

@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.logs.motion import dead_reckoned, has_moved, increments_of, lengths_of, sideways_of
+from deqmcl_gym.logs.scans import mark_unmeasured
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import LENGTH, PIXELS
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Pose, Singles
 from deqmcl_gym.validation import InputError, array, integer, number, one_of, real
 
-_NAMES = ("angles", "mounting", "turn", "mounts", "max_range", "min_range", "no_return", "sigma")
+_NAMES = ("angles", "mounting", "turn", "mounts", "max_range", "min_range", "sigma")
 _EVEN = 1e-5  # rad: float32 angles of a LaserScan are no better
 
 
@@ -26,15 +27,14 @@ _EVEN = 1e-5  # rad: float32 angles of a LaserScan are no better
 class Scanner(Lidar):
     """A lidar with beams at any angles, and the meaning of its ranges, in the log's unit.
 
-    A range is a measurement if it is in [min_range, max_range] and below ``no_return``. Other
-    ranges are +inf in a record: nothing was in range, or the beam failed.
+    A range is a measurement if min_range < range < max_range, as in ROS' ``LaserScan`` and Nav2's
+    AMCL. At or beyond max_range nothing is within reach: +inf. All else, at or below min_range or
+    not a number, is no reading: NaN.
 
     Attributes:
         angles: of the beams against the robot's heading, including the turn of the mounting and of
             its mounts, counterclockwise, in the order of the ranges, (beams,) rad.
         turn: of the mounting, rad.
-        min_range: smallest range that is a measurement.
-        no_return: smallest range reported where nothing is in range.
     """
 
     beams: int = field(init=False)
@@ -43,7 +43,6 @@ class Scanner(Lidar):
     sigma: float = field(default=0.0, metadata=LENGTH)
     angles: tuple[float, ...] = field(repr=False)
     turn: float = 0.0
-    no_return: float = field(default=math.inf, metadata=LENGTH)
 
     def __post_init__(self) -> None:
         angles = array("scanner.angles", self.angles, (None,)).tolist()
@@ -61,12 +60,10 @@ class Scanner(Lidar):
         object.__setattr__(self, "field_of_view", min(span or 2 * math.pi, 2 * math.pi))
         number("the turn of mounting, in rad,", self.turn, low=-2 * math.pi, high=2 * math.pi)
         number("scanner.min_range", self.min_range, low=0, high=self.max_range)
-        least = self.min_range
-        number("scanner.no_return", self.no_return, low=least, above=True, finite=False)
 
     @classmethod
     def of_lidar(cls, lidar: Lidar) -> "Scanner":
-        """Return the scanner of a simulated robot, all of whose ranges are measurements."""
+        """Return the scanner of a simulated robot."""
         return cls(
             angles=tuple(lidar.bearings),
             max_range=float(lidar.max_range),
@@ -95,9 +92,13 @@ class Scanner(Lidar):
                 f"{what} is not a JSON object with a scanner's angles and max_range: give "
                 '{"angles": [rad, …], "max_range": …}.'
             )
+        # of logs written before version 0.3: the smallest range where nothing is within reach
+        no_return = values.pop("no_return", math.inf)
         for name in values:
             one_of(f"name in {what}", name, _NAMES)
-        return cls(**values)
+        scanner = cls(**values)
+        nearest = number(f"no_return in {what}", no_return, low=0, above=True, finite=False)
+        return replace(scanner, max_range=min(scanner.max_range, nearest))
 
     @property
     def json(self) -> str:
@@ -138,14 +139,23 @@ class Scanner(Lidar):
         return step if np.abs(even - self.bearings).max() <= _EVEN else None
 
     def measured(self, ranges: ArrayLike) -> Singles:
-        """Return ranges (..., beams) as float32, +inf where they are not measurements."""
+        """Return ranges (..., beams) as float32, +inf or NaN where they are no measurements."""
         given = real("ranges", ranges)
         with np.errstate(over="ignore", invalid="ignore"):
             given = np.array(given, dtype=np.float32)
-            low, high = np.float32(self.min_range), np.float32(self.max_range)
-            seen = (given >= low) & (given <= high) & (given < np.float32(self.no_return))
-        given[~seen] = np.inf
+        self.lose(given, blind=np.nan)
         return given
+
+    @cached_property
+    def loses(self) -> bool:
+        """True: any range may be no measurement."""
+        return True
+
+    def lose(self, ranges: NDArray[Any], blind: float = math.inf) -> None:
+        """Overwrite readings (..., beams) that are no measurements by +inf and NaN, in place."""
+        if self.blind.any():
+            ranges[..., self.blind] = blind
+        mark_unmeasured(ranges, self.min_range, self.max_range)
 
     def thinned(self, max_beams: int) -> tuple["Scanner", Sequence[int]]:
         """Return the scanner with at most ``max_beams`` beams, spread evenly, and their indices.
@@ -172,7 +182,7 @@ class Record:
     Attributes:
         time: s.
         odometry: the pose by odometry (x, y, θ), in the drifting frame of the odometry.
-        ranges: the scan, (beams,); +inf where nothing was measured.
+        ranges: the scan, (beams,); +inf where nothing is within reach, NaN where a beam failed.
         reference: the best estimate of the true pose (x, y, θ) in the map; None if unknown.
     """
 
@@ -191,7 +201,7 @@ class Log:
         scanner: that took the scans.
         times: s, (n,), not decreasing.
         odometry: poses (x, y, θ) of the robot by odometry, (n, 3).
-        ranges: (n, beams) float32; +inf where nothing was measured.
+        ranges: (n, beams) float32; +inf where nothing is within reach, NaN where a beam failed.
         reference: poses in the map, (n, 3), NaN in rows without one; None: no reference.
         unit: of all lengths, "m" or "px".
         skipped: number of records left out when the log was read, by reason.
@@ -222,12 +232,12 @@ class Log:
                 "records in the order of their times."
             )
         odometry = array(f"odometry of {self.source}", self.odometry, (n, 3))
-        ranges = self.scanner.measured(self.ranges)
-        if ranges.shape != (n, beams):
+        if (shape := np.shape(self.ranges)) != (n, beams):
             raise InputError(
-                f"ranges of {self.source} have shape {ranges.shape}, but must be {(n, beams)}: a "
-                "row for each time, a column for each beam of the scanner."
+                f"ranges of {self.source} have shape {shape}, but must be {(n, beams)}: a row for "
+                "each time, a column for each beam of the scanner."
             )
+        ranges = self.scanner.measured(self.ranges)
         kept: dict[str, NDArray[Any]] = {"times": times, "odometry": odometry, "ranges": ranges}
         if self.reference is not None:
             given = real(f"the reference of {self.source}", self.reference)
@@ -297,8 +307,8 @@ class Log:
             f"{self.source}: {len(self):,} records, {seconds:,.1f} s, {self.driven[-1]:,.1f} "
             f"{unit} by odometry, {aside:,.1f} {unit} of it sideways",
             f"scanner: {self.scanner.beams} beams from {degrees[0]:.4g}° to {degrees[1]:.4g}°, up "
-            f"to {self.scanner.max_range:g} {self.unit}, {np.isinf(self.ranges).mean():.1%} of "
-            "the ranges without a return",
+            f"to {self.scanner.max_range:g} {self.unit}, {np.mean(~np.isfinite(self.ranges)):.1%} "
+            "of the ranges without a return",
         ]
         if self.reference is not None:
             between = 0 if self.interpolated is None else int(self.interpolated.sum())

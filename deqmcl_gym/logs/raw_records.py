@@ -1,20 +1,35 @@
 """Records as they stand in a file, made into a log: damaged ones are skipped and counted."""
 
 import bisect
+import math
 import warnings
 from collections import Counter
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from deqmcl_gym.logs.log import Log, Scanner, said_of_skipped
-from deqmcl_gym.numerics.types import Bools, Floats, Indices
+from deqmcl_gym.logs.odometry import (
+    JudgedOdometry,
+    clock_shifts,
+    jump_words,
+    reset_words,
+    without_jumps,
+)
+from deqmcl_gym.logs.scans import (
+    Fan,
+    Varying,
+    dropped_words,
+    no_return_codes,
+)
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.validation import LARGEST, InputError, LogWarning
 
 UNREADABLE = "unreadable"
-OTHER_SCAN = "with a scan of another length, geometry or frame"
+OTHER_FRAME = "with a scan of another frame"
+NO_ANGLES = "with a scan whose angles are not finite"
 NOT_FINITE = f"with a time or pose that is not finite or beyond {LARGEST:g}"
 BACKWARDS = "whose time runs backwards"
 NO_ODOMETRY = "without odometry at that time"
@@ -28,79 +43,134 @@ class RawRecords:
     Attributes:
         source: name of the file in messages.
         times, odometry, ranges: of each record.
-        geometry: number of beams and anything else that identifies the scanner, of each record.
+        fans: angles and limits of each scan; None: the scanner of the file has them.
+        frames: of each scan, "" for none.
         references: true poses in the records themselves; () for none.
         damage: number of records that could not be read, by reason.
+        judged: whether the odometry, and the clock, have been judged already.
     """
 
     source: str
     times: list[float] = field(default_factory=list)
     odometry: list[Sequence[float]] = field(default_factory=list)
     ranges: list[Sequence[float]] = field(default_factory=list)
-    geometry: list[tuple[int, Any]] = field(default_factory=list)
+    fans: list[Fan | None] = field(default_factory=list)
+    frames: list[str] = field(default_factory=list)
     references: list[Sequence[float]] = field(default_factory=list)
     damage: Counter[str] = field(default_factory=Counter)
+    judged: bool = False
 
     def add(
         self,
         time: float,
         odometry: Sequence[float],
         ranges: Sequence[float],
-        geometry: Hashable = None,
+        fan: Fan | None = None,
+        frame: str = "",
         reference: Sequence[float] = (),
     ) -> None:
         """Add a record."""
         self.times.append(time)
         self.odometry.append(odometry)
         self.ranges.append(ranges)
-        self.geometry.append((len(ranges), geometry))
+        self.fans.append(fan)
+        self.frames.append(frame)
         self.references.append(reference)
 
     def kept(self, chosen: Sequence[int]) -> "RawRecords":
         """Return the records of these indices, in order; all damage counts."""
+        names = ("times", "odometry", "ranges", "fans", "frames", "references")
+        columns: dict[str, Any] = {name: [getattr(self, name)[i] for i in chosen] for name in names}
+        return replace(self, **columns)
+
+    def with_odometry(self, numbers: Sequence[int], odometry: JudgedOdometry) -> "RawRecords":
+        """Return the records with the odometry at their times, of those that have one.
+
+        Args:
+            numbers: of the messages of the scans, as those of the odometry are counted.
+            odometry: of the robot.
+        """
+        found = [odometry.at(*scan) for scan in zip(numbers, self.times, strict=True)]
+        known = [index for index, placed in enumerate(found) if placed is not None]
+        if lost := len(found) - len(known):
+            self.damage[NO_ODOMETRY] += lost
+        placed = [one for one in found if one is not None]
         return replace(
-            self,
-            times=[self.times[i] for i in chosen],
-            odometry=[self.odometry[i] for i in chosen],
-            ranges=[self.ranges[i] for i in chosen],
-            geometry=[self.geometry[i] for i in chosen],
-            references=[self.references[i] for i in chosen],
+            self.kept(known),
+            times=[time for time, _ in placed],
+            odometry=[pose for _, pose in placed],
+            judged=True,
         )
 
-    def log(self, scanner_of: Callable[[int, Any], Scanner], *, unit: str = "m") -> Log:
-        """Return the sound records as a log; warn of the others.
+    def log(self, scanner_of: Callable[[int, str, Fan | None], Scanner], *, unit: str = "m") -> Log:
+        """Return the sound records as a log; warn of the others, and of all that is not as usual.
 
-        The scanner is that of most records, made by ``scanner_of(beams, geometry)``.
+        The scanner has the usual beams and limits of the scans, and is made by
+        ``scanner_of(beams, frame, fan)``; scans with other angles are resampled.
 
         Raises:
             InputError: no record is sound.
         """
-        kept = np.arange(len(self.times))
+        times, poses = np.array(self.times), np.array(self.odometry).reshape(-1, 3)
+        kept, remarks = np.arange(times.size), []
         if kept.size:
-            times, odometry = np.array(self.times), np.array(self.odometry).reshape(-1, 3)
-            (most, _), *_ = Counter(self.geometry).most_common(1)
-            same = np.array([geometry == most for geometry in self.geometry])
-            kept = self._without(kept, same, OTHER_SCAN)
-            sound = usable(np.column_stack([times, odometry]))
+            ((frame, _), *_) = Counter(self.frames).most_common(1)
+            kept = self._without(kept, np.array([one == frame for one in self.frames]), OTHER_FRAME)
+            aimed = np.array([fan is None or all(map(math.isfinite, fan[:2])) for fan in self.fans])
+            kept = self._without(kept, aimed[kept], NO_ANGLES)
+            sound = usable(np.column_stack([times, poses]))
             kept = self._without(kept, sound[kept], NOT_FINITE)
+            if not self.judged:
+                shifts = clock_shifts(times[kept])
+                times[kept] += shifts
+                remarks.append(reset_words(int(np.count_nonzero(np.diff(shifts)))))
             kept = kept[in_order(times[kept], self.damage)]
         if not kept.size:
             why = f" ({said_of_skipped(self.damage, 0)})" if self.damage else ""
             raise InputError(f"{self.source} has no usable record{why}.")
         if self.damage:
-            said = said_of_skipped(self.damage, kept.size)
-            warnings.warn(f"{self.source}: {said}.", LogWarning, stacklevel=2)
-        ranges = np.array([self.ranges[index] for index in kept])
+            remarks.append(said_of_skipped(self.damage, kept.size))
+        if not self.judged:
+            poses[kept], jumps = without_jumps(times[kept], poses[kept], unit)
+            remarks.append(jump_words(jumps))
         try:
-            scanner = scanner_of(*most)
+            scanner, ranges, varying = self._seen(kept, frame, scanner_of)
         except InputError as error:
+            self._tell(remarks)
             raise InputError(f"{self.source}: {error}") from None
+        for code in no_return_codes(ranges):
+            share = np.mean(ranges == np.float32(code))
+            remarks.append(
+                f"{share:.1%} of the ranges read exactly {np.float32(code)}, the largest: taken as "
+                "no return"
+            )
+            ranges[ranges == np.float32(code)] = np.inf
+            scanner = replace(scanner, max_range=code)
+        limits = scanner.min_range, scanner.max_range
+        self._tell([*remarks, varying, dropped_words(ranges, limits, unit)])
         log = Log(
-            scanner, times[kept], odometry[kept], ranges, self._reference(kept), unit,
+            scanner, times[kept], poses[kept], ranges, self._reference(kept), unit,
             skipped=dict(self.damage), source=self.source,
         )  # fmt: skip
         warn_of_few(log, self.source)
         return log
+
+    def _tell(self, remarks: Sequence[str | None]) -> None:
+        for remark in filter(None, remarks):
+            warnings.warn(f"{self.source}: {remark}.", LogWarning, stacklevel=4)
+
+    def _seen(
+        self, kept: Indices, frame: str, scanner_of: Callable[[int, str, Fan | None], Scanner]
+    ) -> tuple[Scanner, Singles, str | None]:
+        """Return the scanner, its ranges, (n, beams), and what is to be told of varying scans."""
+        scans = [self.ranges[index] for index in kept]
+        fans = [fan for index in kept if (fan := self.fans[index]) is not None]
+        if not fans:
+            scanner = scanner_of(len(scans[0]), frame, None)
+            return scanner, scanner.measured(np.array(scans)), None
+        varying = Varying.of(list(map(len, scans)), fans)
+        scanner = scanner_of(varying.beams, frame, varying.fan)
+        return scanner, *varying.seen(scans, scanner.max_range)
 
     def _reference(self, kept: Indices) -> Floats | None:
         """Return the true poses of the records kept, (n, 3); NaN where none is sound."""

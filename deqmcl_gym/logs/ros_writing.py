@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from deqmcl_gym.logs.bags import SCAN, require_rosbags
 from deqmcl_gym.logs.log import Log, Scanner
-from deqmcl_gym.logs.ros import REFERENCE_TOPIC, SCAN, UNIT_TOPIC, require_rosbags
+from deqmcl_gym.logs.ros import REFERENCE_TOPIC, UNIT_TOPIC
 from deqmcl_gym.logs.transforms import ODOMETRY
 from deqmcl_gym.numerics.types import Pose
 from deqmcl_gym.validation import InputError

@@ -13,14 +13,18 @@ from numpy.typing import ArrayLike
 
 from deqmcl_gym.files import numbers_of, save, text_of
 from deqmcl_gym.logs.log import Log, said_of_skipped
-from deqmcl_gym.logs.motion import composed, heading_of, relative
+from deqmcl_gym.logs.motion import between, composed, heading_of, relative
+from deqmcl_gym.logs.odometry import jumps_in, times_words
 from deqmcl_gym.logs.raw_records import NOT_FINITE, UNREADABLE, in_order, usable, warn_of_few
 from deqmcl_gym.maps.map import PIXELS
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
-from deqmcl_gym.validation import InputError, LogWarning, array, number, real, shown
+from deqmcl_gym.validation import LARGEST, InputError, LogWarning, array, number, real, shown
 
 MAX_GAP = 2.0  # m
+TOLERANCE = 0.02  # s, at most, and half the usual time between two records
+_UPRIGHT = 0.99  # cosine of the largest tilt that is not told: 8°
+_CLOCKS = ((1e17, "nanoseconds"), (1e14, "microseconds"), (LARGEST, "milliseconds"))
 _ROUNDING = 1e-6  # of covariances: float32 of some stacks
 
 
@@ -57,7 +61,7 @@ class Trajectory:
             object.__setattr__(self, "covariances", self._sound_covariances(self.covariances))
 
     def _sound_covariances(self, given: ArrayLike) -> Floats:
-        """Return covariances (n, 3, 3); refuse those that no distribution has."""
+        """Return covariances (n, 3, 3), NaN where no distribution has them; tell how many."""
         n = self.times.size
         found = np.array(real(f"covariances of {self.source}", given), dtype=np.float64)
         if found.shape != (n, 3, 3):
@@ -70,10 +74,15 @@ class Trajectory:
         apart = np.abs(found[known] - found[known].transpose(0, 2, 1)).max(axis=(1, 2), initial=0)
         least = np.linalg.eigvalsh(found[known])[:, 0]
         wrong = (apart > _ROUNDING * size) | (least < -_ROUNDING * size)
+        wrong |= (np.diagonal(found[known], axis1=1, axis2=2) == 0).any(axis=1)
+        found[np.flatnonzero(known)[wrong]] = np.nan
         if wrong.any():
-            raise InputError(
-                f"the covariance of {self.source} at {self.times[known][wrong.argmax()]:.6f} s is "
-                "not symmetric with eigenvalues of 0 or more: give that of (x, y, θ) in m and rad."
+            warnings.warn(
+                f"{self.source}: {int(wrong.sum()):,} of {wrong.size:,} covariances count as "
+                "unknown: they are not symmetric with eigenvalues of 0 or more, or have a variance "
+                "of 0.",
+                LogWarning,
+                stacklevel=4,
             )
         return found
 
@@ -125,22 +134,53 @@ def tum_rows(file: Path) -> tuple[Floats, int]:
             rows.append([time, x, y, *quaternion])
     table = np.array(rows).reshape(-1, 7)
     known = usable(table)
+    table[known, 3:] = _upright(table[known, 3:], str(file))
     headings = np.full(len(table), np.nan)
     headings[known] = heading_of(table[known, 3:])
     return np.column_stack([table[:, :3], headings]), unreadable
 
 
+def _upright(quaternions: Floats, source: str) -> Floats:
+    """Return quaternions (n, 4) as qx, qy, qz, qw; tell what is not of a robot on a floor."""
+    size = np.maximum(np.square(quaternions).sum(axis=1), 1e-12)
+    up = [1 - 2 * np.square(quaternions[:, axes]).sum(axis=1) / size for axes in ([0, 1], [1, 2])]
+    if not len(quaternions) or np.median(up[0]) >= _UPRIGHT:
+        return quaternions
+    tilt = math.degrees(math.acos(max(-1.0, float(up[0].min()))))
+    first = np.median(up[1]) >= _UPRIGHT
+    remedy = "they are read with qw first"
+    if not first:
+        remedy = "give poses of the robot's base with z up, if these are a camera's, with z ahead"
+    warnings.warn(
+        f"{source}: with quaternions as qx qy qz qw, its poses are tilted by up to {tilt:.0f}°: "
+        f"{remedy}.",
+        LogWarning,
+        stacklevel=4,
+    )
+    return quaternions[:, [1, 2, 3, 0]] if first else quaternions
+
+
+def clock_words(rows: Floats) -> str:
+    """Ask whether the times of rows t, … are in another unit than s; "" if they may be in s."""
+    times = rows[np.isfinite(rows[:, 0]), 0]
+    usual = float(np.median(times)) if times.size else 0.0
+    for least, unit in _CLOCKS:
+        if usual > least:
+            return f": its times are about {usual:.3g}: are these {unit}? Write seconds"
+    return ""
+
+
 def _sound(rows: Floats, source: str, damage: Counter[str]) -> Trajectory:
     """Return the trajectory of the sound rows t, x, y, θ, (n, 4); warn of the others."""
-    sound = usable(rows)
+    given, sound = rows, usable(rows)
     if not sound.all():
         damage[NOT_FINITE] += int((~sound).sum())
     rows = rows[sound]
     if not len(rows):
         why = f" ({said_of_skipped(damage, 0)})" if damage else ""
         raise InputError(
-            f"{source} has no usable reference pose{why}: a TUM trajectory has lines of 8 numbers, "
-            "t x y z qx qy qz qw."
+            f"{source} has no usable reference pose{why}{clock_words(given)}: a TUM trajectory has "
+            "lines of 8 numbers, t x y z qx qy qz qw."
         )
     rows = rows[in_order(rows[:, 0], damage)]
     if damage:
@@ -149,21 +189,37 @@ def _sound(rows: Floats, source: str, damage: Counter[str]) -> Trajectory:
     return Trajectory(rows[:, 0], rows[:, 1:], source)
 
 
+def tolerance_of(log: Log, tolerance: float | None = None) -> float:
+    """Return how far the stamps of a record and of its reference pose may be apart, s.
+
+    Half the usual time between two records, at most 20 ms, if it is not given.
+    """
+    if tolerance is not None:
+        return number("reference_tolerance", tolerance, low=0)
+    period = float(np.median(np.diff(log.times))) if len(log) > 1 else 0.0
+    return min(TOLERANCE, period / 2)
+
+
 def referenced(
-    log: Log, reference: Trajectory | str | PathLike[str], max_gap: float | None = None
+    log: Log,
+    reference: Trajectory | str | PathLike[str],
+    max_gap: float | None = None,
+    tolerance: float | None = None,
 ) -> Log:
     """Return the log with a trajectory as its reference, at the times of its records.
 
     A record at the time of a pose has that pose; of several at one time, the k-th record has the
     k-th pose, or the last. Between two poses, the robot's odometry is followed from the first, and
     its error at the second is spread over the way between them, metres and 1 m per radian turned.
-    So a reference with one pose per metre does not cut corners. ``Log.interpolated`` says where.
+    So a reference with one pose per metre does not cut corners. ``Log.interpolated`` says where,
+    but for records so near in time to a pose that this is as good as their own.
 
     Args:
         log: the records.
         reference: a trajectory, or a TUM file of one, in the map's frame, with the log's clock.
         max_gap: records between two poses get none if these are so far apart, in a straight line
             or by odometry, or farther; None is 2 m.
+        tolerance: s by which a pose may be off the time of its record; see ``tolerance_of``.
 
     Raises:
         InputError: no record lies within the trajectory.
@@ -174,14 +230,15 @@ def referenced(
     times, poses = trajectory.times, trajectory.poses
     inside = (log.times >= times[0]) & (log.times <= times[-1])
     exact, own = _stamped(log.times, times)
+    moved, close = _moved(log, times, poses, tolerance_of(log, tolerance))
     after = np.clip(np.searchsorted(times, log.times), 1, max(times.size - 1, 1))
     before = after - 1
     after = np.minimum(after, times.size - 1)
     gone = np.interp(times, log.times, log.driven)
     near = np.hypot(*(poses[after] - poses[before])[:, :2].T) < apart
     near &= gone[after] - gone[before] < apart  # a robot may come back to where it was
-    between = inside & near & ~exact
-    if not (exact | between).any():
+    among = inside & near & ~exact
+    if not (exact | close | among).any():
         if inside.any():
             raise InputError(
                 f"the poses of the reference {trajectory.source} around the records of "
@@ -193,19 +250,51 @@ def referenced(
             f"{log.source} {log.times[0]:.2f} s to {log.times[-1]:.2f} s: no record has a "
             "reference pose, so give the reference of this log, with the same clock."
         )
-    first, last = before[between], after[between]
-    here, whole, share = _travelled(log, times, between, first, last)
+    first, last = before[among], after[among]
+    here, whole, share = _travelled(log, times, among, first, last)
     missed = relative(poses[first], poses[last]) - whole
     missed[:, 2] = arrays.wrapped(missed[:, 2])
     found = np.full((len(log), 3), np.nan)
-    found[exact] = poses[own]
-    found[between] = composed(poses[first], here + share[:, None] * missed)
-    done = replace(log, reference=found, interpolated=between)
+    found[close], found[exact] = moved[close], poses[own]
+    found[among] = composed(poses[first], here + share[:, None] * missed)
+    done = replace(log, reference=found, interpolated=among & ~close)
     warn_of_few(done, trajectory.source)
+    _warn_of_jumps(trajectory, log.unit)
     return done
 
 
-def with_own_reference(log: Log, rows: ArrayLike, max_gap: float | None = None) -> Log:
+def _moved(log: Log, times: Floats, poses: Floats, within: float) -> tuple[Floats, Bools]:
+    """Return the nearest pose for each record, moved by the odometry since, and whether it is near.
+
+    (n, 3), (n,). The odometry between records lies on straight lines.
+    """
+    after = np.clip(np.searchsorted(times, log.times), 1, max(times.size - 1, 1))
+    pair = np.minimum(np.stack([after - 1, after]), times.size - 1)
+    off = np.abs(times[pair] - log.times)
+    nearest = pair[off.argmin(axis=0), np.arange(len(log))]
+    then = between(log.times, log.odometry, times[nearest])
+    return composed(poses[nearest], relative(then, log.odometry)), off.min(axis=0) <= within
+
+
+def _warn_of_jumps(trajectory: Trajectory, unit: str) -> None:
+    """Warn of steps of a reference that no robot drives."""
+    jumps = jumps_in(trajectory.times, trajectory.poses, unit)
+    if not (at := np.flatnonzero(jumps)).size:
+        return
+    steps = np.hypot(*np.diff(trajectory.poses[:, :2], axis=0)[at].T)
+    warnings.warn(
+        f"the reference {trajectory.source} jumps farther than a robot drives, "
+        f"{times_words(at.size)}, first at {trajectory.times[at[0] + 1]:.2f} s, by up to "
+        f"{steps.max():.2f} {unit}: what is "
+        "before or after may be wrong, and so are errors there.",
+        LogWarning,
+        stacklevel=4,
+    )
+
+
+def with_own_reference(
+    log: Log, rows: ArrayLike, max_gap: float | None = None, tolerance: float | None = None
+) -> Log:
     """Return the log with the poses in its own file, rows t, x, y, θ, (k, 4); none if k = 0.
 
     These are messages of their own, with stamps of their own: see ``referenced``.
@@ -213,7 +302,7 @@ def with_own_reference(log: Log, rows: ArrayLike, max_gap: float | None = None) 
     given = np.asarray(rows, dtype=np.float64).reshape(-1, 4)
     if not len(given):
         return log
-    return referenced(log, _sound(given, log.source, Counter()), max_gap)
+    return referenced(log, _sound(given, log.source, Counter()), max_gap, tolerance)
 
 
 def _stamped(records: Floats, times: Floats) -> tuple[Bools, Indices]:

@@ -2,75 +2,172 @@
 
 import math
 import warnings
-from collections.abc import Iterable
-from pathlib import Path
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from deqmcl_gym.logs.motion import heading_of
 from deqmcl_gym.maps import Mount
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError, LogWarning
+from deqmcl_gym.validation import InputError, LogWarning, one_of
 
 ODOMETRY = "nav_msgs/msg/Odometry"
-_ODOMETRY_FRAME = "odom"
+ODOMETRY_FRAME, MAP_FRAME = "odom", "map"
 _UPRIGHT = 0.99  # cosine of the largest tilt that is ignored: 8°
+_ROCKING = 0.05, math.radians(3)  # m, rad: largest SD in the plane of a place on a robot
+_STEADY = 1e-3  # m, rad: SD that is not told
+
+Edge = tuple[str, str]  # parent, child
+
+
+@dataclass
+class PoseRows:
+    """Poses in the order of their messages.
+
+    Attributes:
+        rows: number of the message, when it was received (s), number of its connection, then its
+            stamp (s), x, y, z, qx, qy, qz, qw.
+    """
+
+    rows: list[list[float]] = field(default_factory=list)
+
+    @property
+    def table(self) -> Floats:
+        """The rows, (n, 11)."""
+        return np.array(self.rows, dtype=np.float64).reshape(-1, 11)
+
+    @property
+    def poses(self) -> Floats:
+        """Rows t, x, y, θ, (n, 4); NaN where they or the quaternion are none."""
+        table = self.table
+        known = np.isfinite(table[:, 3:]).all(axis=1)
+        headings = np.full(len(table), np.nan)
+        headings[known] = heading_of(table[known, 7:])
+        return np.column_stack([table[:, 3:6], headings])
 
 
 class Transforms:
-    """All transforms of a bag, from parent to child: static ones, and odometry."""
+    """All transforms of a bag, from parent to child, by the topic that they came on."""
 
     def __init__(self) -> None:
-        self._edges: dict[tuple[str, str], list[list[float]]] = {}
+        self._edges: dict[str, dict[Edge, PoseRows]] = {}  # by the namespace of the topic
 
-    def add(self, time: float, message: Any) -> None:
-        """Add a TransformStamped of ROS; a row is t, x, y, z, qx, qy, qz, qw, all finite."""
+    def add(self, topic: str, row: Sequence[float], message: Any) -> None:
+        """Add a TransformStamped of ROS; ``row`` is as in ``PoseRows``, up to the stamp."""
         at, turned = message.transform.translation, message.transform.rotation
         edge = frame_name(message.header.frame_id), frame_name(message.child_frame_id)
-        row = [time, at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]
-        known = self._edges.setdefault(edge, [])
-        if np.isfinite(row).all() and np.linalg.norm(row[4:]) > 0:
-            known.append(row)
+        edges = self._edges.setdefault(topic.rpartition("/")[0], {})
+        known = edges.setdefault(edge, PoseRows())
+        pose = [at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]
+        if np.isfinite(pose).all() and np.linalg.norm(pose[3:]) > 0:
+            known.rows.append([*row, *pose])
 
-    def odometry(self, path: Path, base_frame: str | None) -> tuple[str, Floats]:
-        """Return the robot's frame and its poses in odom, rows t, x, y, qx, qy, qz, qw.
+    def of(self, topic: str) -> "Frames":
+        """Return the transforms of the robot that a topic is of: those of its namespace.
+
+        With those of no namespace; all, if there are none of either.
+        """
+        namespaces = [one for one in self._edges if one == "" or topic.startswith(f"{one}/")]
+        edges: dict[Edge, PoseRows] = {}
+        for namespace in sorted(namespaces or self._edges, key=len):
+            edges |= self._edges[namespace]
+        return Frames(edges)
+
+
+@dataclass(frozen=True)
+class Frames:
+    """The frames of one robot."""
+
+    edges: Mapping[Edge, PoseRows]
+
+    @cached_property
+    def moving(self) -> Mapping[Edge, PoseRows]:
+        """The transforms that move in the plane."""
+        return {edge: rows for edge, rows in self.edges.items() if rows.rows and not _place(rows)}
+
+    def odometry(
+        self, name: str, base_frame: str | None, odometry_frame: str | None, scan_frame: str
+    ) -> tuple[str, PoseRows]:
+        """Return the robot's frame, and its poses by odometry.
+
+        These are the transforms from ``odometry_frame``; None: from ``odom``, whatever stands
+        before a slash, or those that move and have the scanner above them.
 
         Raises:
-            InputError: there are none, or several frames move in odom.
+            InputError: there are none, or several frames move so.
         """
+        if odometry_frame is not None:
+            parents = {parent for parent, _ in self.edges}
+            odometry_frame = one_of("odometry_frame", frame_name(odometry_frame), parents)
         found = {
-            child: rows
-            for (parent, child), rows in self._edges.items()
-            if parent == _ODOMETRY_FRAME and rows and base_frame in (None, child)
+            (parent, child): rows
+            for (parent, child), rows in self.edges.items()
+            if rows.rows and base_frame in (None, child) and odometry_frame in (None, parent)
+        }
+        moving = {edge: rows for edge, rows in found.items() if edge in self.moving}
+        in_odom = {
+            edge: rows
+            for edge, rows in found.items()
+            if odometry_frame is not None or edge[0].rpartition("/")[2] == ODOMETRY_FRAME
         }
         # a dock may stand in odom, too
-        moving = {name: rows for name, rows in found.items() if _still(rows) is None} or found
-        if not moving:
+        from_odom = {edge: rows for edge, rows in in_odom.items() if edge in moving} or in_odom
+        above = [edge for edge in self._above(scan_frame) if edge in moving]
+        if len(from_odom) > 1 and (own := [edge for edge in above if edge in from_odom]):
+            from_odom = {own[0]: from_odom[own[0]]}
+        if not from_odom and above and above[0][0] != MAP_FRAME:
+            from_odom = {above[0]: moving[above[0]]}
+        if not from_odom:
+            listed = ", ".join(f"{one} to {other}" for one, other in moving) or "none"
             raise InputError(
-                f"{path} has no odometry: give the topic of a {ODOMETRY} by odometry_topic; there "
-                f"is no moving transform from the frame {_ODOMETRY_FRAME} either."
+                f"{name} has no odometry: give the topic of a {ODOMETRY} by odometry_topic, or by "
+                "odometry_frame the frame from which transforms move the robot; the moving "
+                f"transforms are {listed}."
             )
-        base = only_frame(moving, f"{_ODOMETRY_FRAME} in the transforms of {path}")
-        return base, np.array(moving[base])[:, [0, 1, 2, 4, 5, 6, 7]]
+        children = {child: rows for (_, child), rows in from_odom.items()}
+        base = only_frame(children, f"{ODOMETRY_FRAME} in the transforms of {name}")
+        return base, children[base]
 
-    def mounted(self, path: Path, base: str, frame: str, beams: int) -> Mount:
-        """Return where the scanner of a frame is mounted on the robot.
+    def _above(self, frame: str) -> list[Edge]:
+        """Return the edges from a frame up to the root."""
+        parents = {child: (parent, child) for parent, child in self.edges}
+        found: list[Edge] = []
+        while frame in parents and parents[frame] not in found:
+            found.append(parents[frame])
+            frame = parents[frame][0]
+        return found
+
+    def mounted(self, name: str, base: str, frame: str, beams: int) -> Mount:
+        """Return where the scanner of a frame is mounted on the robot, seen from above.
+
+        By the mean of transforms that rock, as on springs; their spread is told.
 
         Raises:
             InputError: the scanner is tilted.
         """
-        chain = self._chain(base, frame)
+        chain, spread = self._chain(self._known(base), self._known(frame))
         if chain is None:
-            broken = [" to ".join(edge) for edge, rows in self._edges.items() if not rows]
+            broken = [" to ".join(edge) for edge, rows in self.edges.items() if not rows.rows]
             why = f" (no finite one from {', '.join(broken)})" if broken else ""
             warnings.warn(
-                f"{path} has no static transform from {base} to {frame}{why}: the scanner is "
+                f"{name} has no static transform from {base} to {frame}{why}: the scanner is "
                 "assumed in the robot's centre, looking ahead; if it is not, give "
                 "mounting=(x, y, turn).",
                 LogWarning,
                 stacklevel=2,
             )
             chain = np.eye(4)
+        if max(spread) > _STEADY:
+            warnings.warn(
+                f"{name}: the place of {frame} on {base} is the mean of transforms that vary, "
+                f"standard deviation {spread[0]:.3f} m, turn {math.degrees(spread[1]):.2g}°, tilt "
+                f"{math.degrees(spread[2]):.2g}°.",
+                LogWarning,
+                stacklevel=2,
+            )
         up = chain[2, 2]
         if abs(up) < _UPRIGHT:
             raise InputError(
@@ -81,31 +178,65 @@ class Transforms:
         x, y = chain[:2, 3].tolist()
         return Mount(x=x, y=y, heading=turn, upside_down=bool(up < 0), beams=beams)
 
-    def _chain(self, base: str, frame: str) -> Floats | None:
-        """Return the transform from base to frame, 4 x 4; None without static ones between them."""
-        steps: dict[str, list[tuple[str, Floats]]] = {}
-        for (parent, child), rows in self._edges.items():
-            there = _still(rows)
-            if there is not None:
-                steps.setdefault(parent, []).append((child, there))
+    def _known(self, frame: str) -> str:
+        """Return a frame as transforms call it: with a prefix that only they have, or without."""
+        names = {name for edge in self.edges for name in edge}
+        last = frame.rpartition("/")[2]
+        alike = [name for name in names if name.rpartition("/")[2] == last]
+        return frame if frame in names or len(alike) != 1 else alike[0]
+
+    def _chain(self, base: str, frame: str) -> tuple[Floats | None, tuple[float, float, float]]:
+        """Return the transform from base to frame, 4 x 4, None without a steady one between them.
+
+        And the spread of all on the way: m and rad in the plane, rad of tilt.
+        """
+        steps: dict[str, list[tuple[str, Floats, Floats]]] = {}
+        for (parent, child), rows in self.edges.items():
+            place = _place(rows)
+            if place is not None:
+                there, spread = place
+                steps.setdefault(parent, []).append((child, there, spread))
                 back = np.linalg.inv(there).astype(np.float64)
-                steps.setdefault(child, []).append((parent, back))
-        reached, queue = {base: np.eye(4)}, [base]
+                steps.setdefault(child, []).append((parent, back, spread))
+        reached, queue = {base: (np.eye(4), np.zeros(3))}, [base]
         for here in queue:
-            for next_name, step in steps.get(here, ()):
+            for next_name, step, spread in steps.get(here, ()):
                 if next_name not in reached:
-                    reached[next_name] = reached[here] @ step
+                    matrix, squares = reached[here]
+                    reached[next_name] = (matrix @ step, squares + spread**2)
                     queue.append(next_name)
-        return reached.get(frame)
+        if frame not in reached:
+            return None, (0.0, 0.0, 0.0)
+        matrix, squares = reached[frame]
+        along, turn, tilt = np.sqrt(squares).tolist()
+        return matrix, (along, turn, tilt)
 
 
-def _still(rows: list[list[float]]) -> Floats | None:
-    """Return the 4 x 4 matrix of a transform that is the same in all of its rows, else None."""
-    values = np.array(rows).reshape(-1, 8)[:, 1:]
+def _place(rows: PoseRows) -> tuple[Floats, Floats] | None:
+    """Return the mean 4 x 4 matrix of a transform that hardly moves in the plane, else None.
+
+    And its standard deviations, (3,): m and rad in the plane, rad of tilt.
+    """
+    values = rows.table[:, 4:]
     if not len(values):
         return None
-    values[values[:, 3:] @ values[0, 3:] < 0, 3:] *= -1  # q and -q are the same turn
-    return _matrix(values[0]) if np.ptp(values, axis=0).max() < 1e-6 else None
+    quaternions = values[:, 3:] / np.linalg.norm(values[:, 3:], axis=1, keepdims=True)
+    quaternions[quaternions @ quaternions[0] < 0] *= -1  # q and -q are the same turn
+    values = np.column_stack([values[:, :3], quaternions])
+    mean = values[0] + (values - values[0]).mean(axis=0)  # of equal ones the same to the bit
+    off = 2 * _turned_back(quaternions, mean[3:] / np.linalg.norm(mean[3:]))
+    tilt, turn = np.sqrt(np.square(off).mean(axis=0) @ [[1, 0], [1, 0], [0, 1]])
+    along = float(np.sqrt(values[:, :2].var(axis=0).sum()))
+    if along > _ROCKING[0] or turn > _ROCKING[1]:
+        return None
+    return _matrix(mean), np.array([along, turn, tilt])
+
+
+def _turned_back(quaternions: Floats, mean: Floats) -> Floats:
+    """Return the vector parts of quaternions (n, 4) seen from a mean, mean⁻¹ q, (n, 3)."""
+    vectors, scalars = quaternions[:, :3], quaternions[:, 3:]
+    back: Floats = mean[3] * vectors - scalars * mean[:3] - np.cross(mean[:3], vectors)
+    return back
 
 
 def only_frame(frames: Iterable[str], where: str) -> str:

@@ -209,10 +209,13 @@ def test_beams_without_a_return_read_more_than_the_scanner_can_see():
     log = real()
     env = LogEnv(log=log)
     scans = np.array([said[0] for said in played(env)])
-    lost = np.isinf(log.ranges)
-    assert lost.any()
-    assert (scans[lost] > env.lidar.max_range).all()
-    np.testing.assert_array_equal(scans[~lost], log.ranges[~lost])
+    beyond, failed = np.isinf(log.ranges), np.isnan(log.ranges)
+    assert beyond.any()
+    assert failed.any()
+    assert set(scans[beyond]) == {2 * env.lidar.max_range}
+    assert set(scans[failed]) == {3 * env.lidar.max_range}
+    seen = np.isfinite(log.ranges)
+    np.testing.assert_array_equal(scans[seen], log.ranges[seen])
 
 
 @pytest.mark.parametrize(

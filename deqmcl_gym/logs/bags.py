@@ -1,0 +1,206 @@
+"""ROS 1 and ROS 2 bags, opened by ``rosbags`` without ROS: topics, and messages in their order."""
+
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from deqmcl_gym.files import opened_log
+from deqmcl_gym.logs.transforms import ODOMETRY, frame_name
+from deqmcl_gym.validation import InputError
+
+SCAN = "sensor_msgs/msg/LaserScan"
+POSES: dict[str, Callable[[Any], Any]] = {
+    "geometry_msgs/msg/PoseStamped": lambda message: message.pose,
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: message.pose.pose,
+    ODOMETRY: lambda message: message.pose.pose,
+}
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+_REMEDIES = {".mcap": "mcap recover", ".bag": "rosbag reindex"}
+_REINDEX = "ros2 bag reindex"
+
+
+class Sent(NamedTuple):
+    """A message of a bag.
+
+    Attributes:
+        number: in the order in which messages were received.
+        received: when, s.
+        source: number of its connection: one for each publisher, where the bag tells them apart.
+        topic, kind: of the message.
+        decoded: returns it; damaged bytes can raise anything.
+    """
+
+    number: int
+    received: float
+    source: int
+    topic: str
+    kind: str
+    decoded: Callable[[], Any]
+
+    @property
+    def row(self) -> list[float]:
+        """The first numbers of a row of ``PoseRows``."""
+        return [float(self.number), self.received, float(self.source)]
+
+
+@dataclass(frozen=True)
+class Bag:
+    """The parts of a bag, in the order of their times.
+
+    Attributes:
+        name: in messages.
+        readers: one for each part.
+    """
+
+    name: str
+    readers: Sequence[Any]
+
+    @property
+    def topics(self) -> Mapping[str, str]:
+        """The type of each topic."""
+        return {one.topic: one.msgtype for reader in self.readers for one in reader.connections}
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """The number of messages of each topic: of a driver that did not run, none."""
+        counts: Counter[str] = Counter()
+        for reader in self.readers:
+            for one in reader.connections:
+                counts[one.topic] += one.msgcount
+        return counts
+
+    def messages(self, topics: set[str | None], kinds: Sequence[str] = ()) -> Iterator[Sent]:
+        """Yield the messages of some topics, and of some types."""
+        number = 0
+        for part, reader in enumerate(self.readers):
+            chosen = [
+                one for one in reader.connections if one.topic in topics or one.msgtype in kinds
+            ]
+            for connection, received, raw in reader.messages(connections=chosen):
+                yield Sent(
+                    number, received / 1e9, 1000 * part + connection.id, connection.topic,
+                    connection.msgtype,
+                    partial(reader.deserialize, raw, connection.msgtype),
+                )  # fmt: skip
+                number += 1
+
+    def topic(
+        self,
+        types: Sequence[str],
+        argument: str,
+        asked: str | None,
+        *,
+        beside: str | None = None,
+        needed: bool = True,
+    ) -> str | None:
+        """Return the topic asked for, or the only one of some types.
+
+        Args:
+            types: of which it must be one.
+            argument: by which it is chosen.
+            asked: its name; None: the only one.
+            beside: a topic of the same robot: of several, the only one in its namespace.
+            needed: whether a bag without it is refused.
+        """
+        fitting = sorted(topic for topic, kind in self.topics.items() if kind in types)
+        fitting = [topic for topic in fitting if self.counts[topic]] or fitting
+        listed = ", ".join(f"{topic} ({kind})" for topic, kind in sorted(self.topics.items()))
+        if asked is not None:
+            if self.topics.get(asked) in types:
+                return asked
+            raise InputError(
+                f"{argument} is {asked!r}, but must be a topic of type {' or '.join(types)}; those "
+                f"of {self.name}: {listed or 'none'}."
+            )
+        if len(fitting) > 1 and beside is not None:
+            robot = beside.rpartition("/")[0]
+            fitting = [one for one in fitting if one.startswith(f"{robot}/")] or fitting
+        if len(fitting) > 1:
+            raise InputError(
+                f"{self.name} has {len(fitting)} topics of type {types[0]}, {', '.join(fitting)}: "
+                f"choose one by {argument}{', or several' if argument == 'scan_topic' else ''}."
+            )
+        if not fitting and needed:
+            raise InputError(
+                f"{self.name} has no topic of type {types[0]}; its topics: {listed or 'none'}."
+            )
+        return fitting[0] if fitting else None
+
+
+def require_rosbags() -> None:
+    """Check that ``rosbags`` is installed.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        import rosbags.highlevel  # noqa: F401
+    except ModuleNotFoundError:
+        raise InputError(
+            'ROS bags need rosbags, which is not installed: pip install "deqmcl-gym[ros]".'
+        ) from None
+
+
+@contextmanager
+def opened(paths: Sequence[Path]) -> Iterator[Bag]:
+    """Open the parts of a bag; any error inside becomes an ``InputError``."""
+    require_rosbags()
+    name = names_of(paths)
+    at = paths[0]
+    try:
+        with ExitStack() as stack:
+            readers = []
+            for at in paths:
+                readers.append(stack.enter_context(_reader(at)))
+            readers.sort(key=lambda one: one.start_time)
+            yield Bag(name, readers)
+    except InputError:
+        raise
+    except Exception as error:  # rosbags raises what it meets: struct, sqlite3, yaml, assertions
+        said = str(error) or type(error).__name__
+        remedy = _REMEDIES.get(at.suffix.lower(), _REINDEX)
+        raise InputError(
+            f"{at} cannot be read as a ROS bag ({said}): if it was cut, or not closed, mend it by "
+            f"{remedy}."
+        ) from None
+
+
+def _reader(path: Path) -> Any:
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_typestore
+
+    if not os.path.exists(path):
+        raise InputError(f"{path} does not exist: give the path of a bag.")
+    if not path.is_dir():
+        with opened_log(path):  # refuses a pipe, which rosbags would wait for
+            pass
+    return AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+
+
+def names_of(paths: Sequence[Path]) -> str:
+    """Return what to call the parts of a log in messages."""
+    first, *others = paths
+    return f"{first} and {len(others)} more" if others else str(first)
+
+
+def row_of(sent: Sent, message: Any) -> list[float]:
+    """Return the row of ``PoseRows`` of a message of ``POSES``."""
+    pose = POSES[sent.kind](message)
+    at, turned = pose.position, pose.orientation
+    stamp = seconds_of(message.header.stamp)
+    return [*sent.row, stamp, at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]
+
+
+def frame_of_header(message: Any) -> str:
+    """Return the frame in a message's header."""
+    return frame_name(message.header.frame_id)
+
+
+def seconds_of(stamp: Any) -> float:
+    """Return a stamp in s."""
+    return (int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)) / 1e9

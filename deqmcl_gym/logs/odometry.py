@@ -1,0 +1,355 @@
+"""Odometry as it comes from a robot, judged: late messages, jumps, clocks that were set back.
+
+One judge for a robot's loop (``localizers.Tracker``) and for recorded logs, so that a robot that is
+fed with the messages of a log has the odometry of its replay.
+"""
+
+import bisect
+import enum
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deqmcl_gym.logs.motion import composed, has_moved, increments_of, relative
+from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Pose
+
+FASTEST = 250.0, 2 * math.pi  # px/s (5 m/s), rad/s: what a robot can drive
+SLACK = 25.0, 0.5  # px (0.5 m), rad: of a step, whatever its duration
+BACK = 1.0  # s by which a stamp may be late; beyond, the clock may have been set back
+_GAP = 1.0  # s without odometry beyond which the pose in between is unknown …
+_PERIODS = 3.0  # … or so many of its usual periods
+_LONGEST = 600.0  # s between two messages while a clock is set back
+_RECENT = 101  # messages that say which period is usual
+_ALTERNATIONS = 10  # steps there and back, faster than a robot, that tell two publishers
+_APART = 2.5  # px (0.05 m): of such a step at least
+_NOTHING = np.zeros((1, 3))
+
+
+class Taken(enum.Enum):
+    """What became of a message."""
+
+    USED = enum.auto()
+    RESET = enum.auto()  # used: the clock was set back at the message before, a new stretch begins
+    LATE = enum.auto()  # older than the newest, or doubled: left out
+    UNUSABLE = enum.auto()  # not finite: left out
+
+
+@dataclass
+class Stretch:
+    """Poses by odometry of one clock: times ascend, jumps are taken out.
+
+    Attributes:
+        times: s.
+        poses: (x, y, θ), without the jumps.
+        frames: of each pose: the frame of the odometry as it came, in that of ``poses``; None: the
+            same.
+    """
+
+    times: list[float] = field(default_factory=list)
+    poses: list[Pose] = field(default_factory=list)
+    frames: list[Pose | None] = field(default_factory=list)
+
+    def at(self, time: float) -> Pose | None:
+        """Return the pose at a time, on a straight line between the two around it.
+
+        None before the first, after the last, and in a gap of more than 1 s and 3 usual periods.
+        """
+        after = bisect.bisect_left(self.times, time)
+        if after < len(self.times) and self.times[after] == time:
+            return self.poses[after]
+        if after in (0, len(self.times)):
+            return None
+        begin, end = self.times[after - 1], self.times[after]
+        if end - begin > _GAP and end - begin > _PERIODS * np.median(
+            np.diff(self.times[-_RECENT:])
+        ):
+            return None
+        share = (time - begin) / (end - begin)
+        (x, y, turn), (x1, y1, turn1) = self.poses[after - 1], self.poses[after]
+        turned = math.remainder(turn1 - turn, 2 * math.pi)
+        heading = math.remainder(turn + share * turned, 2 * math.pi)
+        return x + share * (x1 - x), y + share * (y1 - y), heading
+
+    def frame_at(self, time: float) -> Pose | None:
+        """Return the frame of the odometry as it came, at a time that is not before the first."""
+        return self.frames[bisect.bisect_right(self.times, time) - 1]
+
+    def forget(self, before: float) -> None:
+        """Forget what is older."""
+        if old := bisect.bisect_left(self.times, before):
+            for values in (self.times, self.poses, self.frames):
+                del values[:old]
+
+
+def usual_period(times: Sequence[float]) -> float:
+    """Return the median time between the latest messages, s; 0 of a single one."""
+    latest = times[-_RECENT:]
+    return float(np.median(np.diff(latest))) if len(latest) > 1 else 0.0
+
+
+class Odometry:
+    """The odometry of a robot, message by message in the order in which they come.
+
+    A step that no robot drives is a jump: of a driver that began anew, or of a first pose that
+    means nothing. The robot has not moved in it. Two messages in a row that are older than the
+    newest by more than 1 s, in their order, are of a clock that was set back: a new stretch begins
+    with the first of them, and the robot has moved as it says, unless that is a jump.
+
+    Attributes:
+        stretch: of the latest clock.
+        jumps: number of steps that were jumps.
+    """
+
+    def __init__(self, unit: str = "m", fastest: tuple[float, float] | None = None) -> None:
+        """Begin without a message.
+
+        Args:
+            unit: of lengths.
+            fastest: speeds, per s and rad/s, above which a step is a jump; None: 5 m/s, 2π rad/s.
+        """
+        size = pixel(unit)
+        self._fastest = (FASTEST[0] * size, FASTEST[1]) if fastest is None else fastest
+        self._slack = SLACK[0] * size, SLACK[1]
+        self.stretch, self.jumps = Stretch(), 0
+        self._raw: Pose | None = None  # the latest as it came
+        self._older: tuple[float, Pose] | None = None  # the message before, if far too old
+
+    @property
+    def newest(self) -> tuple[float, Pose] | None:
+        """Time and pose of the newest message; None before the first."""
+        return (self.stretch.times[-1], self.stretch.poses[-1]) if self.stretch.times else None
+
+    def take(self, time: float, raw: Pose) -> Taken:
+        """Take a pose with its stamp, s."""
+        if not all(map(math.isfinite, (time, *raw))):
+            return Taken.UNUSABLE
+        if self._raw is None:
+            self._keep(time, raw, None)
+            return Taken.USED
+        taken = Taken.USED
+        if time <= self.stretch.times[-1]:
+            older, self._older = self._older, None
+            if time < self.stretch.times[-1] - BACK:
+                self._older = (time, raw)
+            if older is None or self._older is None or time <= older[0]:
+                return Taken.LATE
+            taken, last = Taken.RESET, self.stretch
+            self.stretch = Stretch()
+            jumped = self._jumped(0.0, older[1])
+            self._keep(*older, frame_of(last.poses[-1], older[1]) if jumped else last.frames[-1])
+        self._older = None
+        last = self.stretch
+        if self._jumped(time - last.times[-1], raw):
+            self.jumps += 1
+            self._keep(time, raw, frame_of(last.poses[-1], raw))
+        else:
+            self._keep(time, raw, last.frames[-1])
+        return taken
+
+    def _keep(self, time: float, raw: Pose, frame: Pose | None) -> None:
+        here = raw if frame is None else _tuple(composed(np.array([frame]), np.array(raw)))
+        self._raw = raw
+        self.stretch.times.append(time)
+        self.stretch.poses.append(here)
+        self.stretch.frames.append(frame)
+
+    def _jumped(self, seconds: float, raw: Pose) -> bool:
+        assert self._raw is not None
+        (far, turned), (slack, more) = self._fastest, self._slack
+        return has_moved(self._raw, raw, far * seconds + slack, turned * seconds + more)
+
+
+@dataclass(frozen=True)
+class JudgedOdometry:
+    """All odometry of a log, judged: its stretches, whose times go on when a clock is set back.
+
+    Attributes:
+        begins: number of the message with which each stretch begins, as all messages are counted.
+        shifts: what is added to stamps in each stretch, s.
+        stretches: in their order.
+        counts: of what became of the messages.
+        jumps: number of steps that were jumps.
+    """
+
+    begins: Sequence[float]
+    shifts: Sequence[float]
+    stretches: Sequence[Stretch]
+    counts: Mapping[Taken, int]
+    jumps: int
+
+    @classmethod
+    def of(cls, numbers: Floats, received: Floats, rows: Floats, unit: str) -> "JudgedOdometry":
+        """Return odometry, judged in the order in which it came.
+
+        Args:
+            numbers: of the messages, ascending, (n,).
+            received: when each came, s, by a clock that may be another; NaN if unknown, (n,).
+            rows: t, x, y, θ, (n, 4).
+            unit: of lengths.
+        """
+        odometry = Odometry(unit)
+        stretches, begins, shifts = [odometry.stretch], [-math.inf], [0.0]
+        counts: Counter[Taken] = Counter()
+        for at, (time, *raw) in enumerate(rows.tolist()):
+            before = odometry.stretch
+            taken = odometry.take(time, (raw[0], raw[1], raw[2]))
+            counts[taken] += 1
+            if taken is Taken.RESET:
+                counts[Taken.LATE] -= 1  # the one before: it is used after all
+                elapsed = float(received[at - 1] - received[at - 2])
+                if not 0 < elapsed < _LONGEST:
+                    elapsed = usual_period(before.times)
+                shifts.append(shifts[-1] + before.times[-1] + elapsed - odometry.stretch.times[0])
+                begins.append(float(numbers[at - 1]))
+                stretches.append(odometry.stretch)
+        return cls(begins, shifts, stretches, counts, odometry.jumps)
+
+    def at(self, number: float, time: float) -> tuple[float, Pose] | None:
+        """Return the time, shifted, and the pose of a message of this number and stamp, or None."""
+        last = bisect.bisect_right(self.begins, number) - 1
+        for one in (last, last - 1):
+            if one >= 0 and (pose := self.stretches[one].at(time)) is not None:
+                return time + self.shifts[one], pose
+        return None
+
+    def shifted(self, numbers: Floats, times: Floats) -> Floats:
+        """Return the stamps of messages of these numbers, shifted, (n,)."""
+        at = np.searchsorted(self.begins, numbers, side="right") - 1
+        return np.asarray(times + np.array(self.shifts)[at])
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is to be told of it."""
+        told = [reset_words(len(self.stretches) - 1), jump_words(self.jumps)]
+        if lost := sum(self.counts.get(one, 0) for one in (Taken.LATE, Taken.UNUSABLE)):
+            told.append(f"{lost:,} odometry messages are left out: late, doubled or not finite")
+        return [remark for remark in told if remark]
+
+
+def jump_words(count: int) -> str | None:
+    """Say that the odometry jumps; None if it does not."""
+    if not count:
+        return None
+    return (
+        f"the odometry jumps farther than a robot drives, {times_words(count)}: taken as no motion"
+    )
+
+
+def reset_words(count: int) -> str | None:
+    """Say that the clock was set back; None if it was not."""
+    if not count:
+        return None
+    return (
+        f"the clock was set back, {times_words(count)}: from there on times are shifted, to go on"
+    )
+
+
+def times_words(count: int) -> str:
+    """Say how often."""
+    return "once" if count == 1 else f"{count:,} times"
+
+
+def frame_of(there: Pose, raw: Pose) -> Pose:
+    """Return the frame in which odometry that reads ``raw`` is ``there``."""
+    back = relative(np.array([raw]), _NOTHING)
+    return _tuple(composed(np.array([there]), back))
+
+
+def jumps_in(times: Floats, poses: Floats, unit: str) -> Bools:
+    """Return which steps between poses (n, 3) at times (n,) no robot drives, (n - 1,)."""
+    (far, turned), (slack, more), size = FASTEST, SLACK, pixel(unit)
+    steps, seconds = np.diff(poses, axis=0), np.diff(times)
+    length, turn = np.hypot(steps[:, 0], steps[:, 1]), np.abs(arrays.wrapped(steps[:, 2]))
+    found: Bools = (length >= size * (far * seconds + slack)) | (turn >= turned * seconds + more)
+    return found
+
+
+def without_jumps(times: Floats, poses: Floats, unit: str) -> tuple[Floats, int]:
+    """Return poses (n, 3) of one clock without the steps that no robot drives, and their number."""
+    jumped = jumps_in(times, poses, unit)
+    judged = poses.copy()
+    for at in np.flatnonzero(jumped) + 1:  # from here on in the frame before
+        frame = np.array([frame_of(_tuple(judged[at - 1 : at]), _tuple(poses[at : at + 1]))])
+        judged[at:] = composed(frame.repeat(len(poses) - at, axis=0), poses[at:])
+    return judged, int(jumped.sum())
+
+
+def clock_shifts(times: ArrayLike) -> Floats:
+    """Return by how much stamps must be shifted so that a clock that was set back goes on, (n,).
+
+    As of ``Odometry``: two stamps in a row that are older than the newest by more than 1 s, in
+    their order. The new stretch begins the usual period after the old one.
+    """
+    given = np.asarray(times, dtype=np.float64)
+    shifts = np.zeros(given.size)
+    newest, shift = -math.inf, 0.0
+    for at in np.flatnonzero(np.isfinite(given)):
+        time, after = given[at], given[at + 1 : at + 2]
+        if at > 1 and given[at - 2] <= time < given[at - 1] == newest:
+            newest = given[at - 2]  # the one before was far ahead, alone
+        if time < newest - BACK and (time < after).any() and (after < newest - BACK).any():
+            shift += newest + float(np.median(np.abs(np.diff(given)))) - time
+            newest = time
+        shifts[at] = shift
+        newest = max(newest, time)
+    return shifts
+
+
+def publishers(times: Floats, poses: Floats, sources: Indices, unit: str) -> list[Indices]:
+    """Return the messages of each publisher of a topic, by index; one list if there is only one.
+
+    Two publishers are told by their connections, if messages of these alternate, or by poses that
+    go there and back faster than any robot, again and again. Then each message belongs to the
+    publisher whose next message is nearer to it, from the last one backwards: at first, both may be
+    at the same place.
+
+    Args:
+        times: of the headers, s, in the order in which they came, (n,).
+        poses: (x, y, θ), finite, (n, 3).
+        sources: number of the connection of each, (n,).
+        unit: of lengths.
+    """
+    by_source = [np.flatnonzero(sources == one) for one in np.unique(sources)]
+    by_source.sort(key=lambda own: int(own[0]))
+    if np.count_nonzero(np.diff(sources)) > len(by_source) + _ALTERNATIONS:
+        return by_source
+    size = pixel(unit)
+    steps = np.diff(poses[:, :2], axis=0)
+    length, seconds = np.hypot(*steps.T), np.abs(np.diff(times))
+    fast = length > size * (_APART + FASTEST[0] * seconds)
+    back = np.hypot(*(poses[2:, :2] - poses[:-2, :2]).T) < np.minimum(length[1:], length[:-1]) / 2
+    turns = np.flatnonzero(fast[1:] & fast[:-1] & back)
+    if turns.size < _ALTERNATIONS:
+        return [np.arange(len(times))]
+    heads, own = [int(turns[-1]), int(turns[-1]) + 1], np.empty(len(times), np.intp)
+    order = [*range(heads[1], -1, -1), *range(heads[1] + 1, len(times))]
+    reach = np.array([1.0, 1.0, 50 * size])  # 1 m for each rad
+    first = poses[heads].copy()
+    ends = first.copy()
+    for at in order:
+        if at == heads[1] + 1:
+            ends = first
+        off = poses[at] - ends
+        off[:, 2] = arrays.wrapped(off[:, 2])
+        own[at] = int(np.square(off * reach).sum(axis=1).argmin())
+        ends[own[at]] = poses[at]
+    found = [np.flatnonzero(own == one) for one in (0, 1)]
+    return sorted(found, key=lambda one: int(one[0]))
+
+
+def publisher_words(times: Floats, poses: Floats) -> str:
+    """Say how often a publisher's messages come, and how far it says that the robot went."""
+    rate = 1 / max(float(np.median(np.diff(times))), 1e-9)
+    steps = increments_of(poses)
+    return f"{rate:.3g} Hz, {np.hypot(steps[:, 0], steps[:, 1]).sum():.1f} m"
+
+
+def _tuple(poses: Floats) -> Pose:
+    x, y, heading = poses[0].tolist()
+    return x, y, heading

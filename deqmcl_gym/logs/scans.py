@@ -1,0 +1,256 @@
+"""Scans as lidars send them, brought to one form: bearings, limits and codes of no return.
+
+Many lidars send another number of beams, another first angle or other limits with each scan. A log
+has one list of bearings, and each of them gets the nearest beam of a scan.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from deqmcl_gym.numerics.types import Floats, Indices, Reals, Singles
+from deqmcl_gym.validation import LARGEST, InputError, array
+
+_TURN = 2 * math.pi
+_ROUNDING = 1e-6  # rad
+_STEEPEST = 1 / math.tan(math.radians(15))  # growth of a wall's range for each rad, at most
+_CODE = 0.01  # share of all beams that read one number, the largest of a log: no return …
+_STANDS_OUT = 10  # … if it is so many times as frequent as a number usually is
+_DROPPED = 0.5  # share of ranges that are no measurements above which that is told
+
+
+class Fan(NamedTuple):
+    """Angles of a scan's beams in the scanner's own frame, and the limits of its measurements.
+
+    Attributes:
+        start, step: the first angle and the increment, rad.
+        min_range, max_range: as of ``Scanner``.
+    """
+
+    start: float
+    step: float
+    min_range: float
+    max_range: float
+
+    @property
+    def nearest(self) -> float:
+        """The smallest range, 0 if none is said."""
+        return self.min_range if self.min_range > 0 else 0.0
+
+    @property
+    def limited(self) -> bool:
+        """Whether the largest range is said, as some drivers and simulators do not."""
+        return 0 < self.max_range <= LARGEST
+
+    def angles(self, beams: int) -> Floats:
+        """Angles of so many beams, (beams,) rad."""
+        return self.start + self.step * np.arange(float(beams))
+
+
+def mark_unmeasured(ranges: Reals, min_range: float, max_range: float) -> None:
+    """Overwrite ranges at or beyond max_range by +inf, other ones that measure nothing by NaN."""
+    with np.errstate(invalid="ignore"):
+        ranges[ranges >= np.float32(max_range)] = np.inf
+        ranges[~(ranges > np.float32(min_range))] = np.nan
+
+
+@dataclass(frozen=True)
+class Varying:
+    """Scans that may vary, and the beams and limits that stand for all of them.
+
+    Attributes:
+        sizes: number of beams of each scan.
+        fans: angles and limits of each scan.
+        beams: the most frequent number.
+        fan: the median angles of scans of that number, and limits within which all scans' are; a
+            max_range of -inf if no scan has a finite one above 0.
+    """
+
+    sizes: Sequence[int]
+    fans: Sequence[Fan]
+    beams: int
+    fan: Fan
+
+    @classmethod
+    def of(cls, sizes: Sequence[int], fans: Sequence[Fan]) -> "Varying":
+        """Return what stands for scans.
+
+        Raises:
+            InputError: no scan has a beam.
+        """
+        counts = Counter(size for size in sizes if size)
+        if not counts:
+            raise InputError("no scan has a beam.")
+        beams = counts.most_common(1)[0][0]
+        alike = [fan for size, fan in zip(sizes, fans, strict=True) if size == beams]
+        start, step = (float(np.median([fan[column] for fan in alike])) for column in (0, 1))
+        nearest = min(fan.nearest for fan in fans)
+        farthest = max((fan.max_range for fan in fans if fan.limited), default=-math.inf)
+        return cls(sizes, fans, beams, Fan(start, step, nearest, farthest))
+
+    def seen(
+        self, scans: Sequence[Sequence[float]], max_range: float
+    ) -> tuple[Singles, str | None]:
+        """Return the ranges at the bearings that stand for all, and what is to be told of them.
+
+        Args:
+            scans: ranges, as many as ``sizes`` says.
+            max_range: of scans that have none.
+
+        Returns:
+            (n, beams), +inf and NaN where they are no measurements; a sentence, or None.
+        """
+        alike: dict[tuple[int, Fan], list[int]] = {}
+        for row, key in enumerate(zip(self.sizes, self.fans, strict=True)):
+            alike.setdefault(key, []).append(row)
+        angles = self.fan.angles(self.beams)
+        ranges = np.full((len(scans), self.beams), np.nan, np.float32)
+        others, largest = 0, 0.0
+        for (size, fan), rows in alike.items():
+            with np.errstate(over="ignore", invalid="ignore"):
+                block = np.array([scans[row] for row in rows], np.float32).reshape(len(rows), size)
+            mark_unmeasured(block, fan.nearest, fan.max_range if fan.limited else max_range)
+            if size != self.beams or fan[:2] != self.fan[:2]:
+                others += len(rows)
+                if not size:
+                    continue
+                around = Neighbours.of(fan.angles(size), angles)
+                largest = max(largest, around.largest)
+                block = around.seen(block)
+            ranges[rows] = block
+        if not others:
+            return ranges, None
+        least, most = min(self.sizes), max(self.sizes)
+        numbers = f"{least} to {most}" if least < most else str(most)
+        return ranges, (
+            f"{others:,} of {len(scans):,} scans have other angles than those of the log "
+            f"({numbers} beams a scan): each bearing of the log has the wall between its two "
+            f"beams, or the nearest beam, at most {math.degrees(largest):.2g}° off"
+        )
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """The beams of a scan around other bearings.
+
+    Attributes:
+        before, after: index of the beam clockwise and counterclockwise of each bearing, (b,).
+        past: angle from the beam before to the bearing, (b,) rad.
+        gap: angle from the beam before to the one after, (b,) rad.
+        within: how far off a beam may be: half the usual angle between neighbouring bearings, rad.
+    """
+
+    before: Indices
+    after: Indices
+    past: Floats
+    gap: Floats
+    within: float
+
+    @classmethod
+    def of(cls, beams: Floats, onto: Floats) -> "Neighbours":
+        """Return the neighbours among beams, (B,) rad, of the bearings ``onto``, (b,) rad."""
+        order = np.argsort(np.mod(beams, _TURN), kind="stable")
+        around = np.mod(beams, _TURN)[order]
+        at = np.searchsorted(around, np.mod(onto, _TURN), side="right")
+        before, after = order[at - 1], order[at % order.size]
+        past = np.mod(onto - beams[before], _TURN)
+        past[past > _TURN - _ROUNDING] = 0.0  # of a beam at the bearing itself
+        gap = np.mod(beams[after] - beams[before], _TURN)
+        gap[gap < past] += _TURN
+        apart = np.abs(np.diff(onto))
+        within = float(np.median(apart)) / 2 if apart.size else math.pi
+        return cls(before, after, past, gap, within + _ROUNDING)
+
+    @property
+    def nearer(self) -> Indices:
+        """The index of the nearest beam of each bearing, (b,)."""
+        return np.where(self.past <= self.gap / 2, self.before, self.after)
+
+    @property
+    def off(self) -> Floats:
+        """How far off that is, (b,) rad."""
+        return np.minimum(self.past, self.gap - self.past)
+
+    @property
+    def largest(self) -> float:
+        """How far off a beam that is used is at most, rad."""
+        return float(self.off[self.off <= self.within].max(initial=0.0))
+
+    def seen(self, ranges: Singles) -> Singles:
+        """Return what beams read at the bearings, (k, b), of scans (k, B).
+
+        The point between two returns of a straight wall that is not seen at less than 15°, else the
+        nearest beam's range, NaN if that is too far off.
+        """
+        found = np.where(self.off <= self.within, ranges[:, self.nearer], np.float32(np.nan))
+        one, other = ranges[:, self.before], ranges[:, self.after]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            wall = np.abs(other - one) <= _STEEPEST * self.gap * (one + other) / 2
+            wall &= (self.off > _ROUNDING) & (self.gap <= 4 * self.within)
+            straight = one * other * np.sin(self.gap)
+            straight /= one * np.sin(self.past) + other * np.sin(self.gap - self.past)
+        joined: Singles = np.where(wall, straight, found).astype(np.float32)
+        return joined
+
+
+def resampled(ranges: ArrayLike, bearings: ArrayLike, onto: Floats) -> Singles:
+    """Return a scan at other bearings: see ``Neighbours.seen``.
+
+    Args:
+        ranges: (B,).
+        bearings: of these beams, (B,) rad.
+        onto: bearings asked for, (b,) rad, in any order.
+
+    Raises:
+        InputError: not as many bearings as ranges.
+    """
+    given = np.asarray(ranges, dtype=np.float32)
+    angles = array("bearings", bearings, (None,)) if np.size(bearings) else np.empty(0)
+    if given.shape != angles.shape:
+        raise InputError(
+            f"the scan has {given.size} ranges and {angles.size} bearings: give one for each."
+        )
+    if not given.size:
+        return np.full(onto.size, np.nan, np.float32)
+    return Neighbours.of(angles, onto).seen(given[None])[0]
+
+
+def no_return_codes(ranges: Singles) -> list[float]:
+    """Return the numbers that stand for no return in the ranges of a log, largest first.
+
+    The largest measurement is one if a per cent or more of all beams read it to the last digit, and
+    it stands out: numbers of beams that hit walls differ. Without it, the next largest may be, too.
+    """
+    measured = ranges[np.isfinite(ranges)]
+    codes: list[float] = []
+    values, counts = np.unique(measured, return_counts=True)
+    for last in range(values.size - 1, 0, -1):
+        usual = float(np.median(counts[:last]))
+        if counts[last] < _CODE * ranges.size or counts[last] < _STANDS_OUT * usual:
+            break
+        codes.append(float(values[last]))
+    return codes
+
+
+def dropped_words(ranges: Singles, limits: Sequence[float], unit: str) -> str | None:
+    """Say that most ranges of a log are no measurements, and why; None if they are not most.
+
+    Args:
+        ranges: of a log: +inf beyond reach, NaN where there is no reading, (n, beams).
+        limits: the smallest and the largest of the scanner.
+        unit: of length.
+    """
+    beyond, none = float(np.isinf(ranges).mean()), float(np.isnan(ranges).mean())
+    if beyond + none <= _DROPPED:
+        return None
+    least, most = limits
+    return (
+        f"{beyond + none:.0%} of the ranges are no measurements: {beyond:.0%} are at or beyond "
+        f"max_range, {most:g} {unit} (nothing within reach), and {none:.0%} at or below min_range, "
+        f"{least:g} {unit}, or not a number"
+    )
