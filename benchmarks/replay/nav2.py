@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.replay import ros_params
+from benchmarks.replay.options import Replay
+from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError, boolean, number, one_of, pose, shown
 from localizers import DifferentialMotion, GaussianUniform, OmniMotion, RobotModel, make
@@ -85,6 +87,23 @@ class Amcl:
         left = [(why, [n for n, own in self.unused.items() if own == why]) for why in whys]
         told = [f"not used: {', '.join(names)} ({why})" for why, names in left]
         return [f"{self.source}: {said}" for said in [*told, *self.remarks]]
+
+    def differences(self, params: Mapping[str, Any], replay: Replay) -> list[str]:
+        """In what a replay with other parameters differs, in a sentence; nothing if in none."""
+        world = replay.world
+        distance, angle = spacing("every", world["every"], replay.log.unit)
+        file, now = {**self.params}, {**self.params, **params}
+        now["max_beams"] = min(now["max_beams"], world["max_beams"])
+        now["update_min_d"] = max(now["update_min_d"], distance)
+        now["update_min_a"] = max(now["update_min_a"], angle)
+        for name in ("max_range", "min_range"):
+            file[f"laser_{name}"] = self.reading.get(name, "the sensor's")
+            now[f"laser_{name}"] = world.get(f"reading.{name}", "the sensor's")
+        if self.start is not None:
+            file["initial_pose"] = self.start
+            now["initial_pose"] = replay.assumed.get("prior.mean", "another start")
+        told = [f"{n} {file.get(n)} → {v}" for n, v in now.items() if v != file.get(n)]
+        return [f"{self.source}: what is played differs in {', '.join(told)}"] if told else []
 
     @property
     def options(self) -> dict[str, Any]:

@@ -476,3 +476,29 @@ def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded
     with open("out/results.csv", newline="") as file:
         assert [row["localizer"] for row in csv.DictReader(file)] == ["amcl", "dead-reckoning"]
     assert main([*command, "--node", "nobody", "--out", "other"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--param", "amcl.alpha1=0.3"], "alpha1 0.04 → 0.3"),
+        (["--param", "amcl.max_particles=400"], "max_particles 1500 → 400"),
+        (["--param", "amcl.selective_resampling=true"], "selective_resampling None → True"),
+        (["--max-beams", "20"], "max_beams 30 → 20"),
+        (["--every", "0.2m,1rad"], "update_min_a 0.2 → 1.0, update_min_d 0.1 → 0.2"),
+        (["--read", "max_range=3"], "laser_max_range 4.0 → 3.0"),
+        (["--read", "min_range=0.2"], "laser_min_range the sensor's → 0.2"),
+        (["--start=1,1,0"], "initial_pose (1.2, 1.0, 0.1) → (1.0, 1.0, 0.0)"),
+        (["--reference", "x.tum"], "initial_pose (1.2, 1.0, 0.1) → another start"),
+        (["--param", "amcl.alpha1=0.04", "--max-beams", "40", "--every", "0.01m,1deg"], None),
+        (["--start=1.2,1,0.1", "--particles", "20", "--motion", "alpha1=0.5"], None),
+    ],
+)
+def test_replay_says_in_which_parameters_amcl_differs_from_the_file(
+    params, recorded, capsys, words, told
+):
+    command = ["replay", "x.csv", "--map", "room.yaml", "--nav2", str(params()), "--seeds", "1"]
+    assert main([*command, "--localizers", "amcl", "--jobs", "1", *words, "--out", "out"]) == 0
+    said = capsys.readouterr().err
+    assert ("what is played differs in" in said) == (told is not None)
+    assert told is None or f"node /amcl: what is played differs in {told}" in " ".join(said.split())
