@@ -16,7 +16,7 @@ import stat
 import tempfile
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any, NoReturn, TypeVar
@@ -144,8 +144,8 @@ def json_of(content: bytes) -> dict[str, Any]:
     return value
 
 
-def yaml_of(content: bytes) -> Any:
-    """Return the content of a YAML file.
+def yaml_of(content: bytes, build: Callable[[Any], Any] | None = None) -> Any:
+    """Return the content of a YAML file, made by ``build`` of PyYAML's node if that is given.
 
     Raises:
         UnreadableError: it is not YAML, or breaks one of these rules.
@@ -157,12 +157,14 @@ def yaml_of(content: bytes) -> Any:
         depth = 0
         for event in yaml.parse(text):
             if isinstance(event, yaml.AliasEvent):
-                raise UnreadableError("has an alias, which is not taken")
+                raise UnreadableError("has an alias, which is not taken (write its values out)")
             depth += isinstance(event, yaml.CollectionStartEvent)
             depth -= isinstance(event, yaml.CollectionEndEvent)
             if depth > _DEEPEST:
                 raise UnreadableError("is nested too deeply")
         node = yaml.compose(text)
+        if build is not None:
+            return build(node)
         if isinstance(node, yaml.MappingNode):
             for key, count in Counter(key.value for key, _ in node.value).items():
                 if count > 1:

@@ -153,6 +153,8 @@ def run(options: argparse.Namespace) -> str:
         check(sweep)
         said += gated(sweep, told.get("every"))
         notes = said if nav2 is None else [*said, *nav2.notes]
+        amcl = next((one.params for one in sweep.localizers if one.name == "amcl"), None)
+        notes += [] if nav2 is None or amcl is None else nav2.differences(amcl, replay)
         how = Options(where=where)
         text = run_replay(
             replay, sweep, options.out, how, options.words, notes, residuals=options.residuals

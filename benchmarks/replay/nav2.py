@@ -5,15 +5,18 @@ Names, defaults and meaning are those of docs.nav2.org, "AMCL".
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from deqmcl_gym.files import UnreadableError, as_number, content_of, yaml_of
+from benchmarks.replay import ros_params
+from benchmarks.replay.options import Replay
+from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.maps import Lidar, PolygonMap
-from deqmcl_gym.validation import InputError, boolean, number, one_of, pose
+from deqmcl_gym.validation import InputError, boolean, number, one_of, pose, shown
 from localizers import DifferentialMotion, GaussianUniform, OmniMotion, RobotModel, make
 from localizers.methods.amcl import DIFFERENTIAL, OMNI, amcl
 from localizers.models.nav2_motion import MotionModel, kind_of
@@ -25,14 +28,18 @@ _DEFAULTS = {name: own.default for name, own in _TAKEN if name not in _OURS} | _
 _RANGES: Mapping[str, Mapping[str, Any]] = {
     **{name: {"low": 0} for name in ("pf_z", "alpha1", "alpha2", "alpha3")},
     "sigma_hit": {"low": 0, "above": True},
-    "update_min_a": {"low": 0, "high": round(math.pi, 6)},  # rad: no turn is larger
+    "update_min_a": {"low": 0, "high": 6.2832},  # rad, a whole turn: more is in degrees
+    "laser_max_range": {"finite": False},
 }
 _LASERS = ("likelihood_field", "likelihood_field_prob", "beam")
 _ROBOTS = {DIFFERENTIAL: DIFFERENTIAL, OMNI: OMNI}
 _ROBOTS |= {"differential": DIFFERENTIAL, "omnidirectional": OMNI}  # before Humble
 _FINER = 4  # records to the least movement between two updates
-_START = ("set_initial_pose", "initial_pose")
-_POSE = "initial_pose."
+_POSE = ("initial_pose.x", "initial_pose.y", "initial_pose.yaw")
+_START = {"set_initial_pose": False, **dict.fromkeys((*_POSE, "initial_pose.z"), 0.0)}
+_KNOWN = _DEFAULTS | _START
+_TYPES = {float: "a double", int: "an integer", bool: "a bool"}
+_ENV = re.compile(r"""\$\(env\s+\w+\s+(['"]?)([^()'"]*?)\1\s*\)""")  # with a default
 _ROS = "of ROS, not of the filter"
 _OF_ROS = (
     "always_reset_initial_pose", "base_frame_id", "first_map_only", "freespace_downsampling",
@@ -40,6 +47,7 @@ _OF_ROS = (
     "save_pose_rate", "scan_topic", "tf_broadcast", "transform_tolerance",
     "use_sim_time", "service_introspection_mode", "qos_overrides", "bond_heartbeat_period",
     "bond_timeout", "autostart_node", "start_type_description_service",
+    "initialize_at_saved_pose", "saved_pose_filepath", "allow_parameter_qos_overrides",
 )  # fmt: skip
 
 
@@ -58,6 +66,7 @@ class Amcl:
         max_beams: of a scan.
         start: (x, y, θ) of the robot; None if it is not set.
         unused: what has no counterpart, with the reason.
+        remarks: what ROS or Nav2 does otherwise, or is easily missed.
     """
 
     source: str
@@ -69,12 +78,32 @@ class Amcl:
     max_beams: int
     start: tuple[float, float, float] | None
     unused: Mapping[str, str]
+    remarks: Sequence[str]
 
     @property
     def notes(self) -> list[str]:
-        """What of the filter is not as AMCL has it, in a sentence; nothing if all is."""
-        left = [name for name, why in self.unused.items() if why != _ROS]
-        return [f"{self.source}: not used: {', '.join(left)}"] if left else []
+        """What of the filter is not as AMCL has it, in sentences; nothing if all is."""
+        whys = dict.fromkeys(why for why in self.unused.values() if why != _ROS)
+        left = [(why, [n for n, own in self.unused.items() if own == why]) for why in whys]
+        told = [f"not used: {', '.join(names)} ({why})" for why, names in left]
+        return [f"{self.source}: {said}" for said in [*told, *self.remarks]]
+
+    def differences(self, params: Mapping[str, Any], replay: Replay) -> list[str]:
+        """In what a replay with other parameters differs, in a sentence; nothing if in none."""
+        world = replay.world
+        distance, angle = spacing("every", world["every"], replay.log.unit)
+        file, now = {**self.params}, {**self.params, **params}
+        now["max_beams"] = min(now["max_beams"], world["max_beams"])
+        now["update_min_d"] = max(now["update_min_d"], distance)
+        now["update_min_a"] = max(now["update_min_a"], angle)
+        for name in ("max_range", "min_range"):
+            file[f"laser_{name}"] = self.reading.get(name, "the sensor's")
+            now[f"laser_{name}"] = world.get(f"reading.{name}", "the sensor's")
+        if self.start is not None:
+            file["initial_pose"] = self.start
+            now["initial_pose"] = replay.assumed.get("prior.mean", "another start")
+        told = [f"{n} {file.get(n)} → {v}" for n, v in now.items() if v != file.get(n)]
+        return [f"{self.source}: what is played differs in {', '.join(told)}"] if told else []
 
     @property
     def options(self) -> dict[str, Any]:
@@ -97,6 +126,7 @@ class Amcl:
         lines = [
             _comment(self.source),
             *(_comment(f"not used: {name}: {why}") for name, why in self.unused.items()),
+            *map(_comment, self.remarks),
             *(f"# initial_pose: deqmcl replay --start={x},{y},{heading}" for x, y, heading in at),
             'scenario = "log"',
             'localizers = ["amcl"]',
@@ -120,9 +150,7 @@ class Amcl:
 
 
 def _comment(words: str) -> str:
-    return "# " + "".join(
-        word if word.isprintable() else "\N{REPLACEMENT CHARACTER}" for word in words
-    )
+    return "# " + "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in words)
 
 
 def read_nav2(path: Path, node: str | None = None) -> Amcl:
@@ -135,12 +163,15 @@ def read_nav2(path: Path, node: str | None = None) -> Amcl:
     Raises:
         InputError: it cannot be read, has no such node or several, or a bad value.
     """
-    nodes = dict(_nodes(_document(path), ""))
-    shared = nodes.pop("/**", {})
-    name = _chosen(path, nodes, node)
-    given = {**shared, **nodes[name]}
+    _, nodes, twice = ros_params.read(path)
+    name = ros_params.node_named("amcl", nodes, path, node)
+    fitting = ros_params.fitting(name, nodes)
+    given = {n: value for pattern in fitting for n, value in nodes[pattern].items()}
+    later = [n for n, value in nodes.get(name, {}).items() if given[n] != value]
+    noted = {"given twice, where rcl joins tables and takes the later value": twice}
+    noted |= {f"overridden by a wildcard that stands after {name}, as in rclcpp": later}
     try:
-        return _amcl(f"{path}, node {name}", given)
+        return _amcl(f"{path}, node {name}", given, noted)
     except InputError as error:
         raise InputError(f"{path}, node {name}: {error}") from None
 
@@ -171,37 +202,58 @@ def nav2_document(
     told = {n: _value(n, default, params) for n, default in usual_params().items()}
     if path is None:
         return {"amcl": {"ros__parameters": told}}
-    document = dict(_document(path))
-    name = _chosen(path, {n: v for n, v in _nodes(document, "") if n != "/**"}, node)
-    own = dict(_nodes(document, ""))[name]
-    assert isinstance(own, dict)
+    document, nodes, _ = ros_params.read(path)
+    name = ros_params.node_named("amcl", nodes, path, node)
+    if ros_params.fitting(name, nodes)[-1] != name:  # what stands last is not overridden
+        held = {at: key for key in document for at, _ in ros_params.tables({key: document[key]})}
+        inner = document.pop(key := held.get(name, name), {})
+        document[key] = inner if name in held else {**inner, "ros__parameters": {}}
+    own = dict(ros_params.tables(document))[name]
     own |= told
     return document
 
 
-def _amcl(source: str, given: Mapping[str, Any]) -> Amcl:
+def _amcl(source: str, raw: Mapping[str, Any], noted: dict[str, list[str]]) -> Amcl:
+    filled = {n: _ENV.sub(r"\2", str(v)) for n, v in raw.items() if _ENV.search(str(v))}
+    given = {**raw, **{n: ros_params.scalar(text) for n, text in filled.items()}}
     said = {name: _value(name, default, given) for name, default in _DEFAULTS.items()}
     one_of("laser_model_type", said["laser_model_type"], _LASERS)
     robot = one_of("robot_model_type", said["robot_model_type"], _ROBOTS)
     said["robot_model_type"] = _ROBOTS[robot]
     model = OmniMotion if _ROBOTS[robot] == OMNI else DifferentialMotion
     alphas = [own.name for own in fields(model) if own.name.startswith("alpha")]
-    unused = {name: _ROS for name in sorted(_OF_ROS) if name in given}
-    known = {*_DEFAULTS, *_OF_ROS, *_START}
-    strange = [name for name in given if name.split(".")[0] not in known]
+    unused = dict.fromkeys(sorted({n.split(".")[0] for n in given} & {*_OF_ROS}), _ROS)
+    strange = [n for n in given if n not in _KNOWN and n.split(".")[0] not in unused]
     unused |= dict.fromkeys(strange, "no parameter of Nav2's AMCL")
+    unknown = [n for n in _START if "$(" in str(given.get(n))]
+    unused |= dict.fromkeys(unknown, "a launch substitution: no start is taken")
+    start = None
+    if not unknown and _value("set_initial_pose", False, given):
+        start = pose("initial_pose", [_value(name, 0.0, given) for name in _POSE])
+        of_it = [name for name in strange if name.startswith("initial_pose")]
+        unused |= dict.fromkeys(of_it, f"Nav2 starts at x, y and yaw of initial_pose, {start}")
+    defaults = [f"{n} {shown(raw[n])}" for n in filled if n in _KNOWN and n not in unknown]
+    noted["launch substitutions, whose default is taken"] = defaults
+    noted["taken, but of types that Nav2 refuses"] = [
+        f"{n} {shown(given[n])} (must be {_TYPES[type(own)]})"
+        for n, own in _KNOWN.items()
+        if n not in unknown and type(given.get(n, own)) is not type(own)
+    ]
+    wide = said["update_min_a"] > math.pi
+    noted["above π, so that no turn is enough for an update"] = ["update_min_a"] * wide
     # not above 0: what the sensor says, as in Nav2
     bounds = {"max_range": said["laser_max_range"], "min_range": said["laser_min_range"]}
     found = Amcl(
         source=source,
         params={name: value for name, value in said.items() if name not in _OF_LOGS},
-        reading={name: value for name, value in bounds.items() if value > 0},
+        reading={name: value for name, value in bounds.items() if 0 < value < math.inf},
         motion=model(**{name: said[name] for name in alphas}),
         sigma=said["sigma_hit"],
         every=(said["update_min_d"] / _FINER, said["update_min_a"] / _FINER),
         max_beams=said["max_beams"],
-        start=_start(given),
+        start=start,
         unused=unused,
+        remarks=[f"{why}: {', '.join(names)}" for why, names in noted.items() if names],
     )
     _check(found)
     return found
@@ -210,11 +262,16 @@ def _amcl(source: str, given: Mapping[str, Any]) -> Amcl:
 def _value(name: str, default: Any, given: Mapping[str, Any]) -> Any:
     """Return what is given for a parameter, of its default's type, or the default."""
     value = given.get(name, default)
+    if "$(" in str(value):
+        raise InputError(
+            f"{name} is {shown(value)}, a launch substitution, but must be a value: give the file "
+            "that `ros2 param dump` writes of the running node."
+        )
     if isinstance(default, str):
         return value
+    value = ros_params.scalar(value) if isinstance(value, str) else value
     if isinstance(default, bool):
         return boolean(name, value)
-    value = as_number(value)
     read = type(default)(number(name, value, **_RANGES.get(name, {})))
     if read != value:
         raise InputError(f"{name} is {value!r}, but must be an integer.")
@@ -231,57 +288,3 @@ def _check(found: Amcl) -> None:
         scan=GaussianUniform(sigma=found.sigma),
     )
     make("amcl", robot, **found.params, field_cell=0.1)
-
-
-def _start(given: Mapping[str, Any]) -> tuple[float, float, float] | None:
-    if not boolean("set_initial_pose", given.get("set_initial_pose", False)):
-        return None
-    at = given.get("initial_pose", {})
-    if not isinstance(at, Mapping):
-        raise InputError(f"initial_pose is {at!r}, but must be a table with x, y, z and yaw.")
-    dotted = {n.removeprefix(_POSE): v for n, v in given.items() if n.startswith(_POSE)}
-    given = {**at, **dotted}
-    for name in given:
-        one_of("name in initial_pose", name, ("x", "y", "z", "yaw"))
-    values = [as_number(given.get(name, 0.0)) for name in ("x", "y", "yaw")]
-    return pose("initial_pose", values)
-
-
-def _document(path: Path) -> Mapping[str, Any]:
-    try:
-        found = yaml_of(content_of(path))
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist: give Nav2's parameter file.") from None
-    except UnreadableError as error:
-        raise InputError(f"{path} {error}: give another file.") from None
-    if not isinstance(found, Mapping):
-        raise InputError(f"{path} has no nodes, but must be Nav2's parameter file.")
-    return found
-
-
-def _nodes(table: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Yield the parameters of all nodes by full name, namespaces nested or written out."""
-    for name, inner in table.items():
-        if isinstance(inner, Mapping):
-            at = f"{prefix}/{str(name).strip('/')}"
-            own = inner.get("ros__parameters")
-            if isinstance(own, Mapping):
-                yield at, own
-            yield from _nodes({k: v for k, v in inner.items() if k != "ros__parameters"}, at)
-
-
-def _chosen(path: Path, nodes: Mapping[str, Any], asked: str | None) -> str:
-    if asked is not None:
-        return one_of(f"node of {path}", f"/{asked.strip('/')}", nodes)
-    fitting = [name for name in nodes if name.rpartition("/")[2] == "amcl"]
-    if len(fitting) == 1:
-        return fitting[0]
-    if fitting:
-        raise InputError(
-            f"{path} has {len(fitting)} nodes of AMCL, {', '.join(fitting)}: choose one by --node."
-        )
-    there = ", ".join(nodes) or "none"
-    raise InputError(
-        f"{path} has no node amcl with ros__parameters (its nodes: {there}): give Nav2's parameter "
-        "file, or choose a node by --node."
-    )

@@ -1,16 +1,20 @@
 """``deqmcl from-nav2``, ``replay --nav2``: all of a user's AMCL parameters are accounted for."""
 
 import csv
+import re
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from refusals import refused
 
 import localizers
 from benchmarks.cli import main
-from benchmarks.replay.nav2 import read_nav2
+from benchmarks.replay.nav2 import nav2_document, read_nav2, usual_params
 from benchmarks.sweeps.sweepfile import read_sweep
 from deqmcl_gym import logs
 from deqmcl_gym.envs.log import spacing
@@ -98,7 +102,7 @@ def test_every_parameter_is_used_or_named_with_the_reason(params):
     assert (found.sigma, found.every) == (0.15, (0.025, 0.05))
     assert found.reading == {"max_range": 4.0}
     assert found.start == (1.2, 1.0, 0.1)
-    assert found.notes[0].endswith("not used: kld_err")
+    assert found.notes[0].endswith("not used: kld_err (no parameter of Nav2's AMCL)")
 
 
 def test_older_names_and_a_least_range_are_read(params):
@@ -156,6 +160,7 @@ def test_namespaces_are_found_however_they_are_written(tmp_path, text):
 
 BAD = [
     ("amcl:\n  ros__parameters", "amcl:\n  parameters", "no node amcl"),
+    ("ros__parameters", "parameters", "is it of ROS 1?"),
     ("pf_err: 0.04", "pf_err: small", "pf_err is 'small'"),
     ("pf_err: 0.04", "pf_err: 0.0", "pf_err"),
     ("alpha1: 0.04", "alpha1: -0.04", "alpha1 is -0.04"),
@@ -167,7 +172,7 @@ BAD = [
     ("beam_skip_threshold: 0.3", "beam_skip_threshold: 30", "beam_skip_threshold is 30"),
     ("max_beams: 30", "max_beams: 1", "max_beams is 1"),
     ("set_initial_pose: true", "set_initial_pose: 1", "set_initial_pose is 1"),
-    ("x: 1.2", "x: here", "initial_pose is ['here', 1.0, 0.1]"),
+    ("x: 1.2", "x: here", "initial_pose.x is 'here'"),
     ("yaw: 0.1", "yaw: 90", "initial_pose is (1.2, 1, 90), but its heading must be in radians"),
     ("bt_navigator:", "again: &a {deeper: *a}\nbt_navigator:", "has an alias"),
     ("update_min_d: 0.1", "update_min_d: -1", "update_min_d is -1"),
@@ -176,13 +181,6 @@ BAD = [
     ("pf_z: 0.98", "pf_z: -1", "pf_z is -1"),
     ("sigma_hit: 0.15", "sigma_hit: 0", "sigma_hit is 0"),
     ("laser_max_range: 4.0", "laser_max_range: .nan", "laser_max_range is nan"),
-    ("{x: 1.2, y: 1.0, z: 0.0, yaw: 0.1}", "[1.2, 1.0, 0.1]", "initial_pose is [1.2"),
-    ("yaw: 0.1", "theta: 0.1", "name in initial_pose 'theta'"),
-    (
-        "set_initial_pose: true",
-        "set_initial_pose: true\n    initial_pose.jaw: 1",
-        "did you mean 'yaw'",
-    ),
     ("bt_navigator", "/robot2/amcl", "2 nodes of AMCL, /amcl, /robot2/amcl: choose one by --node"),
     ("use_sim_time: True", "use_sim_time: [", "is not YAML"),
     ("use_sim_time: True", "use_sim_time: " + "[" * 9000, "is nested too deeply"),
@@ -196,6 +194,236 @@ def test_a_bad_file_is_refused_in_one_sentence(params, capsys, old, new, named):
     assert named in said.err
     assert said.err.count("\n") == 1
     assert said.out == ""
+
+
+def of_amcl(path, *lines):
+    """A file whose node amcl has these lines."""
+    path.write_text("amcl:\n  ros__parameters:\n" + "".join(f"    {line}\n" for line in lines))
+    return path
+
+
+STRAYS = {  # what stands under initial_pose, and which names Nav2 does not know
+    "initial_pose: [1.0, 2.0, 0.5]": ["initial_pose"],
+    "initial_pose: [x, y]": ["initial_pose"],
+    "initial_pose: []": ["initial_pose"],
+    "initial_pose: '1 2 0.5'": ["initial_pose"],
+    "initial_pose:": ["initial_pose"],
+    "initial_pose: {x: 1.0, a: 0.5}": ["initial_pose.a"],
+    "initial_pose: {x: 1.0, roll: 0.0, pitch: up}": ["initial_pose.roll", "initial_pose.pitch"],
+    "initial_pose: {x: 1.0, position: {x: 2.0}}": ["initial_pose.position.x"],
+    "initial_pose.x: 1.0\n    initial_pose.jaw: 1": ["initial_pose.jaw"],
+    "initial_pose.x: 1.0\n    initial_pose.covariance_yaw: 0.07": ["initial_pose.covariance_yaw"],
+    "initial_pose_a: 0.5": ["initial_pose_a"],
+}
+
+
+@pytest.mark.parametrize("told", [True, False])
+@pytest.mark.parametrize("lines", STRAYS)
+def test_what_nav2_ignores_of_the_start_is_a_note(tmp_path, lines, told):
+    found = read_nav2(of_amcl(tmp_path / "x.yaml", f"set_initial_pose: {told}", lines))
+    assert list(found.unused) == STRAYS[lines]
+    assert all(name in "".join(found.notes) and name in found.toml for name in STRAYS[lines])
+    x = 1.0 if "x: 1.0" in lines else 0.0
+    assert found.start == ((x, 0.0, 0.0) if told else None)
+    assert (str(found.start) in "".join(found.notes)) == told
+
+
+WHOLE = [name for name, value in usual_params().items() if type(value) is int]
+REAL = [name for name, value in usual_params().items() if type(value) is float]
+
+
+@pytest.mark.parametrize("quoted", [False, True])
+@pytest.mark.parametrize(
+    ("name", "right", "wrong", "kind"),
+    [
+        *((name, "700", "700.0", "an integer") for name in WHOLE),
+        *((name, "1.0", "1", "a double") for name in REAL if name != "recovery_alpha_slow"),
+        ("recovery_alpha_slow", "0.0", "0", "a double"),
+        *((f"initial_pose.{name}", "1.0", "1", "a double") for name in ("x", "y", "z", "yaw")),
+        *((f"laser_{name}_range", "2.0", "2", "a double") for name in ("max", "min")),
+        ("do_beamskip", "true", "'True'", "a bool"),
+        ("set_initial_pose", "true", "'yes'", "a bool"),
+    ],
+)
+def test_a_value_of_a_type_that_nav2_refuses_is_taken_with_a_note(
+    tmp_path, name, right, wrong, kind, quoted
+):
+    lines = {"set_initial_pose": "true", name: right}
+    expected = read_nav2(of_amcl(tmp_path / "x.yaml", *(f"{n}: {v}" for n, v in lines.items())))
+    lines[name] = f'"{right}"' if quoted else wrong
+    found = read_nav2(of_amcl(tmp_path / "x.yaml", *(f"{n}: {v}" for n, v in lines.items())))
+    (note,) = found.notes
+    assert expected.notes == []
+    assert f"taken, but of types that Nav2 refuses: {name} " in note
+    assert note.endswith(f"(must be {kind})")
+    assert (found.params, found.start) == (expected.params, expected.start)
+    assert (found.reading, found.every) == (expected.reading, expected.every)
+
+
+def test_a_turn_above_half_a_circle_is_taken_with_a_note(tmp_path):
+    found = read_nav2(of_amcl(tmp_path / "x.yaml", "update_min_a: 6.28"))
+    assert found.params["update_min_a"] == 6.28
+    assert "no turn is enough" in found.notes[0]
+    endless = read_nav2(of_amcl(tmp_path / "x.yaml", "laser_max_range: .inf"))
+    assert (endless.reading, endless.notes) == ({}, [])
+
+
+LAUNCHED = ("$(var x)", "$(env X)", "$(eval 1 + 2)", "$(find-pkg-share a)/b", "$(env X $(var y))")
+
+
+@pytest.mark.parametrize("quote", ["", '"'])
+@pytest.mark.parametrize("text", LAUNCHED)
+def test_a_launch_substitution_is_refused_if_the_filter_needs_it(tmp_path, text, quote):
+    value = f"{quote}{text}{quote}"
+    for name in (*usual_params(), "laser_max_range"):
+        with refused(name, text, "launch substitution", "`ros2 param dump`"):
+            read_nav2(of_amcl(tmp_path / "x.yaml", f"{name}: {value}"))
+    for name in ("scan_topic", "use_sim_time", "transform_tolerance", "yaml_filename"):
+        found = read_nav2(of_amcl(tmp_path / "x.yaml", f"{name}: {value}"))
+        assert list(found.unused) == [name]
+    for name in ("set_initial_pose", "initial_pose.x"):
+        lines = {"set_initial_pose": "true", "initial_pose.y": "1.0", name: value}
+        found = read_nav2(of_amcl(tmp_path / "x.yaml", *(f"{n}: {v}" for n, v in lines.items())))
+        assert found.start is None
+        assert f"not used: {name} (a launch substitution: no start is taken)" in found.notes[0]
+
+
+@pytest.mark.parametrize("form", ["$(env X {})", "$(env X '{}')", "$(env  X  {} )"])
+def test_an_environment_variable_in_a_file_has_its_default(tmp_path, monkeypatch, form):
+    monkeypatch.setenv("X", "7")  # what is set here is not what is set on the robot
+    given = {n: str(v).lower() if v is False else str(v) for n, v in usual_params().items()}
+    lines = [f"{name}: {form.format(value)}" for name, value in given.items()]
+    found = read_nav2(of_amcl(tmp_path / "x.yaml", *lines))
+    assert found.params == usual_params()
+    (note,) = found.notes
+    assert all(f"{name} " in note for name in given)
+
+
+ELSEWHERE = {
+    "bt: {ros__parameters: {a: 1}}\nbt: {ros__parameters: {b: 2}}": "bt",
+    "bt: {ros__parameters: {a: 1, a: 2}}": "bt.ros__parameters.a",
+    "bt: {ros__parameters: {a: {b: 1, b: 2}}}": "bt.ros__parameters.a.b",
+    "ns: {bt: {ros__parameters: {a: 1}}, bt: {ros__parameters: {a: 2}}}": "ns.bt.ros__parameters.a",
+    "bt: 1\nbt: {ros__parameters: {a: 1}}": "bt",
+}
+
+
+@pytest.mark.parametrize("text", ELSEWHERE)
+@pytest.mark.parametrize("before", [True, False])
+def test_a_key_of_another_node_that_is_given_twice_is_a_note(tmp_path, text, before):
+    path = of_amcl(tmp_path / "x.yaml", "pf_z: 0.9")
+    own = path.read_text()
+    path.write_text(f"{text}\n{own}" if before else f"{own}{text}\n")
+    found = read_nav2(path)
+    assert found.params == {**usual_params(), "pf_z": 0.9}
+    (note,) = found.notes
+    assert note.split(": ")[-1].split(", ")[0] == ELSEWHERE[text]
+    document = nav2_document({"pf_z": 0.8}, path)
+    assert document["amcl"]["ros__parameters"]["pf_z"] == 0.8
+    assert [name for name in ("bt", "ns") if name in document]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "amcl: {ros__parameters: {pf_z: 0.7, z_hit: 0.4, pf_z: 0.9}}",
+        "amcl: {ros__parameters: {pf_z: 0.7}}\namcl: {ros__parameters: {z_hit: 0.4, pf_z: 0.9}}",
+        "amcl: {ros__parameters: {pf_z: 0.7}, ros__parameters: {z_hit: 0.4, pf_z: 0.9}}",
+    ],
+)
+def test_of_a_key_of_amcl_that_is_given_twice_the_later_counts(tmp_path, text):
+    path = tmp_path / "x.yaml"
+    path.write_text(text)
+    found = read_nav2(path)
+    assert found.params == {**usual_params(), "z_hit": 0.4, "pf_z": 0.9}
+    assert "amcl.ros__parameters.pf_z" in found.notes[0]
+
+
+PARTS = st.lists(st.sampled_from(["*", "**", "amcl", "a", "b"]), min_size=1, max_size=4)
+
+
+@settings(max_examples=100, deadline=None)
+@given(
+    st.lists(PARTS, min_size=1, max_size=5, unique_by=tuple),
+    st.lists(st.sampled_from(["a", "b"]), max_size=3),
+    st.randoms(use_true_random=False),
+)
+def test_all_nodes_and_wildcards_that_fit_are_applied_in_their_order(
+    tmp_path_factory, patterns, namespace, random
+):
+    name = "/".join(["", *namespace, "amcl"])
+    lines, last = [], None
+    for i, parts in enumerate(patterns):
+        cut = random.randint(0, len(parts) - 1)  # the namespace before it stands in a line above
+        above, below = "/".join(["", *parts[:cut]]), "/".join(parts[cut:])
+        node = f"{{ros__parameters: {{pf_z: 0.{i + 1}, only{i}: 1}}}}"
+        lines.append(f"'{above}': {{'{below}': {node}}}" if cut else f"'/{below}': {node}")
+        regex = ("/" + "/".join(parts)).replace("/*", "(/\\w+)")  # as rclcpp's parameter_map.cpp
+        last = i if re.fullmatch(regex, name) else last
+    path = tmp_path_factory.mktemp("nav2") / "x.yaml"
+    path.write_text("\n".join(lines))
+    if len({line.split(":")[0] for line in lines}) < len(lines):
+        return  # joined, at the first one's place
+    if last is None:
+        with refused(f"node of {path}"):
+            read_nav2(path, name)
+        return
+    assert read_nav2(path, name).params["pf_z"] == (last + 1) / 10
+    written = nav2_document({"pf_z": 0.95}, path, name)
+    path.write_text(yaml.safe_dump(written, sort_keys=False))
+    assert read_nav2(path, name).params["pf_z"] == 0.95
+
+
+@pytest.mark.parametrize(
+    ("nodes", "name"),
+    [
+        (["/**"], "/amcl"),
+        (["/*"], "/amcl"),
+        (["'**'"], "/amcl"),
+        (["/**/amcl"], "/amcl"),
+        (["/*/amcl"], "/*/amcl"),
+        (["/robot1/**"], "/robot1/amcl"),
+        (["/robot1/*"], "/robot1/amcl"),
+        (["/robot1/**/amcl"], "/robot1/amcl"),
+        (["/**", "/robot1/**"], "/robot1/amcl"),
+        (["/**", "/*/amcl"], "/*/amcl"),
+        (["/robot1/amcl", "/**"], "/robot1/amcl"),
+        (["/**", "bt_navigator"], "/amcl"),
+        (["$(var ns)/amcl", "/**"], "/$(var ns)/amcl"),
+        (["/robot1/**", "/robot2/**"], "2 nodes of AMCL, /robot1/amcl, /robot2/amcl"),
+        (["bt_navigator", "/**/controller"], "no node amcl"),
+    ],
+)
+def test_wildcards_alone_have_the_amcl_that_most_of_them_fit(tmp_path, nodes, name):
+    path = tmp_path / "x.yaml"
+    node = "{ros__parameters: {pf_z: 0.9}}"
+    path.write_text("\n".join(f"{pattern}: {node}" for pattern in nodes))
+    if not name.startswith("/"):
+        with refused(name, "--node"):
+            read_nav2(path)
+        return
+    found = read_nav2(path)
+    assert found.source.endswith(f"node {name}")
+    assert found.params["pf_z"] == 0.9
+    path.write_text(yaml.safe_dump(nav2_document({"pf_z": 0.8}, path), sort_keys=False))
+    assert read_nav2(path, name).params["pf_z"] == 0.8
+
+
+def test_a_wildcard_that_overrides_amcl_is_told_and_a_typing_error_is_not_taken_for_its_node(
+    tmp_path,
+):
+    path = tmp_path / "x.yaml"
+    path.write_text(
+        "amcl: {ros__parameters: {pf_z: 0.9, z_hit: 0.4}}\n"
+        "/**: {ros__parameters: {pf_z: 0.8, use_sim_time: true}}"
+    )
+    found = read_nav2(path)
+    assert found.params == {**usual_params(), "pf_z": 0.8, "z_hit": 0.4}
+    (note,) = found.notes
+    assert note.endswith("overridden by a wildcard that stands after /amcl, as in rclcpp: pf_z")
+    assert read_nav2(path, "/robot1/amcl").params == {**usual_params(), "pf_z": 0.8}
+    with refused("/acml", "did you mean '/amcl'"):
+        read_nav2(path, "acml")
 
 
 def test_a_missing_file_or_node_is_refused(params, tmp_path):
@@ -248,3 +476,29 @@ def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded
     with open("out/results.csv", newline="") as file:
         assert [row["localizer"] for row in csv.DictReader(file)] == ["amcl", "dead-reckoning"]
     assert main([*command, "--node", "nobody", "--out", "other"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--param", "amcl.alpha1=0.3"], "alpha1 0.04 → 0.3"),
+        (["--param", "amcl.max_particles=400"], "max_particles 1500 → 400"),
+        (["--param", "amcl.selective_resampling=true"], "selective_resampling None → True"),
+        (["--max-beams", "20"], "max_beams 30 → 20"),
+        (["--every", "0.2m,1rad"], "update_min_a 0.2 → 1.0, update_min_d 0.1 → 0.2"),
+        (["--read", "max_range=3"], "laser_max_range 4.0 → 3.0"),
+        (["--read", "min_range=0.2"], "laser_min_range the sensor's → 0.2"),
+        (["--start=1,1,0"], "initial_pose (1.2, 1.0, 0.1) → (1.0, 1.0, 0.0)"),
+        (["--reference", "x.tum"], "initial_pose (1.2, 1.0, 0.1) → another start"),
+        (["--param", "amcl.alpha1=0.04", "--max-beams", "40", "--every", "0.01m,1deg"], None),
+        (["--start=1.2,1,0.1", "--particles", "20", "--motion", "alpha1=0.5"], None),
+    ],
+)
+def test_replay_says_in_which_parameters_amcl_differs_from_the_file(
+    params, recorded, capsys, words, told
+):
+    command = ["replay", "x.csv", "--map", "room.yaml", "--nav2", str(params()), "--seeds", "1"]
+    assert main([*command, "--localizers", "amcl", "--jobs", "1", *words, "--out", "out"]) == 0
+    said = capsys.readouterr().err
+    assert ("what is played differs in" in said) == (told is not None)
+    assert told is None or f"node /amcl: what is played differs in {told}" in " ".join(said.split())
