@@ -217,7 +217,8 @@ def resampled(ranges: ArrayLike, bearings: ArrayLike, onto: Floats) -> Singles:
         )
     if not given.size:
         return np.full(onto.size, np.nan, np.float32)
-    return Neighbours.of(angles, onto).seen(given[None])[0]
+    seen: Singles = Neighbours.of(angles, onto).seen(given[None])[0]
+    return seen
 
 
 def no_return_codes(ranges: Singles) -> list[float]:

@@ -512,7 +512,7 @@ def test_a_sparse_reference_is_counted_by_what_is_known_of_it(recorded, capsys):
     played = logs.read("lap.csv").spaced(0.001, math.inf).times
     own = int(np.isin(played, whole.times[::3]).sum())
     between = int((played <= whole.times[::3][-1]).sum()) - own
-    assert f"{own} of {played.size} records have a pose of their own time" in said
+    assert f"{own} of {played.size} records have a pose within" in said
     assert f"for {between} it is interpolated along the odometry" in said
     assert f"{played.size - own - between} without one do not count" in said
     assert "Every second pose, left out" in said
