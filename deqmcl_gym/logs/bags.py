@@ -104,7 +104,7 @@ class Bag:
             types: of which it must be one.
             argument: by which it is chosen.
             asked: its name; None: the only one.
-            beside: a topic of the same robot: of several, the only one in its namespace.
+            beside: a topic of the same robot: of several, the one whose namespace is most like its.
             needed: whether a bag without it is refused.
         """
         fitting = sorted(topic for topic, kind in self.topics.items() if kind in types)
@@ -118,8 +118,8 @@ class Bag:
                 f"of {self.name}: {listed or 'none'}."
             )
         if len(fitting) > 1 and beside is not None:
-            robot = beside.rpartition("/")[0]
-            fitting = [one for one in fitting if one.startswith(f"{robot}/")] or fitting
+            alike = [len(os.path.commonpath([beside, one])) for one in fitting]
+            fitting = [one for one, n in zip(fitting, alike, strict=True) if n == max(alike)]
         if len(fitting) > 1:
             raise InputError(
                 f"{self.name} has {len(fitting)} topics of type {types[0]}, {', '.join(fitting)}: "

@@ -89,6 +89,8 @@ class Varying:
         beams = counts.most_common(1)[0][0]
         alike = [fan for size, fan in zip(sizes, fans, strict=True) if size == beams]
         start, step = (float(np.median([fan[column] for fan in alike])) for column in (0, 1))
+        if _TURN + _ROUNDING < abs(step) * (beams - 1) < 2 * _TURN:  # more than a turn
+            beams = math.floor(_TURN / abs(step) + _ROUNDING) + 1
         nearest = min(fan.nearest for fan in fans)
         farthest = max((fan.max_range for fan in fans if fan.limited), default=-math.inf)
         return cls(sizes, fans, beams, Fan(start, step, nearest, farthest))

@@ -148,7 +148,17 @@ class Frames:
         Raises:
             InputError: the scanner is tilted.
         """
-        chain, spread = self._chain(self._known(base), self._known(frame))
+        scanner = self._known(frame)
+        chain, spread = self._chain(self._known(base), scanner)
+        if chain is None and (root := self._root(scanner)) != scanner:
+            warnings.warn(
+                f"{name} has no static transform from {base} to {frame}: the scanner's place on "
+                f"{root} is taken; if that is not {base}, seen from above, give "
+                "mounting=(x, y, turn).",
+                LogWarning,
+                stacklevel=2,
+            )
+            chain, spread = self._chain(root, scanner)
         if chain is None:
             broken = [" to ".join(edge) for edge, rows in self.edges.items() if not rows.rows]
             why = f" (no finite one from {', '.join(broken)})" if broken else ""
@@ -177,6 +187,14 @@ class Frames:
         turn = math.atan2(chain[1, 0], chain[0, 0])
         x, y = chain[:2, 3].tolist()
         return Mount(x=x, y=y, heading=turn, upside_down=bool(up < 0), beams=beams)
+
+    def _root(self, frame: str) -> str:
+        """Return the highest frame that a frame does not move against."""
+        for edge in self._above(frame):
+            if edge in self.moving or not self.edges[edge].rows:
+                break
+            frame = edge[0]
+        return frame
 
     def _known(self, frame: str) -> str:
         """Return a frame as transforms call it: with a prefix that only they have, or without."""

@@ -1,0 +1,650 @@
+"""What real robots send: limits, scans that vary, clocks, frames and files as drivers make them."""
+
+import gzip
+import math
+import shutil
+
+import numpy as np
+import pytest
+from bags import ODOMETRY, SCAN, TF, bag, make, odometry, quaternion, scan, transform
+from drives import NAN, read_and_warned
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from refusals import refused
+
+from deqmcl_gym import logs
+from deqmcl_gym.envs.log import LogEnv
+from deqmcl_gym.logs.estimates import read_estimate
+from deqmcl_gym.logs.motion import composed, dead_reckoned, increments_of
+from deqmcl_gym.logs.odometry import JudgedOdometry, clock_shifts, publishers
+from deqmcl_gym.logs.scans import Neighbours, no_return_codes
+from deqmcl_gym.logs.trajectory import tolerance_of
+
+WIDE, DEEP = 6.0, 4.0  # m, of a room with a corner in (0, 0)
+MOUNT = (0.2, -0.1, 0.4)
+
+
+def seen(pose, angles):
+    """Exact ranges of a lidar at (x, y, θ) in the room, (n,)."""
+    x, y, heading = pose
+    dx, dy = np.cos(heading + angles), np.sin(heading + angles)
+    with np.errstate(divide="ignore"):
+        return np.minimum(
+            np.where(dx > 0, (WIDE - x) / dx, -x / dx), np.where(dy > 0, (DEEP - y) / dy, -y / dy)
+        )
+
+
+def driven(n=41, step=0.02, turn=0.01):
+    """Poses of a drive, 0.1 s apart: times and (n, 3)."""
+    moves = np.column_stack([np.full(n - 1, step), np.full(n - 1, turn)])
+    return 0.1 * np.arange(n), dead_reckoned(moves, (2.0, 1.0, 0.3))
+
+
+def moving(times, poses, **said):
+    return [
+        ("/odom", ODOMETRY, odometry(t, x, heading, y=y, **said))
+        for t, (x, y, heading) in zip(times, poses, strict=True)
+    ]
+
+
+def scanning(times, topic="/scan", **said):
+    return [(topic, SCAN, scan(t, **said)) for t in times]
+
+
+# A reference: its stamps
+
+
+def referenced_by(offsets, every=4, tolerance=None):
+    """A log of scans 0.4 s apart, and a reference at their stamps plus ``offsets``, s."""
+    times, poses = driven()
+    scanner = logs.Scanner(angles=(0.0,), max_range=5.0)
+    at = np.arange(1, 40, every)
+    log = logs.Log(scanner, times[at], poses[at], np.ones((at.size, 1)))
+    stamps = times[at] + offsets(at.size)
+    columns = [np.interp(stamps, times, column) for column in poses.T]
+    reference = logs.Trajectory(stamps, np.column_stack(columns))
+    return log, logs.referenced(log, reference, tolerance=tolerance)
+
+
+@pytest.mark.parametrize(
+    "offsets",
+    [
+        lambda n: np.full(n, 4e-7),  # rounded to microseconds
+        lambda n: np.linspace(-5e-4, 5e-4, n),  # to milliseconds
+        lambda n: np.resize([0.019, -0.019], n),
+    ],
+)
+def test_a_reference_pose_near_in_time_is_the_records_own_moved_by_the_odometry(offsets):
+    log, found = referenced_by(offsets)
+    assert not found.interpolated.any()
+    # the odometry is the truth here, on straight lines between records 0.08 m and 0.04 rad apart
+    np.testing.assert_allclose(found.reference, log.odometry, rtol=0, atol=2e-3)
+
+
+def test_a_pose_farther_off_in_time_is_interpolated_and_the_tolerance_can_be_given():
+    late = lambda n: np.full(n, 0.03)  # noqa: E731
+    log, found = referenced_by(late)
+    assert tolerance_of(log) == pytest.approx(0.02)
+    assert found.interpolated[1:].all()
+    assert not np.isfinite(found.reference[0, 0])  # before the first pose
+    assert not referenced_by(late, tolerance=0.05)[1].interpolated.any()
+    assert tolerance_of(log.segment(0, 1)) == 0.0
+
+
+def test_a_reference_at_a_high_rate_has_a_pose_for_each_record():
+    times, poses = driven()
+    scanner = logs.Scanner(angles=(0.0,), max_range=5.0)
+    log = logs.Log(scanner, times, poses, np.ones((times.size, 1)))
+    stamps = np.arange(0.0031, times[-1], 0.01)  # motion capture at 100 Hz
+    columns = [np.interp(stamps, times, column) for column in poses.T]
+    found = logs.referenced(log, logs.Trajectory(stamps, np.column_stack(columns)))
+    assert not found.interpolated.any()
+    np.testing.assert_allclose(found.reference, poses, rtol=0, atol=1e-3)
+
+
+def test_a_reference_that_jumps_or_is_tilted_is_told(tmp_path):
+    times, poses = driven()
+    jumped = poses.copy()
+    jumped[:5] = 0.0
+    rows = np.column_stack([times, jumped])
+    log = logs.Log(logs.Scanner(angles=(0.0,), max_range=5.0), times, poses, np.ones((41, 1)))
+    with pytest.warns(logs.LogWarning, match=r"jumps farther than a robot drives, once, .* m"):
+        logs.referenced(log, logs.Trajectory(rows[:, 0], rows[:, 1:]))
+    half = poses[:, 2] / 2
+    sine, cosine, none = np.sin(half), np.cos(half), np.zeros(41)
+    tilted = {
+        "camera": (none, -sine, none, cosine),  # z ahead, y down
+        "first": (cosine, none, none, sine),  # qw first
+        "plain": (none, none, sine, cosine),
+    }
+    for name, quaternions in tilted.items():
+        table = np.column_stack([times, poses[:, :2], none, *quaternions])
+        np.savetxt(tmp_path / f"{name}.tum", table)
+    with pytest.warns(logs.LogWarning, match=r"tilted by up to \d+°: give poses .* z up"):
+        logs.read_tum(tmp_path / "camera.tum")
+    with pytest.warns(logs.LogWarning, match=r"tilted by up to \d+°: they are read with qw first"):
+        found = logs.read_tum(tmp_path / "first.tum")
+    np.testing.assert_allclose(found.poses, poses, atol=1e-12)
+    np.testing.assert_allclose(logs.read_tum(tmp_path / "plain.tum").poses, poses, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("factor", "unit"), [(1e9, "nanoseconds"), (1e6, "microseconds"), (1e3, "milliseconds")]
+)
+def test_times_in_another_unit_than_seconds_are_asked_for(tmp_path, factor, unit):
+    path = tmp_path / "x.tum"
+    path.write_text("".join(f"{1.7e9 * factor + t:.0f} 0 0 0 0 0 0 1\n" for t in range(3)))
+    for read in (logs.read_tum, read_estimate):
+        with refused(str(path), f"are these {unit}?"):
+            read(path)
+
+
+# Ranges: a measurement is strictly between the limits
+
+READINGS = {  # what stands for no return, and what a log has for it
+    0.0: NAN, -1.0: NAN, NAN: NAN, -math.inf: NAN, 0.1: NAN,
+    3.0: math.inf, 3.5: math.inf, 65.535: math.inf, math.inf: math.inf,
+}  # fmt: skip
+
+
+def one_reading(path, reading):
+    """The second of three ranges in a log of this name, with limits 0.1 and 3."""
+    ranges = (1.0, reading, 2.0)
+    if path.suffix == ".csv":
+        path.write_text(
+            '# {"angles": [-1, 0, 1], "max_range": 3.0, "min_range": 0.1}\n'
+            "time,odom_x,odom_y,odom_heading,range_0,range_1,range_2\n"
+            f"0,0,0,0,{','.join(map(str, ranges))}\n"
+        )
+    elif path.suffix == ".npz":
+        text = '{"angles": [-1, 0, 1], "max_range": 3.0, "min_range": 0.1}'
+        values = {"times": np.zeros(1), "odometry": np.zeros((1, 3)), "ranges": np.array([ranges])}
+        np.savez(path, scanner=np.array(text), **values)
+    else:
+        times, poses = driven(3)
+        limits = {"nearest": 0.1, "farthest": 3.0}
+        bag(path, *moving(times, poses), *scanning([0.1], ranges=ranges, **limits))
+    log, _ = read_and_warned(path)
+    return log
+
+
+@pytest.mark.parametrize("name", ["x", "x.csv", "x.npz"])
+@pytest.mark.parametrize(("reading", "kept"), READINGS.items())
+def test_a_reading_at_or_beyond_a_limit_is_no_measurement(tmp_path, name, reading, kept):
+    log = one_reading(tmp_path / name, reading)
+    np.testing.assert_array_equal(log.ranges, np.float32([[1.0, kept, 2.0]]))
+    marked = np.array([1.0, reading, 2.0])
+    log.scanner.lose(marked)  # as a localizer does with what a robot sends
+    np.testing.assert_array_equal(marked, [1.0, kept, 2.0])
+    shown = {math.inf: 6.0}.get(kept, 9.0)
+    two = logs.Log(log.scanner, [0.0, 1.0], np.zeros((2, 3)), log.ranges.repeat(2, axis=0))
+    assert LogEnv(log=two).reset()[0][1] == pytest.approx(shown)
+
+
+@pytest.mark.parametrize("code", [50.0, 29.999, 51.0])
+def test_the_largest_reading_is_no_return_if_many_beams_read_it_to_the_last_digit(code):
+    rng = np.random.default_rng(0)
+    ranges = np.round(rng.uniform(0.5, 20.0, (50, 40)), 2).astype(np.float32)
+    assert no_return_codes(ranges) == []
+    hit = ranges.copy()
+    hit[rng.random(hit.shape) < 0.03] = code
+    assert no_return_codes(hit) == [np.float32(code)]
+    few = ranges.copy()
+    few[0, :10] = code  # half a per cent
+    assert no_return_codes(few) == []
+    # a robot that stands still reads each number as often
+    assert no_return_codes(np.float32([[1.0, 2.0, 3.0]] * 50)) == []
+
+
+def test_a_code_of_no_return_is_told_and_is_the_scanners_limit(tmp_path):
+    rng = np.random.default_rng(1)
+    lines = []
+    for t in range(40):
+        ranges = np.where(rng.random(180) < 0.05, 50.0, np.round(rng.uniform(1, 9, 180), 2))
+        words = " ".join(map(str, ranges.tolist()))
+        lines.append(f"FLASER 180 {words} 0 0 0 {0.1 * t} 0 0 {t} host {t}")
+    (tmp_path / "x.log").write_text("\n".join(lines))
+    log, warned = read_and_warned(tmp_path / "x.log")
+    assert "of the ranges read exactly 50.0, the largest: taken as no return" in warned
+    assert log.scanner.max_range == 50.0
+    assert np.nanmax(log.ranges[np.isfinite(log.ranges)]) < 9.01
+
+
+def test_a_log_most_of_whose_beams_are_dropped_says_why(tmp_path):
+    times, poses = driven()
+    near = scanning(times[1:-1], ranges=(1.0, 2.0, 6.0), nearest=5.0)
+    _, warned = read_and_warned(bag(tmp_path / "x", *moving(times, poses), *near))
+    assert "67% of the ranges are no measurements: 0% are at or beyond max_range" in warned
+    assert "67% at or below min_range, 5 m" in warned
+
+
+# Scans that vary
+
+
+@pytest.mark.parametrize("varies", ["beams", "start", "turn", "step", "limits"])
+def test_scans_that_vary_are_all_used_at_the_angles_that_they_have(tmp_path, varies):
+    rng = np.random.default_rng(2)
+    times, poses = driven(81, 0.015)
+    messages, usual = moving(times, poses), 2 * math.pi / 119
+    for t, pose in zip(times[1:-1], poses[1:-1], strict=True):
+        n = 120 + int(rng.integers(-4, 5) if varies in ("beams", "step") else 0)
+        first = -math.pi + (rng.uniform(-0.02, 0.02) if varies == "start" else 0.0)
+        first = rng.uniform(-math.pi, math.pi) if varies == "turn" else first
+        step = 2 * math.pi / (n - 1) if varies == "step" else usual
+        angles = first + step * np.arange(n)
+        ranges, far = seen(pose, angles), 10.0 + (rng.uniform(-1, 1) if varies == "limits" else 0)
+        messages.append(
+            ("/scan", SCAN, scan(t, ranges=ranges, first=first, step=step, farthest=far))
+        )
+    log, warned = read_and_warned(bag(tmp_path / "x", *messages))
+    assert len(log) == 79
+    assert not log.skipped
+    assert ("scans have other angles than those of the log" in warned) == (varies != "limits")
+    exact = np.array([seen(pose, log.scanner.bearings) for pose in log.odometry])
+    off = np.abs(log.ranges - exact)
+    # exact on straight walls; within a beam of a corner a wall ends between two beams, 4 corners of
+    # 120 beams, and with fewer beams than bearings a few have none within half an angle
+    assert np.isfinite(off).mean() > 0.97
+    assert np.nanquantile(off, 0.9) < 1e-4
+    assert np.nanmax(off) < 0.5
+
+
+def test_a_scan_of_no_beam_or_of_fewer_costs_no_record(tmp_path):
+    times, poses = driven()
+    sizes = [0, 0, 3, *[5] * 36]
+    scans = [
+        ("/scan", SCAN, scan(t, ranges=np.full(n, 2.0), first=-1.0, step=0.5))
+        for t, n in zip(times[1:-1], sizes, strict=True)
+    ]
+    log, _ = read_and_warned(bag(tmp_path / "x", *moving(times, poses), *scans))
+    assert (len(log), log.scanner.beams) == (39, 5)
+    assert np.isfinite(log.ranges).sum(axis=1).tolist() == sizes
+
+
+@given(
+    onto=st.lists(st.floats(-3.1, 3.1), min_size=2, max_size=20, unique=True),
+    turn=st.floats(-7, 7),
+)
+def test_beams_are_those_around_a_bearing_whatever_turn_angles_are_counted_from(onto, turn):
+    bearings = np.array(sorted(onto))
+    beams = np.random.default_rng(3).permutation(np.linspace(-math.pi, math.pi, 90, endpoint=False))
+    around = Neighbours.of(beams + turn, bearings + turn)
+    apart = np.abs(np.remainder(beams[:, None] - bearings + math.pi, 2 * math.pi) - math.pi)
+    np.testing.assert_allclose(around.off, apart.min(axis=0), atol=1e-5)
+    np.testing.assert_allclose(
+        apart[around.nearer, np.arange(bearings.size)], around.off, atol=1e-5
+    )
+
+
+# Odometry
+
+
+def judged(times, poses):
+    unknown = np.full(len(times), NAN)
+    return JudgedOdometry.of(np.arange(len(times)), unknown, np.column_stack([times, poses]), "m")
+
+
+@settings(max_examples=60)
+@given(
+    at=st.integers(1, 39),
+    frame=st.tuples(st.floats(5, 900), st.floats(-900, 900), st.floats(-3, 3)),
+    back=st.sampled_from([0.0, 1.5, 60.0, 1e6]),
+    doubled=st.sets(st.integers(0, 39)),
+)
+def test_odometry_that_begins_anew_or_comes_twice_has_the_increments_that_the_robot_drove(
+    at, frame, back, doubled
+):
+    times, poses = driven()
+    moved = composed(np.array([frame] * 41), poses)
+    sent = np.where(np.arange(41)[:, None] >= at, moved, poses)
+    stamps = times - back * (np.arange(41) >= at)
+    order = sorted([*range(41), *doubled])  # each doubled message follows itself
+    found = judged(stamps[order], sent[order])
+    jumped = np.concatenate([np.array(one.poses) for one in found.stretches])
+    steps, true = increments_of(jumped), increments_of(poses)
+    true[at - 1] = 0.0  # at the jump itself, nothing is known of the motion
+    if at == 40 and back:  # a single message of another clock is a late one
+        steps, true = steps[:39], true[:39]
+    else:
+        assert (found.jumps, len(found.stretches)) == (int(not back), 1 + bool(back))
+    np.testing.assert_allclose(steps, true, atol=1e-9)
+
+
+def test_a_clock_that_is_set_back_begins_a_stretch_whose_times_go_on(tmp_path):
+    times, poses = driven()
+    stamps = times - 2.0 * (times > 1.95)
+    back = [10.0 + one for one in stamps]
+    messages = [
+        message
+        for t, pose in zip(back, poses, strict=True)
+        for message in (*moving([t], [pose]), *scanning([t]))
+    ]
+    log, warned = read_and_warned(bag(tmp_path / "x", *messages))
+    assert "the clock was set back, once" in warned
+    # of the scan that came before the clock was known to be another, nothing is known
+    assert len(log) in (40, 41)
+    assert (np.diff(log.times) > 0).all()
+    np.testing.assert_allclose(
+        increments_of(log.odometry)[:18], increments_of(poses)[:18], atol=1e-9
+    )
+    assert log.driven[-1] == pytest.approx(0.8, abs=0.03)
+
+
+def test_clocks_are_shifted_in_files_as_in_the_loop_of_a_robot():
+    assert clock_shifts([0.0, 1.0, 2.0, 3.0, 0.5, 1.5]).tolist() == [0, 0, 0, 0, 3.5, 3.5]
+    assert clock_shifts([0.0, 1.0, 999.0, 2.0, 3.0]).tolist() == [0] * 5  # one stamp far ahead
+    assert clock_shifts([10.0, 0.0, 11.0, 12.0]).tolist() == [0] * 4  # one far behind
+    assert clock_shifts([NAN, 1.0, NAN, 2.0]).tolist() == [0] * 4
+
+
+@pytest.mark.parametrize("rates", [(0.05, 1 / 30), (0.05, 0.05), (0.1, 0.02)])
+@pytest.mark.parametrize("told", [True, False])
+def test_two_publishers_on_one_topic_are_told_apart(rates, told):
+    rows = []
+    for publisher, (period, drift) in enumerate(zip(rates, (0.0, 0.05), strict=True)):
+        stamps = np.arange(0.003 * publisher, 60.0, period)
+        turned = np.column_stack(
+            [np.full(stamps.size - 1, 0.5 * period), np.full(stamps.size - 1, 0.2 * period)]
+        )
+        poses = dead_reckoned(turned * (1 + drift, 1 - drift))
+        rows += [(t, *pose, publisher) for t, pose in zip(stamps, poses, strict=True)]
+    table = np.array(sorted(rows))
+    sources = table[:, 4].astype(int) if told else np.zeros(len(table), int)
+    found = publishers(table[:, 0], table[:, 1:4], sources, "m")
+    assert len(found) == 2
+    apart = table[:, 0] > 10  # before, both say nearly the same
+    for number, own in enumerate(sorted(found, key=lambda own: np.median(table[own, 4]))):
+        assert (table[own][apart[own], 4] == number).all()
+    alone = table[table[:, 4] == 0]
+    assert len(publishers(alone[:, 0], alone[:, 1:4], np.zeros(len(alone), int), "m")) == 1
+
+
+def test_which_of_two_publishers_is_taken_is_told_and_can_be_chosen(tmp_path):
+    times, poses = driven(201, 0.05, 0.0)
+    other = poses.copy()
+    other[:, 0] += 0.01 * np.arange(201)
+    both = [
+        message
+        for t, one, two in zip(times, poses, other, strict=True)
+        for message in (*moving([t], [one]), *moving([t + 0.02], [two]))
+    ]
+    path = bag(tmp_path / "x", *both, *scanning(times[1:-1]))
+    log, warned = read_and_warned(path)
+    assert "2 publishers send odometry on /odom (1: 10 Hz, " in warned
+    assert "1 is taken, choose another by odometry_publisher" in warned
+    assert log.driven[-1] == pytest.approx(9.9, abs=0.05)
+    second, _ = read_and_warned(path, odometry_publisher=2)
+    assert second.driven[-1] > 11
+    with refused("odometry_publisher is 3, but must be a whole number from 1 to 2"):
+        read_and_warned(path, odometry_publisher=3)
+
+
+def test_slow_odometry_is_used_and_a_gap_is_one(tmp_path):
+    stamps = np.array([0.0, 1.004, 1.998, 3.003, 4.0, 12.0])
+    poses = np.column_stack([0.1 * stamps, 0 * stamps, 0 * stamps])
+    scans = scanning(np.arange(0.5, 12.0, 0.5))
+    log, warned = read_and_warned(bag(tmp_path / "x", *moving(stamps, poses), *scans))
+    assert log.times[-1] == 12.0 - 8.0
+    assert "15 without odometry at that time" in warned
+    np.testing.assert_allclose(log.odometry[:, 0], 0.1 * log.times, atol=1e-9)
+
+
+def broken(times, poses, how):
+    """Odometry of no use, and its transforms."""
+    none = make("geometry_msgs/msg/Quaternion", 0.0, 0.0, 0.0, 0.0)
+    for _, _, message in (messages := moving(times, poses)):
+        if how == "stamps":
+            message.header.stamp.sec = message.header.stamp.nanosec = 0
+        elif how == "clock":
+            message.header.stamp.sec += 1000
+        else:
+            message.pose.pose.orientation = none
+    return messages
+
+
+@pytest.mark.parametrize(
+    ("how", "words"),
+    [
+        ("stamps", "the headers of /odom have no stamps (all are 0)"),
+        ("quaternions", "the quaternions of /odom are 0"),
+        ("clock", "of another clock"),
+    ],
+)
+def test_odometry_of_no_use_is_named_and_transforms_are_taken_if_there_are_any(
+    tmp_path, how, words
+):
+    times, poses = driven()
+    messages = [*broken(times, poses, how), *scanning(times[1:-1])]
+    with refused("has no usable odometry", words):
+        logs.read(bag(tmp_path / "x", *messages))
+    moved = [
+        ("/tf", TF, transform("odom", "base_footprint", x, y, yaw=heading, time=t))
+        for t, (x, y, heading) in zip(times, poses, strict=True)
+    ]
+    log, warned = read_and_warned(bag(tmp_path / "y", *messages, *moved))
+    assert words in warned
+    assert ": the odometry is taken from transforms" in warned
+    np.testing.assert_allclose(log.odometry, poses[1:-1], atol=1e-9)
+
+
+# Frames and mounting
+
+
+@pytest.mark.parametrize("parent", ["odom", "r1/odom", "r1_odom", "world"])
+@pytest.mark.parametrize("space", ["", "/r1"])
+def test_odometry_is_what_moves_the_scanner_whatever_the_frames_are_called(tmp_path, parent, space):
+    times, poses = driven()
+    base = "r1/base" if parent == "r1/odom" else "base"
+    moved = [
+        (f"{space}/tf", TF, transform(parent, base, x, y, yaw=heading, time=t))
+        for t, (x, y, heading) in zip(times, poses, strict=True)
+    ]
+    wheel = [(f"{space}/tf", TF, transform(base, "wheel", 0.0, 0.3, yaw=t, time=t)) for t in times]
+    above = [(f"{space}/tf", TF, transform("map", parent, 0.5 * t, 0.0, time=t)) for t in times]
+    fixed = (f"{space}/tf_static", TF, transform(base, "laser", *MOUNT[:2], yaw=MOUNT[2]))
+    scans = scanning(times[1:-1], topic=f"{space}/scan")
+    for more in ((), above):
+        path = bag(tmp_path / f"x{len(more)}", fixed, *wheel, *more, *moved, *scans)
+        for asked in ({}, {"odometry_frame": parent}):
+            log, warned = read_and_warned(path, **asked)
+            np.testing.assert_allclose(log.odometry, poses[1:-1], atol=1e-9)
+            assert (*log.scanner.mounting, log.scanner.turn) == pytest.approx(MOUNT)
+            assert warned == ""
+    with refused("odometry_frame 'odm'"):
+        logs.read(path, odometry_frame="odm")
+
+
+@pytest.mark.parametrize("scanned", ["/r1/scan", "/r2/front/scan"])
+def test_each_of_two_robots_in_a_bag_has_its_own_frames_and_odometry(tmp_path, scanned):
+    times, poses = driven()
+    messages = []
+    for robot, turn in (("r1", 0.0), ("r2", 2.0)):
+        messages.append(
+            (f"/{robot}/tf_static", TF, transform("base_footprint", "laser", 0.1, 0.0, yaw=turn))
+        )
+        messages += [
+            (f"/{robot}/odom", ODOMETRY, one[2])
+            for one in moving(times, poses + np.array([turn, 0, 0]))
+        ]
+    messages += scanning(times[1:-1], topic="/r1/scan") + scanning(
+        times[1:-1], topic="/r2/front/scan"
+    )
+    turn = 2.0 if scanned.startswith("/r2") else 0.0
+    log, warned = read_and_warned(bag(tmp_path / "x", *messages), scan_topic=scanned)
+    assert warned == ""
+    assert log.scanner.turn == pytest.approx(turn)
+    np.testing.assert_allclose(log.odometry, poses[1:-1] + np.array([turn, 0, 0]), atol=1e-9)
+
+
+def test_a_body_that_rocks_has_the_mean_mounting_and_its_spread_is_told(tmp_path):
+    rng = np.random.default_rng(4)
+    times, poses = driven()
+    rocking = [
+        ("/tf", TF, transform("base_footprint", "body", 0.0, 0.0, roll=rng.normal(0, 0.01), time=t))
+        for t in times
+    ]
+    fixed = ("/tf_static", TF, transform("body", "laser", *MOUNT[:2], yaw=MOUNT[2]))
+    path = bag(tmp_path / "x", fixed, *rocking, *moving(times, poses), *scanning(times[1:-1]))
+    log, warned = read_and_warned(path)
+    # the mean of 41 rolls is below 0.006 rad, 4 of its standard deviations, 0.3 m above the floor
+    assert (*log.scanner.mounting, log.scanner.turn) == pytest.approx(MOUNT, abs=3e-3)
+    assert "the place of laser on base_footprint is the mean of transforms that vary" in warned
+    assert "no static transform" not in warned
+
+
+@pytest.mark.parametrize("base", ["robot/body", "somewhere"])
+def test_without_a_transform_to_the_robots_frame_the_scanners_own_tree_is_taken(tmp_path, base):
+    times, poses = driven()
+    fixed = ("/tf_static", TF, transform("body", "laser", *MOUNT[:2], yaw=MOUNT[2]))
+    path = bag(tmp_path / "x", fixed, *moving(times, poses, frame=base), *scanning(times[1:-1]))
+    log, warned = read_and_warned(path)
+    assert (*log.scanner.mounting, log.scanner.turn) == pytest.approx(MOUNT)
+    assert ("the scanner's place on body is taken" in warned) == (base == "somewhere")
+
+
+# Estimates, CARMEN and files
+
+
+@pytest.mark.parametrize("by", ["/odom", "/tf"])
+def test_a_pose_that_a_stack_tells_by_transforms_is_composed_with_the_odometry(tmp_path, by):
+    times, poses = driven()
+    drifted = composed(np.array([[3.0, -1.0, 0.7]] * 41), poses)
+    messages = moving(times, poses, frame="base")
+    if by == "/tf":
+        messages = [
+            ("/tf", TF, transform("odom", "base", x, y, yaw=heading, time=t))
+            for t, (x, y, heading) in zip(times, poses, strict=True)
+        ]
+    messages += [
+        ("/tf", TF, transform("map", "odom", 3.0 + 1e-3 * t, -1.0, yaw=0.7, time=t))
+        for t in times[::2]
+    ]
+    path = bag(tmp_path / "x", *messages, *scanning(times))
+    for topic in (None, "/tf"):
+        found = read_estimate(path, topic)
+        np.testing.assert_allclose(found.times, times[::2])
+        np.testing.assert_allclose(
+            found.poses, drifted[::2] + 1e-3 * times[::2, None] * [1, 0, 0], atol=1e-9
+        )
+
+
+def test_a_pose_out_of_order_or_without_a_stamp_and_a_covariance_that_is_none_are_counted(tmp_path):
+    upper = "var_x,cov_xy,cov_x_heading,var_y,cov_y_heading,var_heading"
+    good, bad = "1,0,0,1,0,1", ("-1,0,0,1,0,1", "1,2,0,1,0,1", "1,0,0,1,0,0")
+    start = 1_700_000_000
+    rows = [f"0,0,0,0,{good}", *(f"{start + t},1,2,0.5,{good}" for t in (1, 2, 4, 3))]
+    rows += [f"{start + 5 + t},1,2,0.5,{one}" for t, one in enumerate(bad)]
+    text = "\n".join([f"time,x,y,heading,{upper}", *rows]) + "\n"
+    (tmp_path / "x.csv.gz").write_bytes(gzip.compress(text.encode()))
+    with pytest.warns(logs.LogWarning) as caught:
+        found = read_estimate(tmp_path / "x.csv.gz")
+    words = " ".join(str(one.message) for one in caught)
+    assert "2 of 8 poses are left out: unreadable, not finite or late" in words
+    assert "3 of 6 covariances count as unknown" in words
+    assert np.isnan(found.covariances[:, 0, 0]).tolist() == [False] * 3 + [True] * 3
+
+
+def raw(times, poses):
+    """CARMEN lines without CARMEN's robot module."""
+    lines = ["PARAM robot_frontlaser_offset 0.2 0 nohost 0"]
+    for t, (x, y, heading) in zip(times, poses, strict=True):
+        lines.append(f"ODOM {x} {y} {heading} 0 0 0 {t} host {t}")
+    head = "RAWLASER1 0 -0.5 1.0 0.5 80.0 0.01 0 4 1.5 2.5 0.0 80.0 0"
+    return lines + [f"{head} {t} host {t}" for t in times[1:-1] + 0.03]
+
+
+def test_raw_scans_of_carmen_have_the_odometry_of_their_time(tmp_path):
+    times, poses = driven()
+    (tmp_path / "x.log").write_text("\n".join(raw(times, poses)))
+    log, warned = read_and_warned(tmp_path / "x.log")
+    assert (len(log), warned) == (39, "")
+    columns = [np.interp(log.times, times, column) for column in poses.T]
+    np.testing.assert_allclose(log.odometry, np.column_stack(columns), atol=1e-9)
+    np.testing.assert_array_equal(log.ranges[0], np.float32([1.5, 2.5, NAN, math.inf]))
+    assert log.scanner.bearings == pytest.approx([-0.5, 0.0, 0.5, 1.0])
+    assert log.scanner.mounting == (0.2, 0.0)
+
+
+@pytest.mark.parametrize("beams", [271, 1081, 682])
+def test_flaser_of_another_lidar_has_the_angles_of_param_or_of_an_argument(tmp_path, beams):
+    path, view = tmp_path / "x.log", 270 if beams % 2 else 240
+    line = f"FLASER {beams} {'1 ' * beams}0 0 0 0 0 0 1 host 1"
+    step = view / (beams - beams % 2)
+    path.write_text(line)
+    _, warned = read_and_warned(path)
+    assert f"{beams} beams are taken as those of a SICK LMS, from -90° to 90°" in warned
+    found = [read_and_warned(path, field_of_view=math.radians(view))]
+    params = [f"PARAM laser_front_laser_fov {view} 0 nohost 0"]
+    path.write_text("\n".join([*params, line]))
+    found.append(read_and_warned(path))
+    params.append(f"PARAM laser_front_laser_resolution {step!r} 0 nohost 0")
+    path.write_text("\n".join([line, *params]))  # in any order
+    found.append(read_and_warned(path))
+    for log, warned in found:
+        assert warned == ""
+        degrees = np.degrees(log.scanner.bearings)
+        assert degrees == pytest.approx(-view / 2 + step * np.arange(beams))
+
+
+@pytest.mark.parametrize("name", ["x.log", "x.mcap"])
+def test_the_parts_of_a_log_are_one_log(tmp_path, name):
+    times, poses = driven()
+    if name == "x.log":
+        whole = raw(times, poses)
+        texts = whole, whole[:30], whole[30:]
+        for path, text in zip(["whole", "first", "second"], texts, strict=True):
+            (tmp_path / f"{path}.log").write_text("\n".join(text))
+    else:
+        fixed = ("/tf_static", TF, transform("base_footprint", "laser", 0.1, 0.0))
+        drive = [
+            m
+            for t, p in zip(times, poses, strict=True)
+            for m in (*moving([t], [p]), *scanning([t]))
+        ]
+        for path, some in (("whole", drive), ("first", drive[:30]), ("second", drive[30:])):
+            bag(tmp_path / path, *([] if path == "second" else [fixed]), *some)
+    ending = ".log" if name == "x.log" else ""
+    one, _ = read_and_warned(tmp_path / f"whole{ending}")
+    parts = [tmp_path / f"{part}{ending}" for part in ("first", "second")]
+    other, warned = read_and_warned(parts)
+    assert warned == ""
+    assert other.source.endswith("and 1 more")
+    np.testing.assert_array_equal(one.times, other.times)
+    np.testing.assert_array_equal(one.odometry, other.odometry)
+    assert one.scanner == other.scanner
+    (tmp_path / "x.csv").write_text("")
+    for files in ([tmp_path / "x.csv"] * 2, [parts[0], tmp_path / "x.csv"]):
+        with refused("only bags and CARMEN logs have several parts"):
+            logs.read(files)
+
+
+def test_a_bag_that_was_cut_names_the_remedy(tmp_path):
+    times, poses = driven()
+    whole = bag(tmp_path / "whole", *moving(times, poses), *scanning(times))
+    (database,) = whole.glob("*.db3")
+    cut = {"x.db3": "ros2 bag reindex", "x.mcap": "mcap recover", "x.bag": "rosbag reindex"}
+    for name, remedy in cut.items():
+        (tmp_path / name).write_bytes(database.read_bytes()[:900])
+        with refused(str(tmp_path / name), f"mend it by {remedy}"):
+            logs.read(tmp_path / name)
+    shutil.copytree(whole, tmp_path / "bare")
+    (tmp_path / "bare" / "metadata.yaml").unlink()
+    with refused("mend it by ros2 bag reindex"):
+        logs.read(tmp_path / "bare")
+
+
+def test_a_topic_without_a_message_is_no_choice(tmp_path):
+    times, poses = driven()
+    empty = [("/scan_rear", SCAN, None), ("/odom_visual", ODOMETRY, None)]
+    log, _ = read_and_warned(bag(tmp_path / "x", *empty, *moving(times, poses), *scanning(times)))
+    assert len(log) == 41
+
+
+def test_a_turned_message_is_seen_from_above(tmp_path):
+    """Odometry with roll and pitch of a slope."""
+    times, poses = driven()
+    messages = moving(times, poses)
+    for (_, _, message), (_, _, heading) in zip(messages, poses, strict=True):
+        message.pose.pose.orientation = quaternion(roll=0.05, yaw=heading)
+    log, _ = read_and_warned(bag(tmp_path / "x", *messages, *scanning(times)))
+    np.testing.assert_allclose(log.odometry, poses, atol=3e-3)  # 1 - cos(0.05 rad) of the heading
