@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.commands import shared
-from benchmarks.console import doing
+from benchmarks.console import doing, warn
 
 _SAID = ("start", "every", "max_beams", "motion", "scan", "radius", "unknown", "changed_walls")
 
@@ -129,6 +129,7 @@ def run(options: argparse.Namespace) -> str:
         replay = replay_of(
             options.log, options.map, reference=options.reference, reading=reading, **told
         )
+    notes = warn(said)  # whatever fails later
     if options.fit_beams:
         with doing("fitting the beam model to the first part of the log"):
             replay = with_fitted_beams(replay)
@@ -151,10 +152,10 @@ def run(options: argparse.Namespace) -> str:
             own=own,
         )
         check(sweep)
-        said += gated(sweep, told.get("every"))
-        notes = said if nav2 is None else [*said, *nav2.notes]
-        amcl = next((one.params for one in sweep.localizers if one.name == "amcl"), None)
-        notes += [] if nav2 is None or amcl is None else nav2.differences(amcl, replay)
+        notes += warn(gated(sweep, told.get("every")))
+        if nav2 is not None:
+            amcl = next((one.params for one in sweep.localizers if one.name == "amcl"), None)
+            notes += warn([*nav2.notes, *([] if amcl is None else nav2.differences(amcl, replay))])
         how = Options(where=where)
         text = run_replay(
             replay, sweep, options.out, how, options.words, notes, residuals=options.residuals

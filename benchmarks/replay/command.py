@@ -25,7 +25,7 @@ from benchmarks.tables.tracks import Row, rows_of, tracks_results_csv, tracks_tr
 from benchmarks.trials.spec import Method
 from benchmarks.trials.tracks import AGREE, agreement
 from deqmcl_gym.files import utf8
-from deqmcl_gym.logs import Trajectory
+from deqmcl_gym.logs import Scanner, Trajectory
 from deqmcl_gym.validation import InputError, integer
 from localizers import names as localizer_names
 
@@ -104,14 +104,14 @@ def run_replay(
         out: folder; refused if it holds what is not of this sweep.
         options: how the runs run.
         command: the words that this was started by.
-        warnings: about the log.
+        warnings: about the log, as printed.
         residuals: whether to tell and draw where the map is wrong.
 
     Raises:
         TrialsFailedError: some runs failed; what the others gave is written.
     """
     with begun(sweep, out, options, command=command) as running:
-        said = warn([*warnings, replay.sideways, disagreement(replay)])
+        said = [*warnings, *warn([replay.sideways, disagreement(replay)])]
         results = running.results()
         rows = _rows(replay, sweep, results)
         said += warn([_misfit(replay, rows)])
@@ -133,7 +133,7 @@ def run_replay(
     return "\n\n".join(texts)
 
 
-def misfit_words(share: float, where: str) -> str | None:
+def misfit_words(share: float, where: str, scanner: Scanner) -> str | None:
     """Return the warning for a share of beams that agree with the map; None if they are enough."""
     if math.isnan(share):
         return (
@@ -142,10 +142,11 @@ def misfit_words(share: float, where: str) -> str | None:
         )
     if share >= FEW:
         return None
+    first, last = np.degrees(scanner.bearings[[0, -1]])
     return (
         f"log and map do not fit: seen {where}, only {percent(share)} of the beams are within "
-        f"{AGREE[1]} m of what the map says; check that they are of the same place and floor, and "
-        "the map's resolution and origin."
+        f"{AGREE[1]} m of what the map says; check that they are of the same place and floor, the "
+        f"map's resolution and origin, and the angles of the beams, {first:.0f}° to {last:.0f}°."
     )
 
 
@@ -157,7 +158,8 @@ def disagreement(replay: Replay) -> str | None:
         return None
     part = log.of_records(known[np.unique(np.linspace(0, known.size - 1, _LOOKED_AT).astype(int))])
     assert part.reference is not None
-    return misfit_words(agreement(part, floor_plan, part.reference)[1], "from the reference poses")
+    share = agreement(part, floor_plan, part.reference)[1]
+    return misfit_words(share, "from the reference poses", log.scanner)
 
 
 def _misfit(replay: Replay, rows: Sequence[Row]) -> str | None:
@@ -165,7 +167,8 @@ def _misfit(replay: Replay, rows: Sequence[Row]) -> str | None:
     shares = [run.scores["agreement_03"] for row in rows for run in row.runs]
     if replay.log.referenced.size or not shares:
         return None
-    return misfit_words(max(shares), "from the poses that the best run estimates")
+    scanner = replay.log.scanner
+    return misfit_words(max(shares), "from the poses that the best run estimates", scanner)
 
 
 def _rows(replay: Replay, sweep: Sweep, results: Results) -> list[Row]:

@@ -23,8 +23,8 @@ FASTEST = 250.0, 2 * math.pi  # px/s (5 m/s), rad/s: what a robot can drive
 SLACK = 25.0, 0.5  # px (0.5 m), rad: of a step, whatever its duration
 BACK = 1.0  # s by which a stamp may be late; beyond, the clock may have been set back
 _GAP = 1.0  # s without odometry beyond which the pose in between is unknown …
-_PERIODS = 3.0  # … or so many of its usual periods
-_LONGEST = 600.0  # s between two messages while a clock is set back
+_PERIODS, _LONGEST = 3.0, 5.0  # … or so many of its usual periods, but never more than this, s
+_PAUSE = 600.0  # s between two messages while a clock is set back, at most
 _RECENT = 101  # messages that say which period is usual
 _ALTERNATIONS = 10  # steps there and back, faster than a robot, that tell two publishers
 _APART = 2.5  # px (0.05 m): of such a step at least
@@ -58,7 +58,8 @@ class Stretch:
     def at(self, time: float) -> Pose | None:
         """Return the pose at a time, on a straight line between the two around it.
 
-        None before the first, after the last, and in a gap of more than 1 s and 3 usual periods.
+        None before the first, after the last, and in a gap of more than 1 s and 3 usual periods, or
+        of more than 5 s.
         """
         after = bisect.bisect_left(self.times, time)
         if after < len(self.times) and self.times[after] == time:
@@ -66,9 +67,7 @@ class Stretch:
         if after in (0, len(self.times)):
             return None
         begin, end = self.times[after - 1], self.times[after]
-        if end - begin > _GAP and end - begin > _PERIODS * np.median(
-            np.diff(self.times[-_RECENT:])
-        ):
+        if (gap := end - begin) > _GAP and gap > min(_LONGEST, _PERIODS * usual_period(self.times)):
             return None
         share = (time - begin) / (end - begin)
         (x, y, turn), (x1, y1, turn1) = self.poses[after - 1], self.poses[after]
@@ -193,7 +192,8 @@ class JudgedOdometry:
             rows: t, x, y, θ, (n, 4).
             unit: of lengths.
         """
-        odometry = Odometry(unit)
+        odometry, rows = Odometry(unit), rows.copy()
+        rows[_far_ahead(rows[:, 0]), 0] = math.nan
         stretches, begins, shifts = [odometry.stretch], [-math.inf], [0.0]
         counts: Counter[Taken] = Counter()
         for at, (time, *raw) in enumerate(rows.tolist()):
@@ -203,7 +203,7 @@ class JudgedOdometry:
             if taken is Taken.RESET:
                 counts[Taken.LATE] -= 1  # the one before: it is used after all
                 elapsed = float(received[at - 1] - received[at - 2])
-                if not 0 < elapsed < _LONGEST:
+                if not 0 < elapsed < _PAUSE:
                     elapsed = usual_period(before.times)
                 shifts.append(shifts[-1] + before.times[-1] + elapsed - odometry.stretch.times[0])
                 begins.append(float(numbers[at - 1]))
@@ -289,16 +289,22 @@ def clock_shifts(times: ArrayLike) -> Floats:
     given = np.asarray(times, dtype=np.float64)
     shifts = np.zeros(given.size)
     newest, shift = -math.inf, 0.0
-    for at in np.flatnonzero(np.isfinite(given)):
+    for at in np.flatnonzero(np.isfinite(given) & ~_far_ahead(given)):
         time, after = given[at], given[at + 1 : at + 2]
-        if at > 1 and given[at - 2] <= time < given[at - 1] == newest:
-            newest = given[at - 2]  # the one before was far ahead, alone
         if time < newest - BACK and (time < after).any() and (after < newest - BACK).any():
             shift += newest + float(np.median(np.abs(np.diff(given)))) - time
             newest = time
         shifts[at] = shift
         newest = max(newest, time)
     return shifts
+
+
+def _far_ahead(times: Floats) -> Bools:
+    """Return which stamps are far ahead of those before and after, which are in order, (n,)."""
+    found = np.zeros(times.size, np.bool_)
+    before, here, after = times[:-2], times[1:-1], times[2:]
+    found[1:-1] = (before <= after) & (here > after + BACK)
+    return found
 
 
 def publishers(times: Floats, poses: Floats, sources: Indices, unit: str) -> list[Indices]:

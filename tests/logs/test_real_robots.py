@@ -310,6 +310,16 @@ def test_odometry_that_begins_anew_or_comes_twice_has_the_increments_that_the_ro
     np.testing.assert_allclose(steps, true, atol=1e-9)
 
 
+@pytest.mark.parametrize("ahead", [5.0, 1e9])
+def test_one_stamp_far_ahead_costs_one_message(ahead):
+    times, poses = driven()
+    stamps = times + np.where(np.arange(41) == 20, ahead, 0.0)
+    found = judged(stamps, poses)
+    assert (len(found.stretches), found.jumps) == (1, 0)
+    assert found.stretches[0].times == np.delete(times, 20).tolist()
+    assert found.remarks == ["1 odometry messages are left out: late, doubled or not finite"]
+
+
 def test_a_clock_that_is_set_back_begins_a_stretch_whose_times_go_on(tmp_path):
     times, poses = driven()
     stamps = times - 2.0 * (times > 1.95)
