@@ -13,7 +13,8 @@ from typing import Any
 from benchmarks.setup.changes import Changes, Named
 from benchmarks.setup.priors import Gaussian, Uniform
 from benchmarks.setup.scenario import Scenario, Thresholds
-from deqmcl_gym.world.config import WORLDS, MotionNoise, Start, World
+from deqmcl_gym.world.config import MotionNoise, Start, World
+from deqmcl_gym.world.presets import WORLDS
 from localizers import CensoredGaussianUniform, OdometryMotion
 
 

@@ -11,7 +11,8 @@ from typing import Any
 
 from deqmcl_gym.envs.acting import LocalizeEnv, Site, Sites, TrackEnv
 from deqmcl_gym.validation import InputError, shown
-from deqmcl_gym.world.config import WORLDS, World, offices_of
+from deqmcl_gym.world.config import World, offices_of
+from deqmcl_gym.world.presets import WORLDS
 from localizers import (
     GaussianPrior,
     Localizer,

@@ -14,7 +14,8 @@ from benchmarks.setup.priors import PRIORS, Displaced, Gaussian, Places, Uniform
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps.map import LENGTH, pixel, scaled
 from deqmcl_gym.validation import integer, number, one_of
-from deqmcl_gym.world.config import WORLDS, World, offices_of
+from deqmcl_gym.world.config import World, offices_of
+from deqmcl_gym.world.presets import WORLDS
 from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
 from localizers.models.beams import BEAM_MODELS, BeamDensity
 from localizers.models.nav2_motion import MOTION_MODELS, MotionModel

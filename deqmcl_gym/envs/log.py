@@ -17,8 +17,8 @@ from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats, Indices, Pose, Singles
 from deqmcl_gym.validation import InputError, array, integer, number, one_of, shown
-from deqmcl_gym.world.config import WORLDS
 from deqmcl_gym.world.differences import map_changed
+from deqmcl_gym.world.presets import WORLDS
 from deqmcl_gym.world.rules import check_no_options
 
 PLANS = ("odometry", "reference", "none")

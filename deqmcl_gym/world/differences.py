@@ -7,6 +7,7 @@ one with less has.
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -159,7 +160,7 @@ class Clutter:
                 return None
         ahead, aside = _unit(angle), _unit(angle + math.pi / 2)
         corners: Floats = (
-            half[0] * _CIRCLE if is_round else _SQUARE @ (half[:, None] * (ahead, aside))
+            half[0] * _circle() if is_round else _SQUARE @ (half[:, None] * (ahead, aside))
         )
         return centre + corners
 
@@ -171,7 +172,10 @@ def _unit(angle: float) -> Floats:
     return np.array((arrays.cos([angle])[0], arrays.sin([angle])[0]))
 
 
-_CIRCLE = np.array([_unit(2 * math.pi * k / _CORNERS) for k in range(_CORNERS)])
+@cache
+def _circle() -> Floats:
+    """Return the corners of a round pillar of radius 1: at first use, as a kernel computes them."""
+    return np.array([_unit(2 * math.pi * k / _CORNERS) for k in range(_CORNERS)])
 
 
 def _is_corridor(seen: Floats) -> bool:

@@ -15,10 +15,11 @@ from deqmcl_gym.maps import Lidar, Offices
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Bools, Floats, Point, Pose, RoomActions, Singles
 from deqmcl_gym.validation import LARGEST, InputError, boolean, integer, one_of
-from deqmcl_gym.world.config import WORLDS, Robot, World, offices_of
+from deqmcl_gym.world.config import Robot, World, offices_of
 from deqmcl_gym.world.course import MAX_STEPS, Course, wrapped
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan
 from deqmcl_gym.world.path_kernels import COLLISION_PENALTY, GOAL_BONUS, once_round
+from deqmcl_gym.world.presets import WORLDS
 from deqmcl_gym.world.route import Journeys
 from deqmcl_gym.world.sensor import Stream, episode_stream
 

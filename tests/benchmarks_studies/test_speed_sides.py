@@ -10,7 +10,7 @@ from benchmarks.studies.speed import numpy_baseline, peers
 from benchmarks.studies.speed.numpy_baseline import NumpyModels
 from benchmarks.studies.speed.rays import bearings_of, pymunk_queries
 from benchmarks.studies.speed.work import fan, free_poses, pillared_room, recorded_lap
-from deqmcl_gym.world.config import PAPER_ROOM
+from deqmcl_gym.world.presets import PAPER_ROOM
 from localizers import make
 from localizers.inference.resampling import systematic
 from localizers.models import motion as kernels

@@ -16,8 +16,9 @@ from room_trace import ROOM_ID
 import deqmcl_gym
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
+from deqmcl_gym.registration import PRESETS
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import WORLDS as WORLDS_BY_NAME
+from deqmcl_gym.world.presets import WORLDS as WORLDS_BY_NAME
 
 MAKE = 'assert gymnasium.make("deqmcl_gym/Room-v0").reset(seed=1)[1]["planned_count"] == 204'
 MANY = 'gymnasium.make_vec("{}deqmcl_gym/Room-v0", num_envs=2, vectorization_mode="{}")'
@@ -211,3 +212,12 @@ def test_the_metadata_suits_gymnasiums_human_rendering():
     assert fps > 0
     env = gym.wrappers.HumanRendering(gym.make(ROOM_ID, render_mode="rgb_array"))
     assert env.render_mode == "human"
+
+
+def test_an_import_runs_no_kernel_and_each_preset_is_registered():
+    code = (
+        "import sys, deqmcl_gym; "
+        "assert 'numba.core.typing.cffi_utils' not in sys.modules"  # the first call loads it
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    assert tuple(WORLDS_BY_NAME) == PRESETS

@@ -14,9 +14,10 @@ import deqmcl_gym
 from deqmcl_gym.envs.room import RoomEnv, RoomInfo
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import Lidar
-from deqmcl_gym.world.config import WORLDS, Driver, Lap, MotionNoise, Robot, Route, Start
+from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start
 from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
 from deqmcl_gym.world.people import People
+from deqmcl_gym.world.presets import WORLDS
 from deqmcl_gym.world.sensor import Stream
 
 ARRAYS = {"planned_actions": np.float32, "action": np.float32, "truth": np.float64}

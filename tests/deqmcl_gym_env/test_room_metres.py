@@ -17,7 +17,8 @@ from deqmcl_gym.envs.wrappers import RecordLog
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import WORLDS, Driver, Lap, Start
+from deqmcl_gym.world.config import Driver, Lap, Start
+from deqmcl_gym.world.presets import WORLDS
 
 M = 0.02  # to the px
 CLOSE = 350 * 1e-5  # of the room's width, px

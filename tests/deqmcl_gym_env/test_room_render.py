@@ -8,8 +8,8 @@ from room_cases import calm
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import PolygonMap
-from deqmcl_gym.world.config import PAPER_ROOM
 from deqmcl_gym.world.drawing import GRAY, ORANGE, PALE, PINK, Drawing, View
+from deqmcl_gym.world.presets import PAPER_ROOM
 
 SCALE, MARGIN = 2.0, 8  # View's defaults: image pixels per px, image pixels around
 

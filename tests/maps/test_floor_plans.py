@@ -8,7 +8,8 @@ from refusals import refused
 
 from deqmcl_gym.maps import GridMap, Map, Office, PolygonMap, driven, polygon_map
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import WORLDS, offices_of
+from deqmcl_gym.world.config import offices_of
+from deqmcl_gym.world.presets import WORLDS
 
 OFFICE = Office(seed=3, wings=1)
 

@@ -12,7 +12,7 @@ from benchmarks.studies.speed.numpy_baseline import CasterMaker, segments, slabs
 from benchmarks.studies.speed.work import BEAMS, fan, free_poses, office_floor, pillared_room
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Singles
-from deqmcl_gym.world.config import PAPER_ROOM
+from deqmcl_gym.world.presets import PAPER_ROOM
 
 POSES = 20_000
 POSES_ONE_BY_ONE = 100  # for those who are asked for a pose at a time

@@ -27,7 +27,7 @@ from benchmarks.studies.speed.figure import (
 )
 from benchmarks.studies.speed.numpy_baseline import CasterMaker, segments, slabs
 from benchmarks.tables.text import csv_text
-from deqmcl_gym.world.config import PAPER_ROOM
+from deqmcl_gym.world.presets import PAPER_ROOM
 from localizers import CensoredGaussianUniform, make
 from localizers.models.scan import LidarScan, Scan
 
