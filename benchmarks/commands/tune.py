@@ -142,8 +142,10 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
         space = read_space(options.space, name, known)
     segments = segments_of(replays, length, gap, sd, seed)
     taken = parameters(name) or ()
-    defaults = usual_params() if name == "amcl" else vars(Shared())
-    scan = {f"scan.{part}": value for part, value in vars(replays[0].scenario.scan).items()}
+    setup = replays[0].scenario
+    tempered = {"beta": setup.beta, "plan_beta": setup.beta}
+    defaults = usual_params() if name == "amcl" else vars(Shared()) | tempered
+    scan = {f"scan.{part}": value for part, value in vars(setup.scan).items()}
     usual = {n: v for n, v in defaults.items() if n in taken and v is not None}
     return Task(
         localizer=name,

@@ -23,7 +23,7 @@ from deqmcl_gym.logs.trajectory import tolerance_of
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats, Pose
 from deqmcl_gym.validation import InputError, number, pose
-from localizers import OmniMotion
+from localizers import OmniMotion, RobotModel
 from localizers.models.nav2_motion import MotionModel, kind_of
 
 NAME = "replay"  # of the scenario
@@ -100,7 +100,9 @@ class Replay:
         mounted = f" The scanner is mounted at {said} {log.unit} on it, ahead and left."
         told = [
             f"Motion model: {kind_of(self.motion)}, {motion} ({self.noise}).",
-            f"Scan model: {setup.scan}. Radius of the robot: {setup.room().radius:g} {log.unit}.",
+            f"Scan model: {setup.scan}. Radius of the robot: {setup.room().radius:g} {log.unit}. "
+            f"A step that collides is charged β = {setup.beta:g} by methods that are given no β: "
+            f"{RobotModel.beta:g} times the power of the scan model.",
             self.beams,
             self.calibration,
             f"Unknown cells of the map: {_UNKNOWN[self.world['unknown']]}.",

@@ -82,7 +82,12 @@ class LogScenario(Scenario):
     def robot_model(self, room: TrialEnv) -> RobotModel:
         """Return what localizers and agents are made for."""
         robot = super().robot_model(room)
-        return replace(robot, motion=self.motion_of(self.recording()[0]))
+        return replace(robot, motion=self.motion_of(self.recording()[0]), beta=self.beta)
+
+    @property
+    def beta(self) -> float:
+        """β of methods that are given none: log g is tempered as the likelihood of a scan is."""
+        return RobotModel.beta * self.scan.power
 
     def motion_of(self, log: Log) -> MotionModel:
         """Return the motion that filters assume; with too little of a reference, the default."""

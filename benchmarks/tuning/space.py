@@ -127,7 +127,7 @@ _OF_AMCL: Space = {
 _OF_OTHERS: Space = {  # of each localizer those that it takes; what is for a lost robot is not here
     "particles": Range(low=200, high=5000, log=True, whole=True),
     "ess_threshold": Range(low=0.1, high=1.0),
-    "beta": Range(low=0.3, high=30.0, log=True),
+    "beta": Range(low=0.03, high=30.0, log=True),
     "plan_beta": Range(low=0.03, high=10.0, log=True),
     "keep": Range(low=0.3, high=0.95),
     "lag": Range(low=2, high=30, log=True, whole=True),

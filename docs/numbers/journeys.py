@@ -150,6 +150,8 @@ def _two_buildings() -> str:
         for k, (label, file, method) in enumerate((
             ("`mcl`", building, "mcl"),
             ("`mcl-map`", building, "mcl-map"),
+            ("`mcl-plan`", building, "mcl-plan"),
+            ("`mcl-plan-hedged`", building, "mcl-plan-hedged"),
             ("`amcl`", building, "amcl"),
             ("`amcl`, each 0.0625 m, 3°", f"{building}-amcl", "amcl"),
             ("… `likelihood_field_prob`", f"{building}-likelihood-field-prob", "amcl"),
@@ -173,6 +175,24 @@ def _two_buildings() -> str:
     return table(f"{head} | {more}", rows)
 
 
+def _touching() -> str:
+    rows, place = [], ""
+    for found in read("beta-on-logs/results"):
+        last, place = place, f"{found['building']}, {found['radius']} m"
+        new, beta = place != last, found["beta"]
+        columns = ("{position_median:.3f} m", "{position_p95:.3f} m", "{position_max:.2f} m")
+        rows.append([
+            place if new else "",
+            filled("{touching:,.0f} of {poses:,.0f}", found) if new else "",
+            f"`{found['localizer']}`" + (f", β = {beta}" if beta else ""),
+            f"{found['lost']} of {found['runs']}",
+            *(filled(column, found) for column in columns),
+            filled("{coverage_95:.0p} %", found),
+        ])  # fmt: skip
+    head = "building, radius | reference poses that touch a wall: | localizer | lost:"
+    return table(f"{head} | position, median: | 95 %: | largest: | inside 95 %:", rows)
+
+
 def _starts() -> str:
     rows = []
     for k, found in enumerate(read("buildings/starts")):
@@ -194,4 +214,5 @@ TABLES = {
     "driving": _driving,
     "buildings": _two_buildings,
     "buildings, starts": _starts,
+    "beta on logs": _touching,
 }

@@ -34,7 +34,8 @@ class Shared:
     Attributes:
         particles: N.
         lag: L, how many past steps are smoothed, and how many planned steps are read.
-        beta: β ≥ 0; a step that collides is charged exp(-β), inf rejects it outright.
+        beta: β ≥ 0; a step that collides is charged exp(-β), inf rejects it outright; None: the
+            robot's.
         inflation_radius: distance from a wall, in the map's unit, below which a step is charged for
             where it ends, see ``Inflation``; None: only steps that collide are charged.
         cost_scaling_factor: how fast that cost falls, per unit of length; None is Nav2's 10 / m.
@@ -44,7 +45,7 @@ class Shared:
         resampler: "systematic", "stratified" or "multinomial".
         ess_threshold: resample only when the effective sample size is below this share of N;
             None resamples at every step, as the paper does.
-        plan_beta: β ≥ 0 per colliding step of a plan that is used as evidence.
+        plan_beta: β ≥ 0 per colliding step of a plan that is used as evidence; None: the robot's.
         start_draws: K, draws from the prior per particle, chosen by how feasible the plan shown at
             reset is from them; 1 ignores the plan. Poses injected after a new route are chosen in
             the same way.
@@ -57,14 +58,14 @@ class Shared:
 
     particles: int = 1000
     lag: int = 20
-    beta: float = 10.0
+    beta: float | None = None
     inflation_radius: float | None = None
     cost_scaling_factor: float | None = None
     cost_map: str | None = None
     beam_filter: str = "none"
     resampler: str = "systematic"
     ess_threshold: float | None = None
-    plan_beta: float = 10.0
+    plan_beta: float | None = None
     start_draws: int = 1
     start_jitter: float = 0.0
     scan_keep: float = 0.0
@@ -74,8 +75,9 @@ class Shared:
     def __post_init__(self) -> None:
         integer("particles", self.particles, low=1)
         integer("lag", self.lag)
-        number("beta", self.beta, low=0, finite=False)
-        number("plan_beta", self.plan_beta, low=0, finite=False)
+        for name in ("beta", "plan_beta"):
+            if (beta := getattr(self, name)) is not None:
+                number(name, beta, low=0, finite=False)
         integer("start_draws", self.start_draws, low=1)
         number("start_jitter", self.start_jitter, low=0)
         keep_plain(self)
@@ -100,9 +102,13 @@ class Shared:
         """When to resample, and how."""
         return resampling(self.resampler, self.ess_threshold)
 
+    def charge(self, robot: RobotModel) -> float:
+        """β of a step."""
+        return robot.beta if self.beta is None else self.beta
+
     def feasibility(self, robot: RobotModel) -> Feasibility:
         """What a step is charged."""
-        floor_plan, radius = robot.floor_plan, robot.radius
+        floor_plan, radius, beta = robot.floor_plan, robot.radius, self.charge(robot)
         cost: Cost
         if self.cost_map is not None:
             cost = CostImage.load(self.cost_map, floor_plan, radius)
@@ -114,12 +120,13 @@ class Shared:
                 cost_scaling_factor=self.cost_scaling_factor,
             )
         else:
-            return FreeSpace(floor_plan=floor_plan, radius=radius, beta=self.beta)
-        return CostMap(floor_plan=floor_plan, radius=radius, cost=cost, beta=self.beta)
+            return FreeSpace(floor_plan=floor_plan, radius=radius, beta=beta)
+        return CostMap(floor_plan=floor_plan, radius=radius, cost=cost, beta=beta)
 
     def sensor(self, robot: RobotModel) -> PlanSensor:
         """The sensor model of plans."""
-        return PlanSensor(floor_plan=robot.floor_plan, radius=robot.radius, beta=self.plan_beta)
+        beta = robot.beta if self.plan_beta is None else self.plan_beta
+        return PlanSensor(floor_plan=robot.floor_plan, radius=robot.radius, beta=beta)
 
     def start(self, robot: RobotModel) -> InformedStart | None:
         """How the first particles are chosen."""

@@ -62,7 +62,7 @@ def mcl_h(
     grid = LookaheadGrid(
         floor_plan=robot.floor_plan,
         radius=robot.radius,
-        beta=shared.beta,
+        beta=shared.charge(robot),
         motion=odometry(robot.motion, "mcl-h"),
         cell=5 * pixel(robot.floor_plan.unit) if cell is None else cell,
         headings=headings,

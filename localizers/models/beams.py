@@ -31,6 +31,10 @@ _WIDEST = 1e4  # ranges: largest σ; it is flat, and the share of a wider one wo
 class BeamDensity(Protocol):
     """p(o | ô) of single beams, and its product over the beams of a scan."""
 
+    @property
+    def power(self) -> float:
+        """Exponent of the likelihood, in (0, 1]."""
+
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,); NaN if a ô_b is. Arguments of ``density``."""
 

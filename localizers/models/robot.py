@@ -28,6 +28,8 @@ class RobotModel:
             that of ``DifferentialMotion``.
         scan: p(o | ô) of one beam; None is ``GaussianUniform``'s default, or with σ = 0.2 m, as
             Nav2's sigma_hit. Or what makes a model of whole scans, such as ``ScanPlugIn``.
+        beta: β ≥ 0 of methods that are given none: a step that collides on the map, carried out or
+            planned, is charged exp(-β).
     """
 
     floor_plan: Map
@@ -35,6 +37,7 @@ class RobotModel:
     radius: float = field(default=None, metadata=LENGTH)  # type: ignore[assignment]
     motion: Motion = None  # type: ignore[assignment]
     scan: BeamDensity | ScanSource = None  # type: ignore[assignment]
+    beta: float = 10.0
 
     def __post_init__(self) -> None:
         for name, kind, has in (("floor_plan", "Map", "unit"), ("lidar", "Lidar", "max_range")):
@@ -52,6 +55,7 @@ class RobotModel:
             scan = GaussianUniform(sigma=METRE_SIGMA) if metres else GaussianUniform()
             object.__setattr__(self, "scan", scan)
         number("radius", self.radius, low=0)
+        number("beta", self.beta, low=0, finite=False)
         farthest = max(map(abs, self.floor_plan.bounds))
         coarse = float(np.spacing(np.float32(farthest)))
         if coarse > _COARSEST * pixel(self.floor_plan.unit):

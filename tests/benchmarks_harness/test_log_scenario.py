@@ -123,6 +123,13 @@ def test_the_noise_is_that_of_the_log_unless_it_is_given(folder, kind):
     assert told.robot_model(room).motion == replace(assumed, **{name: value})
 
 
+@pytest.mark.parametrize("power", [1.0, 0.05])
+def test_on_a_log_beta_is_tempered_as_scans_are_and_in_rooms_and_offices_it_is_not(folder, power):
+    for name, factor in ((str(folder / "hall.toml"), power), ("paper", 1.0), ("lost", 1.0)):
+        ours = scenario(name).changed(assumed={"scan.power": power}).in_building(0)
+        assert ours.robot_model(ours.room()).beta == 10.0 * factor
+
+
 def test_the_kind_of_motion_is_told_in_scenario_and_sweep_files(folder):
     (folder / "hall.toml").write_text(SCENARIO + '[assumed]\nmotion.kind = "omni"\n')
     ours = scenario(str(folder / "hall.toml"))

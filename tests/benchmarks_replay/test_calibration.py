@@ -1,4 +1,7 @@
-"""What is fitted to part of a log: the parts of the beam model, and the power of scans."""
+"""What is fitted to part of a log: the parts of the beam model, and the power of scans.
+
+And what follows from that power: how much a touch of the map's walls may cost.
+"""
 
 import math
 from dataclasses import replace
@@ -20,7 +23,9 @@ from benchmarks.replay.command import replay_sweep
 from benchmarks.replay.options import replay_of
 from benchmarks.trials.attempt import attempt
 from benchmarks.trials.plugins import key_of
+from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
+from deqmcl_gym.maps import GridMap
 
 
 @pytest.fixture(scope="module")
@@ -104,3 +109,40 @@ def test_beams_cannot_be_fitted_without_enough_of_a_reference(replay, folder):
         with_fitted_beams(few)
     with refused("has no reference, from which beams could be fitted"):
         beams_of(replace(replay.log, reference=None), replay.scenario.recording()[1])
+
+
+STRAY = [(32, 100)]  # a cell on the robot's way, 5 cm wide
+SPECKLED = [(row, column) for row in range(13, 60, 6) for column in range(70, 131, 12)]
+
+
+def largest_errors(tmp_path, cells, name, power, **params):
+    """Of each of two runs on a hall with these cells occupied on the map, but not in the hall."""
+    occupancy = test_yardstick.hall().occupancy.copy()
+    occupancy[tuple(np.transpose(cells))] = 100
+    GridMap(occupancy=occupancy, resolution=0.05).save(tmp_path / "hall.yaml")
+    logs.write(test_yardstick.recorded(0), tmp_path / "log.npz")
+    told = {"every": "0.1m,5deg", "scan": f"power={power}"}
+    replay = replay_of(tmp_path / "log.npz", tmp_path / "hall.yaml", **told)
+    own = {name: params}
+    sweep = replay_sweep(replay, [name], particles=1000, seeds=2, root=1, shared={}, own=own)
+    found = []
+    for trial in sweep.distinct():
+        stage = Stage.of(trial)
+        kept = stage.collector()
+        for moment in stage.moments():
+            kept.see(moment)
+        found.append(kept.track.errors.translation.max())
+    return found
+
+
+@pytest.mark.parametrize("power", [0.05, 0.02])  # of the two real logs
+@pytest.mark.parametrize(("cells", "off"), [(STRAY, 0.2), (SPECKLED, 1.0)])
+def test_cells_that_are_not_there_cost_the_charge_of_the_paper_dearly_and_the_default_nothing(
+    tmp_path, cells, off, power
+):
+    blind, default, paper = (
+        largest_errors(tmp_path, cells, name, power, **params)
+        for name, params in (("mcl", {}), ("mcl-map", {}), ("mcl-map", {"beta": 10.0}))
+    )
+    assert max(default) <= 1.2 * max(blind)
+    assert max(blind) < off < min(paper)

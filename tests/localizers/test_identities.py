@@ -1,5 +1,7 @@
 """Members of the family that must be the same number for number under the same rng."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from following import follow, same, small, varied
@@ -9,6 +11,10 @@ from localizers.models.scan import LidarScan, Scan
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
 LAG, WITHOUT_G_AND_FUTURE = {"lag": 5}, {"future": 0, "feasibility": None}
+CHARGES = {
+    name: [word for word in ("beta", "plan_beta") if word in (localizers.parameters(name) or ())]
+    for name in localizers.names()
+}
 
 
 @pytest.mark.parametrize(
@@ -118,3 +124,19 @@ def test_the_mean_pose_is_weighted_and_its_heading_a_mean_of_directions():
     assert (x, y) == (1.5, 5.5)
     s, c = np.sin(np.radians(179)), np.cos(np.radians(179))
     assert heading == pytest.approx(np.arctan2(0.5 * s, c))
+
+
+@pytest.mark.parametrize("name", [name for name, charges in CHARGES.items() if charges])
+def test_a_method_that_is_given_no_beta_has_that_of_the_robot(robot, prior, drive, name):
+    some = {"start_draws": 4} if "start_draws" in localizers.parameters(name) else {}
+
+    def run(assumed, **given):
+        made = localizers.make(
+            name, replace(robot, beta=assumed), **small(name, 60), **some, **given
+        )
+        return follow(made, prior, drive)
+
+    mild, strict = (dict.fromkeys(CHARGES[name], beta) for beta in (0.7, 10.0))
+    assert same(run(0.7), run(10.0, **mild))
+    assert same(run(10.0), run(0.7, **strict))  # a β that is given is taken as it is
+    assert not same(run(0.7), run(10.0))

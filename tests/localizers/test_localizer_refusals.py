@@ -151,6 +151,7 @@ BAD_MODELS = [
     (GaussianPrior, {"mean": (1, 2, 0), "sd_heading": NAN}, ("prior",)),
     (UniformPrior, {"floor_plan": NARROW, "radius": 8}, ("prior.radius is 8", "does not fit")),
     (RobotModel, {"floor_plan": NARROW, "lidar": Lidar(), "radius": -1}, ("radius is",)),
+    (RobotModel, {"floor_plan": NARROW, "lidar": Lidar(), "beta": -1}, ("beta is",)),
     (RobotModel, {"floor_plan": None, "lidar": Lidar()}, ("floor_plan is None", "a Map")),
     (RobotModel, {"floor_plan": NARROW, "lidar": None}, ("lidar is None", "a Lidar")),
 ]
