@@ -103,7 +103,8 @@ def run(options: argparse.Namespace) -> str:
 def _replay(options: argparse.Namespace) -> "Replay":
     """Return the log as ``deqmcl replay`` reads it, with a power of the scan model."""
     from benchmarks.replay.calibration import calibrated
-    from benchmarks.replay.options import EVERY, reading_of, replay_of
+    from benchmarks.replay.command import every_for
+    from benchmarks.replay.options import reading_of, replay_of
 
     replay = replay_of(
         options.log,
@@ -111,7 +112,7 @@ def _replay(options: argparse.Namespace) -> "Replay":
         reference=options.reference,
         reading=reading_of(options.read),
         start="reference",
-        every=options.every or EVERY,
+        every=options.every or every_for(options.localizers),
         scan=options.scan or "",
     )
     return replay if "scan.power" in replay.assumed else calibrated(replay)

@@ -53,7 +53,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--every",
         metavar="D,A",
-        help="play a record each time the robot has moved this far (0.2m,5deg)",
+        help="play a record each time the robot has moved this far (0.2m,5deg; with amcl "
+        "0.0625m,3deg, so that it updates as often as on a robot)",
     )
     add("--max-beams", type=int, metavar="B", help="beams used of a scan, evenly spread (60)")
     add("--radius", type=float, metavar="R", help="radius of the robot in m (0.16)")
@@ -108,7 +109,7 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.pictures.viewing import Views, shown_again
     from benchmarks.replay.calibration import calibrated, judged_alike, uses_scan, with_fitted_beams
-    from benchmarks.replay.command import gated, replay_sweep, run_replay
+    from benchmarks.replay.command import every_for, gated, replay_sweep, run_replay
     from benchmarks.replay.nav2 import read_nav2
     from benchmarks.replay.options import reading_of, replay_of
     from benchmarks.sweeps.running import Options, check
@@ -124,6 +125,7 @@ def run(options: argparse.Namespace) -> str:
         its_scan = None if options.fit_beams else nav2.options["scan"]
         scan = ",".join(filter(None, [its_scan, options.scan]))
         told = {**nav2.options, **told, "scan": scan}
+    told.setdefault("every", every_for(options.localizers))
     with doing("reading the log and the map"), shared.log_warnings() as said:
         reading = {**({} if nav2 is None else nav2.reading), **reading_of(options.read)}
         replay = replay_of(
@@ -152,7 +154,7 @@ def run(options: argparse.Namespace) -> str:
             own=own,
         )
         check(sweep)
-        notes += warn(gated(sweep, told.get("every")))
+        notes += warn(gated(sweep, options.every))
         if nav2 is not None:
             amcl = next((one.params for one in sweep.localizers if one.name == "amcl"), None)
             notes += warn([*nav2.notes, *([] if amcl is None else nav2.differences(amcl, replay))])

@@ -32,10 +32,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--space", type=Path, metavar="FILE.toml", help="ranges, in place of the built-in ones")
     add(
         "--score",
-        default="median",
+        default="log-score",
         metavar="NAME",
-        help="what is to be best: median, p95 (position error), localized, false-commitment, "
-        "log-score (of the pose with its covariance) (median)",
+        help="what is to be best: log-score (of the pose with its covariance), median, p95 "
+        "(position error), localized, false-commitment (log-score)",
     )
     add("--max-ms", type=float, metavar="MS", help="most ms per step that the winner may take")
     many = parser.add_mutually_exclusive_group()

@@ -33,6 +33,7 @@ _MOST = 800  # records fitted on: two seconds of a filter for each power that is
 _LEAST = 100  # records with a reference, fewer say nothing of 95 %
 _PARTICLES = 1000
 _POWERS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
+_FINER = 4  # powers tried between two of them
 _NEAR = 1.0  # m: a filter farther off follows nothing
 _PARTS = ("hit", "short", "max", "rand", "sigma", "decay")  # of the beam model
 _ROOT = 25  # of the randomness: a fit is the same for every --seed
@@ -101,8 +102,9 @@ def calibrated(replay: Replay) -> Replay:
     """Return what is played with the power that is fitted to its first part, if one can be.
 
     It is the power with which ``mcl`` covers the share of the reference nearest to ``LEVEL``, of
-    those with which it follows the robot. None can be fitted without a reference at enough of the
-    first records, or where the filter follows it with no power.
+    those with which it follows the robot: of a coarse grid, then between the two around ``LEVEL``,
+    until it is met within its own noise. None can be fitted without a reference at enough of the
+    first records, or where the filter follows it with no power, which ``calibration`` says.
     """
     count = _part(replay.log)
     if count is None:
@@ -111,25 +113,40 @@ def calibrated(replay: Replay) -> Replay:
     own = {name: value for name, value in replay.world.items() if name != "judged"}
     world = Changes({**own, "start": _first(replay)})
     begun = replace(replay, assumed=Changes(here), world=world)
-    tried: list[tuple[float, float]] = []
-    for power in _POWERS:
-        covered, off = _covered(begun, power, count)
-        if off > _NEAR:
+    tried = {power: _covered(begun, power, count) for power in _POWERS}
+    level, noise = LEVEL / 100, 2 * math.sqrt(LEVEL * (100 - LEVEL)) / 100 / math.sqrt(count)
+    for _ in range(_FINER):
+        following = {power: share for power, (share, off) in tried.items() if off <= _NEAR}
+        power = min(following, key=lambda one: abs(following[one] - level), default=math.nan)
+        below = max((one for one, share in following.items() if share >= level), default=math.nan)
+        above = min((one for one, share in following.items() if share < level), default=math.nan)
+        between = float(f"{math.sqrt(below * above):.2g}")
+        if not below < between < above or abs(following[power] - level) <= noise:
             break
-        tried.append((covered, power))
-        if covered >= LEVEL / 100:
-            break
-    if not tried:
-        return replay
-    covered, power = min(tried, key=lambda one: abs(one[0] - LEVEL / 100))
+        tried[between] = _covered(begun, between, count)
+    if not following:
+        return replace(
+            replay,
+            calibration=f"With no power of a scan's likelihood from {min(_POWERS)} to 1 does mcl "
+            f"follow the robot in the first {count:,} records, so none is fitted and 1 is kept: "
+            "errors and regions of methods that use it say little. Check map, mounting and start.",
+        )
+    covered = following[power]
+    if 1.0 in following:
+        former = f"({percent(following[1.0])} with power 1)"
+    else:
+        former = "(with power 1 it loses the robot)"
+    doubt = ""
+    if abs(covered - level) > noise:
+        doubt = f" No power comes nearer to {LEVEL} %: trust the regions as little."
     return replace(
         replay,
         world=replay.world | {"judged": int(replay.log.referenced[0]) + count},
         assumed=replay.assumed | {"scan.power": power},
         calibration=f"The likelihood of a scan is raised to the power {power:.3g}: with it, the "
         f"95 % region of mcl covers {percent(covered)} of the reference's poses in the first "
-        f"{count:,} records ({percent(tried[0][0])} with power 1). Coverage and NEES in the tables "
-        "are those of the records after them.",
+        f"{count:,} records {former}. Coverage and NEES in the tables are those of the records "
+        f"after them.{doubt}",
     )
 
 

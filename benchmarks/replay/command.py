@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.console import doing, warn
 from benchmarks.execution.apart import parameters, takes
 from benchmarks.files import write_part
-from benchmarks.replay.options import EVERY, NAME, Replay
+from benchmarks.replay.options import EVERY, NAME, OFTEN, Replay
 from benchmarks.replay.residuals import Residuals, files_of, residuals_of
 from benchmarks.report.animations import Drawn
 from benchmarks.report.tracks import accuracy, differences_table, tables_of
@@ -24,6 +24,7 @@ from benchmarks.tables.text import file_words, percent
 from benchmarks.tables.tracks import Row, rows_of, tracks_results_csv, tracks_trials_csv
 from benchmarks.trials.spec import Method
 from benchmarks.trials.tracks import AGREE, agreement
+from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Scanner, Trajectory
 from deqmcl_gym.validation import InputError, integer
@@ -72,17 +73,25 @@ def replay_sweep(
     )
 
 
-def gated(sweep: Sweep, every: object) -> list[str]:
+def every_for(localizers: str) -> str:
+    """Return how far apart records are played to localizers, named with commas, by default."""
+    return OFTEN if "amcl" in map(str.strip, localizers.split(",")) else EVERY
+
+
+def gated(sweep: Sweep, every: str | None) -> list[str]:
     """Return the note that ``amcl`` will update less often than on a robot; none if it will not."""
     waits = [method for method in sweep.localizers if method.name == "amcl"]
     told = {"update_min_d", "update_min_a"}
-    if every is not None or not waits or told & waits[0].params.keys():
+    if every is None or not waits or told & waits[0].params.keys():
+        return []
+    often, given = spacing("every", OFTEN, "m"), spacing("--every", every, "m")
+    if given[0] <= often[0] and given[1] <= often[1]:
         return []
     return [
         "amcl updates when the robot has moved 0.25 m or turned 0.2 rad, as Nav2's does, but only "
-        f"records {EVERY} apart are played, so it updates less often than on a robot: add --every "
-        "0.0625m,3deg for that, or --param amcl.update_min_d=0 --param amcl.update_min_a=0 to "
-        "update at each record."
+        f"records {every} apart are played, so it may update less often than on a robot: leave out "
+        f"--every, which is {OFTEN} then, or give --param amcl.update_min_d=0 --param "
+        "amcl.update_min_a=0 to update at each record."
     ]
 
 

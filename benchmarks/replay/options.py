@@ -28,6 +28,7 @@ from localizers.models.nav2_motion import MotionModel, kind_of
 
 NAME = "replay"  # of the scenario
 EVERY = "0.2m,5deg"
+OFTEN = "0.0625m,3deg"  # for Nav2's AMCL, which waits for 0.25 m or 0.2 rad itself
 NO_ERROR = (
     "There is no reference, so no error is known. The share of beams that agree with the map is no "
     "substitute: a wrong place that looks alike agrees equally well."
@@ -83,11 +84,13 @@ class Replay:
     @property
     def overview(self) -> str:
         """What is played."""
-        log = self.log
+        log, every = self.log, self.world["every"]
+        distance, angle = spacing("every", every, log.unit)
+        apart = f"{distance:g} {log.unit} or {math.degrees(angle):.3g}° apart"
         return (
-            f"{len(log):,} records of {file_names(self.world['log'])} with {log.scanner.beams} "
-            f"beams each on the map {Path(self.world['map']).name}, {log.driven[-1]:,.0f} "
-            f"{log.unit} by odometry."
+            f"{len(log):,} records of {file_names(self.world['log'])}, {apart}, with "
+            f"{log.scanner.beams} beams each on the map {Path(self.world['map']).name}, "
+            f"{log.driven[-1]:,.0f} {log.unit} by odometry."
         )
 
     @property

@@ -131,11 +131,12 @@ class Yardstick:
                     f"{self.log.times[0]:.2f} s to {self.log.times[-1]:.2f} s: give the estimate "
                     "of this log, with the same clock."
                 )
-            log = self.log.of_records(np.flatnonzero(inside))
-            at = np.searchsorted(estimate.times, log.times, side="right") - 1
+            log = self.log
+            at = np.clip(np.searchsorted(estimate.times, log.times, side="right") - 1, 0, None)
             then = between(self.odometry.times, self.odometry.poses, estimate.times[at])
             moved = relative(then, log.odometry)
             best = composed(estimate.poses[at], moved)
+            best[~inside] = np.nan
         unknown = np.full((len(best), 3, 3), np.nan)
         spread = unknown if estimate.covariances is None else estimate.covariances[at]
         return Track(log, best), spread
@@ -151,21 +152,20 @@ class Yardstick:
             np.full_like(track.best, np.nan) if track.log.reference is None else track.log.reference
         )
         calibrated = calibration_of_gaussians(track.best, spread, truth, track.log.unit)
-        judged = self.judged
-        if self.log is not None and judged:
-            judged = int(np.searchsorted(track.log.times, self.log.times[judged]))
-        found = track_scores(track, calibrated, self.thresholds, self.floor_plan, judged=judged)
+        found = track_scores(
+            track, calibrated, self.thresholds, self.floor_plan, judged=self.judged
+        )
         return Row(label=label, runs=[TrackedRun.of_track(track, found)])
 
     def uncovered(self, row: Row) -> str | None:
         """Return the warning that an estimate misses records of the log; None if few."""
-        track = row.runs[0].track
-        if self.log is None or len(track.best) >= _ALL * len(self.log):
+        covered = int(np.isfinite(row.runs[0].track.best[:, 0]).sum())
+        if self.log is None or covered >= _ALL * len(self.log):
             return None
         return (
-            f"{row.label} covers {len(track.best):,} of the {len(self.log):,} records, "
-            f"{percent(len(track.best) / len(self.log))}: the others count neither for nor "
-            "against it."
+            f"{row.label} covers {covered:,} of the {len(self.log):,} records, "
+            f"{percent(covered / len(self.log))}: at the others it is not localized; errors are "
+            "those of the records that it covers."
         )
 
 

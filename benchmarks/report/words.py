@@ -103,6 +103,7 @@ def progress(results: Results) -> str:
 
 
 _MANY = 100_000  # worlds
+_COVERAGE_APART = 0.1  # difference of shares inside a region that is told
 
 
 def conclusion(results: Results) -> Said:
@@ -142,12 +143,68 @@ def spoken(panel: Panel) -> Said:
     if found is None:
         return Said("No error is known" if panel.records else "No trial is finished")
     said = _verdict(panel, found)
-    more = []
+    if found.best is None:
+        said = _on_a_log(panel) or said
+    more = [*_unfitted(panel)]
     if found.best and found.best.method.name == BLIND and panel.of_filters is not None:
         scanning = _verdict(panel, panel.of_filters).text.replace("No method", "none", 1)
         more.append(f"Of the methods that use scans, {scanning}")
     more += _elsewhere(panel, found)
     return said._replace(more=" ".join([*more, _plug_ins([(panel, found)])]).strip())
+
+
+def _on_a_log(panel: Panel) -> Said | None:
+    """The verdict on whole logs where the share of successes separates no methods.
+
+    By their errors, else by how often their 95 % regions hold the reference; None if neither does.
+    """
+    score = "position_median"
+    rows = [row for row in panel.present if score in row.journey]
+    others = [row for row in rows if not row.is_baseline and row.journey[score].significant]
+    errors = {row.method: row.journey[score].value.mean for row in rows}
+    if others:
+        near = min(others, key=lambda row: errors[row.method])
+        base, diff = panel.baseline_of(near), near.journey[score].diff
+        first = near if diff.mean < 0 else base
+        name = panel.labels[first.method]
+        listed = ", ".join(
+            f"{panel.labels[row.method]} {errors[row.method]:.3f} m"
+            for row in sorted(rows, key=lambda row: errors[row.method])
+        )
+        return Said(
+            f"{name} is nearest to the reference",
+            f"median position error of a run, mean over runs: {listed}; "
+            f"{panel.labels[near.method]} - {panel.labels[base.method]}: {diff.mean:+.3f} m (95 %: "
+            f"{interval(diff, '+.3f')}), p (Holm) {p_value(near.journey[score].p_holm)}",
+            "The share of runs that are localized to the end separates no methods.",
+        )
+    held = {
+        panel.labels[method]: [
+            share
+            for one in records
+            if one.track is not None and (share := one.track.scores.get("coverage_95")) is not None
+        ]
+        for method, records in panel.records.items()
+    }
+    shares = {label: sum(own) / len(own) for label, own in held.items() if own}
+    if len(shares) < 2 or max(shares.values()) - min(shares.values()) < _COVERAGE_APART:
+        return None
+    listed = ", ".join(f"{percent(share)} of {label}" for label, share in shares.items())
+    return Said(
+        "Neither successes nor errors separate the methods, but the 95 % regions do",
+        f"they hold the reference in {listed}",
+    )
+
+
+def _unfitted(panel: Panel) -> Iterator[str]:
+    """Say where methods whose assumptions are fitted to a log are compared with one that is not."""
+    methods = [row.method for row in panel.present]
+    waits = [one for one in methods if one.name == "amcl" and "alpha1" not in one.params]
+    if "scan.power" in panel.setting.assumed and waits and len(methods) > len(waits):
+        yield (
+            f"{panel.labels[waits[0]]} has Nav2's defaults, while the motion noise and the power "
+            "of the scans that the others assume are fitted to this log: deqmcl tune fits it, too."
+        )
 
 
 def _plug_ins(found: Sequence[tuple[Panel, Verdict]]) -> str:

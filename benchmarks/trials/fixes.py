@@ -31,6 +31,8 @@ class Fixes:
         distance: of the best cluster's mean to the truth, m, (k,).
         angle: between their headings, rad, (k,).
         quality: P(not lost), (k,); NaN where the belief gives none.
+        tolerated: share of steps at which a localized robot may seem off: 0 in a world, whose truth
+            is exact.
     """
 
     steps: Indices
@@ -39,6 +41,7 @@ class Fixes:
     distance: Floats
     angle: Floats
     quality: Floats
+    tolerated: float = 0.0
 
     def localized(self, near: str) -> Bools:
         """Whether the best cluster is within a distance and an angle of ``NEAR``, (k,)."""
@@ -51,24 +54,34 @@ class Fixes:
         return self.steps >= math.floor((1 - LAST) * self.count)
 
     def success(self, near: str) -> float:
-        """1 if localized in every step of the last 25 %, else 0; NaN if none of them is known."""
-        return float(self.localized(near)[self.last].all()) if self.last.any() else math.nan
+        """1 if localized in the steps of the last 25 %, else 0; NaN if none of them is known.
+
+        In all of them, but for the share that is ``tolerated``.
+        """
+        if not self.last.any():
+            return math.nan
+        return float((~self.localized(near)[self.last]).mean() <= self.tolerated)
 
     @property
     def lost_at(self) -> int | None:
         """Index of the first step from which on it is never again localized; None: it is."""
         near = np.flatnonzero(self.localized(FOUND))
         first = int(near[-1]) + 1 if near.size else 0
-        return first if first < self.steps.size else None
+        ended_well = first == self.steps.size or (near.size and self.success(FOUND) == 1.0)
+        return None if ended_well else first
 
     @property
     def metres_to_localize(self) -> float:
-        """Metres driven until it is localized for good; inf: never; NaN: nothing is known."""
+        """Metres driven until it is localized for good; inf: never; NaN: nothing is known.
+
+        For good is at all steps from there on, but for the share that is ``tolerated``.
+        """
         if not self.steps.size:
             return math.nan
-        lost = np.flatnonzero(~self.localized(FOUND))
-        first = lost[-1] + 1 if lost.size else 0
-        return float(self.way[first]) if first < self.steps.size else math.inf
+        near = self.localized(FOUND)
+        off = np.cumsum(~near[::-1])[::-1] / np.arange(near.size, 0, -1)
+        settled = np.flatnonzero(near & (off <= self.tolerated))
+        return float(self.way[settled[0]]) if settled.size else math.inf
 
     @property
     def rated(self) -> Bools:

@@ -42,6 +42,7 @@ from localizers import best_cluster, quality_of
 
 AGREE = (0.1, 0.3)  # m that a beam may be off
 AGREEMENTS = ("agreement_01", "agreement_03")
+TOLERATED = 0.05  # share of records at which a localized robot may seem off: references err, too
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +101,7 @@ class Track:
 
     Attributes:
         log: with its reference, if it has one.
-        best: means of the best clusters, (x, y, θ), (n, 3).
+        best: means of the best clusters, (x, y, θ), (n, 3); NaN where there is no estimate.
     """
 
     log: Log
@@ -108,9 +109,15 @@ class Track:
     GROUPS: ClassVar = groups_named(["lost", "log"])
 
     @cached_property
-    def known(self) -> Indices:
+    def referenced(self) -> Indices:
         """The records with a reference, in order."""
         return self.log.referenced[self.log.referenced < len(self.best)]
+
+    @cached_property
+    def known(self) -> Indices:
+        """The records with a reference and an estimate, in order."""
+        known: Indices = self.referenced[np.isfinite(self.best[self.referenced, 0])]
+        return known
 
     @cached_property
     def way(self) -> Floats:
@@ -135,19 +142,22 @@ class Track:
         return np.flatnonzero(own)
 
     def fixes(self, quality: Floats | None = None) -> Fixes:
-        """Where the best cluster is, at the records with a reference.
+        """Where the best cluster is, at the records with a reference; nowhere without an estimate.
 
         Args:
             quality: P(not lost) at each record, (n,).
         """
         unrated = np.full(len(self.best), math.nan)
+        off, at = np.full((len(self.best), 2), math.inf), self.referenced
+        off[self.known] = np.column_stack([self.errors.translation, self.errors.rotation])
         return Fixes(
-            steps=self.known,
+            steps=at,
             count=len(self.best),
-            way=self.way[self.known],
-            distance=self.errors.translation,
-            angle=self.errors.rotation,
-            quality=(unrated if quality is None else quality)[self.known],
+            way=self.way[at],
+            distance=off[at, 0],
+            angle=off[at, 1],
+            quality=(unrated if quality is None else quality)[at],
+            tolerated=TOLERATED,
         )
 
     def journey(self, quality: Floats | None = None) -> Journey:
@@ -159,12 +169,12 @@ class Track:
         """The record from which on it is never again within 1 m and 30°, and the way there, m."""
         fixes = self.fixes()
         first = fixes.lost_at
-        return None if first is None else (int(self.known[first]), float(fixes.way[first]))
+        return None if first is None else (int(fixes.steps[first]), float(fixes.way[first]))
 
     def _in_metres(self, of: Callable[[Floats, Floats], PoseErrors], least: int) -> PoseErrors:
         if self.log.reference is None or self.known.size < least:
             return PoseErrors(translation=np.empty(0), rotation=np.empty(0))
-        found = of(self.best, self.log.reference[: len(self.best)])
+        found = of(self.best[self.known], self.log.reference[self.known])
         lengths = found.translation / metre(self.log.unit)
         return PoseErrors(translation=lengths, rotation=found.rotation)
 
@@ -230,18 +240,22 @@ def track_scores(
     Args:
         track: of n records.
         calibrated: rank of the reference, NEES and log score at each record, (n, 3); NaN is
-            unknown.
+            unknown. Those at the reference's own times count, or all if none of them is known.
         thresholds: what counts as lost.
         floor_plan: the map; None: agreement is not available.
         judged: first record by which beliefs are judged.
     """
     errors, own = track.errors, track.at_stamps
-    ranks, nees, logs = (known[np.isfinite(known)] for known in calibrated[judged:].T)
+    at = track.known[own]
+    stamped = calibrated[at[at >= judged]]
+    beliefs = stamped if np.isfinite(stamped).any() else calibrated[judged:]
+    ranks, nees, logs = (known[np.isfinite(known)] for known in beliefs.T)
     last = errors.translation[-thresholds.lost_steps :]
     limit = thresholds.lost / metre(track.log.unit)
     fixes, agreed = track.fixes(), (math.nan,) * len(AGREE)
     if floor_plan is not None:
-        agreed = agreement(track.log.segment(0, len(track.best)), floor_plan, track.best)
+        seen = np.flatnonzero(np.isfinite(track.best[:, 0]))
+        agreed = agreement(track.log.of_records(seen), floor_plan, track.best[seen])
     return {
         **{f"within_{near}": mean(fixes.localized(near).astype(np.float64)) for near in NEAR},
         "position_median": middle(errors.translation),

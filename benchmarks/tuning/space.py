@@ -113,8 +113,7 @@ _OF_AMCL: Space = {
     **{f"alpha{i}": _NOISE for i in (1, 2, 3, 4)},
     "laser_model_type": Choice(("likelihood_field", "likelihood_field_prob")),
     "sigma_hit": Range(low=0.03, high=0.5, log=True),
-    "z_hit": Range(low=0.1, high=0.95),
-    "z_rand": Range(low=0.05, high=0.95, log=True),
+    "z_hit": Range(low=0.1, high=0.95),  # z_rand is 1 - z_hit: see ``Task.parts``
     "laser_likelihood_max_dist": Range(low=0.3, high=4.0, log=True),
     "max_beams": Range(low=20, high=180, log=True, whole=True),
     "max_particles": _MANY,

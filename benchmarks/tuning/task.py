@@ -129,6 +129,8 @@ class Task:
         """Return the parameters of the localizer, and what it assumes beside the log's own."""
         assumed = {n: v for n, v in candidate.items() if n.partition(".")[0] in ASSUMED}
         own = {n: v for n, v in candidate.items() if n not in assumed}
+        if self.localizer == "amcl" and "z_hit" in own and "z_rand" not in own:
+            own["z_rand"] = round(1 - own["z_hit"], 12)  # Nav2: "all z must sum to 1"
         return self.base | own, Changes(assumed)
 
     def trial(self, candidate: Changes, segment: Segment, run: int) -> Trial:

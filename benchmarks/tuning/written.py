@@ -29,6 +29,7 @@ NAV2 = "nav2.yaml"
 _SHUFFLES = 1000  # of the ranks, for what chance would give
 _BINS = 4  # of a range
 _FEW = 20  # candidates below which importance says nothing
+_SURE, _FALLEN = 0.9, 0.05  # share inside the 95 % region below which, and fall that, is told
 _LEAST = 6  # segments: of fewer, a sign test could not tell any difference from chance (p < 0.05)
 _COVERAGE = Goal(words="share inside the 95 % region", unit="share", column="coverage_95")
 _TABLE = (*(GOALS[name] for name in ("median", "p95", "localized")), _COVERAGE)
@@ -47,7 +48,7 @@ def write(
     """
     goal = found.task.goal
     rows = _segments(found, goal)
-    said = verdict(found, rows)
+    said = f"{verdict(found, rows)}{_too_sure(found)}"
     best, why_not = _nav2(found.task, found.best, nav2, node)
     table, weights = _table(found), _importance(found)
     text = "\n\n".join(
@@ -132,6 +133,24 @@ def verdict(found: Found, rows: Sequence[Sequence[Any]]) -> str:
     return f"{slow}{said} {_conclusion(found, gain)}{left_out}"
 
 
+def _too_sure(found: Found) -> str:
+    """Warn that the winner's region holds less of the reference than the default's."""
+    before, after = (_mean_of(_COVERAGE, runs) for runs in (found.default_runs, found.best_runs))
+    if not (after < _SURE and after < before - _FALLEN):
+        return ""
+    return (
+        f" Warning: the 95 % region of the tuned parameters holds {percent(after, 1)} of the "
+        f"reference, that of the default {percent(before, 1)}: do not trust their covariance, or "
+        "tune by --score log-score, which looks at it, too."
+    )
+
+
+def _mean_of(goal: Goal, runs: Sequence[Sequence[Finished]]) -> float:
+    """Return the mean of a score over all runs on all segments."""
+    values = [goal.of(record) for own in runs for record in own]
+    return float(np.mean(values)) if values else math.nan
+
+
 def _failed(runs: Sequence[Sequence[Finished]]) -> int:
     """Return on how many segments a run failed."""
     return sum(len(own) < RUNS for own in runs)
@@ -190,9 +209,7 @@ def _table(found: Found) -> str:
     for name, runs in rows.items():
         records = [record for own in runs for record in own]
         if records:
-            median, p95, near, inside = (
-                float(np.mean([score.of(record) for record in records])) for score in _TABLE
-            )
+            median, p95, near, inside = (_mean_of(score, runs) for score in _TABLE)
             ms = milliseconds_per_step(records)
             lines.append(
                 f"| {name} | {median:.3f} m | {p95:.3f} m | {percent(near, 1)} | "
