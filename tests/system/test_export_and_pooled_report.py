@@ -1,12 +1,11 @@
-"""``deqmcl export`` and ``deqmcl leaderboard`` on folders of real sweeps."""
+"""``deqmcl export`` and ``deqmcl report`` of several folders, all of real sweeps."""
 
 import json
 import os
-import re
 import shutil
 
 import pytest
-from deqmcl_command import exit_code, files, lines, python
+from deqmcl_command import exit_code, files, python
 from sweep_command import report, sweep, tables
 
 SWEEP = """
@@ -63,81 +62,7 @@ def test_no_setting_of_matplotlib_that_a_user_has_changes_a_chart(swept, tmp_pat
     assert files(tmp_path / "there") == files(tmp_path / "here")
 
 
-def test_a_leaderboard_ranks_the_methods_of_all_folders_once_with_their_origin(swept, tmp_path):
-    folders = [swept("mcl", "mcl-map"), swept("mcl", "dead-reckoning")]
-    out = tmp_path / "board"
-    assert exit_code("leaderboard", *folders, "--out", out) == 0
-    text = (out / "leaderboard.md").read_text(encoding="utf-8").replace("*", "")
-    board, runs = (
-        [[cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines()[2:]]
-        for block in text.split("\n\n")
-        if block.startswith("|")
-    )
-    ranks, names = zip(*(line[0].split(". ") for line in board), strict=True)
-    assert ranks == ("1", "1", "3")  # mcl and mcl-map are equal on these worlds
-    assert sorted(names) == ["dead-reckoning", "mcl (baseline)", "mcl-map"]
-    errors = [float(line[1].split()[0]) for line in board]
-    assert errors == sorted(errors)
-    assert {tuple(line[3:6]) for line in board} == {("–", "–", "–")}  # there is no held-out run
-    assert {line[7] for line in board} == {"reported"}
-    assert board[names.index("dead-reckoning")][8] == "2"
-    assert board[names.index("mcl (baseline)")][8] == "1, 2"
-    made = [json.loads((one / "manifest.json").read_text()) for one in folders]
-    for line, one in zip(runs, made, strict=True):
-        assert line[6] == one["identity"]["code"]
-        assert line[2].replace("\\", "") == " ".join(["deqmcl", *one["command"][1:]])
-        assert f"numpy {one['identity']['libraries']['numpy']}" in line[5]
-    rows = lines(out, "leaderboard.csv")
-    assert [row["method"] for row in rows] == [name.removesuffix(" (baseline)") for name in names]
-    assert {row["code"] for row in rows} == {made[0]["identity"]["code"][:12]}
-    page = (out / "leaderboard.html").read_text(encoding="utf-8")
-    assert len(re.findall("<tr", page)) == len(board) + len(runs) + 2
-
-
 OTHERS = {"trials was 2 and is 3": {"trials": 3}, "seed was 0 and is 7": {"seed": 7}}
-
-
-@pytest.mark.parametrize("why", OTHERS)
-def test_a_leaderboard_refuses_other_worlds_and_says_which(why, swept, tmp_path, refusal):
-    first, other = swept("mcl", "mcl-map"), swept("mcl", "mcl-map", **OTHERS[why])
-    words = f"deqmcl: {other} is not comparable with {first} ({why})"
-    refusal(["leaderboard", first, other, "--out", tmp_path / "board"], words)
-    assert not (tmp_path / "board").exists()
-
-
-def test_a_leaderboard_refuses_folders_twice_without_the_baseline_or_with_trials_missing(
-    swept, tmp_path, refusal
-):
-    first, without = swept("mcl", "mcl-map"), swept("mcl-map")
-    part = shutil.copytree(first, tmp_path / "part")
-    next((part / "trials").iterdir()).unlink()
-    other = '{ name = "mcl", params = { ess_threshold = 0.5 } }'
-    for second, words in (
-        (first, "given twice"),
-        (swept(other), "its baseline is mcl ess_threshold=0.5 particles=20, but must be"),
-        (without, f"{without} has no trial of the baseline mcl"),
-        (part, f"{part} has 1 trials that were not run and 0 that failed, of 4"),
-    ):
-        refusal(["leaderboard", first, second, "--out", tmp_path / "board"], words)
-    assert not (tmp_path / "board").exists()
-
-
-def test_a_leaderboard_refuses_a_baseline_with_other_scores(swept, tmp_path, monkeypatch, refusal):
-    from benchmarks.sweeps import submissions
-
-    first, other = swept("mcl", "mcl-map"), swept("mcl", "dead-reckoning")
-    read = submissions.results_in
-
-    def changed(folder):
-        found = read(folder)
-        if folder == other:
-            for record in found.records:
-                record.scores[0]["error"] += 1e-9
-        return found
-
-    monkeypatch.setattr(submissions, "results_in", changed)
-    words = "the baseline mcl has other scores on world 0"
-    refusal(["leaderboard", first, other, "--out", tmp_path / "board"], words)
 
 
 def pooled(out, *folders):
