@@ -82,7 +82,7 @@ class Results:
     def finished(self) -> list[Finished]:
         """All finished trials; one that is a limit's, too, once."""
         limits = (record for limit in self.limits for record in limit.records)
-        return list({record.key: record for record in (*self.records, *limits)}.values())
+        return list({id(record): record for record in (*self.records, *limits)}.values())
 
 
 _SHOWN = 20  # lines of a kind
@@ -162,9 +162,13 @@ def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
         command: the words that pool them.
 
     Raises:
-        InputError: they differ in more than their localizers and agents, or one is not complete.
+        InputError: they differ in more than localizers and agents, or one is not complete, or has
+            ``until_decided``.
     """
     each, made = [results_in(one) for one in folders], [manifest.read(one) for one in folders]
+    told: dict[str, Any] = {"code": made[0].made.code}
+    failures: dict[str, Failure] = {}
+    left_out: dict[str, str] = {}
     for folder, own, other in zip(folders, each, made, strict=True):
         both = made[0].made.plug_ins.keys() & other.made.plug_ins.keys()
         if apart := next(differences(_worlds(made[0], both), _worlds(other, both)), ""):
@@ -172,35 +176,34 @@ def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
                 f"{folder} is not comparable with {folders[0]} ({apart}): give folders of the same "
                 "sweep and code that differ in their localizers or agents only."
             )
+        if own.rule:
+            raise InputError(
+                f"{folder} is of a sweep with until_decided, whose comparisons are counted before "
+                "it runs: give folders with a fixed number of worlds."
+            )
         if own.missing:
             raise InputError(
                 f"{folder} lacks {own.missing} of its {own.planned} trials: finish its sweep first."
             )
-    records = {record.key: record for own in each for record in own.records}
-    ended = records | {record.key: record for own in each for record in own.finished}
-    failures = {
-        key: failure
-        for own, other in zip(each, made, strict=True)
-        for failure in own.failures
-        if (key := other.made.key(failure.trial)) not in ended
-    }
-    agents = dict.fromkeys(one.trial.agent.name for one in records.values() if one.trial.agent)
+        told[str(folder)] = {"command": command_line(own.command)} | own.environment
+        failures |= {other.made.key(one.trial): one for one in own.failures}
+        left_out |= {f"{folder}/{name}": why for name, why in own.left_out.items()}
+    kept = {record.key: record for own in each for record in own.finished}
+    records = [kept[key] for key in dict.fromkeys(one.key for own in each for one in own.records)]
+    agents = dict.fromkeys(one.trial.agent.name for one in records if one.trial.agent)
     usual = len(agents) > 1 and "baseline" not in made[0].sweep  # as ``Sweep`` has it
-    told = list(zip(map(str, folders), each, strict=True))
     return replace(
         each[0],
         title=", ".join(dict.fromkeys(own.title for own in each)),
-        records=list(records.values()),
-        failures=list(failures.values()),
-        planned=len(ended) + len(failures),
+        records=records,
+        limits=[replace(one, records=[kept[r.key] for r in one.records]) for one in each[0].limits],
+        failures=[failure for key, failure in failures.items() if key not in kept],
+        planned=len(kept.keys() | failures.keys()),
         command=list(command),
-        environment={"code": made[0].made.code}
-        | {name: {"command": command_line(own.command)} | own.environment for name, own in told},
+        environment=told,
         baseline=next(iter(agents)) if usual else each[0].baseline,
         verified=list(dict.fromkeys(words for own in each for words in own.verified)),
-        left_out={
-            f"{name}/{file}": why for name, own in told for file, why in own.left_out.items()
-        },
+        left_out=left_out,
     )
 
 

@@ -118,6 +118,12 @@ def test_folders_of_other_code_or_plug_ins_are_not_pooled(swept, tmp_path, refus
         refusal(["report", first, other, "--out", tmp_path / "pooled"], "not comparable", why)
 
 
+def test_folders_that_stopped_when_they_were_decided_are_not_pooled(swept, tmp_path, refusal):
+    until = {"trials": 20, "more": "[until_decided]\nmargin = 0.5\n"}
+    folders = [swept("mcl", "mcl-map", **until), swept("mcl", "dead-reckoning", **until)]
+    refusal(["report", *folders, "--out", tmp_path / "pooled"], "until_decided", "fixed number")
+
+
 def test_folders_that_are_not_complete_or_without_an_own_output_are_not_pooled(
     swept, tmp_path, refusal
 ):
