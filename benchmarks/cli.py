@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import NoReturn
 
 from benchmarks import console
-from benchmarks.commands import COMMANDS
+from benchmarks.commands import COMMANDS, GONE
 
 BAD_INPUT, FAILED, INTERRUPTED, NOT_READ, TERMINATED = 2, 3, 130, 141, 143
 _RESUMED = "paper", "sweep", "tune"  # what they have finished, they need not run again
@@ -157,6 +157,8 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
         import argcomplete
 
         argcomplete.autocomplete(parser)  # ends the process
+    if arguments and arguments[0] in GONE:
+        parser.error(f"{arguments[0]} is gone: {GONE[arguments[0]]}")
     options, unknown = parser.parse_known_args(arguments)
     options.words = ["deqmcl", *arguments]
     if unknown:  # said by the command's own parser, which knows its flags

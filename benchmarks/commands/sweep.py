@@ -31,12 +31,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--agents", metavar="A,B,…", help="who drives, each in turn; the first is the baseline")
     shared.add_trials(parser)
     shared.add_seed(parser, None)
-    add(
-        "--held-out",
-        metavar="VALUE",
-        help="derive the seed from this public value (needs --origin)",
-    )
-    add("--origin", metavar="TEXT", help="with --held-out: name and date of the value")
     shared.add_params(parser)
     shared.add_jobs(parser)
     add("--executor", default="process", metavar="E", help="process, dask or module:factory")
@@ -121,37 +115,6 @@ def stopping(options: argparse.Namespace, sweeps: "dict[str, Sweep]") -> "dict[s
     }
 
 
-def held_out(options: argparse.Namespace, sweeps: "dict[str, Sweep]") -> "dict[str, Sweep]":
-    """Return the sweeps with the seeds that follow from --held-out, if it is given.
-
-    Raises:
-        InputError: options that do not go together, or a bad value.
-    """
-    from benchmarks.execution.apart import provenance
-    from benchmarks.sweeps.held_out import HeldOut, submission
-    from deqmcl_gym.validation import InputError
-
-    if options.held_out is None:
-        if options.origin is not None:
-            raise InputError("--origin is of --held-out: give that too.")
-        return sweeps
-    if options.seed is not None:
-        raise InputError("--held-out derives the seed: leave out --seed.")
-    if options.origin is None:
-        raise InputError(
-            "--held-out needs --origin: give the name and date of the value, as in --origin "
-            "'drand quicknet, round 14600000, 2026-11-24'."
-        )
-    value = HeldOut(value=options.held_out, origin=options.origin)
-    seeds = {
-        part: value.seed(submission(sweep.canonical(), provenance(sweep.cells())))
-        for part, sweep in sweeps.items()
-    }
-    return {
-        part: replace(sweep, held_out=value, seed=seeds[part]) for part, sweep in sweeps.items()
-    }
-
-
 _NO_SHARD = (
     "--shard runs a part of all trials, but until all comparisons are decided nobody knows which "
     "these are: leave out --shard or --until-decided."
@@ -198,7 +161,7 @@ def _swept(options: argparse.Namespace) -> str:
     with shared.checking():
         named = sweeps_named(options.suite, added)
         driven = {part: shared.with_agents(own, options.agents) for part, own in named.items()}
-        sweeps = held_out(options, stopping(options, shared.changed(options, driven)))
+        sweeps = stopping(options, shared.changed(options, driven))
         for name in added:
             parameters(name)
         for sweep in sweeps.values():

@@ -4,7 +4,6 @@ import json
 import re
 from base64 import b64encode
 from importlib.resources import files
-from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
@@ -20,27 +19,6 @@ from deqmcl_gym.files import command_line
 
 def html(story: Story) -> str:
     """Return report.html."""
-    results = story.results
-    return page(
-        "report/page.html.jinja",
-        title=results.title,
-        story=story,
-        sections=story.sections,
-        baseline=baseline_name(results),
-        partial=bool(results.missing or results.failures),
-        command=command_line(results.command),
-        environment=json.dumps(results.environment, indent=2),
-        pictured=PICTURED,
-    )
-
-
-def page(template: str, **values: Any) -> str:
-    """Return a page of the house's style.
-
-    Args:
-        template: a file of the package ``benchmarks`` that extends report/frame.html.jinja.
-        values: what it shows; ``title`` for one.
-    """
     engine = Environment(
         autoescape=True,
         loader=PackageLoader("benchmarks", "."),
@@ -57,8 +35,18 @@ def page(template: str, **values: Any) -> str:
     dark = "".join(f"--{look.name}: {look.dark}; " for look in LOOKS)
     of_dark = f"@media screen and (prefers-color-scheme: dark) {{ :root {{ {dark}}} }}"
     css = (files("benchmarks.report") / "page.css").read_text(encoding="utf-8")
-    style = Markup(f":root {{ {light}}}\n{of_dark}\n{css}")
-    return engine.get_template(template).render(style=style, **values)
+    results = story.results
+    return engine.get_template("report/page.html.jinja").render(
+        style=Markup(f":root {{ {light}}}\n{of_dark}\n{css}"),
+        title=results.title,
+        story=story,
+        sections=story.sections,
+        baseline=baseline_name(results),
+        partial=bool(results.missing or results.failures),
+        command=command_line(results.command),
+        environment=json.dumps(results.environment, indent=2),
+        pictured=PICTURED,
+    )
 
 
 def whole(text: str) -> str:

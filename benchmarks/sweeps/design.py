@@ -11,7 +11,6 @@ from typing import Any
 from benchmarks.execution.apart import takes
 from benchmarks.setup.changes import NOTHING, Changes, Named, jsonable
 from benchmarks.setup.names import absolute_agent, absolute_scenario
-from benchmarks.sweeps.held_out import HeldOut
 from benchmarks.tables.pairing import BASELINE
 from benchmarks.trials.spec import Method, Run, Setting, Trial, changes_of
 from deqmcl_gym.validation import InputError, integer, number, one_of
@@ -137,7 +136,6 @@ class Sweep:
             agent. "" is the first agent if there are several, else ``BASELINE``.
         limits: what optimality gaps are measured from, each for the methods of its target.
         until_decided: None: all worlds are run; else ``trials`` are the most.
-        held_out: what the seed was derived from; None: it was chosen.
         takes: names of the parameters that a localizer of a name takes; None: any.
     """
 
@@ -157,7 +155,6 @@ class Sweep:
     baseline: str = ""
     limits: tuple[Limit, ...] = ()
     until_decided: UntilDecided | None = None
-    held_out: HeldOut | None = None
     takes: Takes = field(default=takes, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -270,8 +267,6 @@ class Sweep:
             said["limit"] = [limit.json() for limit in self.limits]
         if self.until_decided:
             said["until_decided"] = self.until_decided.json()
-        if self.held_out:
-            said["held_out"] = self.held_out.json()
         return said
 
     def _size(self, limit: Limit) -> Run:

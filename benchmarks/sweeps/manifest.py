@@ -230,6 +230,7 @@ def read(folder: Path) -> Manifest:
             f"{path} {error}: it is not of a sweep, or was changed; give a new --out."
         ) from None
     identity = known.identity
+    identity.sweep.pop("held_out", None)  # where a seed came from, once; it is ``seed`` itself
     return Manifest(
         sweep=identity.sweep,
         made=Provenance(identity.code, identity.libraries, identity.plug_ins),

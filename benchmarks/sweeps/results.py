@@ -1,6 +1,6 @@
 """How far a sweep has come: what a store holds of it, and the same in words."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -9,7 +9,7 @@ from typing import Any
 from benchmarks.setup import changes
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep, cells_of
-from benchmarks.sweeps.manifest import Manifest
+from benchmarks.sweeps.manifest import Manifest, differences
 from benchmarks.sweeps.stopping import due, rule_of
 from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
@@ -19,6 +19,7 @@ from benchmarks.tables.pairing import BASELINE
 from benchmarks.tables.panels import Panel, panels
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
+from deqmcl_gym.files import command_line
 from deqmcl_gym.validation import InputError, one_line
 
 
@@ -85,6 +86,7 @@ class Results:
 
 
 _SHOWN = 20  # lines of a kind
+_COMPARED = ("title", "localizers", "agent")  # what pooled folders may differ in
 
 
 def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Manifest) -> Results:
@@ -150,6 +152,68 @@ def results_in(folder: Path) -> Results:
             ": give another folder, or run the sweep again."
         )
     return results
+
+
+def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
+    """Return what folders of the same worlds hold together; a trial that several have counts once.
+
+    Args:
+        folders: each is read as by ``results_in``; limits are those of the first.
+        command: the words that pool them.
+
+    Raises:
+        InputError: they differ in more than localizers and agents, or one is not complete, or has
+            ``until_decided``.
+    """
+    each, made = [results_in(one) for one in folders], [manifest.read(one) for one in folders]
+    told: dict[str, Any] = {"code": made[0].made.code}
+    failures: dict[str, Failure] = {}
+    left_out: dict[str, str] = {}
+    for folder, own, other in zip(folders, each, made, strict=True):
+        both = made[0].made.plug_ins.keys() & other.made.plug_ins.keys()
+        if apart := next(differences(_worlds(made[0], both), _worlds(other, both)), ""):
+            raise InputError(
+                f"{folder} is not comparable with {folders[0]} ({apart}): give folders of the same "
+                "sweep and code that differ in their localizers or agents only."
+            )
+        if own.rule:
+            raise InputError(
+                f"{folder} is of a sweep with until_decided, whose comparisons are counted before "
+                "it runs: give folders with a fixed number of worlds."
+            )
+        if own.missing:
+            raise InputError(
+                f"{folder} lacks {own.missing} of its {own.planned} trials: finish its sweep first."
+            )
+        told[str(folder)] = {"command": command_line(own.command)} | own.environment
+        failures |= {other.made.key(one.trial): one for one in own.failures}
+        left_out |= {f"{folder}/{name}": why for name, why in own.left_out.items()}
+    kept = {record.key: record for own in each for record in own.finished}
+    records = [kept[key] for key in dict.fromkeys(one.key for own in each for one in own.records)]
+    agents = dict.fromkeys(one.trial.agent.name for one in records if one.trial.agent)
+    usual = len(agents) > 1 and "baseline" not in made[0].sweep  # as ``Sweep`` has it
+    return replace(
+        each[0],
+        title=", ".join(dict.fromkeys(own.title for own in each)),
+        records=records,
+        limits=[replace(one, records=[kept[r.key] for r in one.records]) for one in each[0].limits],
+        failures=[failure for key, failure in failures.items() if key not in kept],
+        planned=len(kept.keys() | failures.keys()),
+        command=list(command),
+        environment=told,
+        baseline=next(iter(agents)) if usual else each[0].baseline,
+        verified=list(dict.fromkeys(words for own in each for words in own.verified)),
+        left_out=left_out,
+    )
+
+
+def _worlds(made: Manifest, plug_ins: Collection[str]) -> dict[str, Any]:
+    """Return what pooled folders must agree in: all but the title and what is compared."""
+    sweep = {name: own for name, own in made.sweep.items() if name not in _COMPARED}
+    vary = sweep.get("vary", ())
+    axes = [{n: v for n, v in own.items() if not n.startswith("agent")} for own in vary]
+    digests = {name: own for name, own in made.made.plug_ins.items() if name in plug_ins}
+    return made.identity | {"sweep": sweep | {"vary": [*filter(None, axes)]}, "plug-ins": digests}
 
 
 def recorded_sweep(folder: Path, made: Manifest) -> Sweep:

@@ -11,7 +11,6 @@ from benchmarks.setup import changes
 from benchmarks.setup.changes import Changes, Named, from_folder
 from benchmarks.setup.names import absolute_agent, absolute_assumed, absolute_scenario
 from benchmarks.sweeps.design import Axis, Limit, Sweep, Takes, UntilDecided
-from benchmarks.sweeps.held_out import HeldOut
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, integer, one_of
@@ -24,7 +23,6 @@ _KEYS = (
     *("localizers", "world", "assumed", "disturbance", "agent", "params", "vary", "baseline"),
     *("limit", "until_decided"),
 )
-_HELD_OUT = "held_out"  # of manifests only: its seed is derived, not read
 _SUITES = Path(__file__).with_name("suites")  # a sweep file each
 
 
@@ -105,7 +103,7 @@ def sweep_of(
     Raises:
         InputError: unknown key, wrong type or bad value.
     """
-    changes.check(given, _KEYS if folder else (*_KEYS, _HELD_OUT))
+    changes.check(given, _KEYS)
     scalars = ("scenario", "lag", "seed", "trials", "filter_seeds", "baseline")
     plain = {k: given[k] for k in scalars if k in given}
     if "scenario" in plain:
@@ -128,7 +126,6 @@ def sweep_of(
         "vary": tuple(_axis(table, folder) for table in _list("vary", given.get("vary", []))),
         "limits": tuple(_limit(one, folder) for one in limits),
         "until_decided": _until_decided(given.get("until_decided")),
-        "held_out": _held_out(given.get(_HELD_OUT)),
     }
     if base is None:
         return Sweep(takes=takes, **said)
@@ -178,15 +175,6 @@ def _until_decided(table: Any) -> UntilDecided | None:
 
 def _assumed(given: Changes, folder: Path | None) -> Changes:
     return given if folder is None else absolute_assumed(given, folder)
-
-
-def _held_out(table: Any) -> HeldOut | None:
-    if table is None:
-        return None
-    known = changes.table(_HELD_OUT, table, "a table like {value = '…', origin = '…'}")
-    for key in known:
-        one_of("key in held_out", key, ("value", "origin"))
-    return HeldOut(value=known.get("value", ""), origin=known.get("origin", ""))
 
 
 def _params(given: Changes, folder: Path | None) -> Changes:

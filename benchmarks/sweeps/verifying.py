@@ -8,8 +8,6 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -55,88 +53,37 @@ def verify(folder: Path, where: Where, share: float = SHARE) -> str:
     """
     made = manifest.read(folder)
     with locked(folder):
-        found = run_again(folder, made, where, share)
-        if found.differing:
-            raise DifferentError(f"{found.sentence} Give a new --out.")
-        known = [made.made, *made.verified]
-        now = found.checked
-        parts = now.code, now.libraries, now.plug_ins
-        if parts not in [(one.code, one.libraries, one.plug_ins) for one in known]:
-            manifest.append(folder, now)
-    return f"{folder}: {now.words()}; none differs. A sample cannot prove what happens rarely."
-
-
-@dataclass(frozen=True, kw_only=True)
-class Again:
-    """A sample of a folder's trials, run again.
-
-    Attributes:
-        folder: of results.
-        checked: under what, and which trials.
-        chosen: the sample by key, as run now.
-        differing: how those differ that do, by key.
-    """
-
-    folder: Path
-    checked: Verified
-    chosen: Mapping[str, Trial]
-    differing: Mapping[str, str]
-
-    @property
-    def sentence(self) -> str:
-        """Say how many trials differ, and how the first one does."""
-        key = next(key for key in self.chosen if key in self.differing)
-        trial = self.chosen[key]
-        return (
-            f"{self.folder}: {len(self.differing)} of {len(self.chosen)} trials differ from those "
-            f"before; the first is {' '.join(trial.words())}, world {trial.trial}, filter seed "
-            f"{trial.filter_seed}: {self.differing[key]}."
+        sweep, store = recorded_sweep(folder, made), Store(folder, reading=True)
+        now = provenance(sweep.cells())
+        trials = {made.made.key(trial): trial for trial in sweep.distinct()}
+        records = {
+            key: record for key, trial in trials.items() if (record := store.get(key, trial))
+        }
+        if not records:
+            raise InputError(f"{folder} has no finished trial: there is nothing to verify.")
+        chosen = sample({key: trials[key] for key in records}, now.code, share)
+        differing = compare_again(
+            chosen, now, where, lambda key, found: _difference(records[key], found), folder
         )
+        if differing:
+            raise DifferentError(_sentence(folder, chosen, differing))
+        parts = now.code, now.libraries, now.plug_ins
+        checked = Verified(*parts, keys=list(chosen), of=len(records), environment=environment())
+        known = [made.made, *made.verified]
+        if parts not in [(one.code, one.libraries, one.plug_ins) for one in known]:
+            manifest.append(folder, checked)
+    return f"{folder}: {checked.words()}; none differs. A sample cannot prove what happens rarely."
 
 
-def run_again(
-    folder: Path,
-    made: Manifest,
-    where: Where,
-    share: float = SHARE,
-    *,
-    here: Manifest | None = None,
-    draw: str = "",
-) -> Again:
-    """Run a sample of a folder's finished trials again, and compare their records.
-
-    Args:
-        folder: of a sweep; nothing in it changes.
-        made: its manifest.
-        where: the engine.
-        share: of the trials beside one of each setting and method.
-        here: the manifest with the names that plug-ins have here; None: as in ``made``.
-        draw: secret text that draws the sample, so that nobody foresees it; "": see ``sample``.
-
-    Raises:
-        InputError: it has no finished trial.
-    """
-    recorded, ours = (recorded_sweep(folder, one) for one in (made, here or made))
-    store, now = Store(folder, reading=True), provenance(ours.cells())
-    trials = {
-        made.made.key(trial): (trial, own)
-        for trial, own in zip(recorded.distinct(), ours.distinct(), strict=True)
-    }
-    records = {
-        key: record for key, (trial, _) in trials.items() if (record := store.get(key, trial))
-    }
-    if not records:
-        raise InputError(f"{folder} has no finished trial: there is nothing to verify.")
-    finished = {key: trials[key][1] for key in records}
-    if draw:
-        finished = {key: finished[key] for key in sorted(finished, key=partial(_drawn, draw))}
-    chosen = sample(finished, f"{now.code}{draw}", share)
-    differing = compare_again(
-        chosen, now, where, lambda key, found: _difference(records[key], found), folder
+def _sentence(folder: Path, chosen: Mapping[str, Trial], differing: Mapping[str, str]) -> str:
+    """Say how many trials differ, and how the first one does."""
+    key = next(key for key in chosen if key in differing)
+    trial = chosen[key]
+    return (
+        f"{folder}: {len(differing)} of {len(chosen)} trials differ from those before; the first "
+        f"is {' '.join(trial.words())}, world {trial.trial}, filter seed {trial.filter_seed}: "
+        f"{differing[key]}. Give a new --out."
     )
-    parts = now.code, now.libraries, now.plug_ins
-    checked = Verified(*parts, keys=list(chosen), of=len(records), environment=environment())
-    return Again(folder=folder, checked=checked, chosen=chosen, differing=differing)
 
 
 def compare_again(
@@ -182,15 +129,13 @@ def sample(trials: Mapping[str, Trial], code: str, share: float = SHARE) -> dict
     first: dict[str, str] = {}
     for key, trial in trials.items():
         first.setdefault(json.dumps(trial.canonical() | {"trial": 0, "filter_seed": 0}), key)
-    others = sorted(trials.keys() - first.values(), key=partial(_drawn, code))
+    others = sorted(
+        trials.keys() - first.values(),
+        key=lambda key: hashlib.sha256(f"{code} {key}".encode()).digest(),
+    )
     count = math.ceil(round(share * len(others), 6))  # 0.07 * 100 is above 7
     chosen = {*first.values(), *others[:count]}
     return {key: trial for key, trial in trials.items() if key in chosen}
-
-
-def _drawn(by: str, key: str) -> bytes:
-    """Return where a trial stands in an order that nobody picks."""
-    return hashlib.sha256(f"{by} {key}".encode()).digest()
 
 
 def _difference(before: Finished, now: Outcome) -> str | None:

@@ -84,26 +84,6 @@ def relative_change(differences: Floats, reference: Floats) -> Estimate:
     return Estimate(share, float(low), float(high))
 
 
-def unpaired(ours: Floats, theirs: Floats) -> Estimate:
-    """Difference of the means of two independent samples; 95 % percentile bootstrap of both.
-
-    Args:
-        ours, theirs: one value per world, of worlds that have nothing in common, (W,) and (V,).
-    """
-    if not (ours.size and theirs.size):
-        return UNKNOWN
-    apart = float(ours.mean() - theirs.mean())
-    if min(ours.size, theirs.size) < 2 or not math.isfinite(apart):
-        return Estimate(apart)
-    rng = np.random.default_rng(0)
-    first, second = (
-        own[rng.integers(own.size, size=(_RESAMPLES, own.size))].mean(axis=1)
-        for own in (ours, theirs)
-    )
-    low, high = np.quantile(first - second, [ALPHA / 2, 1 - ALPHA / 2])
-    return Estimate(apart, float(low), float(high))
-
-
 def win_rate(differences: Floats) -> float:
     """Share of worlds with a difference below zero, ties counted half; NaN of nothing."""
     if not differences.size or np.isnan(differences).any():

@@ -10,12 +10,12 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from docs.numbers import board, hedge, journeys, made, rooms, wrong_map
+from docs.numbers import hedge, journeys, made, ranking, rooms, wrong_map
 from docs.numbers.reading import DRAWS, INTERVAL, ROOT, Number, filled, plain, read, row
 
 MARKER = re.compile(r"^(<!-- numbers: (.+) -->\n)((?:\|.*\n)*)", re.MULTILINE)
 TABLES = rooms.TABLES | journeys.TABLES | hedge.TABLES | made.TABLES | wrong_map.TABLES
-TABLES |= board.TABLES
+TABLES |= ranking.TABLES
 
 
 def sentences() -> Iterable[tuple[str, str]]:

@@ -119,7 +119,6 @@ CONTENTS = {
         "docs/write-a-localizer",
         "docs/sweeps",
         "docs/reports",
-        "docs/leaderboard",
         "docs/your-map-your-log",
         "docs/tune-on-your-log",
         "docs/score-your-stack",

@@ -1,8 +1,6 @@
 """Scores of whole runs over worlds: censored curves, paired tests, CSV files, the report."""
 
 import math
-from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,11 +10,9 @@ from test_store import TRIAL, record_of
 from benchmarks.report.animations import animations_of
 from benchmarks.report.charts import WORDS, journey_charts, journey_table
 from benchmarks.report.error_tables import glance_table, verdict_table
-from benchmarks.report.leaderboard import boards
 from benchmarks.report.svg import looks
 from benchmarks.report.words import findings, power_hint, runner_up, spoken
 from benchmarks.sweeps.store import Store
-from benchmarks.sweeps.submissions import Handed
 from benchmarks.tables.csv_files import results_csv, trials_csv
 from benchmarks.tables.journeys import curve_of, median, median_estimate
 from benchmarks.tables.panels import panels
@@ -183,29 +179,6 @@ def test_the_verdict_is_about_what_the_runs_are_about_not_about_the_error(score,
     assert better == f"{often}: mcl-plan."
     assert doubtful == f"{often}, but not confirmed by the sign test: amcl."
     assert power_hint(panel) == ""
-    board = board_of(panel)
-    assert board.header[1] == f"public: {done}, %"
-    assert [line[0].split()[1] for line in board.lines] == ["mcl-plan", "amcl", "mcl"]
-    assert board.lines[0][1:3] == [f"92 ({ends[0]} to {ends[1]})", f"+{mean} ({low} to {high})"]
-
-
-def board_of(panel):
-    """The table of the leaderboard of one run."""
-    made = SimpleNamespace(made=SimpleNamespace(code="0" * 64, plug_ins={}), sweep={})
-    records = [record for own in panel.records.values() for record in own]
-    results = SimpleNamespace(
-        panels=[panel], missing=0, failures=[], baseline="mcl", records=records
-    )
-    handed = Handed(number=1, folder=Path("x"), made=made, results=results)
-    (board,) = boards([handed])
-    return board.table()
-
-
-def test_equally_good_methods_share_a_rank_of_the_leaderboard():
-    (panel,) = panels([*sought("mcl", 6), *sought("amcl", 6), *sought("mcl-plan", 2)])
-    board = board_of(panel)
-    assert [line[0].split()[0] for line in board.lines] == ["1.", "1.", "3."]
-    assert board.strong == [(0, 0), (0, 1), (1, 0), (1, 1)]
 
 
 NOT_CONFIRMED = {

@@ -158,24 +158,3 @@ def test_a_relative_change_is_a_ratio_of_means_with_an_interval_that_covers():
         low, high = stats.relative_change(-0.3 * reference + rng.standard_normal(40), reference)[1:]
         inside += low <= -0.3 <= high
     assert inside >= 178  # 190 expected; fewer than this in 1 of 10,000 runs
-
-
-@pytest.mark.parametrize("sizes", [(20, 20), (10, 200)])
-def test_the_interval_of_an_unpaired_difference_has_the_width_of_both_samples(sizes):
-    # the bootstrap's SD is √(s²/n + t²/m) with the biased variances; 10,000 resamples give its
-    # quantiles to about 2 %
-    rng = np.random.default_rng(3)
-    ours, theirs = rng.normal(5, 2, sizes[0]), rng.normal(1, 3, sizes[1])
-    found = stats.unpaired(ours, theirs)
-    sd = math.sqrt(ours.var() / ours.size + theirs.var() / theirs.size)
-    assert found.mean == pytest.approx(ours.mean() - theirs.mean())
-    assert found.high - found.low == pytest.approx(2 * 1.96 * sd, rel=0.06)
-    turned = stats.unpaired(theirs, ours)
-    assert turned.mean == pytest.approx(-found.mean)
-
-
-def test_an_unpaired_difference_of_one_world_has_no_interval_and_of_none_is_unknown():
-    one, many = np.array([1.0]), np.array([1.0, 2.0, 6.0])
-    assert stats.unpaired(one, many).mean == -2
-    assert math.isnan(stats.unpaired(one, many).low)
-    assert stats.unpaired(np.empty(0), many) is stats.UNKNOWN

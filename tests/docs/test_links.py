@@ -122,9 +122,9 @@ def test_a_name_that_is_gone_is_noticed(tmp_path):
     assert list(gone(document)) == ["lost", "lost_2", "LOST", "localizers.mend"]
 
 
-def test_decisions_and_notes_are_numbered_without_a_gap_and_all_listed():
+def test_decisions_and_notes_have_a_number_each_and_are_all_listed():
     pages = [*DECISIONS.glob("0*.md"), *(DECISIONS.parent / "notes").glob("0*.md")]
-    names = sorted(page.name for page in pages)
-    assert [name[:5] for name in names] == [f"{i:04d}-" for i in range(1, len(names) + 1)]
+    numbers = [page.name[:5] for page in pages]
+    assert len({*numbers}) == len(numbers)
     listed = targets((DECISIONS / "README.md").read_text())
     assert {os.path.relpath(page, DECISIONS) for page in pages} <= set(listed)

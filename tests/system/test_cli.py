@@ -112,7 +112,7 @@ def test_the_list_of_suites_says_how_long_each_takes_or_that_nobody_knows(monkey
 @pytest.mark.parametrize(
     ("line", "offered"),
     [
-        ("deqmcl lea", {"leaderboard"}),
+        ("deqmcl verif", {"verify"}),
         ("deqmcl new-map --co", {"--corridor", "--corridors"}),
         ("deqmcl x", {""}),
     ],

@@ -14,6 +14,7 @@ MAP = ("new-map", "office", "--out", "out")
 BAD = [  # arguments, and what the sentence must name
     ([], ["COMMAND"]),
     (["lst"], ["lst", "list", "paper", "run", "sweep"]),
+    (["leaderboard", "a", "b"], ["leaderboard is gone: deqmcl report A B C --out DIR makes"]),
     (["paper", "--trails=3"], ["--trails", "--trials"]),
     (["paper", "--tria", "3"], ["--tria", "--trials"]),
     ([*RUN, "--localizers", "mcl"], ["--localizers", "--localizer?"]),
@@ -104,6 +105,7 @@ def points(*counts):
 
 BAD_SWEEPS = [  # what is added to the file, arguments, and what the sentence must name
     ("\ntrails = 3", (), ["small.toml", "'trails'"]),
+    ('\n[held_out]\nvalue = "a"', (), ["small.toml", "'held_out'"]),
     ('\nbeta = "a\\u0007b"', (), ["beta", "control characters"]),
     ("", ("--with", "=x.py:L"), ["'=x.py:L'", "./=x.py:L"]),
     ("", ("--with", "a\nb.py:L"), [r"'a\nb.py:L'", "rename its file"]),
@@ -151,7 +153,7 @@ def test_a_sweep_that_cannot_be_run_is_refused_before_anything_is_written(
 @pytest.mark.parametrize(
     "words",
     [f"{name} --out" for name in ("sweep", "paper", "run", "phase", "report", "export", "speed")]
-    + ["leaderboard --out", "new-localizer", "report"],
+    + ["new-localizer", "report"],
 )
 def test_a_name_that_no_file_can_have_is_refused(refusal, words):
     refusal([*words.split(), "n" * 256], "more than 255 bytes")

@@ -1,5 +1,6 @@
 """The folder of a sweep: what is run again, what is refused, who may use it, what can be read."""
 
+import json
 import math
 import shutil
 import subprocess
@@ -7,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from deqmcl_command import files
+from deqmcl_command import exit_code, files
 from sweep_command import broken, report, sweep, tables, write_small
 
 import localizers
@@ -50,6 +51,19 @@ def test_stray_files_are_named_and_left_out_and_only_our_own_are_removed(
     assert not left.exists()
     assert mine.exists()
     assert tables(copy) == tables(finished)
+
+
+def test_a_folder_whose_manifest_says_what_its_seed_once_followed_from_is_read_and_goes_on(
+    file, copy, ran, capsys
+):
+    made = json.loads((copy / "manifest.json").read_text())
+    made["identity"]["sweep"]["held_out"] = {"value": "8f3c", "origin": "a beacon"}
+    (copy / "manifest.json").write_text(json.dumps(made))
+    before = tables(copy)
+    assert exit_code("verify", copy, "--jobs", "1") == 0
+    ran.clear()
+    assert report(copy) == sweep(file, copy) == 0
+    assert (tables(copy), ran, capsys.readouterr().err) == (before, [], "")
 
 
 def test_another_sweep_in_the_folder_is_refused_with_all_differences(copy, tmp_path, refusal):

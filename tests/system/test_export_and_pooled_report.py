@@ -1,0 +1,140 @@
+"""``deqmcl export`` and ``deqmcl report`` of several folders, all of real sweeps."""
+
+import json
+import os
+import shutil
+
+import pytest
+from deqmcl_command import exit_code, files, python
+from sweep_command import report, sweep, tables
+
+SWEEP = """
+title = "{title}"
+scenario = "sharp"
+localizers = [{localizers}]
+trials = {trials}
+params = {{ particles = 20 }}
+seed = {seed}
+"""
+DRIVEN = "[[vary]]\nagent = [{}]\n"
+BROKEN = "sweep_command:broken"
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """Run a sweep of these localizers once; return its folder."""
+    root, there = tmp_path_factory.mktemp("swept"), {}
+
+    def run(*localizers, trials=2, seed=0, more="", fails=False):
+        key = (localizers, trials, seed, more)
+        if key not in there:
+            file = root / f"s{len(there)}.toml"
+            named = ", ".join(name if "{" in name else f'"{name}"' for name in localizers)
+            what = {"localizers": named, "trials": trials, "seed": seed}
+            file.write_text(SWEEP.format(title=file.stem, **what) + more)
+            there[key] = root / file.stem
+            assert sweep(file, there[key]) == (3 if fails else 0)
+        return there[key]
+
+    return run
+
+
+def test_an_export_has_tables_figures_and_bibtex_and_can_be_made_again(swept, tmp_path, capsys):
+    folder = swept("mcl", "mcl-map")
+    for flags, made in (
+        ((), {"tables.tex", "references.bib", "document.tex", "figures.tex", "figures"}),
+        (("--latex",), {"tables.tex", "references.bib", "document.tex"}),
+        (("--pdf",), {"figures.tex", "figures"}),
+    ):
+        assert exit_code("export", folder, "--out", tmp_path / "out", *flags) == 0
+        there = {name.partition("/")[0] for name in files(tmp_path / "out")}
+        assert there == made | {"written.json"}
+    assert "figures/points-1.pdf" in capsys.readouterr().out
+
+
+def test_no_setting_of_matplotlib_that_a_user_has_changes_a_chart(swept, tmp_path):
+    folder, style = swept("mcl", "mcl-map"), tmp_path / "matplotlibrc"
+    style.write_text("text.usetex: True\nfont.size: 30\nsavefig.bbox: tight\naxes.facecolor: red\n")
+    assert exit_code("export", folder, "--pdf", "--out", tmp_path / "here") == 0
+    theirs = {"MATPLOTLIBRC": str(style), "MPLBACKEND": "module://of_a_notebook"}
+    command = ("-m", "benchmarks", "export", folder, "--pdf", "--out", tmp_path / "there")
+    python(*command, env=os.environ | theirs)
+    assert files(tmp_path / "there") == files(tmp_path / "here")
+
+
+OTHERS = {"trials was 2 and is 3": {"trials": 3}, "seed was 0 and is 7": {"seed": 7}}
+
+
+def pooled(out, *folders):
+    """Pool folders, the tables only; return their bytes by name."""
+    assert report(*folders, "--out", out) == 0
+    return tables(out)
+
+
+def test_folders_are_pooled_as_if_one_sweep_had_run_all_their_methods(swept, tmp_path, capsys):
+    parts = [swept("mcl", "mcl-map"), swept("mcl", "dead-reckoning")]
+    together = tables(swept("mcl", "mcl-map", "dead-reckoning"))
+    capsys.readouterr()
+    assert pooled(tmp_path / "pooled", *parts) == together
+    assert capsys.readouterr().out.startswith("6 of 6 trials finished.\n")
+    assert pooled(tmp_path / "twice", parts[0], parts[0]) == tables(parts[0])
+
+
+def test_agents_that_drive_in_the_same_worlds_are_pooled_too(swept, tmp_path):
+    apart = (swept("mcl", trials=1, more=DRIVEN.format(f'"{one}"')) for one in ("still", "spin"))
+    together = swept("mcl", trials=1, more=DRIVEN.format('"still", "spin"'))
+    assert pooled(tmp_path / "pooled", *apart) == tables(together)
+
+
+def test_a_trial_that_failed_in_two_folders_has_failed_once(swept, tmp_path, capsys):
+    parts = [swept("mcl", BROKEN, fails=True), swept("mcl-map", BROKEN, fails=True)]
+    capsys.readouterr()
+    pooled(tmp_path / "pooled", *parts)
+    assert capsys.readouterr().out.startswith("4 of 6 trials finished, 2 failed.\n")
+
+
+@pytest.mark.parametrize("why", OTHERS)
+def test_folders_of_other_worlds_are_not_pooled_and_the_difference_is_said(
+    why, swept, tmp_path, refusal
+):
+    first, other = swept("mcl", "mcl-map"), swept("mcl", "mcl-map", **OTHERS[why])
+    words = f"deqmcl: {other} is not comparable with {first} ({why}): give"
+    refusal(["report", first, other, "--out", tmp_path / "pooled"], words)
+    assert not (tmp_path / "pooled").exists()
+
+
+def test_folders_of_other_code_or_plug_ins_are_not_pooled(swept, tmp_path, refusal):
+    first = swept("mcl", BROKEN, fails=True)
+    for edit, why in (
+        (lambda made: made | {"code": "0" * 64}, f'is "{"0" * 20}'),
+        (lambda made: made | {"plug-ins": {BROKEN: "0" * 64}}, f"plug-ins.{BROKEN} was"),
+    ):
+        other = shutil.copytree(first, tmp_path / "other", dirs_exist_ok=True)
+        content = json.loads((first / "manifest.json").read_text())
+        content["identity"] = edit(content["identity"])
+        (other / "manifest.json").write_text(json.dumps(content))
+        for trial in (*other.glob("trials/*"), *other.glob("failed/*")):
+            trial.unlink()  # they are of the code that the manifest had
+        refusal(["report", first, other, "--out", tmp_path / "pooled"], "not comparable", why)
+
+
+def test_folders_that_stopped_when_they_were_decided_are_not_pooled(swept, tmp_path, refusal):
+    until = {"trials": 20, "more": "[until_decided]\nmargin = 0.5\n"}
+    folders = [swept("mcl", "mcl-map", **until), swept("mcl", "dead-reckoning", **until)]
+    refusal(["report", *folders, "--out", tmp_path / "pooled"], "until_decided", "fixed number")
+
+
+def test_folders_that_are_not_complete_or_without_an_own_output_are_not_pooled(
+    swept, tmp_path, refusal
+):
+    first, other = swept("mcl", "mcl-map"), swept("mcl", "dead-reckoning")
+    part = shutil.copytree(first, tmp_path / "part")
+    next((part / "trials").iterdir()).unlink()
+    for words, why in (
+        ((other, part, "--out", tmp_path / "pooled"), f"{part} lacks 1 of its 4 trials: finish"),
+        ((first, other), "give --out DIR"),
+        ((first, other, "--out", first), "give --out DIR"),
+        ((first, other, "--out", other), f"the output folder {other} holds files"),
+    ):
+        refusal(["report", *words], why)
+    assert not (tmp_path / "pooled").exists()
