@@ -181,9 +181,12 @@ def test_the_tables_are_those_of_plain_loops(recorded, start, beside):
                 position.append(math.hypot(ex - x, ey - y))
                 heading.append(abs(math.remainder(theirs - angle, 2 * math.pi)))
                 good.append(position[-1] <= 1 and heading[-1] <= math.radians(30))
-            from_here = [all(good[i:]) for i in range(len(good))]
+            from_here = [
+                good[i] and 20 * good[i:].count(False) <= len(good) - i for i in range(len(good))
+            ]
             metres.append(way[from_here.index(True)] if any(from_here) else math.inf)
-            successes.append(all(good[math.floor(0.75 * len(good)) :]))
+            last = good[math.floor(0.75 * len(good)) :]
+            successes.append(20 * last.count(False) <= len(last))  # 95 % of them
             positions += position
             headings += heading
             (own,) = (r for r in trials if (r["localizer"], r["seed"]) == (name, str(seed)))
@@ -366,7 +369,7 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
     assert row.worst.track.lost == (5, 5.0)
     assert "lost after 5.0 m, 5.0 s" in told(row.worst)
     assert "50 % of its records" in told(row.worst)
-    assert "the largest error is 6.00 m" in told(row.worst)
+    assert "its largest error is 6.00 m" in told(row.worst)
     assert row.middle.track.lost is None
 
 

@@ -36,6 +36,7 @@ COMMAND = ("tune", "lap.csv", "--map", "hall.yaml", "--segment", "0.8", "--gap",
 MCL = (*COMMAND, "--reference", "lap.tum", "--localizer", "mcl", "--space", "space.toml")
 # with this seed the winner of 22 candidates is not the default, as tests of the winner need
 MCL += ("--scan", "power=0.2", "--every", "0.1m,5deg", "--max-beams", "20", "--seed", "4")
+MCL += ("--score", "median")
 SPACE = """
 only = true
 particles = { low = 20, high = 200, log = true, whole = true }
@@ -322,7 +323,7 @@ def test_a_failing_default_ends_the_search_and_can_be_run_again(before, tmp_path
     (tmp_path / "few.toml").write_text("kind = [1, 2]\n")
     words = (*COMMAND, "--reference", "lap.tum", "--localizer", tmp_path / "frail.py")
     words += ("--space", tmp_path / "few.toml", "--scan", "power=0.2", "--candidates", "3")
-    words += ("--jobs", "1", "--out", tmp_path / "out")
+    words += ("--score", "median", "--jobs", "1", "--out", tmp_path / "out")
     assert exit_code(*words) == 3
     said = capsys.readouterr().err.splitlines()[-1]
     assert "failed on the segment at" in said
