@@ -48,7 +48,8 @@ class Motion(Protocol):
 class Belief(Protocol):
     """What a localizer believes: weighted poses of the present, and of other steps if kept.
 
-    An optional attribute ``quality`` is P(not lost), in [0, 1]; see ``quality_of``.
+    An optional attribute ``quality`` is the confidence that the robot is not lost, in [0, 1]: no
+    calibrated probability; see ``quality_of``.
     """
 
     def points(self, offset: int = 0) -> Points | None:

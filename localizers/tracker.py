@@ -69,7 +69,7 @@ class Estimate:
         time: s, of the odometry that it was carried on to.
         poses: the cloud, (x, y, θ) in the map, (n, 3).
         weights: its weights, with sum 1, (n,).
-        quality: P(not lost), in [0, 1]; None: the localizer gives none.
+        quality: confidence that it is not lost, in [0, 1]; None: the localizer gives none.
         odometry: the pose by odometry at that time.
         unit: of lengths.
     """

@@ -27,7 +27,7 @@ _WALL, _UNKNOWN, _FREE = (31, 35, 40, 255), (176, 184, 192, 255), (255, 255, 255
 _POINT = ("x", "y", "z", "heading", "weight")
 _EVEN = 1e-6  # rad between the steps of a scan's angles
 _SERIES = {  # of the topic …/series, beside the step
-    "quality": "P(not lost)",
+    "quality": "confidence that it is not lost",
     "trusted": "of a hedge: q, the probability that the plans are right",
     "position_error_m": "of the best cluster",
     "heading_error_deg": "of the best cluster",

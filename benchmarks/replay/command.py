@@ -120,7 +120,7 @@ def run_replay(
         TrialsFailedError: some runs failed; what the others gave is written.
     """
     with begun(sweep, out, options, command=command) as running:
-        said = [*warnings, *warn([replay.sideways, disagreement(replay)])]
+        said = [*warnings, *warn([replay.sideways, disagreement(replay), touches(replay)])]
         results = running.results()
         rows = _rows(replay, sweep, results)
         said += warn([_misfit(replay, rows)])
@@ -169,6 +169,22 @@ def disagreement(replay: Replay) -> str | None:
     assert part.reference is not None
     share = agreement(part, floor_plan, part.reference)[1]
     return misfit_words(share, "from the reference poses", log.scanner)
+
+
+def touches(replay: Replay) -> str | None:
+    """Return the warning that the reference itself touches walls; None if it does not."""
+    log, floor_plan = replay.scenario.recording()
+    if log.reference is None or not log.referenced.size:
+        return None
+    radius = replay.scenario.room().radius
+    inside = ~floor_plan.free(log.reference[log.referenced, :2], radius)
+    if not inside.any():
+        return None
+    return (
+        f"{np.count_nonzero(inside):,} of {inside.size:,} poses of the reference touch walls of "
+        f"the map, with a radius of {radius:g} {log.unit}: methods that charge collisions pay "
+        "there; give the robot's --radius, or mend the map."
+    )
 
 
 def _misfit(replay: Replay, rows: Sequence[Row]) -> str | None:

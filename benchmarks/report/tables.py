@@ -172,7 +172,7 @@ def validity_table(panels: Sequence[Panel]) -> Table | None:
         "collides. feasible: share of the belief from which it does not; tempering: λ; "
         "log_evidence: of the belief with the plan over that without; log_evidence_20: its mean "
         "over 20 steps; trusted: P(the plans are about this robot); trusted_lap: its least in a "
-        "lap, against whether the plan collides at any of its steps; quality: P(not lost) by the "
+        "lap, against whether the plan collides at any of its steps; quality: confidence by the "
         "scans. 1: a plan in conflict always has the smaller value; ½: chance. The scenarios of a "
         "line are taken together."
     )
@@ -198,11 +198,11 @@ def told_apart_table(panel: Panel) -> Table | None:
     caption = (
         "AUROC of what is seen at the best cluster. lost: it is not within 1 m and 30° of the true "
         f"pose; the map is wrong here: more than {percent(WRONG)} of the returns contradict it "
-        "at the true pose. quality: P(not lost); explained: share of the returns that agree with "
-        "the map; beyond_random: explained, less the most at one of 256 random poses; short, long: "
-        "shares that contradict it; repeated, elsewhere: shares that do so where the map was "
-        "contradicted from another pose before, and where it was not; trusted: the belief that the "
-        "plan is about this robot. 1: trouble always has the smaller quality, explained, "
+        "at the true pose. quality: confidence; explained: share of the returns that "
+        "agree with the map; beyond_random: explained, less the most at one of 256 random poses; "
+        "short, long: shares that contradict it; repeated, elsewhere: shares that do so where the "
+        "map was contradicted from another pose before, and where it was not; trusted: the belief "
+        "that the plan is about this robot. 1: trouble always has the smaller quality, explained, "
         "beyond_random or trust, or the larger share; ½: chance; below ½: the opposite."
     )
     return Table(caption, ["method", "question", *names, "steps that are"], lines)

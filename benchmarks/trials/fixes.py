@@ -30,7 +30,7 @@ class Fixes:
         way: driven until each by the commands, m, (k,).
         distance: of the best cluster's mean to the truth, m, (k,).
         angle: between their headings, rad, (k,).
-        quality: P(not lost), (k,); NaN where the belief gives none.
+        quality: confidence that it is not lost, (k,); NaN where the belief gives none.
         tolerated: share of steps at which a localized robot may seem off: 0 in a world, whose truth
             is exact.
     """

@@ -37,7 +37,7 @@ class MapSignals:
 
     - off: 1 if the best cluster is not within 1 m and 30° of the true pose, else 0.
     - wrong: share that contradicts the map at the true pose.
-    - quality: P(not lost), as the belief has it: the posterior of its loss detector.
+    - quality: the belief's confidence that it is not lost, of its loss detector.
     - explained, short, long: shares that agree with the map or read clearly less or more.
     - beyond_random: explained, less the most that is explained at one of 256 random poses.
     - repeated: share that contradicts the map at a place where a beam from a pose at least 0.5 m

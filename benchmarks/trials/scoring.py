@@ -40,7 +40,7 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
         scores: a row per offset: "offset" and ``SCORE_NAMES``; None is not available. Those of
             ``LATER`` are missing in records made before they were added.
         curves: by offset, for the same offsets.
-        quality: P(not lost) after t = 1 …; None where the belief gives none.
+        quality: confidence that it is not lost after t = 1 …; None where the belief gives none.
         profile: mean error e by offset, each over the same states.
         steps_done, scans_used: T, and scans with at least one beam in range.
         events: the localizer's counts of trouble.

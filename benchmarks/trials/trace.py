@@ -99,7 +99,7 @@ class Trace:
         seconds: the localizer's time, reset left out.
         plans: what was made of the plan after step t = 0 … T, see ``plan_row``.
         events: the localizer's counts of trouble, if it keeps any.
-        quality: P(not lost) after step t = 0 … T, (T + 1,); NaN where the belief gives none.
+        quality: confidence that it is not lost after step t = 0 … T, (T + 1,); NaN for none.
         journey, track: what is kept of the whole run; None if that is not asked for.
         profile: means of (x, y, cos θ, sin θ) at more offsets, by offset: states (k,) and means
             (k, 4), at every ``PROFILE_STRIDE``-th state.

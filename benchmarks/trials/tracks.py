@@ -145,7 +145,7 @@ class Track:
         """Where the best cluster is, at the records with a reference; nowhere without an estimate.
 
         Args:
-            quality: P(not lost) at each record, (n,).
+            quality: confidence that it is not lost at each record, (n,).
         """
         unrated = np.full(len(self.best), math.nan)
         off, at = np.full((len(self.best), 2), math.inf), self.referenced

@@ -41,7 +41,7 @@ class BeliefView:
     - ``best`` (3,), ``best_share`` (1,): pose and share of the best cluster (``best_cluster``).
     - ``second`` (3,), ``second_share`` (1,): those of the best one outside it; see
       ``two_clusters``.
-    - ``quality`` (1,): P(not lost), if the localizer estimates it.
+    - ``quality`` (1,): confidence that it is not lost, if the localizer estimates it.
     - ``particles`` (k, 3): poses drawn by weight, if asked for.
     - ``occupancy`` (rows, columns): the share in each square of the map, the lowest row first, if
       asked for.

@@ -1,5 +1,6 @@
 """ROS 1 and ROS 2 bags, opened by ``rosbags`` without ROS: topics, and messages in their order."""
 
+import heapq
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,6 +22,7 @@ POSES: dict[str, Callable[[Any], Any]] = {
 }
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _REMEDIES = {".mcap": "mcap recover", ".bag": "rosbag reindex"}
+_POINTER = b"version https://git-lfs"
 _REINDEX = "ros2 bag reindex"
 
 
@@ -50,7 +52,7 @@ class Sent(NamedTuple):
 
 @dataclass(frozen=True)
 class Bag:
-    """The parts of a bag, in the order of their times.
+    """The parts of a bag, whose messages come in the order of their receipt.
 
     Attributes:
         name: in messages.
@@ -76,18 +78,18 @@ class Bag:
 
     def messages(self, topics: set[str | None], kinds: Sequence[str] = ()) -> Iterator[Sent]:
         """Yield the messages of some topics, and of some types."""
-        number = 0
-        for part, reader in enumerate(self.readers):
-            chosen = [
-                one for one in reader.connections if one.topic in topics or one.msgtype in kinds
-            ]
-            for connection, received, raw in reader.messages(connections=chosen):
-                yield Sent(
-                    number, received / 1e9, 1000 * part + connection.id, connection.topic,
-                    connection.msgtype,
-                    partial(reader.deserialize, raw, connection.msgtype),
-                )  # fmt: skip
-                number += 1
+        parts = (self._part(part, topics, kinds) for part in range(len(self.readers)))
+        for number, sent in enumerate(heapq.merge(*parts, key=lambda one: one.received)):
+            yield sent._replace(number=number)
+
+    def _part(self, part: int, topics: set[str | None], kinds: Sequence[str]) -> Iterator[Sent]:
+        """Yield the messages of a part; their numbers are none yet."""
+        reader = self.readers[part]
+        chosen = [one for one in reader.connections if one.topic in topics or one.msgtype in kinds]
+        for connection, received, raw in reader.messages(connections=chosen):
+            source, kind = 1000 * part + connection.id, connection.msgtype
+            decoded = partial(reader.deserialize, raw, kind)
+            yield Sent(0, received / 1e9, source, connection.topic, kind, decoded)
 
     def topic(
         self,
@@ -157,7 +159,6 @@ def opened(paths: Sequence[Path]) -> Iterator[Bag]:
             readers = []
             for at in paths:
                 readers.append(stack.enter_context(_reader(at)))
-            readers.sort(key=lambda one: one.start_time)
             yield Bag(name, readers)
     except InputError:
         raise
@@ -177,8 +178,11 @@ def _reader(path: Path) -> Any:
     if not os.path.exists(path):
         raise InputError(f"{path} does not exist: give the path of a bag.")
     if not path.is_dir():
-        with opened_log(path):  # refuses a pipe, which rosbags would wait for
-            pass
+        with opened_log(path) as file:  # refuses a pipe, which rosbags would wait for
+            if file.read(len(_POINTER)) == _POINTER:
+                raise InputError(
+                    f"{path} is a pointer of Git LFS, no bag: fetch the file by git lfs pull."
+                )
     return AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
 
 

@@ -35,6 +35,7 @@ from deqmcl_gym.validation import InputError, LogWarning, number, one_of
 
 SCANS = ("FLASER", "ROBOTLASER1", "RAWLASER1")
 SICK_RANGE = 79.0  # m: an LMS in its 80 m mode reports 81.83 or 81.91 where nothing is in range
+_NARROWEST = math.radians(10)  # of a field of view: less is none, or rad
 _SICK = (90, 91, 180, 181, 360, 361)  # numbers of beams of an LMS over 180°
 _OURS, _UNIT = "deqmcl_scanner", "deqmcl_unit"
 
@@ -66,6 +67,7 @@ class _Messages:
     raw_lines: list[int] = field(default_factory=list)  # numbers of the lines of RAWLASER1
     lines: int = 0
     unreadable: int = 0
+    lasers: Counter[str] = field(default_factory=Counter)  # other scans
 
     def read(self, line: str) -> None:
         """Read a line; count it if it is damaged."""
@@ -86,7 +88,7 @@ class _Messages:
             elif kind == "TRUEPOS":
                 self.truth.append(numbers_of([words[6], *words[:3]]))
             elif _OTHERS.fullmatch(kind):
-                pass
+                self.lasers.update([kind] if "LASER" in kind else [])
             elif _KIND.fullmatch(kind) and _STAMP.fullmatch(" ".join(words[-3:])):
                 self.others[kind] += 1
             else:
@@ -141,9 +143,10 @@ class _Messages:
             return records.with_odometry(self.raw_lines, judged)
         elif kind == "FLASER":
             told = math.radians(self._param("laser_front_laser_fov", math.nan))
-            if field_of_view is None and math.isfinite(told):
+            if field_of_view is None and _NARROWEST <= told <= 2 * math.pi:
                 field_of_view = told
             farthest = min(self._param("robot_front_laser_max", SICK_RANGE), SICK_RANGE)
+            farthest = farthest if farthest > 0 else SICK_RANGE
             records.fans = [
                 Fan(*self._angles(len(ranges), field_of_view), 0.0, farthest)
                 for ranges in records.ranges
@@ -229,10 +232,8 @@ def read_carmen(
         number("field_of_view", field_of_view, low=0, above=True, high=2 * math.pi)
     name = names_of(paths)
     messages = _Messages({kind: RawRecords(name) for kind in SCANS})
-    for path in paths:
-        for line in text_of(path).splitlines():
-            if line.strip():
-                messages.read(line)
+    for line in _lines(paths):
+        messages.read(line)
     kind = _kind(name, messages, scan_topic)
     records = messages.records(kind, field_of_view)
     log = records.log(lambda beams, _, fan: messages.scanner(beams, kind, fan), unit=messages.unit)
@@ -240,6 +241,26 @@ def read_carmen(
         left_out = ", ".join(f"{count:,} {kind}" for kind, count in messages.others.most_common())
         warnings.warn(f"{name}: left out messages of other kinds: {left_out}.", LogWarning, 2)
     return with_own_reference(log, messages.truth, max_gap, reference_tolerance)
+
+
+def _lines(paths: Sequence[Path]) -> list[str]:
+    """Return the lines of a log's parts that are not blank; of parts each once, in their order."""
+    parts = [[line for line in text_of(path).splitlines() if line.strip()] for path in paths]
+    if len(parts) == 1:
+        return parts[0]
+    parts.sort(key=lambda lines: next(filter(None, map(_stamped, lines)), math.inf))
+    return list(dict.fromkeys(line for lines in parts for line in lines))
+
+
+def _stamped(line: str) -> float | None:
+    """Return the time in a message with odometry or a scan, s; None for another."""
+    kind, *words = line.split()
+    if kind not in ("ODOM", *SCANS):
+        return None
+    try:
+        return numbers_of([words[-3]])[0]
+    except (ValueError, IndexError):
+        return None
 
 
 def _fan(words: Sequence[str]) -> Fan:
@@ -294,8 +315,11 @@ def _kind(name: str, messages: _Messages, asked: str | None) -> str:
             f"{name} has scans of two kinds, {' and '.join(whole)}: choose one by scan_topic."
         )
     damaged = f", and {messages.unreadable:,} unreadable lines" if messages.unreadable else ""
+    lasers = [f"{count:,} {kind}" for kind, count in messages.lasers.items()]
+    others = f", but {', '.join(lasers)}, which are not read" if lasers else ""
     raise InputError(
-        f"{name} has no scan{damaged}: a CARMEN log has lines that begin with {', '.join(SCANS)}."
+        f"{name} has no scan{damaged}{others}: a CARMEN log has lines that begin with "
+        f"{', '.join(SCANS)}."
     )
 
 

@@ -186,7 +186,7 @@ def _transforms_of(bag: Bag, topic: str) -> tuple[dict[str, PoseRows], Transform
         for one in sent.decoded().transforms:
             transforms.add(sent.topic, [*sent.row, seconds_of(one.header.stamp)], one)
     for (parent, child), rows in transforms.of(topic).edges.items():
-        if parent.rpartition("/")[2] == MAP_FRAME and len(rows.rows) > 1:
+        if parent.rpartition("/")[2] == MAP_FRAME and rows.rows:
             moved[child] = rows
     return moved, transforms
 
@@ -196,7 +196,7 @@ def _composed(bag: Bag, topic: str) -> Floats:
     moved, transforms = _transforms_of(bag, topic)
     if len(moved) != 1:
         raise InputError(
-            f"{bag.name}:{topic} has moving transforms from {MAP_FRAME} to {len(moved)} frames, "
+            f"{bag.name}:{topic} has transforms from {MAP_FRAME} to {len(moved)} frames, "
             "but must have one, as odom: give a topic of poses."
         )
     ((child, rows),) = moved.items()

@@ -18,6 +18,7 @@ from deqmcl_gym.logs.motion import composed, has_moved, increments_of, relative
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Pose
+from deqmcl_gym.validation import LARGEST
 
 FASTEST = 250.0, 2 * math.pi  # px/s (5 m/s), rad/s: what a robot can drive
 SLACK = 25.0, 0.5  # px (0.5 m), rad: of a step, whatever its duration
@@ -28,6 +29,7 @@ _PAUSE = 600.0  # s between two messages while a clock is set back, at most
 _RECENT = 101  # messages that say which period is usual
 _ALTERNATIONS = 10  # steps there and back, faster than a robot, that tell two publishers
 _APART = 2.5  # px (0.05 m): of such a step at least
+_ORIGIN = 0.1  # of the slack: how near to (0, 0, 0) a driver begins
 _NOTHING = np.zeros((1, 3))
 
 
@@ -37,7 +39,7 @@ class Taken(enum.Enum):
     USED = enum.auto()
     RESET = enum.auto()  # used: the clock was set back at the message before, a new stretch begins
     LATE = enum.auto()  # older than the newest, or doubled: left out
-    UNUSABLE = enum.auto()  # not finite: left out
+    UNUSABLE = enum.auto()  # not finite, or beyond ``LARGEST``: left out
 
 
 @dataclass
@@ -126,7 +128,7 @@ class Odometry:
 
     def take(self, time: float, raw: Pose) -> Taken:
         """Take a pose with its stamp, s."""
-        if not all(map(math.isfinite, (time, *raw))):
+        if not all(abs(one) <= LARGEST for one in (time, *raw)):  # False for NaN, too
             return Taken.UNUSABLE
         if self._raw is None:
             self._keep(time, raw, None)
@@ -159,9 +161,14 @@ class Odometry:
         self.stretch.frames.append(frame)
 
     def _jumped(self, seconds: float, raw: Pose) -> bool:
+        """Whether no robot drives so, or a driver begins anew at (0, 0, 0), maybe after a pause."""
         assert self._raw is not None
         (far, turned), (slack, more) = self._fastest, self._slack
-        return has_moved(self._raw, raw, far * seconds + slack, turned * seconds + more)
+        if has_moved(self._raw, raw, far * seconds + slack, turned * seconds + more):
+            return True
+        return has_moved(self._raw, raw, slack, more) and not has_moved(
+            (0.0, 0.0, 0.0), raw, _ORIGIN * slack, _ORIGIN * more
+        )
 
 
 @dataclass(frozen=True)
@@ -267,6 +274,9 @@ def jumps_in(times: Floats, poses: Floats, unit: str) -> Bools:
     steps, seconds = np.diff(poses, axis=0), np.diff(times)
     length, turn = np.hypot(steps[:, 0], steps[:, 1]), np.abs(arrays.wrapped(steps[:, 2]))
     found: Bools = (length >= size * (far * seconds + slack)) | (turn >= turned * seconds + more)
+    x, y, heading = np.abs(poses[1:]).T
+    near = (np.hypot(x, y) < _ORIGIN * size * slack) & (arrays.wrapped(heading) < _ORIGIN * more)
+    found |= near & ((length >= size * slack) | (turn >= more))
     return found
 
 
@@ -308,7 +318,7 @@ def _far_ahead(times: Floats) -> Bools:
 
 
 def publishers(times: Floats, poses: Floats, sources: Indices, unit: str) -> list[Indices]:
-    """Return the messages of each publisher of a topic, by index; one list if there is only one.
+    """Return the messages of each publisher of a topic, by index, the one with most of them first.
 
     Two publishers are told by their connections, if messages of these alternate, or by poses that
     go there and back faster than any robot, again and again. Then each message belongs to the
@@ -322,9 +332,8 @@ def publishers(times: Floats, poses: Floats, sources: Indices, unit: str) -> lis
         unit: of lengths.
     """
     by_source = [np.flatnonzero(sources == one) for one in np.unique(sources)]
-    by_source.sort(key=lambda own: int(own[0]))
     if np.count_nonzero(np.diff(sources)) > len(by_source) + _ALTERNATIONS:
-        return by_source
+        return sorted(by_source, key=len, reverse=True)
     size = pixel(unit)
     steps = np.diff(poses[:, :2], axis=0)
     length, seconds = np.hypot(*steps.T), np.abs(np.diff(times))
@@ -345,8 +354,7 @@ def publishers(times: Floats, poses: Floats, sources: Indices, unit: str) -> lis
         off[:, 2] = arrays.wrapped(off[:, 2])
         own[at] = int(np.square(off * reach).sum(axis=1).argmin())
         ends[own[at]] = poses[at]
-    found = [np.flatnonzero(own == one) for one in (0, 1)]
-    return sorted(found, key=lambda one: int(one[0]))
+    return sorted((np.flatnonzero(own == one) for one in (0, 1)), key=len, reverse=True)
 
 
 def publisher_words(times: Floats, poses: Floats) -> str:

@@ -6,6 +6,7 @@ import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,7 @@ from deqmcl_gym.validation import LARGEST, InputError, LogWarning
 UNREADABLE = "unreadable"
 OTHER_FRAME = "with a scan of another frame"
 NO_ANGLES = "with a scan whose angles are not finite"
+DOUBLED = "doubled"
 NOT_FINITE = f"with a time or pose that is not finite or beyond {LARGEST:g}"
 BACKWARDS = "whose time runs backwards"
 NO_ODOMETRY = "without odometry at that time"
@@ -91,8 +93,11 @@ class RawRecords:
             odometry: of the robot.
         """
         found = [odometry.at(*scan) for scan in zip(numbers, self.times, strict=True)]
+        for index in doubled(self.times):
+            self.damage[DOUBLED] += found[index] is not None
+            found[index] = None
         known = [index for index, placed in enumerate(found) if placed is not None]
-        if lost := len(found) - len(known):
+        if lost := len(found) - len(known) - self.damage[DOUBLED]:
             self.damage[NO_ODOMETRY] += lost
         placed = [one for one in found if one is not None]
         return replace(
@@ -138,14 +143,19 @@ class RawRecords:
         except InputError as error:
             self._tell(remarks)
             raise InputError(f"{self.source}: {error}") from None
-        for code in no_return_codes(ranges):
+        large, small = no_return_codes(ranges)
+        for code in (*large, *small):
             share = np.mean(ranges == np.float32(code))
             remarks.append(
-                f"{share:.1%} of the ranges read exactly {np.float32(code)}, the largest: taken as "
-                "no return"
+                f"{share:.1%} of the ranges read exactly {np.float32(code)}, the "
+                f"{'largest' if code in large else 'smallest'} of many: taken as no return"
             )
-            ranges[ranges == np.float32(code)] = np.inf
-            scanner = replace(scanner, max_range=code)
+        scanner = replace(
+            scanner,
+            max_range=min([scanner.max_range, *large]),
+            min_range=max([scanner.min_range, *small]),
+        )
+        ranges = scanner.measured(ranges) if large or small else ranges
         limits = scanner.min_range, scanner.max_range
         self._tell([*remarks, varying, dropped_words(ranges, limits, unit)])
         log = Log(
@@ -190,6 +200,11 @@ class RawRecords:
             self.damage[reason] += lost
         left: Indices = kept[sound]
         return left
+
+
+def doubled(times: Sequence[float]) -> list[int]:
+    """Return the indices of messages whose stamp is that of the one before."""
+    return [at for at, (one, other) in enumerate(pairwise(times), 1) if one == other]
 
 
 def warn_of_few(log: Log, reference: str) -> None:

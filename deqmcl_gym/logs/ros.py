@@ -41,6 +41,9 @@ from deqmcl_gym.validation import InputError, LogWarning, integer, number, one_o
 
 UNIT_TOPIC, REFERENCE_TOPIC = "/deqmcl_unit", "/reference"
 _ROBOT = "base_link"
+_SHORTEST = 1e-12  # square of the length of a quaternion
+_APART, _PARTS = 0.2, 4  # s between stamps of one time that is told, and parts of a log
+_ALIKE = 0.05  # share of an increment
 _EPOCH = 1e6  # s: where most stamps are larger, one of 0 is none
 
 
@@ -128,6 +131,7 @@ class _Scans:
 
     records: RawRecords
     numbers: list[int] = field(default_factory=list)
+    lags: list[float] = field(default_factory=list)  # of receipt behind the stamp, s
 
 
 class _Messages:
@@ -146,6 +150,8 @@ class _Messages:
         self.moved: dict[str, PoseRows] = {}  # by frame
         self.truth = PoseRows()
         self.frames: set[str] = set()  # that poses of the truth are in
+        self.moved_in: set[str] = set()  # frames that the odometry is in
+        self.mended = 0  # scans whose increment is of no use
 
     def read(self, bag: Bag) -> None:
         """Read all messages needed; count those that cannot be decoded."""
@@ -168,18 +174,33 @@ class _Messages:
         elif (scans := self.scanned.get(sent.topic)) is not None:
             names = "angle_min", "angle_increment", "range_min", "range_max"
             start, step, *limits = (float(getattr(message, name)) for name in names)
+            step = self._increment(message, start, step)
             fan = Fan(start, step, *(0.0 if np.isnan(one) else one for one in limits))
             stamp, frame = seconds_of(message.header.stamp), frame_of_header(message)
             scans.records.add(stamp, (0, 0, 0), message.ranges, fan, frame)
             scans.numbers.append(sent.number)
+            scans.lags.append(sent.received - stamp)
         else:
             row = row_of(sent, message)
             if sent.topic == self.reference:
                 self.truth.rows.append(row)
                 self.frames.add(frame_of_header(message))
             if sent.topic == self.odometry:  # it may be both
+                self.moved_in.add(frame_of_header(message))
                 moved = self.moved.setdefault(frame_name(message.child_frame_id), PoseRows())
                 moved.rows.append(row)
+
+    def _increment(self, message: Any, start: float, step: float) -> float:
+        """Return the increment of a scan's angles; by the last angle, if it is 0 or negated."""
+        size, end = len(message.ranges), float(message.angle_max)
+        if size < 2 or not np.isfinite([start, end]).all() or start == end:
+            return step
+        meant = (end - start) / (size - 1)
+        negative = abs(step + meant) <= _ALIKE * abs(meant)
+        if np.isfinite(step) and step != 0 and not negative:
+            return step  # many drivers do not fill in the last angle
+        self.mended += 1
+        return meant
 
     def log(self, told: Reading, apart: float) -> Log:
         """Return the log of all messages read; scans of several topics at most ``apart`` s."""
@@ -190,6 +211,11 @@ class _Messages:
                     f"the headers of {topic} in {self.name} have no stamps (all are 0), so its "
                     "scans have no odometry: write the times of the scans into their headers."
                 )
+        if self.mended:
+            self._tell(
+                f"{self.mended:,} scans have an angle_increment that does not lead to their "
+                "angle_max: it is taken from angle_max"
+            )
         base, odometry = self._odometry(told)
 
         def scanner_of(topic: str, beams: int, frame: str, fan: Fan | None) -> Scanner:
@@ -246,8 +272,13 @@ class _Messages:
             rows = self.moved[named]
             base = asked or named or _ROBOT
             flaw = _flaw(rows, str(self.odometry), scans.records.times)
-            if flaw is None:
+            doubt = self._doubt(rows)
+            if flaw is None and (doubt is None or not frames.has_odometry):
+                if doubt is not None:
+                    self._tell(f"{doubt}: taken as odometry, as there is no other")
+                self._compare_clocks(rows, str(self.odometry))
                 return base, self._judged(rows, str(self.odometry), told)
+            flaw = flaw or doubt
         elif self.odometry is not None:
             flaw = f"{self.odometry} has no message"
         try:
@@ -259,12 +290,44 @@ class _Messages:
         if worse := _flaw(rows, "the transforms", scans.records.times):
             raise InputError(f"{self.name} has no usable odometry: {flaw or worse}.")
         if flaw is not None:
-            warnings.warn(
-                f"{self.name}: {flaw}: the odometry is taken from transforms.",
-                LogWarning,
-                stacklevel=2,
-            )
+            self._tell(f"{flaw}: the odometry is taken from transforms")
+        self._compare_clocks(rows, "the transforms")
         return base, self._judged(rows, "the transforms", told)
+
+    def _tell(self, remark: str) -> None:
+        warnings.warn(f"{self.name}: {remark}.", LogWarning, stacklevel=4)
+
+    def _doubt(self, moved: PoseRows) -> str | None:
+        """Say why poses on a topic of odometry may be none; None if they look like it."""
+        if known := sorted(self.moved_in & {MAP_FRAME, "world"}):
+            return (
+                f"the poses of {self.odometry} are in frame {known[0]}, as an estimate or the truth"
+            )
+        rows = moved.poses[np.isfinite(moved.poses).all(axis=1)]
+        if len(rows) < 2:
+            return None
+        gone, turned = np.ptp(rows[:, 1:3], axis=0).max(), np.ptp(rows[:, 3])
+        if turned == 0 and gone > 1:
+            return f"the quaternions of {self.odometry} are all the same"
+        return None
+
+    def _compare_clocks(self, moved: PoseRows, where: str) -> None:
+        """Warn if scans and odometry that are received together have other stamps."""
+        table, (topic, scans) = moved.table, next(iter(self.scanned.items()))
+        if not len(table) or not scans.lags:
+            return
+        if np.ptp(table[:, 1]) < np.ptp(table[:, 3]) / 2:  # receipt tells nothing
+            return
+        lags = np.array(scans.lags)
+        theirs = np.interp(scans.numbers, table[:, 0], table[:, 1] - table[:, 3])
+        parts = np.array_split(lags - theirs, _PARTS)
+        apart = max((float(np.median(part)) for part in parts if part.size), key=abs)
+        if _APART < abs(apart) < np.inf:
+            order = "older" if apart > 0 else "newer"
+            self._tell(
+                f"scans of {topic} are stamped {abs(apart):.2f} s {order} than what {where} says "
+                "when they are received, at least in a part of the log: compare the clocks"
+            )
 
     def _judged(self, moved: PoseRows, where: str, told: Reading) -> JudgedOdometry:
         """Return odometry, judged, of one publisher; tell what is not as usual."""
@@ -288,7 +351,7 @@ class _Messages:
             table, rows = table[kept], rows[kept]
         judged = JudgedOdometry.of(table[:, 0], table[:, 1], rows, self.unit)
         for remark in [*remarks, *judged.remarks]:
-            warnings.warn(f"{self.name}: {remark}.", LogWarning, stacklevel=4)
+            self._tell(remark)
         return judged
 
 
@@ -298,8 +361,8 @@ def _flaw(moved: PoseRows, where: str, scanned: Sequence[float]) -> str | None:
     times = table[:, 3]
     if len(times) > 1 and not times.any():
         return f"the headers of {where} have no stamps (all are 0)"
-    if len(times) and not table[:, 7:].any():
-        return f"the quaternions of {where} are 0"
+    if len(times) and not (np.square(table[:, 7:]).sum(axis=1) > _SHORTEST).any():
+        return f"the quaternions of {where} are 0 or not finite"
     if len(times) and len(scanned) and (times.max() < min(scanned) or times.min() > max(scanned)):
         return (
             f"the stamps of {where} are from {times.min():.2f} s to {times.max():.2f} s, but those "

@@ -20,6 +20,7 @@ _TURN = 2 * math.pi
 _ROUNDING = 1e-6  # rad
 _STEEPEST = 1 / math.tan(math.radians(15))  # growth of a wall's range for each rad, at most
 _CODE = 0.01  # share of all beams that read one number, the largest of a log: no return …
+_BEYOND, _DEEPEST = 1e-3, 100  # … if at most such a share, of so many numbers, is beyond it, and …
 _STANDS_OUT = 10  # … if it is so many times as frequent as a number usually is
 _DROPPED = 0.5  # share of ranges that are no measurements above which that is told
 
@@ -66,9 +67,9 @@ class Varying:
     Attributes:
         sizes: number of beams of each scan.
         fans: angles and limits of each scan.
-        beams: the most frequent number.
-        fan: the median angles of scans of that number, and limits within which all scans' are; a
-            max_range of -inf if no scan has a finite one above 0.
+        beams, fan: the number and the angles of most scans or, if they vary, of beams that cover
+            what they cover, and limits within which all scans' are; a max_range of -inf if no scan
+            has a finite one above 0.
     """
 
     sizes: Sequence[int]
@@ -83,14 +84,12 @@ class Varying:
         Raises:
             InputError: no scan has a beam.
         """
-        counts = Counter(size for size in sizes if size)
+        counts = Counter((size, fan[:2]) for size, fan in zip(sizes, fans, strict=True) if size)
         if not counts:
             raise InputError("no scan has a beam.")
-        beams = counts.most_common(1)[0][0]
-        alike = [fan for size, fan in zip(sizes, fans, strict=True) if size == beams]
-        start, step = (float(np.median([fan[column] for fan in alike])) for column in (0, 1))
-        if _TURN + _ROUNDING < abs(step) * (beams - 1) < 2 * _TURN:  # more than a turn
-            beams = math.floor(_TURN / abs(step) + _ROUNDING) + 1
+        (beams, (start, step)), often = counts.most_common(1)[0]
+        if 2 * often < len(sizes):  # no two need be alike
+            beams, start, step = _middle_fan(sizes, fans)
         nearest = min(fan.nearest for fan in fans)
         farthest = max((fan.max_range for fan in fans if fan.limited), default=-math.inf)
         return cls(sizes, fans, beams, Fan(start, step, nearest, farthest))
@@ -200,6 +199,24 @@ class Neighbours:
         return joined
 
 
+def _middle_fan(sizes: Sequence[int], fans: Sequence[Fan]) -> tuple[int, float, float]:
+    """Return number, first angle and increment of beams that cover what scans cover, rad.
+
+    The increment is their median, in the sense of most; the ends are those of all but 5 % of them.
+    A turn is covered once.
+    """
+    seen = [(size, fan) for size, fan in zip(sizes, fans, strict=True) if size]
+    steps = np.array([fan.step for _, fan in seen])
+    sense = 1.0 if (steps > 0).sum() >= (steps < 0).sum() else -1.0
+    step = float(np.median(np.abs(steps)))
+    ends = np.array([sorted((fan.start, fan.start + fan.step * (size - 1))) for size, fan in seen])
+    low, high = float(np.quantile(ends[:, 0], 0.05)), float(np.quantile(ends[:, 1], 0.95))
+    if not step > 0:
+        return 1, low, 0.0
+    beams = min(round((high - low) / step), math.floor(_TURN / step + _ROUNDING)) + 1
+    return beams, (low if sense > 0 else low + step * (beams - 1)), sense * step
+
+
 def resampled(ranges: ArrayLike, bearings: ArrayLike, onto: Floats) -> Singles:
     """Return a scan at other bearings: see ``Neighbours.seen``.
 
@@ -223,21 +240,31 @@ def resampled(ranges: ArrayLike, bearings: ArrayLike, onto: Floats) -> Singles:
     return seen
 
 
-def no_return_codes(ranges: Singles) -> list[float]:
-    """Return the numbers that stand for no return in the ranges of a log, largest first.
+def no_return_codes(ranges: Singles) -> tuple[list[float], list[float]]:
+    """Return the numbers that stand for no return in the ranges of a log: large ones, small ones.
 
-    The largest measurement is one if a per cent or more of all beams read it to the last digit, and
-    it stands out: numbers of beams that hit walls differ. Without it, the next largest may be, too.
+    A number is one if a per cent or more of all beams read it to the last digit, hardly a reading
+    is beyond it, and it stands out: numbers of beams that hit walls differ. Without it, the next
+    may be, too.
     """
-    measured = ranges[np.isfinite(ranges)]
-    codes: list[float] = []
-    values, counts = np.unique(measured, return_counts=True)
-    for last in range(values.size - 1, 0, -1):
-        usual = float(np.median(counts[:last]))
-        if counts[last] < _CODE * ranges.size or counts[last] < _STANDS_OUT * usual:
+    values, counts = np.unique(ranges[np.isfinite(ranges)], return_counts=True)
+    large = _codes(values[::-1].tolist(), counts[::-1], ranges.size)
+    return large, _codes(values.tolist(), counts, ranges.size)
+
+
+def _codes(values: list[float], counts: Indices, total: int) -> list[float]:
+    """Return the codes among values, counted from their end on, of so many ranges in all."""
+    found: list[float] = []
+    beyond = 0
+    for at, (value, count) in enumerate(zip(values[:_DEEPEST], counts.tolist(), strict=False)):
+        rest = counts[at + 1 :]
+        if not rest.size or beyond > _BEYOND * total:
             break
-        codes.append(float(values[last]))
-    return codes
+        if count >= _CODE * total and count >= _STANDS_OUT * float(np.median(rest)):
+            found.append(value)
+        else:
+            beyond += count
+    return found
 
 
 def dropped_words(ranges: Singles, limits: Sequence[float], unit: str) -> str | None:

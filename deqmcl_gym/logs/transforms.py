@@ -63,6 +63,8 @@ class Transforms:
         known = edges.setdefault(edge, PoseRows())
         pose = [at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]
         if np.isfinite(pose).all() and np.linalg.norm(pose[3:]) > 0:
+            if topic.endswith("/tf_static"):  # the last one counts, as for tf
+                known.rows.clear()
             known.rows.append([*row, *pose])
 
     def of(self, topic: str) -> "Frames":
@@ -71,6 +73,14 @@ class Transforms:
         With those of no namespace; all, if there are none of either.
         """
         namespaces = [one for one in self._edges if one == "" or topic.startswith(f"{one}/")]
+        if not namespaces and len(self._edges) > 1:
+            warnings.warn(
+                f"{topic} is of none of the robots whose transforms are there, "
+                f"{', '.join(sorted(self._edges))}: places on the robot may be another's, so give "
+                "odometry_topic and mounting.",
+                LogWarning,
+                stacklevel=3,
+            )
         edges: dict[Edge, PoseRows] = {}
         for namespace in sorted(namespaces or self._edges, key=len):
             edges |= self._edges[namespace]
@@ -87,6 +97,11 @@ class Frames:
     def moving(self) -> Mapping[Edge, PoseRows]:
         """The transforms that move in the plane."""
         return {edge: rows for edge, rows in self.edges.items() if rows.rows and not _place(rows)}
+
+    @property
+    def has_odometry(self) -> bool:
+        """Whether something moves in a frame ``odom``."""
+        return any(parent.rpartition("/")[2] == ODOMETRY_FRAME for parent, _ in self.moving)
 
     def odometry(
         self, name: str, base_frame: str | None, odometry_frame: str | None, scan_frame: str

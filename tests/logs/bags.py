@@ -52,11 +52,11 @@ def odometry(time, x, heading=0.0, frame="base_footprint", y=0.0):
     return make(ODOMETRY, header(time, "odom"), frame, posed, driven)
 
 
-def bag(path, *messages, plugin=StoragePlugin.SQLITE3):
-    """Write messages (topic, type, message)."""
+def bag(path, *messages, plugin=StoragePlugin.SQLITE3, first=0):
+    """Write messages (topic, type, message), received one after another from ``first`` ns on."""
     with Writer(path, version=8, storage_plugin=plugin) as writer:
         topics = {}
-        for number, (topic, kind, message) in enumerate(messages):
+        for number, (topic, kind, message) in enumerate(messages, first):
             if topic not in topics:
                 topics[topic] = writer.add_connection(topic, kind, typestore=STORE)
             if message is not None:

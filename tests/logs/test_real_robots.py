@@ -185,15 +185,19 @@ def test_a_reading_at_or_beyond_a_limit_is_no_measurement(tmp_path, name, readin
 def test_the_largest_reading_is_no_return_if_many_beams_read_it_to_the_last_digit(code):
     rng = np.random.default_rng(0)
     ranges = np.round(rng.uniform(0.5, 20.0, (50, 40)), 2).astype(np.float32)
-    assert no_return_codes(ranges) == []
+    assert no_return_codes(ranges) == ([], [])
     hit = ranges.copy()
     hit[rng.random(hit.shape) < 0.03] = code
-    assert no_return_codes(hit) == [np.float32(code)]
+    assert no_return_codes(hit) == ([np.float32(code)], [])
+    hit[3, :2] = code + 20  # two readings beyond it
+    assert no_return_codes(hit) == ([np.float32(code)], [])
+    near = np.where(hit == np.float32(code), np.float32(1e-3), hit)
+    assert no_return_codes(near) == ([], [np.float32(1e-3)])
     few = ranges.copy()
     few[0, :10] = code  # half a per cent
-    assert no_return_codes(few) == []
+    assert no_return_codes(few) == ([], [])
     # a robot that stands still reads each number as often
-    assert no_return_codes(np.float32([[1.0, 2.0, 3.0]] * 50)) == []
+    assert no_return_codes(np.float32([[1.0, 2.0, 3.0]] * 50)) == ([], [])
 
 
 def test_a_code_of_no_return_is_told_and_is_the_scanners_limit(tmp_path):
@@ -205,7 +209,7 @@ def test_a_code_of_no_return_is_told_and_is_the_scanners_limit(tmp_path):
         lines.append(f"FLASER 180 {words} 0 0 0 {0.1 * t} 0 0 {t} host {t}")
     (tmp_path / "x.log").write_text("\n".join(lines))
     log, warned = read_and_warned(tmp_path / "x.log")
-    assert "of the ranges read exactly 50.0, the largest: taken as no return" in warned
+    assert "of the ranges read exactly 50.0, the largest of many: taken as no return" in warned
     assert log.scanner.max_range == 50.0
     assert np.nanmax(log.ranges[np.isfinite(log.ranges)]) < 9.01
 
@@ -612,7 +616,8 @@ def test_the_parts_of_a_log_are_one_log(tmp_path, name):
             for m in (*moving([t], [p]), *scanning([t]))
         ]
         for path, some in (("whole", drive), ("first", drive[:30]), ("second", drive[30:])):
-            bag(tmp_path / path, *([] if path == "second" else [fixed]), *some)
+            first = 100 * (path == "second")
+            bag(tmp_path / path, *([] if first else [fixed]), *some, first=first)
     ending = ".log" if name == "x.log" else ""
     one, _ = read_and_warned(tmp_path / f"whole{ending}")
     parts = [tmp_path / f"{part}{ending}" for part in ("first", "second")]
