@@ -86,10 +86,14 @@ class Bag:
         """Yield the messages of a part; their numbers are none yet."""
         reader = self.readers[part]
         chosen = [one for one in reader.connections if one.topic in topics or one.msgtype in kinds]
+        ranks: dict[str, list[int]] = {}  # of a publisher among those of its topic
         for connection, received, raw in reader.messages(connections=chosen):
-            source, kind = 1000 * part + connection.id, connection.msgtype
+            topic, kind = connection.topic, connection.msgtype
+            known = ranks.setdefault(topic, [])
+            if connection.id not in known:
+                known.append(connection.id)
             decoded = partial(reader.deserialize, raw, kind)
-            yield Sent(0, received / 1e9, source, connection.topic, kind, decoded)
+            yield Sent(0, received / 1e9, known.index(connection.id), topic, kind, decoded)
 
     def topic(
         self,

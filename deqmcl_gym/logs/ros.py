@@ -309,6 +309,8 @@ class _Messages:
         gone, turned = np.ptp(rows[:, 1:3], axis=0).max(), np.ptp(rows[:, 3])
         if turned == 0 and gone > 1:
             return f"the quaternions of {self.odometry} are all the same"
+        if gone == 0 and turned > 1:
+            return f"the positions of {self.odometry} are all the same"
         return None
 
     def _compare_clocks(self, moved: PoseRows, where: str) -> None:

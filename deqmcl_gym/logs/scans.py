@@ -88,8 +88,11 @@ class Varying:
         if not counts:
             raise InputError("no scan has a beam.")
         (beams, (start, step)), often = counts.most_common(1)[0]
-        if 2 * often < len(sizes):  # no two need be alike
-            beams, start, step = _middle_fan(sizes, fans)
+        if often < len(sizes):
+            middle = _middle_fan(sizes, fans)
+            wider = abs(step) * (beams + 1) < abs(middle[2]) * middle[0]
+            if 2 * often < len(sizes) or wider:  # no two need be alike
+                beams, start, step = middle
         nearest = min(fan.nearest for fan in fans)
         farthest = max((fan.max_range for fan in fans if fan.limited), default=-math.inf)
         return cls(sizes, fans, beams, Fan(start, step, nearest, farthest))

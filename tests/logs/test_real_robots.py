@@ -663,3 +663,101 @@ def test_a_turned_message_is_seen_from_above(tmp_path):
         message.pose.pose.orientation = quaternion(roll=0.05, yaw=heading)
     log, _ = read_and_warned(bag(tmp_path / "x", *messages, *scanning(times)))
     np.testing.assert_allclose(log.odometry, poses, atol=3e-3)  # 1 - cos(0.05 rad) of the heading
+
+
+@pytest.mark.parametrize("pause", [0.1, 2.0])
+def test_a_driver_that_begins_anew_at_the_origin_has_not_moved_even_after_a_pause(pause):
+    times, poses = driven()
+    anew = np.concatenate([poses[:20], poses[20:] - poses[20]])
+    stamps = times + pause * (np.arange(41) >= 20)
+    found = judged(stamps, anew)
+    assert found.jumps == 1
+    assert np.abs(increments_of(np.array(found.stretches[0].poses))[19]).max() == 0
+
+
+def test_scans_of_parts_of_a_turn_have_the_bearings_of_all(tmp_path):
+    times, poses = driven(81, 0.015)
+    quarters = [-math.pi, -math.pi / 2, 0.0, math.pi / 2]
+    scans = []
+    for at, (t, pose) in enumerate(zip(times[1:-1], poses[1:-1], strict=True)):
+        angles = quarters[at % 4] + math.pi / 60 * np.arange(30)
+        said = {"first": angles[0], "step": math.pi / 60, "ranges": seen(pose, angles)}
+        scans.append(("/scan", SCAN, scan(t, **said)))
+    log, _ = read_and_warned(bag(tmp_path / "x", *moving(times, poses), *scans))
+    assert log.scanner.beams == 120
+    assert np.isfinite(log.ranges).sum(axis=1).tolist() == [30] * 79
+    exact = np.array([seen(pose, log.scanner.bearings) for pose in log.odometry])
+    assert np.nanmax(np.abs(log.ranges - exact)) < 1e-4
+
+
+def test_scans_turned_either_way_are_both_used(tmp_path):
+    times, poses = driven(81, 0.015)
+    scans = []
+    for at, (t, pose) in enumerate(zip(times[1:-1], poses[1:-1], strict=True)):
+        step = math.pi / 60 * (1 if at % 2 else -1)
+        angles = (-math.pi if step > 0 else math.pi) + step * np.arange(120)
+        scans.append(
+            ("/scan", SCAN, scan(t, first=angles[0], step=step, ranges=seen(pose, angles)))
+        )
+    log, _ = read_and_warned(bag(tmp_path / "x", *moving(times, poses), *scans))
+    exact = np.array([seen(pose, log.scanner.bearings) for pose in log.odometry])
+    assert np.isfinite(log.ranges).mean() > 0.99
+    assert np.nanquantile(np.abs(log.ranges - exact), 0.99) < 1e-3
+
+
+def test_doubled_scans_count_once_and_parts_that_overlap_are_one_log(tmp_path):
+    times, poses = driven()
+    drive = [
+        message
+        for t, pose in zip(times, poses, strict=True)
+        for message in (*moving([t], [pose]), *scanning([t]))
+    ]
+    whole, _ = read_and_warned(bag(tmp_path / "whole", *drive))
+    bag(tmp_path / "first", *drive[:50])
+    bag(tmp_path / "second", *drive[30:], first=30)
+    log, warned = read_and_warned([tmp_path / "second", tmp_path / "first"])  # in any order
+    assert "10 doubled" in warned
+    np.testing.assert_array_equal(log.times, whole.times)
+    np.testing.assert_array_equal(log.odometry, whole.odometry)
+
+
+@pytest.mark.parametrize("frame", ["map", "world"])
+def test_poses_of_an_estimate_or_the_truth_are_no_odometry_if_there_is_another(tmp_path, frame):
+    times, poses = driven()
+    messages = moving(times, poses + 0.5)
+    for _, _, message in messages:
+        message.header.frame_id = frame
+    path = bag(tmp_path / "x", *messages, *scanning(times[1:-1]))
+    log, warned = read_and_warned(path)
+    assert (
+        f"in frame {frame}, as an estimate or the truth: taken as odometry, as there is no other"
+        in warned
+    )
+    moved = [
+        ("/tf", TF, transform("odom", "base_footprint", x, y, yaw=heading, time=t))
+        for t, (x, y, heading) in zip(times, poses, strict=True)
+    ]
+    log, warned = read_and_warned(bag(tmp_path / "y", *messages, *moved, *scanning(times[1:-1])))
+    assert "the odometry is taken from transforms" in warned
+    np.testing.assert_allclose(log.odometry, poses[1:-1], atol=1e-9)
+
+
+def test_a_static_transform_that_is_sent_again_replaces_the_first(tmp_path):
+    times, poses = driven()
+    fixed = [
+        ("/tf_static", TF, transform("base_footprint", "laser", x, 0.0, yaw=turn))
+        for x, turn in ((0.0, 0.0), (0.2, 0.5))
+    ]
+    log, warned = read_and_warned(
+        bag(tmp_path / "x", *fixed, *moving(times, poses), *scanning(times[1:-1]))
+    )
+    assert (log.scanner.mounting, log.scanner.turn, warned) == ((0.2, 0.0), pytest.approx(0.5), "")
+
+
+@pytest.mark.parametrize("increment", [0.0, -0.5])
+def test_an_increment_that_does_not_lead_to_the_last_angle_is_taken_from_it(tmp_path, increment):
+    times, poses = driven()
+    scans = scanning(times[1:-1], first=-0.5, step=increment)  # its last angle is 0.5
+    log, warned = read_and_warned(bag(tmp_path / "x", *moving(times, poses), *scans))
+    assert log.scanner.bearings == pytest.approx([-0.5, 0.0, 0.5])
+    assert "39 scans have an angle_increment that does not lead to their angle_max" in warned
