@@ -152,7 +152,6 @@ def _two_buildings() -> str:
             ("`mcl-map`", building, "mcl-map"),
             ("`mcl-plan`", building, "mcl-plan"),
             ("`mcl-plan-hedged`", building, "mcl-plan-hedged"),
-            ("`amcl`", building, "amcl"),
             ("`amcl`, each 0.0625 m, 3°", f"{building}-amcl", "amcl"),
             ("… `likelihood_field_prob`", f"{building}-likelihood-field-prob", "amcl"),
         )):  # fmt: skip
