@@ -38,7 +38,7 @@ def blocks(page, language):
 
 
 RECORD, REPLAY, _ = blocks(LOG, "python notest")
-STARTS, BUILDINGS, HEDGED = blocks(LOG, "toml")
+STARTS, BUILDINGS, NAV2, HEDGED = blocks(LOG, "toml")
 
 
 def test_the_commands_on_a_localizer_work_as_they_stand_one_after_the_other(tmp_path):
@@ -199,8 +199,11 @@ def test_the_loop_of_a_robot_works_from_a_bag_as_the_page_says(lap, monkeypatch,
 
 
 def test_the_changes_for_the_two_buildings_make_a_sweep_of_the_one_above():
-    given = tomllib.loads(STARTS)
-    for changes, localizers, trials in ((BUILDINGS, 2, 60), (HEDGED, 5, 30)):
+    for changes, localizers, trials in ((BUILDINGS, 2, 60), (NAV2, 1, 30), (HEDGED, 5, 30)):
+        given = tomllib.loads(STARTS)
+        if changes is HEDGED:  # which begins from those before
+            given = tomllib.loads(STARTS) | {"params": {"particles": 20_000}}
+            given["world"] |= tomllib.loads(BUILDINGS)["world"]
         for key, value in tomllib.loads(changes).items():
             given[key] = given[key] | value if isinstance(value, dict) else value
         sweep = sweep_of(given, title="starts")
