@@ -26,7 +26,6 @@ from benchmarks.tables.text import (
 )
 from benchmarks.tables.verdict import BLIND, Verdict
 from benchmarks.trials.journeys import Score
-from localizers.naming.registry import is_plug_in
 
 
 class Said(NamedTuple):
@@ -229,7 +228,7 @@ def _plug_ins(found: Sequence[tuple[Panel, Verdict]]) -> str:
 
 
 def _is_ours(row: Comparison) -> bool:
-    return not is_plug_in(row.method.name) and not plug_ins_of_agent(row.method.agent)
+    return row.method.name in WORDS and not plug_ins_of_agent(row.method.agent)
 
 
 def runner_up(panel: Panel) -> str:
