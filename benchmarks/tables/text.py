@@ -17,7 +17,7 @@ WORDS = {  # what the names of methods mean; the first four as in the paper's Ta
     "deq-mcl": "DEQ-MCL",
     "mcl-map-smoother": "MCL with map-based motion model and smoother",
     "deq-mcl-rejuvenated": "DEQ-MCL with its future renewed",
-    "mcl-h": "mcl-map that looks ahead by a table",
+    "mcl-h": "mcl-map that looks ahead by a table",  # gone, but folders may hold its trials
     "mcl-pilots": "mcl-map that looks ahead by roll-outs",
     "mcl-plan": "mcl-map with plans as observations",
     "mcl-plan-hedged": "mcl-plan beside a filter that sees no plan",

@@ -35,7 +35,6 @@ ENDS: Mapping[str, tuple[str, dict[str, object]]] = {
     "`mcl-plan`, `keep` = 0": ("mcl-plan", {"keep": 0.0}),
     "`deq-mcl`": ("deq-mcl", {}),
     "`deq-mcl-rejuvenated`": ("deq-mcl-rejuvenated", {}),
-    "`mcl-h`": ("mcl-h", {}),
     "`mcl-pilots`": ("mcl-pilots", {}),
 }
 CORRIDOR = 100.0  # px: how wide those of the room are

@@ -42,7 +42,7 @@ def sentences() -> Iterable[tuple[str, str]]:
     )
     shares = [
         -n("diff", sensor, "paper", method, many)
-        for method in ("deq-mcl-rejuvenated", "mcl-h", "mcl-pilots")
+        for method in ("deq-mcl-rejuvenated", "mcl-pilots")
         for many in (300, 1000)
     ]
     yield (
@@ -85,12 +85,12 @@ def sentences() -> Iterable[tuple[str, str]]:
     speed = {r["figure"]: Number(r["ratio"]) for r in read("speed/quick") if r["ratio"]}
     many = [
         (speed[f"{name}_vs_map_step1k"], speed[f"{name}_vs_map_step10k"])
-        for name in ("plan", "hedged", "replanned_pilots", "replanned_deq", "replanned_h")
+        for name in ("plan", "hedged", "replanned_pilots", "replanned_deq")
     ]
     words = [f"{a:.1f} and {b:.1f}" if a < 10 else f"{a:.0f} and {b:.0f}" for a, b in many]
     plan, hedged, *others = words
     yield "docs/plan-sensor.md", f"`mcl-plan` {plan}, `mcl-plan-hedged`, with N in each of its"
-    names = ("`mcl-pilots`", "DEQ-MCL", "`mcl-h`")
+    names = ("`mcl-pilots`", "DEQ-MCL")
     said = ", ".join(f"{name} {ratio}" for name, ratio in zip(names, others, strict=True))
     yield "docs/plan-sensor.md", f"filters, {hedged}, {said}"
 

@@ -45,7 +45,6 @@ def _room() -> str:
         "`deq-mcl`, the paper's filter": "deq-mcl",
         "`deq-mcl-rejuvenated`, future renewed": "deq-mcl-rejuvenated",
         "`mcl-pilots`: looks ahead by roll-outs": "mcl-pilots",
-        "`mcl-h`: looks ahead by a table": "mcl-h",
         "`mcl-map`: penalizes steps through walls": "mcl-map",
         "`mcl`, Monte-Carlo localization": "mcl",
     }
@@ -197,13 +196,13 @@ def _methods(*labels: str) -> dict[str, tuple[str, dict[str, object]]]:
 
 IN_GUIDED = _methods(
     "`mcl-plan`, `keep` = 0", '`mcl-plan`, `charge` = "new"', "`mcl-plan`", "`mcl-plan-hedged`",
-    "`deq-mcl-rejuvenated`", "`deq-mcl`", "`mcl-pilots`", "`mcl-h`", "`mcl-map`", "`mcl`", "`grid`",
+    "`deq-mcl-rejuvenated`", "`deq-mcl`", "`mcl-pilots`", "`mcl-map`", "`mcl`", "`grid`",
     OWN, "`ekf`", AMCL, "dead reckoning",
 )  # fmt: skip
 IN_PAPER = _methods(
     "dead reckoning", "`mcl-plan`", "`mcl-plan`, `keep` = 0", "`mcl-plan-hedged`",
     '`mcl-plan`, `charge` = "new"',
-    "`deq-mcl-rejuvenated`", "`mcl-h`", "`mcl-pilots`", "`mcl-map`", "`deq-mcl`", "`mcl`", OWN,
+    "`deq-mcl-rejuvenated`", "`mcl-pilots`", "`mcl-map`", "`deq-mcl`", "`mcl`", OWN,
     "`grid`", "`ekf`", AMCL,
 )  # fmt: skip
 
@@ -234,7 +233,6 @@ def _gaps() -> str:
         ("`mcl-map`", "mcl-map", {}, "mcl-map-smoother", {}, (0,)),
         ("`mcl-map-smoother`", "mcl-map-smoother", {}, "mcl-map-smoother", {}, (-20,)),
         ("`mcl-pilots`", "mcl-pilots", {}, "mcl-pilots", {}, (0, -20)),
-        ("`mcl-h`", "mcl-h", {}, "mcl-pilots", {}, (0, -20)),
         ("`deq-mcl-rejuvenated`", "deq-mcl-rejuvenated", {}, "mcl-pilots", {}, (0, -20)),
         ("`deq-mcl`", "deq-mcl", {}, "mcl-pilots", {}, (0, -20)),
         ("`mcl-plan keep=0`", "mcl-plan", {"keep": 0.0}, "mcl-plan", {}, (0, -20)),
@@ -262,7 +260,7 @@ def _calibration() -> str:
     rows = []
     for label, (method, params) in _methods(
         "`grid`", OWN, "`ekf`", "`mcl`", "`mcl-map`", "`deq-mcl`", "`deq-mcl-rejuvenated`",
-        "`mcl-h`", "`mcl-pilots`",
+        "`mcl-pilots`",
     ).items():  # fmt: skip
         if method == "amcl":
             cells = [""] * 4

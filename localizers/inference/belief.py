@@ -175,20 +175,12 @@ class ParticleBelief(_Cloud):
         states = self.queue.at(offset)
         return None if states is None else (states.T, self.weights.copy())
 
-    def resampled(self, ancestors: Indices, by: LogWeights, log_sum: float) -> "ParticleBelief":
-        """Keep the ``ancestors``, which were drawn in proportion to exp(by), (n,).
-
-        Each keeps the log-weight log w - by: 0 if they were drawn by their own weights.
-        ``log_sum`` is log Σ exp(by).
-        """
-        if by is self.log_weights:
-            left = np.zeros(ancestors.size)
-        else:
-            left = self.log_weights[ancestors] - by[ancestors]
+    def resampled(self, ancestors: Indices, log_sum: float) -> "ParticleBelief":
+        """Keep the ``ancestors``, drawn in proportion to w; ``log_sum`` is log Σ w."""
         return self._replace(
             queue=self.queue.resampled(ancestors),
-            log_weights=left,
-            log_normalizer=self.log_normalizer + log_sum - math.log(by.size),
+            log_weights=np.zeros(ancestors.size),
+            log_normalizer=self.log_normalizer + log_sum - math.log(self.log_weights.size),
             log_h=None,
         )
 

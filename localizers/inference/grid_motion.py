@@ -16,8 +16,8 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.numerics.types import Floats
 from localizers.models.beams import normal_pdf
-from localizers.models.lookahead_grid import PoseGrid
 from localizers.models.motion import OdometryMotion, distance_and_bearing, increments
+from localizers.models.pose_grid import PoseGrid
 
 NOTHING = 1e-140  # cells of less count as empty: below the normal numbers arithmetic is 100x slower
 

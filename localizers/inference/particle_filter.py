@@ -20,7 +20,7 @@ from localizers.inference.parts import (
     Resampling,
 )
 from localizers.inference.plan_evidence import Lookahead
-from localizers.inference.resampling import KeepsSampleSize, Selection, by_own_weight
+from localizers.inference.resampling import KeepsSampleSize
 from localizers.inference.start import InformedStart, Injection, drawn
 from localizers.inference.weights import normalized_with_log_sum
 from localizers.models.scan import Scan, ScanModel
@@ -42,7 +42,6 @@ class ParticleFilter:
         past: L, how many states before the present are kept, and thereby smoothed.
         future: F, how many planned steps are looked ahead.
         pilots: rollouts per particle when the plan changes; see ``Redraw``.
-        selection: the weights to resample by.
         move: renews queued states after resampling, leaving γ_t invariant; None: they stay.
         lookahead: what the plan says about the present, where the future is not queued; None: the
             plan is not looked at.
@@ -63,7 +62,6 @@ class ParticleFilter:
     past: int = 0
     future: int = 0
     pilots: int = 16
-    selection: Selection = by_own_weight
     move: Move | None = None
     lookahead: Lookahead | None = None
     start: InformedStart | None = None
@@ -154,11 +152,10 @@ class ParticleFilter:
 
     def _resampled(self, belief: ParticleBelief, rng: np.random.Generator) -> ParticleBelief:
         """Resample whole queues if it is time to, then move them."""
-        log_weights = self.selection(belief)
-        weights, log_sum = normalized_with_log_sum(log_weights)
+        weights, log_sum = normalized_with_log_sum(belief.log_weights)  # w without h_t
         ancestors = self.resampling.ancestors(weights, rng)
         if ancestors is not None:
-            belief = belief.resampled(ancestors, log_weights, log_sum)
+            belief = belief.resampled(ancestors, log_sum)
         return belief if self.move is None else self.move(belief, ancestors, rng)
 
     def _extended(

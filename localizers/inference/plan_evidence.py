@@ -15,7 +15,7 @@ from deqmcl_gym.numerics.types import Floats, Ints
 from deqmcl_gym.validation import number
 from localizers.inference.belief import ParticleBelief, PlanReading
 from localizers.inference.futures import Rollout, agreeing, log_mean
-from localizers.inference.parts import Actions, LogWeights, States
+from localizers.inference.parts import Actions
 from localizers.models.plan_sensor import PlanSensor, charges
 
 
@@ -30,34 +30,6 @@ class Lookahead(Protocol):
         self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
     ) -> ParticleBelief:
         """Return the belief, looking ahead along the plan (h, k)."""
-
-
-class Table(Protocol):
-    """h at hand for any state, under a window of actions."""
-
-    def log_h(self, states: States, window: Actions) -> LogWeights:
-        """Log h of states (d, n) under the actions (F, k), (n,)."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Tabulated:
-    """h_t(x) of the next F planned steps, looked up.
-
-    Attributes:
-        steps: F, how far to look.
-    """
-
-    table: Table
-    steps: int
-
-    def __call__(
-        self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
-    ) -> ParticleBelief:
-        """Return the belief, looking ahead; draws nothing."""
-        window = plan[: self.steps]
-        if len(window) == 0:
-            return belief
-        return belief.foreseeing(self.table.log_h(belief.present, window))
 
 
 @dataclass(frozen=True, kw_only=True)

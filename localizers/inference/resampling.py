@@ -13,7 +13,6 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64
 from deqmcl_gym.numerics.types import Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, integer, number, one_of
-from localizers.inference.belief import ParticleBelief
 from localizers.inference.parts import LogWeights, Weights
 from localizers.inference.weights import effective_sample_size, largest
 
@@ -96,7 +95,6 @@ def searched(cumulative: Floats, pointers: Floats, out: Indices) -> None:
 
 
 Scheme = Callable[[Weights, np.random.Generator], Indices]
-Selection = Callable[[ParticleBelief], LogWeights]
 
 
 def systematic(weights: Weights, rng: np.random.Generator) -> Indices:
@@ -153,20 +151,6 @@ class WhenDegenerate:
         chosen = self.scheme(weights, rng)
         degenerate = effective_sample_size(weights) < self.threshold * weights.size
         return chosen if degenerate else None
-
-
-def by_own_weight(belief: ParticleBelief) -> LogWeights:
-    """Resample by w: the look-ahead stays out of the filter."""
-    return belief.log_weights
-
-
-def by_reported_weight(belief: ParticleBelief) -> LogWeights:
-    """Resample by w h_t(x_t); the particles kept carry on with w = 1 / h_t(x_t).
-
-    Beside the new evidence, the next resampling thus sees log h_{t+1}(x_{t+1}) - log h_t(x_t): a
-    twisted particle filter (Whiteley & Lee 2014).
-    """
-    return belief.reported_log_weights
 
 
 def resampling(resampler: str, ess_threshold: float | None) -> Always | WhenDegenerate:

@@ -51,8 +51,8 @@ class InformedStart:
     ) -> ParticleBelief:
         """Return the chosen particles, equally weighted."""
         read = self.evidence(belief, plan, rng)
-        by, n = read.log_weights, read.log_weights.size // self.draws
-        weights, log_sum = normalized_with_log_sum(by)
+        n = read.log_weights.size // self.draws
+        weights, log_sum = normalized_with_log_sum(read.log_weights)
         chosen = pointed_at(weights, (np.arange(n) + rng.random()) / n)
         states = read.present.take(chosen, axis=1)
         if self.jitter > 0:
@@ -60,7 +60,7 @@ class InformedStart:
             sd = np.array([self.jitter, self.jitter, self.jitter / length if length > 0 else 0.0])
             noise = sd[:, None] * rng.standard_normal(states.shape)
             states = states + noise.astype(states.dtype)
-        return read.resampled(chosen, by, log_sum)._replace(queue=Queue((states,)))
+        return read.resampled(chosen, log_sum)._replace(queue=Queue((states,)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,8 +21,8 @@ from localizers.inference.belief import Events
 from localizers.inference.grid_motion import GridMotion
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.resampling import pointed_at
-from localizers.models.lookahead_grid import PoseGrid
 from localizers.models.motion import odometry
+from localizers.models.pose_grid import PoseGrid
 from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan, Scan, ScanTable
 

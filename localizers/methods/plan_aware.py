@@ -1,10 +1,8 @@
 """Methods that take the plan as evidence of the present; nothing is queued, so nothing degenerates.
 
-- ``mcl-h``, ``mcl-pilots``: p(x_t) ∝ α_t(x_t) h_t(x_t), map-based MCL, weighted by how feasible
-  the plan is from x_t. α_t covers the scans and steps so far, h_t(x) = E[Π g of the next L planned
-  steps | x_t = x]. The target is DEQ-MCL's. h_t comes from a table or from rollouts: Lin, Chen &
-  Liu 2013 (lookahead, pilots); as a twist of the filter: Whiteley & Lee 2014; Guarniero, Johansen &
-  Lee 2017.
+- ``mcl-pilots``: p(x_t) ∝ α_t(x_t) h_t(x_t), map-based MCL, weighted by how feasible the plan is
+  from x_t. α_t covers the scans and steps so far, h_t(x) = E[Π g of the next L planned steps |
+  x_t = x], from rollouts (lookahead, pilots: Lin, Chen & Liu 2013). The target is DEQ-MCL's.
 - ``mcl-plan``: p(x_t | a_{1:t}, o_{1:t}, π_{0:t}, m), map-based MCL, each plan shown an observation
   of x_t. Ours. Authors do not plan through walls, so a plan is evidence of where its author
   believes the robot to be: p(π_t | x_t, m) ∝ exp(-β C), where C planned steps collide without
@@ -14,7 +12,6 @@
 
 from dataclasses import replace
 
-from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.validation import InputError, integer, one_of
 from localizers.inference.hedge import Hedge, judging
 from localizers.inference.particle_filter import ParticleFilter
@@ -22,56 +19,12 @@ from localizers.inference.plan_evidence import (
     Known,
     Pilots,
     PlanEvidence,
-    Tabulated,
     nothing_known,
     steps_known,
 )
-from localizers.inference.resampling import Selection, by_own_weight, by_reported_weight
 from localizers.methods.deq_mcl import mcl_map_smoother
-from localizers.methods.family import FOR_THE_LOST, ON_THE_MAP, Shared, method
-from localizers.models.lookahead_grid import LookaheadGrid
-from localizers.models.motion import odometry
+from localizers.methods.family import FOR_THE_LOST, Shared, method
 from localizers.models.robot import RobotModel
-
-FORMS: dict[str, Selection] = {"estimate": by_own_weight, "twisted": by_reported_weight}
-
-
-# without the costs of a map: the table charges collisions only
-@method(*(name for name in mcl_map_smoother.takes if name not in ON_THE_MAP))
-def mcl_h(
-    robot: RobotModel,
-    shared: Shared,
-    *,
-    form: str = "estimate",
-    cell: float | None = None,
-    headings: int = 72,
-) -> ParticleFilter:
-    """Return map-based MCL with a table of h_t over ``lag`` = L planned steps.
-
-    Args:
-        robot, shared: see ``Shared``.
-        form: "estimate": h weights the report only, the cloud is that of ``mcl_map``;
-            "twisted": h also enters resampling.
-        cell: distance between nodes of the table, in the map's unit; None is 5 px, or 0.1 m.
-        headings: how many the table has, evenly spaced.
-
-    Raises:
-        InputError: the robot's motion is neither an ``OdometryMotion`` nor a
-            ``DifferentialMotion``.
-    """
-    grid = LookaheadGrid(
-        floor_plan=robot.floor_plan,
-        radius=robot.radius,
-        beta=shared.charge(robot),
-        motion=odometry(robot.motion, "mcl-h"),
-        cell=5 * pixel(robot.floor_plan.unit) if cell is None else cell,
-        headings=headings,
-    )
-    return replace(
-        mcl_map_smoother.build(robot, shared),
-        lookahead=Tabulated(table=grid, steps=shared.lag),
-        selection=FORMS[one_of("form", form, FORMS)],
-    )
 
 
 @method(*mcl_map_smoother.takes)

@@ -97,7 +97,9 @@ def shown(lap):
 
 
 def form(resampler, world, error, filter_seed=0):
-    return finished("mcl-h", world, error, params={"resampler": resampler}, filter_seed=filter_seed)
+    return finished(
+        "mcl-pilots", world, error, params={"resampler": resampler}, filter_seed=filter_seed
+    )
 
 
 def test_variants_of_one_localizer_are_animated_each_by_its_own_first_trial():
@@ -110,7 +112,7 @@ def test_variants_of_one_localizer_are_animated_each_by_its_own_first_trial():
     (panel,) = panels(records)
     best, *_ = animations_of(panel)
     assert shown(best) == [("systematic", 0, 0), ("stratified", 0, 0)]
-    assert "mcl-h resampler=systematic and mcl-h resampler=stratified" in best.caption
+    assert "mcl-pilots resampler=systematic and mcl-pilots resampler=stratified" in best.caption
 
 
 def test_a_baseline_without_a_trial_on_the_world_is_not_named():
@@ -118,7 +120,7 @@ def test_a_baseline_without_a_trial_on_the_world_is_not_named():
     (panel,) = panels(records)
     best, *_ = animations_of(panel)
     assert shown(best) == [("stratified", 0, 0)]
-    assert best.caption.startswith("World 0, mcl-h resampler=stratified: error")
+    assert best.caption.startswith("World 0, mcl-pilots resampler=stratified: error")
 
 
 def test_plug_ins_of_one_animation_do_not_meet(tmp_path):

@@ -151,14 +151,22 @@ def test_settings_are_panels_named_by_what_sets_them_apart():
 
 
 def test_variants_of_a_localizer_are_side_by_side_with_names_of_their_own():
-    variants = [("mcl-h", {}), ("mcl-h", {"form": "twisted"}), ("mcl", {})]
+    variants = [
+        ("deq-mcl-rejuvenated", {}),
+        ("deq-mcl-rejuvenated", {"moves": "third"}),
+        ("mcl", {}),
+    ]
     records = [
         finished(name, 0, 1.0, params=params | {"particles": n})
         for n in (300, 1000)
         for name, params in variants
     ]
     for panel in panels(records):
-        assert list(panel.labels.values()) == ["mcl-h", "mcl-h form=twisted", "mcl"]
+        assert list(panel.labels.values()) == [
+            "deq-mcl-rejuvenated",
+            "deq-mcl-rejuvenated moves=third",
+            "mcl",
+        ]
 
 
 @pytest.mark.parametrize(

@@ -34,12 +34,12 @@ def test_each_method_is_held_against_the_limit_of_its_own_target():
     unnamed = LimitRuns((), [limit_run(w, 10.0) for w in range(3)])
     runs = [finished("mcl-plan", w, 4.0, params=MANY) for w in (0, 1)]
     own = LimitRuns(("mcl-plan", "mcl"), runs)
-    records = [r for name in ("mcl", "mcl-h", "mcl-plan") for r in trials(name, [12.0] * 3)]
+    records = [r for name in ("mcl", "deq-mcl", "mcl-plan") for r in trials(name, [12.0] * 3)]
     for order in ((unnamed, own), (own, unnamed)):
         found = {r.method: (r.limit.name, r.gap.mean, r.worlds) for r in gaps(records, *order)}
         assert found == {
             Method("mcl-pilots", Changes(MANY)): ("mcl-pilots", 0.0, 3),
-            Method("mcl-h"): ("mcl-pilots", 2.0, 3),
+            Method("deq-mcl"): ("mcl-pilots", 2.0, 3),
             Method("mcl-plan", Changes(MANY)): ("mcl-plan", 0.0, 2),
             Method("mcl"): ("mcl-plan", 8.0, 2),
             Method("mcl-plan"): ("mcl-plan", 8.0, 2),

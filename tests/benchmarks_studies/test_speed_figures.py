@@ -100,8 +100,8 @@ def test_what_another_machine_did_stands_beside_ours_without_a_ratio():
 
 def test_docs_explain_every_figure():
     words = DOCS.read_text()
-    for who in ("pilots", "h"):  # rows that stand for three figures
-        words += "".join(f"`replanned_{who}_vs_map_step{n}k`" for n in (1, 10))
+    # of rows that stand for two figures
+    words += "".join(f"`replanned_pilots_vs_map_step{n}k`" for n in (1, 10))
     assert [f.name for f in (*FIGURES, *PEERS) if f"`{f.name}`" not in words] == []
 
 

@@ -21,11 +21,10 @@ from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.plan_evidence import (
     Pilots,
     PlanEvidence,
-    Tabulated,
     nothing_known,
     steps_known,
 )
-from localizers.inference.resampling import Always, WhenDegenerate, by_reported_weight
+from localizers.inference.resampling import Always, WhenDegenerate
 from localizers.inference.start import InformedStart
 from localizers.models.scan import Scan
 
@@ -120,19 +119,6 @@ class RingMap:
 
 
 @dataclass(frozen=True)
-class RingTable:
-    """h by the backward recursion: exact, the states can be counted."""
-
-    beta: float
-
-    def log_h(self, states, window):
-        h = np.ones(STATES)
-        for command in window[::-1, 0]:
-            h = transition(int(command), self.beta) @ h
-        return np.log(h[states[0]])
-
-
-@dataclass(frozen=True)
 class RingPlans:
     """p(π | x) ∝ exp(-β C): C steps of the plan collide without noise."""
 
@@ -223,15 +209,6 @@ def with_pilots(beta: float, **parts) -> ParticleFilter:
     return replace(ring, lookahead=Pilots(rollout=ring.rollout, steps=FUTURE, pilots=3))
 
 
-def with_h(beta: float, **parts) -> ParticleFilter:
-    table = Tabulated(table=RingTable(beta), steps=FUTURE)
-    return ring_filter(beta, past=PAST, lookahead=table, **parts)
-
-
-def twisted_by_h(beta: float, **parts) -> ParticleFilter:
-    return with_h(beta, selection=by_reported_weight, **parts)
-
-
 def with_plans(beta: float, steps=FUTURE, known=nothing_known, **parts) -> ParticleFilter:
     evidence = PlanEvidence(sensor=RingPlans(beta), steps=steps, known=known)
     return ring_filter(beta, past=PAST, lookahead=evidence, **parts)
@@ -259,8 +236,6 @@ METHODS = {
     "rejuvenated at a third of the steps": partial(
         rejuvenated, when=lambda move: Sometimes(move, 1 / 3)
     ),
-    "h": with_h,
-    "h, twisted": twisted_by_h,
     "pilots": with_pilots,
 }
 PLANS = {

@@ -54,7 +54,7 @@ def coarse(name):
     """Parameters without which a localizer is slow."""
     if name == "cbgl":
         return {"poses": 1000}
-    return {"cell": 20.0, "headings": 36} if name in ("grid", "mcl-h") else {}
+    return {"cell": 20.0, "headings": 36} if name == "grid" else {}
 
 
 @pytest.mark.parametrize("name", localizers.names())
@@ -98,12 +98,6 @@ def test_estimators_in_closed_form_take_navs_motion_as_the_turn_and_drive_of_its
         for one in (NAV2, NAV2.turn_and_drive)
     )
     assert first_difference(own, stated) is None
-
-
-def test_mcl_h_moves_its_particles_by_navs_motion_and_its_table_by_its_turn_and_drive():
-    made = localizers.make("mcl-h", replace(default_robot(), motion=NAV2), **coarse("mcl-h"))
-    assert made.filter.motion == NAV2
-    assert made.filter.lookahead.table.motion == NAV2.turn_and_drive
 
 
 def test_a_plug_in_that_knows_increments_of_two_numbers_only_gets_a_remark():

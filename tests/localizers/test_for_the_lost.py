@@ -35,7 +35,6 @@ from localizers.models.prior import even_poses, random_poses
 RNG = np.random.default_rng
 SMALL = {  # parameters that make a method quick in a building
     "grid": {"cell": 0.5, "headings": 16},
-    "mcl-h": {"cell": 0.5, "headings": 16, "particles": 300, "lag": 3},
     "amcl": {"max_particles": 300, "min_particles": 100},
     "ekf": {},
     "cbgl": {"particles": 300, "poses": 2000, "modes": 10},

@@ -14,7 +14,7 @@ from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
 from localizers.inference.grid_motion import GridMotion
 from localizers.methods import grid as method
-from localizers.models.lookahead_grid import PoseGrid
+from localizers.models.pose_grid import PoseGrid
 
 SMALL = PolygonMap(
     outer=[(0, 0), (60, 0), (60, 40), (0, 40)], obstacles=[[(23, 13), (38, 13), (38, 27), (23, 27)]]

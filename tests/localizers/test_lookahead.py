@@ -16,34 +16,24 @@ from localizers.inference.futures import (
     WhenResampled,
 )
 from localizers.inference.queue import Queue
-from localizers.inference.weights import log_sum_exp
 from localizers.models import motion
 from localizers.models.plan_sensor import FreeSpace
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
-LOOKING = [
-    ("deq-mcl-rejuvenated", {}),
-    ("mcl-h", {}),
-    ("mcl-h", {"form": "twisted"}),
-    ("mcl-pilots", {}),
-]
 
 
-@pytest.mark.parametrize(("name", "params"), LOOKING, ids=str)
-def test_without_lag_it_is_map_based_mcl_and_without_a_plan_its_smoother(
-    make, prior, drive, name, params
-):
-    looking = follow(make(name, lag=0, **params), prior, drive)
+@pytest.mark.parametrize("name", ["deq-mcl-rejuvenated", "mcl-pilots"])
+def test_without_lag_it_is_map_based_mcl_and_without_a_plan_its_smoother(make, prior, drive, name):
+    looking = follow(make(name, lag=0), prior, drive)
     assert same(looking, follow(make("mcl-map"), prior, drive), offsets=BOTH)
     empty = [np.empty((0, 2))] * 13
-    looking = follow(make(name, lag=5, **params), prior, drive, plans=empty)
+    looking = follow(make(name, lag=5), prior, drive, plans=empty)
     smoother = follow(make("mcl-map-smoother", lag=5), prior, drive, plans=empty)
     assert same(looking, smoother, offsets=BOTH)
 
 
-@pytest.mark.parametrize("name", ["mcl-h", "mcl-pilots"])
-def test_an_estimate_by_h_has_the_cloud_of_the_map_based_smoother(make, prior, drive, name):
-    looking = follow(make(name, lag=5), prior, drive)
+def test_an_estimate_by_h_has_the_cloud_of_the_map_based_smoother(make, prior, drive):
+    looking = follow(make("mcl-pilots", lag=5), prior, drive)
     smoother = follow(make("mcl-map-smoother", lag=5), prior, drive)
     for belief, plain in zip(looking, smoother, strict=True):
         for offset in BOTH:
@@ -53,25 +43,6 @@ def test_an_estimate_by_h_has_the_cloud_of_the_map_based_smoother(make, prior, d
         assert np.array_equal(belief.log_weights, plain.log_weights)
     assert not same(looking[:-1], smoother[:-1])
     assert same(looking[-1:], smoother[-1:])  # nothing is planned any more
-
-
-def test_the_twisted_form_starts_with_the_same_estimate_and_goes_on_with_other_particles(
-    make, prior, drive
-):
-    estimate = follow(make("mcl-h", lag=5), prior, drive)
-    twisted = follow(make("mcl-h", lag=5, form="twisted"), prior, drive)
-    assert same(estimate[:1], twisted[:1])
-    assert not np.array_equal(estimate[-1].points()[0], twisted[-1].points()[0])
-
-
-def test_resampled_by_h_a_particle_keeps_one_over_h(make, prior, drive):
-    start = make("mcl-h", lag=5).reset(prior, drive[0], np.random.default_rng(0))
-    by = start.reported_log_weights
-    kept = start.resampled(np.arange(60), by, log_sum_exp(by))
-    assert kept.log_h is None
-    assert kept.log_weights == pytest.approx(-start.log_h, abs=1e-12)
-    left = np.log(np.mean(np.exp(-start.log_h)))
-    assert kept.log_evidence == pytest.approx(start.log_evidence + left, abs=1e-12)
 
 
 def test_more_pilots_leave_the_cloud_as_it_is_and_of_a_free_map_they_say_nothing(

@@ -14,7 +14,6 @@ from ring import (
     deq,
     informed_throughout,
     rejuvenated,
-    twisted_by_h,
     with_pilots,
     with_plans,
     worst,
@@ -111,14 +110,6 @@ class CountsPilotsEveryStep(ParticleFilter):
         return belief if belief.log_h is None else belief.reweighted(belief.log_h)
 
 
-class ForgetsH(ParticleFilter):
-    """Resamples by h without taking it out of the weights."""
-
-    def _resampled(self, belief, rng):
-        left = super()._resampled(belief, rng)
-        return left._replace(log_weights=np.zeros_like(left.log_weights))
-
-
 class ChargedTwice(PlanEvidence):
     """Takes every plan in twice."""
 
@@ -183,7 +174,6 @@ def moving_by(move: type[RenewedFuture]) -> ParticleFilter:
         (moving_by(AcceptsEverything), "as planned", REPLICATES),
         (moving_by(MovesDuplicates), "as planned", 2_000),
         (with_pilots(1.0, filter_class=CountsPilotsEveryStep), "as planned", REPLICATES),
-        (twisted_by_h(1.0, filter_class=ForgetsH), "as planned", REPLICATES),
     ],
 )
 def test_a_wrong_filter_is_caught(ring, drive, replicates):

@@ -47,7 +47,7 @@ TRIAL = Trial(
 )  # fmt: skip
 PARTICLE_FILTERS = (
     "mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl", "deq-mcl-rejuvenated",
-    "mcl-h", "mcl-pilots", "mcl-plan", "mcl-plan-hedged",
+    "mcl-pilots", "mcl-plan", "mcl-plan-hedged",
 )  # fmt: skip
 
 

@@ -101,8 +101,7 @@ def test_a_plan_into_the_wall_that_is_given_up_leaves_sound_weights(
     ("name", "params"),
     [
         *(("deq-mcl", {"pilots": pilots}) for pilots in (1, 16)),
-        *((name, {}) for name in ("deq-mcl-rejuvenated", "mcl-h", "mcl-pilots")),
-        ("mcl-h", {"form": "twisted"}),
+        *((name, {}) for name in ("deq-mcl-rejuvenated", "mcl-pilots")),
     ],
     ids=str,
 )

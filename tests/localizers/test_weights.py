@@ -18,7 +18,6 @@ from localizers.inference.resampling import (
     SCHEMES,
     Always,
     WhenDegenerate,
-    by_own_weight,
     pointed_at,
     stratified,
     systematic,
@@ -153,7 +152,7 @@ def test_resampling_copies_each_particle_n_w_times_on_average_and_no_weightless_
 def test_a_resampled_belief_is_evenly_weighted_and_has_the_evidence_of_before(logs, seed):
     belief = cloud(logs)
     chosen = Always().ancestors(belief.weights, np.random.default_rng(seed))
-    after = belief.resampled(chosen, by_own_weight(belief), log_sum_exp(belief.log_weights))
+    after = belief.resampled(chosen, log_sum_exp(belief.log_weights))
     n = len(logs)
     assert after.points()[1].tolist() == pytest.approx([1 / n] * n)
     assert set(after.present[0]) <= set(belief.present[0][np.array(logs) > -INF])

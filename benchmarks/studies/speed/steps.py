@@ -60,8 +60,7 @@ def peer_job(made: Callable[..., peers.Update]) -> Job:
 def replanned_job(name: str, particles: int) -> Job:
     """Return the job of following a lap whose plan changes, over and over from its start.
 
-    A queue has to redraw its future there, and a table of h is made anew; on a plan that is kept,
-    both are spared.
+    A queue has to redraw its future there; on a plan that is kept, that is spared.
     """
     lap = work.replanned_lap()
     localizer = make(name, lap.robot, particles=particles)
@@ -146,7 +145,6 @@ FIGURES = (
             ("hedged", "mcl-plan-hedged", 4.0 if particles == FEW else None, 2),
             ("replanned_deq", "deq-mcl", None, 1),
             ("replanned_pilots", "mcl-pilots", None, 1),
-            ("replanned_h", "mcl-h", None, 1),
         )
     ),
 )
