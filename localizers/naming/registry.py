@@ -114,7 +114,7 @@ _FACTORIES: dict[str, Factory] = {
     "ekf": ekf,
 }
 _BUILT_IN = frozenset(_FACTORIES)
-GONE = {"mcl-h": "mcl-pilots has its error at a twelfth of the time."}  # folders may hold them
+GONE = {"mcl-h": "use mcl-pilots, which has its error."}  # folders may hold them
 
 
 def names() -> tuple[str, ...]:

@@ -51,7 +51,7 @@ RNG = np.random.default_rng
         ("mcl-map", {"cost_map": "a.pgm", "inflation_radius": 20}, "give one of them"),
         ("mcl-map", {"cost_map": "no/such.pgm"}, "cost_map: there is no image"),
         ("mcl-map", {"cost_map": 3}, "cost_map is 3"),
-        ("mcl-h", {}, "mcl-h is gone: mcl-pilots has its error at a twelfth of the time."),
+        ("mcl-h", {}, "mcl-h is gone: use mcl-pilots, which has its error."),
         ("deq-mcl", {"pilots": 0}, "pilots is 0"),
         ("mcl", {"particels": 10}, "did you mean 'particles'"),
         ("mcl", {"lag": 3}, "ess_threshold, particles, resampler"),
