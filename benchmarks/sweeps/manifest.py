@@ -18,6 +18,7 @@ from benchmarks.sweeps.store import SCHEMA
 from benchmarks.trials.provenance import Environment, Provenance, environment
 from deqmcl_gym.files import UnreadableError, content_of, json_of, typed, write_text
 from deqmcl_gym.validation import InputError
+from localizers.naming.digests import UNREAD
 
 NAME = "manifest.json"
 
@@ -109,7 +110,8 @@ def taken_over(folder: Path, ours: Manifest) -> Manifest:
 
     Raises:
         InputError: the folder is not ours, or of another sweep, other code or another plug-in
-            (all differences are listed); or a file in it was changed.
+            (all differences are listed), or of one that cannot be read; or a file in it was
+            changed.
     """
     if is_empty(folder):
         return ours
@@ -120,6 +122,12 @@ def taken_over(folder: Path, ours: Manifest) -> Manifest:
             f"{folder} holds results of something else ({'; '.join(apart)}): give a new --out, or "
             f"restore what was changed{others if held['sweep'] == made.sweep else ''}."
         )
+    for name, digest in read(folder).made.plug_ins.items():
+        if UNREAD in digest:
+            raise InputError(
+                f"{folder} holds results of {name!r}, whose code cannot be read, so nobody knows "
+                "whether it is the same now: give a new --out, or write it into a file.py."
+            )
     refuse_changed(folder)
     return made
 
