@@ -164,7 +164,7 @@ class Scenario:
             moved = replace(self, env=self._env_with(values))
             factor = pixel(moved.unit) / pixel(self.unit)
             moved = moved if factor == 1.0 else replace(scaled(self, factor), env=moved.env)
-        groups = moved._told(Changes(assumed)).by_part(_ASSUMED, "assumption")
+        groups = moved._told(Changes.told("assumed", assumed)).by_part(_ASSUMED, "assumption")
         parts = {
             part: changed(part, getattr(moved, part), keys, moved.unit, _KINDS[part])
             for part, keys in groups.items()

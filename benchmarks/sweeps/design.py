@@ -59,7 +59,7 @@ class Axis:
     values: Changes
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "values", Changes(self.values))
+        object.__setattr__(self, "values", Changes.told("vary", self.values))
         lengths = {name: len(values) for name, values in self.values.items()}
         for name, length in lengths.items():
             group, _, rest = name.partition(".")
@@ -162,6 +162,8 @@ class Sweep:
 
     def __post_init__(self) -> None:
         changes_of(self)
+        for name in ("world", "assumed"):  # nested as in TOML, or by dotted name
+            object.__setattr__(self, name, Changes.told(name, getattr(self, name)))
         object.__setattr__(self, "scenario", _scenario(self.scenario))
         object.__setattr__(self, "vary", tuple(map(_absolute, self.vary)))
         if self.agent is not None:
