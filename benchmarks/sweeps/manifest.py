@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import os
 import platform
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,13 +13,14 @@ from msgspec import Struct, field, to_builtins
 
 from benchmarks.execution.apart import provenance
 from benchmarks.files import is_empty, refuse_changed
-from benchmarks.setup.changes import spelt
+from benchmarks.setup.changes import renamed, spelt
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.store import SCHEMA
 from benchmarks.trials.provenance import Environment, Provenance, environment
 from deqmcl_gym.files import UnreadableError, content_of, json_of, typed, write_text
 from deqmcl_gym.validation import InputError
 from localizers.naming.digests import UNREAD
+from localizers.naming.plugins import Placed
 
 NAME = "manifest.json"
 
@@ -63,6 +65,7 @@ class _Content(Struct):
     command: list[str]
     environment: Environment
     verified: list[Verified] = field(default_factory=list)
+    places: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,6 +79,7 @@ class Manifest:
         command: the words that started the sweep.
         environment: see ``provenance.environment``.
         verified: what else may go on with the trials of ``made``, under their keys.
+        places: where the files are that a sweep file named, by the names that it has for them.
     """
 
     sweep: dict[str, Any]
@@ -84,6 +88,13 @@ class Manifest:
     command: Sequence[str]
     environment: Environment
     verified: Sequence[Verified] = ()
+    places: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def placed(self) -> dict[str, Any]:
+        """The sweep, with names that lead to where the files are."""
+        names = {name: Placed(name, place) for name, place in self.places.items()}
+        return renamed(self.sweep, names)  # type: ignore[no-any-return]
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -99,7 +110,14 @@ def of_sweep(sweep: Sweep, command: Sequence[str]) -> Manifest:
         parameters={name: sweep.takes(name) for name in sweep.names},
         command=command,
         environment=environment(),
+        places=places(sweep),
     )
+
+
+def places(sweep: Sweep) -> dict[str, str]:
+    """Return where the files are that a sweep file named, by the names that it has for them."""
+    named = (name for trial in sweep.cells() for name in trial.named)
+    return {str(name): name.place for name in named if isinstance(name, Placed)}
 
 
 def taken_over(folder: Path, ours: Manifest) -> Manifest:
@@ -168,7 +186,8 @@ def begin(folder: Path, ours: Manifest) -> tuple[Manifest, bool]:
         InputError: see ``taken_over``.
     """
     ours, new = taken_over(folder, ours), is_empty(folder)
-    if new or read(folder).identity != ours.identity:
+    here = {name: os.path.relpath(place, folder) for name, place in ours.places.items()}
+    if new or (held := read(folder)).identity != ours.identity or held.places != ours.places:
         content = {
             "schema": SCHEMA,
             "identity": ours.identity,
@@ -178,6 +197,8 @@ def begin(folder: Path, ours: Manifest) -> tuple[Manifest, bool]:
             "cpu": cpu_model(),
             "seeds": seeds(ours.sweep["seed"]),
         }
+        if here:
+            content["places"] = here
         if ours.verified:
             content["verified"] = to_builtins(ours.verified)
         write_text(folder / NAME, json.dumps(content, indent=2) + "\n")
@@ -245,6 +266,7 @@ def read(folder: Path) -> Manifest:
         command=known.command,
         environment=known.environment,
         verified=known.verified,
+        places={n: os.path.abspath(folder / place) for n, place in known.places.items()},
     )
 
 

@@ -1,11 +1,13 @@
 """How far a sweep has come: what a store holds of it, and the same in words."""
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from benchmarks.files import is_empty
 from benchmarks.setup import changes
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep, cells_of
@@ -155,6 +157,8 @@ def results_in(folder: Path) -> Results:
 def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
     """Return the sweep of a folder's manifest; nothing that it names is loaded.
 
+    What was named by a sweep file is where the manifest says, from the folder.
+
     Raises:
         InputError: the manifest was changed.
     """
@@ -166,7 +170,19 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
         return None if known is None else tuple(known)
 
     with changes.errors_name(folder / manifest.NAME):
-        return sweep_of(changes.of_json(made.sweep), title="", takes=takes)
+        return sweep_of(changes.of_json(made.placed), title="", takes=takes)
+
+
+def named_as_in(folder: Path, sweep: Sweep) -> Sweep:
+    """Return a sweep with absolute paths, if a folder that was made so before is to go on."""
+    places = manifest.places(sweep)
+    if is_empty(folder) or not places:
+        return sweep
+    before = json.dumps(manifest.read(folder).sweep)
+    if not any(json.dumps(place) in before for place in places.values()):
+        return sweep
+    said = changes.renamed(changes.of_json(sweep.canonical()), places)
+    return sweep_of(said, title="", takes=sweep.takes)
 
 
 def left_out_lines(results: Results, out: Path) -> list[str]:

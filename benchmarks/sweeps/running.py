@@ -22,7 +22,13 @@ from benchmarks.files import locked
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Manifest
-from benchmarks.sweeps.results import Results, collected, incomplete_sentence, left_out_lines
+from benchmarks.sweeps.results import (
+    Results,
+    collected,
+    incomplete_sentence,
+    left_out_lines,
+    named_as_in,
+)
 from benchmarks.sweeps.stopping import due, rule_of
 from benchmarks.sweeps.store import FOLDERS, Store
 from benchmarks.trials.attempt import Outcome
@@ -110,6 +116,7 @@ def begun(
         InputError: the folder is not ours, belongs to another sweep, or is in use; or a localizer
             is known in this process only, and its trials would run in others.
     """
+    sweep = named_as_in(out, sweep)
     ours = manifest.of_sweep(sweep, command)
     made = manifest.taken_over(out, ours)
     shard = None if options.shard is None else "{}/{}".format(*options.shard)

@@ -15,7 +15,7 @@ from typing import Any
 from benchmarks.execution.apart import provenance
 from benchmarks.execution.engines import Where
 from benchmarks.files import locked, refuse_changed
-from benchmarks.setup.changes import spelt
+from benchmarks.setup.changes import renamed, spelt
 from benchmarks.setup.names import plug_ins_of_agent, plug_ins_of_scan
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.held_out import HeldOut, submission
@@ -237,16 +237,8 @@ def _guests(one: Handed) -> dict[str, None]:
 def _here(one: Handed) -> Manifest:
     """Return its manifest with plug-ins named by where their files are here."""
     places = _places(one)
-
-    def named(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {key: named(own) for key, own in value.items()}
-        if isinstance(value, list):
-            return [named(own) for own in value]
-        return places.get(value, value) if isinstance(value, str) else value
-
     parameters = {places.get(name, name): own for name, own in one.made.parameters.items()}
-    return replace(one.made, sweep=named(one.made.sweep), parameters=parameters)
+    return replace(one.made, sweep=renamed(one.made.sweep, places), parameters=parameters)
 
 
 def _places(one: Handed) -> Mapping[str, str]:
@@ -257,7 +249,8 @@ def _places(one: Handed) -> Mapping[str, str]:
         if file.suffix not in (".py", ".toml") and not file.is_absolute():
             found[name] = name  # of a package that is installed
             continue
-        folders = (one.folder, one.folder.resolve().parent, file.parent)
+        known = _file(one.made.places.get(name, name))
+        folders = (one.folder, one.folder.resolve().parent, known.parent)
         if (folder := next((own for own in folders if (own / file.name).is_file()), None)) is None:
             continue
         found[name] = f"{folder.resolve() / file.name}{name.removeprefix(str(file))}"

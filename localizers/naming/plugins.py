@@ -29,7 +29,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from threading import Thread
 from types import ModuleType
-from typing import Any
+from typing import Any, Self
 
 from deqmcl_gym.files import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, in_words
@@ -192,6 +192,28 @@ def _methods(name: str, classes: Mapping[str, ast.ClassDef]) -> set[str]:
     return found.union(*(_methods(ast.unparse(base), others) for base in own.bases))
 
 
+class Placed(str):
+    """A name as a file says it, with its path from there; it is found wherever it is taken.
+
+    Attributes:
+        place: the same with an absolute path.
+    """
+
+    place: str
+
+    def __new__(cls, said: str, place: str) -> Self:
+        """Make a name that is told as ``said``."""
+        made = super().__new__(cls, said)
+        made.place = place
+        return made
+
+    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
+        return str(self), self.place
+
+    def __add__(self, end: str) -> "Placed":
+        return Placed(f"{self}{end}", self.place + end)
+
+
 def is_reference(name: str) -> bool:
     """Whether a name says where the code is, as ``package.module:NAME`` or ``file.py:NAME``."""
     return ":" in name
@@ -203,6 +225,8 @@ def absolute_name(name: str) -> str:
     The one place where the path of ``path/to/file.py:NAME`` is made absolute; ``~`` is the home
     folder. All other names stay as they are.
     """
+    if isinstance(name, Placed):
+        return name.place
     place, colon, attribute = name.rpartition(":")
     if not _is_path(place):
         return name

@@ -298,15 +298,16 @@ def complete(name: str, kind: str = "localizer", verbs: Sequence[str] = _VERBS) 
     """
     if not is_file(name):
         return name
-    found = classes_in(name, verbs)
+    file = plugins.absolute_name(name)
+    found = classes_in(file, verbs)
     if len(found) != 1:
         none = f"has no class with {' and '.join(verbs)}"
         several = f"has {', '.join(found)}" if found else none
         raise InputError(
-            f"the file {name} {several}: say which one is the {kind}, as in "
+            f"the file {file} {several}: say which one is the {kind}, as in "
             f"{name}:{found[0] if found else 'NAME'}."
         )
-    return f"{name}:{found[0]}"
+    return name + f":{found[0]}"
 
 
 def _reference(name: str) -> str:

@@ -141,7 +141,12 @@ def absolute_scan(kind: str) -> str:
     Raises:
         InputError: ``file.py`` holds no scan model or several, or cannot be read.
     """
-    return absolute_name(complete(kind, "scan model", (_VERB,)))
+    return absolute_name(complete_scan(kind))
+
+
+def complete_scan(kind: str) -> str:
+    """Return ``file.py:NAME`` for a ``file.py`` that holds one scan model, as ``complete`` does."""
+    return complete(kind, "scan model", (_VERB,))
 
 
 def scan_name(kind: str) -> str:
