@@ -223,3 +223,31 @@ def test_nested_changes_are_those_of_dotted_names(tmp_path):
     assert varied == Axis(values={"world.lidar.beams": [3, 9]})
     trial = replace(results.records[0].trial, **nested)
     assert reasons(*run([trial], tmp_path / "one")) == [None]
+
+
+class Nearly(Sure):
+    """Believes in two poses, whose weights add up to nearly 1."""
+
+    OFF = 0.0
+
+    def update(self, ranges, action, plan):
+        return self
+
+    def points(self, offset=0):
+        poses = np.array([self.POSE, (300.0, 290.0, 0.0)])
+        return None if offset else (poses, np.array([0.5, 0.5 + self.OFF]))
+
+
+@pytest.mark.parametrize("agent", ["wall-follower", "greedy", "free-energy"])
+@pytest.mark.parametrize(("off", "fails"), [(1e-6, False), (9e-4, False), (2e-3, True)])
+def test_weights_add_up_to_1_or_not_whoever_drives(tmp_path, monkeypatch, agent, off, fails):
+    monkeypatch.setattr(Nearly, "OFF", off)
+    (trial,) = suite(["mcl"], trials=1)
+    lost = replace(
+        trial, scenario="lost", localizer="nearly", params={}, agent=Named(agent), lag=0,
+        world={"horizon": 10},
+    )  # fmt: skip
+    with localizers.registered("nearly", Nearly):
+        (reason,) = reasons(*run([lost], tmp_path))
+    assert ("add up to 1" in str(reason)) == fails
+    assert (reason is None) == (not fails)
