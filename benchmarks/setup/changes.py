@@ -277,6 +277,11 @@ class Named:
     params: Changes = NOTHING
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise InputError(
+                f"the name of a localizer or agent is {shown(self.name)}, but must be text: give "
+                "file.py:NAME, or make a class a name by localizers.registered(name, factory)."
+            )
         object.__setattr__(self, "params", Changes(self.params))
 
     @classmethod

@@ -66,6 +66,7 @@ class _Content(Struct):
     environment: Environment
     verified: list[Verified] = field(default_factory=list)
     places: dict[str, str] = field(default_factory=dict)
+    margin: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,6 +81,7 @@ class Manifest:
         environment: see ``provenance.environment``.
         verified: what else may go on with the trials of ``made``, under their keys.
         places: where the files are that a sweep file named, by the names that it has for them.
+        margin: by which comparisons were looked at until they were decided; None: none was.
     """
 
     sweep: dict[str, Any]
@@ -89,6 +91,7 @@ class Manifest:
     environment: Environment
     verified: Sequence[Verified] = ()
     places: Mapping[str, str] = field(default_factory=dict)
+    margin: float | None = None
 
     @property
     def placed(self) -> dict[str, Any]:
@@ -111,6 +114,7 @@ def of_sweep(sweep: Sweep, command: Sequence[str]) -> Manifest:
         command=command,
         environment=environment(),
         places=places(sweep),
+        margin=None if sweep.until_decided is None else sweep.until_decided.margin,
     )
 
 
@@ -128,8 +132,8 @@ def taken_over(folder: Path, ours: Manifest) -> Manifest:
 
     Raises:
         InputError: the folder is not ours, or of another sweep, other code or another plug-in
-            (all differences are listed), or of one that cannot be read; or a file in it was
-            changed.
+            (all differences are listed), or of one that cannot be read; it was looked at with
+            another margin; or a file in it was changed.
     """
     if is_empty(folder):
         return ours
@@ -139,6 +143,12 @@ def taken_over(folder: Path, ours: Manifest) -> Manifest:
         raise InputError(
             f"{folder} holds results of something else ({'; '.join(apart)}): give a new --out, or "
             f"restore what was changed{others if held['sweep'] == made.sweep else ''}."
+        )
+    if ours.margin not in (None, made.margin):
+        raise InputError(
+            f"{folder} was looked at with --margin {100 * (made.margin or 0.0):g}%, and a margin "
+            f"that is chosen after a look, {100 * ours.margin:g}%, decides nothing: give that of "
+            "before, or a new --out."
         )
     for name, digest in read(folder).made.plug_ins.items():
         if UNREAD in digest:
@@ -176,7 +186,8 @@ def _under_keys_of(theirs: Manifest, ours: Manifest) -> Manifest:
             made = Provenance(before.code, before.libraries, plug_ins)
             ours = replace(ours, made=made, environment=theirs.environment)
             break
-    return replace(ours, verified=theirs.verified)
+    margin = ours.margin if theirs.margin is None else theirs.margin
+    return replace(ours, verified=theirs.verified, margin=margin)
 
 
 def begin(folder: Path, ours: Manifest) -> tuple[Manifest, bool]:
@@ -199,6 +210,8 @@ def begin(folder: Path, ours: Manifest) -> tuple[Manifest, bool]:
         }
         if here:
             content["places"] = here
+        if ours.margin is not None:
+            content["margin"] = ours.margin
         if ours.verified:
             content["verified"] = to_builtins(ours.verified)
         write_text(folder / NAME, json.dumps(content, indent=2) + "\n")
@@ -258,7 +271,7 @@ def read(folder: Path) -> Manifest:
         raise InputError(
             f"{path} {error}: it is not of a sweep, or was changed; give a new --out."
         ) from None
-    identity = known.identity
+    identity, until = known.identity, known.identity.sweep.get("until_decided")
     return Manifest(
         sweep=identity.sweep,
         made=Provenance(identity.code, identity.libraries, identity.plug_ins),
@@ -266,6 +279,7 @@ def read(folder: Path) -> Manifest:
         command=known.command,
         environment=known.environment,
         verified=known.verified,
+        margin=until.get("margin") if isinstance(until, dict) else known.margin,
         places={n: os.path.abspath(folder / place) for n, place in known.places.items()},
     )
 

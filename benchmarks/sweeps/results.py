@@ -67,6 +67,11 @@ class Results:
     left_out: dict[str, str] = field(default_factory=dict)
     rule: Rule | None = None
 
+    def __repr__(self) -> str:
+        done = self.planned - len(self.failures) - self.missing
+        counts = f"{done} of {self.planned} trials finished, {len(self.failures)} failed"
+        return f"<Results of {self.title!r}: {counts}>"
+
     @cached_property
     def panels(self) -> list[Panel]:
         """The methods of every setting, compared: all intervals and tests, computed once."""
@@ -132,7 +137,7 @@ def of_sweep(sweep: Sweep, results: Results) -> Results:
     )
 
 
-def results_in(folder: Path) -> Results:
+def results_in(folder: Path | str) -> Results:
     """Return what a folder holds of its own sweep; nothing that it names is loaded or run.
 
     Its trials are those that the code, libraries and plug-ins of its manifest have made, whatever
@@ -141,6 +146,7 @@ def results_in(folder: Path) -> Results:
     Raises:
         InputError: the folder is not one of results, or none of its files can be read.
     """
+    folder = Path(folder)
     made = manifest.read(folder)
     sweep = recorded_sweep(folder, made)
     trials = {made.made.key(trial): trial for trial in sweep.distinct()}

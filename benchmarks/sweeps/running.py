@@ -108,7 +108,7 @@ class Running:
 
 @contextmanager
 def begun(
-    sweep: Sweep, out: Path, options: Options, *, command: Sequence[str]
+    sweep: Sweep, out: Path | str, options: Options, *, command: Sequence[str]
 ) -> Iterator[Running]:
     """Open the folder of a sweep at which ``check`` has looked; nothing is run yet.
 
@@ -116,6 +116,7 @@ def begun(
         InputError: the folder is not ours, belongs to another sweep, or is in use; or a localizer
             is known in this process only, and its trials would run in others.
     """
+    out = Path(out)
     sweep = named_as_in(out, sweep)
     ours = manifest.of_sweep(sweep, command)
     made = manifest.taken_over(out, ours)

@@ -28,7 +28,7 @@ _HELD_OUT = "held_out"  # of manifests only: its seed is derived, not read
 _SUITES = Path(__file__).with_name("suites")  # a sweep file each
 
 
-def read_sweep(path: Path, added: Sequence[str] = (), *, above: Sequence[Path] = ()) -> Sweep:
+def read_sweep(path: Path | str, added: Sequence[str] = (), *, above: Sequence[Path] = ()) -> Sweep:
     """Read a sweep file.
 
     Args:
@@ -39,6 +39,7 @@ def read_sweep(path: Path, added: Sequence[str] = (), *, above: Sequence[Path] =
     Raises:
         InputError: it cannot be read, is no TOML, or has an unknown key or a bad value.
     """
+    path = Path(path)
     given = changes.read(path, "sweep")
     root = (above[0] if above else path).parent
     with changes.errors_name(path), changes.said_from(root):
@@ -83,6 +84,11 @@ def suite_file(what: str, name: str, others: Sequence[str] = ()) -> Path:
     try:
         return _SUITES / f"{one_of(what, name, (*suite_names(), *others))}.toml"
     except InputError as error:
+        if Path(name).exists():
+            raise InputError(
+                f"{what} is the file {name}: the name of a sweep file must end in .toml, so save "
+                "it under such a name."
+            ) from None
         raise InputError(f"{str(error).rstrip('.')}, or a file that ends in .toml.") from None
 
 

@@ -168,6 +168,7 @@ class Subject:
         sent: how another process finds it: a name to resolve, or the factory itself.
         timeout: how long a worker may take to answer, s.
         before: the state of this process before the localizer was loaded.
+        loaded: its state after that.
     """
 
     name: str
@@ -178,6 +179,7 @@ class Subject:
     sent: str | Factory
     timeout: float
     before: Mapping[str, Any]
+    loaded: Mapping[str, Any]
 
     @property
     def file(self) -> str | None:

@@ -13,16 +13,19 @@ from refusals import refused
 import localizers
 from benchmarks.console import FailedWarning
 from benchmarks.execution.engines import Where
+from benchmarks.report.writing import write_report
 from benchmarks.setup.changes import Named
 from benchmarks.sweeps.design import Axis, Sweep
 from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.running import Options, begun, run_missing
 from benchmarks.sweeps.store import Store
 from benchmarks.sweeps.suites import paper_suite
+from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials import attempt
 from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
+from localizers.checks import Report, Verdict
 
 
 def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
@@ -251,3 +254,32 @@ def test_weights_add_up_to_1_or_not_whoever_drives(tmp_path, monkeypatch, agent,
         (reason,) = reasons(*run([lost], tmp_path))
     assert ("add up to 1" in str(reason)) == fails
     assert (reason is None) == (not fails)
+
+
+def test_names_and_paths_are_taken_as_text_and_what_is_no_name_is_refused(tmp_path):
+    how = Options(where=ONE_JOB, progress=False)
+    sweep = Sweep(title="t", localizers=["mcl"], agent="open-loop", trials=1, lag=4)
+    assert sweep.localizers == (Method(name="mcl"),)
+    with begun(sweep, str(tmp_path / "out"), how, command=[]) as running:
+        results = running.results()
+    assert results_in(str(tmp_path / "out")).records == results.records
+    assert write_report(str(tmp_path / "out"), results)
+    (tmp_path / "l.toml").write_text('localizers = ["mcl"]')
+    assert read_sweep(f"{tmp_path}/l.toml").names == ["mcl"]
+    with refused("name of a localizer or agent is", "Sure", "registered"):
+        Method(name=Sure)
+    with refused("name of a localizer or agent is", "Sure"):
+        Sweep(title="t", localizers=[Sure])
+    with refused("localizers is 'mcl'", "a list"):
+        Sweep(title="t", localizers="mcl")
+    with refused("the results are", "folder first"):
+        write_report(results, tmp_path)
+
+
+def test_what_holds_a_whole_sweep_a_cloud_or_all_laws_is_shown_on_a_line(tmp_path):
+    (trial,) = suite(["deq-mcl"], trials=1)
+    belief = next(iter(Stage.of(trial).moments())).belief
+    assert repr(belief) == "<ParticleBelief of 15 particles at steps 0 to 4>"
+    assert repr(swept(tmp_path, ("mcl",))) == "<Results of 't': 2 of 2 trials finished, 0 failed>"
+    verdict = Verdict("finite", "FAILED", "a weight is nan")
+    assert repr(Report("mine", (verdict,))) == "<mine: 1 of 1 laws failed>"

@@ -278,6 +278,13 @@ def test_a_misspelt_suite_or_localizer_added_to_one_is_refused_with_the_nearest(
     assert "toml" not in str(caught.value)
 
 
+def test_a_sweep_file_of_another_ending_is_told_how_it_must_end(tmp_path):
+    (tmp_path / "mine.conf").write_text('localizers = ["mcl"]')
+    for name in (f"{tmp_path}/mine.conf", "/dev/stdin"):
+        with refused(f"is the file {name}", "must end in .toml"):
+            sweeps_named(name)
+
+
 def test_a_cost_map_is_found_beside_the_sweep_file_and_its_content_names_the_result(tmp_path):
     (tmp_path / "costs.pgm").write_bytes(b"P5 1 1 255 0")
     (tmp_path / "sweep.toml").write_text(

@@ -12,6 +12,9 @@ import pytest
 from deqmcl_command import python
 
 import localizers
+from benchmarks.trials.attempt import attempt
+from benchmarks.trials.plugins import key_of
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 from localizers.naming import registry
 from localizers.naming.digests import UNREAD
@@ -263,6 +266,47 @@ def test_a_file_with_one_localizer_is_completed_by_its_name_without_being_run(tm
     assert registry.complete(str(file)) == f"{file}:One"
     for name in ("mcl", "pack.good:Mine", f"{file}:One", "never-heard-of"):
         assert registry.complete(name) == name
+
+
+def test_methods_that_are_inherited_from_another_file_count_where_no_class_has_its_own(tmp_path):
+    file = tmp_path / "one.py"
+    text = "from localizers.template import MyLocalizer\n\nclass Error(Exception): pass\n"
+    file.write_text(f"{text}class One(MyLocalizer): pass\n")
+    assert registry.complete(str(file)) == f"{file}:One"
+    file.write_text(f"{text}class Two(MyLocalizer):\n    def reset(self, p, a, r): ...\n")
+    assert registry.complete(str(file)) == f"{file}:Two"
+
+
+STARTING = """
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from localizers.template import MyLocalizer
+
+def double(x):
+    return 2 * x
+
+class Mine(MyLocalizer):
+    def reset(self, prior, plan, rng):
+        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as own:
+            own.submit(double, 1).result()
+        return super().reset(prior, plan, rng)
+"""
+
+
+def test_a_file_whose_own_processes_cannot_import_it_is_told_to_be_a_package(tmp_path):
+    (tmp_path / "starts.py").write_text(STARTING)
+    trial = Trial(
+        scenario="paper", localizer=f"{tmp_path}/starts.py:Mine", params={}, lag=0, seed=0, trial=0
+    )  # fmt: skip
+    reason = attempt(trial, key_of(trial)).reason
+    assert reason.startswith("BrokenProcessPool: ")
+    assert reason.endswith("so make it a package")
+
+
+def test_a_file_that_imports_one_beside_it_is_told_to_be_a_package(tmp_path):
+    (tmp_path / "helper.py").write_text("")
+    (tmp_path / "bad.py").write_text("import helper\n")
+    assert "so make bad and helper a package." in refusal(f"{tmp_path}/bad.py:Mine")
 
 
 @pytest.mark.parametrize(
