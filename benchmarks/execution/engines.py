@@ -205,14 +205,13 @@ class Where:
         apart = self.executor != "process" or self.timeout is not None
         apart = apart or min(self.jobs or available_cpus(), len(trials)) > 1
         for trial in trials:
-            if is_registered(trial.localizer) and (apart or (guest := guest_of(trial))):
-                why, remedy = "", "Where(jobs=1) without executor and timeout"
-                if not apart:
-                    why, remedy = f", as {guest} does", "a scenario and an agent of ours"
+            if is_registered(trial.localizer) and (apart or guest_of(trial)):
+                remedy = "Where(jobs=1) without executor and timeout"
+                remedy = remedy if apart else f"a trial without {guest_of(trial)}"
                 raise InputError(
                     f"the localizer {trial.localizer!r} is registered in this process only, but "
-                    f"its trials would run in others{why}: give {remedy}, or name the localizer by "
-                    "where its code is, as file.py:NAME."
+                    f"its trials would run in others: give {remedy}, or name it by where its code "
+                    "is, as file.py:NAME."
                 )
 
     @contextmanager

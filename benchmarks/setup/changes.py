@@ -237,12 +237,8 @@ class Changes(Mapping[str, Any]):
         named = [self[name] for name in FILES if name in self]
         named += [plan.get("file")] if isinstance(plan, Mapping) else []
         several = [one if isinstance(one, tuple) else (one,) for one in named]
-        found = [path for one in several for path in one]
-        return [
-            path if isinstance(path, str) else str(path)
-            for path in found
-            if isinstance(path, str | Path)
-        ]
+        found = [path for one in several for path in one if isinstance(path, str | Path)]
+        return [str(path) if isinstance(path, Path) else path for path in found]
 
     def beside(self, folder: Path, names: Sequence[str] = FILES) -> Self:
         """Return a world's changes with the paths of files absolute, from a folder; ~ is home."""
@@ -315,7 +311,7 @@ def file_digest(path: str) -> str:
     A missing file has one, too: what reads the file reports it.
     """
     digest = sha256()
-    for own in _parts(Path(_place_of(path))):
+    for own in _parts(Path(located(path))):
         digest.update(f"{own.name}\0{content_digest(own)}\0".encode(errors="surrogateescape"))
     return digest.hexdigest()
 
@@ -388,7 +384,9 @@ def located(value: Any) -> Any:
     """Return a value of a trial with absolute paths in place of those that are said."""
     if isinstance(value, Changes):
         return Changes({name: located(inner) for name, inner in value.items()})
-    return tuple(map(located, value)) if isinstance(value, tuple) else _place_of(value)
+    if isinstance(value, tuple):
+        return tuple(map(located, value))
+    return value.place if isinstance(value, Placed) else value
 
 
 def renamed(value: Any, names: Mapping[str, str]) -> Any:
@@ -398,10 +396,6 @@ def renamed(value: Any, names: Mapping[str, str]) -> Any:
     if isinstance(value, list):
         return [renamed(inner, names) for inner in value]
     return names.get(value, value) if isinstance(value, str) else value
-
-
-def _place_of(value: Any) -> Any:
-    return value.place if isinstance(value, Placed) else value
 
 
 def _parts(path: Path) -> list[Path]:

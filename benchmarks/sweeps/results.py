@@ -182,9 +182,7 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
 def named_as_in(folder: Path, sweep: Sweep) -> Sweep:
     """Return a sweep with absolute paths, if a folder that was made so before is to go on."""
     places = manifest.places(sweep)
-    if is_empty(folder) or not places:
-        return sweep
-    before = json.dumps(manifest.read(folder).sweep)
+    before = "" if is_empty(folder) else json.dumps(manifest.read(folder).sweep)
     if not any(json.dumps(place) in before for place in places.values()):
         return sweep
     said = changes.renamed(changes.of_json(sweep.canonical()), places)

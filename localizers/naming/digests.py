@@ -12,6 +12,7 @@ import dis
 import glob
 import hashlib
 import importlib.util
+import inspect
 import os
 import pickle
 import sys
@@ -27,10 +28,6 @@ UNREAD = "unread"  # in place of the digest of what is there, but not in a file
 _MADE = ("__pycache__", ".git")
 _OURS = ("deqmcl_gym", "localizers", "benchmarks")  # results have a digest of their own
 _PLAIN = (type(None), type(...), bool, int, float, complex, str, bytes)
-_NAMED = (
-    *(types.BuiltinFunctionType, types.MethodDescriptorType, types.WrapperDescriptorType),
-    *(types.GetSetDescriptorType, types.MemberDescriptorType, types.MethodWrapperType),
-)
 _DEFINED = (type, types.FunctionType)
 _CODE = (
     *("co_name", "co_code", "co_exceptiontable", "co_flags", "co_consts", "co_names"),
@@ -123,14 +120,14 @@ class _Loaded:
             yield from thing
         elif isinstance(thing, types.ModuleType):
             yield from [thing.__name__, _file_of(thing.__name__)]
-        elif isinstance(thing, _NAMED):
-            yield from [getattr(thing, "__module__", None), thing.__qualname__]
         elif isinstance(thing, _DEFINED) and not inside:
             home = _home(thing)
             ours = home.partition(".")[0] in _OURS
             yield from [home, thing.__qualname__, None if ours else _file_of(home)]
         elif isinstance(thing, type):
-            own = {n: v for n, v in vars(thing).items() if _counts(n, v)}
+            made = (*_WRAPPERS, types.FunctionType)  # all else with such names is Python's
+            own = {n: v for n, v in vars(thing).items() if n[:2] != "__" or isinstance(v, made)}
+            own.pop("_abc_impl", None)
             yield from [thing.__qualname__, thing.__bases__, type(thing), own]
         elif isinstance(thing, types.FunctionType):
             known, code = thing.__globals__, thing.__code__
@@ -139,6 +136,8 @@ class _Loaded:
             yield from [code, thing.__defaults__, thing.__kwdefaults__, closed, used, vars(thing)]
         elif isinstance(thing, _WRAPPERS) or hasattr(thing, "__wrapped__"):
             yield from [getattr(thing, name, None) for name in _WRAPS]
+        elif inspect.isroutine(thing) or inspect.ismemberdescriptor(thing):  # of C
+            yield from [getattr(thing, "__module__", None), thing.__qualname__]
         elif inside and hasattr(thing, "__dict__"):
             yield from [type(thing), vars(thing)]
         else:
@@ -149,14 +148,6 @@ class _Loaded:
         top = home.partition(".")[0]
         in_memory = getattr(sys.modules.get(home), "__spec__", None) is None
         return top not in _OURS and (top == self._top or in_memory)
-
-
-def _counts(name: str, value: Any) -> bool:
-    """Whether an attribute of a class is of its author; Python adds others."""
-    special = name.startswith("__") and name.endswith("__")
-    return name != "_abc_impl" and (
-        not special or isinstance(value, types.FunctionType | staticmethod | classmethod | property)
-    )
 
 
 def _globals(code: types.CodeType) -> list[str]:

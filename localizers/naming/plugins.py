@@ -30,7 +30,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from threading import Thread
 from types import ModuleType
-from typing import Any, Self, cast
+from typing import Any, Self
 
 from deqmcl_gym.files import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, in_words
@@ -282,7 +282,8 @@ def load(reference: str, name: str, kind: str = "localizer") -> Any:
         if path is None and missing and f"{place}.".startswith(f"{missing}."):
             raise _no_module(named, missing) from None
         remedy = ""
-        if path is not None and missing and _is_beside(path, missing):
+        beside = path and missing and path.parent / missing.partition(".")[0]
+        if path and beside and (beside.is_dir() or beside.with_suffix(".py").is_file()):
             remedy = f": a file stands alone, so make {path.stem} and {missing} a package"
         raise InputError(
             f"{named} cannot be imported: its own code raised {raised(error, str(path))}{remedy}."
@@ -313,18 +314,11 @@ def raised(error: BaseException, file: str | None = None) -> str:
 
 def reason_of(error: BaseException) -> str:
     """Return an error in words; of a file whose own processes cannot import it, what to do."""
-    words, cause = "", cast(BaseException | None, error)
-    while cause is not None:
-        words += f"{type(cause).__name__} {cause}"
-        cause = cause.__cause__
+    shown = "".join(traceback.format_exception(error))  # and what caused it
+    if "BrokenProcessPool" not in shown and f"No module named '{_MODULE}" not in shown:
+        return in_words(error)
     remedy = "its file.py cannot be imported by processes that it starts, so make it a package"
-    lost = "BrokenProcessPool" in words or f"No module named '{_MODULE}" in words
-    return f"{in_words(error).rstrip('.')}: {remedy}" if lost else in_words(error)
-
-
-def _is_beside(path: Path, module: str) -> bool:
-    beside = path.parent / module.partition(".")[0]
-    return beside.is_dir() or beside.with_suffix(".py").is_file()
+    return f"{in_words(error).rstrip('.')}: {remedy}"
 
 
 def _source(path: Path, named: str) -> bytes:

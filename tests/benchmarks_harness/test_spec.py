@@ -146,5 +146,5 @@ def test_files_of_a_world_are_found_beside_a_folder_and_shown_without_it():
     assert beside["floor_plan"]["file"] == "/data/a.yaml"
     assert beside["log"] == ("/data/l.csv", "/m.csv")
     assert beside["map.x"] == "b"
-    assert beside.files == ["/data/a.yaml"]
+    assert beside.files == ["/data/l.csv", "/m.csv", "/data/a.yaml"]
     assert Changes({"log": "/data/l.csv"}).short() == {"log": "l.csv"}
