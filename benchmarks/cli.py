@@ -7,6 +7,7 @@ import gc
 import io
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 from importlib import import_module
 from typing import NoReturn
@@ -62,7 +63,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ["MPLBACKEND"] = "agg"  # a notebook's may not be installed here
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # θ, for a terminal that has none
-    with console.standard_streams() as output:
+    with console.standard_streams() as output, warnings.catch_warnings():
+        warnings.simplefilter("ignore", console.FailedWarning)
         try:
             code = _run(given, output, leaving=arguments is None)
         except SystemExit as end:  # argparse leaves so

@@ -10,6 +10,11 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, NoReturn, TextIO, cast
 
+
+class FailedWarning(UserWarning):
+    """Trials failed. A command says so with its exit code, last."""
+
+
 PATIENCE = 1.0  # s before a user is told what takes so long
 _SOON = 0.05  # s
 

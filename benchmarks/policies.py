@@ -144,8 +144,10 @@ class LookAhead(Still):
         if points is None or len(points[0]) == 0:
             return None
         poses, weights = points
-        chosen: Floats = np.asarray(poses, np.float64)[rng.choice(len(poses), _SAMPLES, p=weights)]
-        return chosen
+        shares = np.cumsum(weights, dtype=np.float64)  # as rng.choice does, whatever their sum is
+        chosen = (shares / shares[-1]).searchsorted(rng.random(_SAMPLES), side="right")
+        drawn: Floats = np.asarray(poses, np.float64)[chosen]
+        return drawn
 
     def _turns(self, rng: np.random.Generator) -> Floats:
         """Turns before each drive of the motions that are compared, (m, depth)."""

@@ -15,6 +15,7 @@ from deqmcl_gym.numerics.types import Floats
 T = TypeVar("T")
 
 LARGEST = 1e12  # magnitude of a number: products of two are finite in float32
+SUM_TOLERANCE = 1e-3  # of weights: a million of float32 add up to 1 within this
 SMALLEST = 1e-30  # of a number that must be above 0: its inverse is finite in float32
 _LARGEST = 2**128  # seeds of NumPy have as many bits
 _SHOWN = 200  # characters of a value in a sentence

@@ -14,11 +14,11 @@ from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.numerics.types import Singles
 from deqmcl_gym.validation import InputError
-from localizers import UniformPrior
+from localizers import UniformPrior, absolute_name
 from localizers.checks.laws import Verdict
 from localizers.checks.randomness import global_states
 from localizers.models.scan import Scan, ScanModel
-from localizers.naming.scans import absolute_scan, scan_name
+from localizers.naming.scans import complete_scan, scan_name
 
 WORLDS = ("sharp", "lost")  # the first that a model does not refuse is the one it is tried in
 FREE, ANYWHERE = 200, 100  # poses that a scan is held against; the last on and around the map
@@ -177,7 +177,7 @@ def verdicts(name: str, scenario: str | None = None, *, timeout: float = 60.0) -
         InputError: there is no such scan model, or it refuses every world.
     """
     foreign = is_code(name)
-    kind = absolute_scan(name) if foreign else name
+    kind = absolute_name(complete_scan(name)) if foreign else name
     worlds = WORLDS if scenario is None else (absolute_scenario(scenario),)
     scans = asked(foreign, timeout, _world_of, kind, worlds)
     yield from tried(LAWS, scans, scan_name(kind), foreign=foreign, timeout=timeout)

@@ -131,7 +131,7 @@ def _swept(options: argparse.Namespace) -> str:
     from benchmarks.report.writing import no_report, write_report
     from benchmarks.sweeps.dry_run import dry_run
     from benchmarks.sweeps.manifest import of_sweep, taken_over
-    from benchmarks.sweeps.results import incomplete_sentence, summary
+    from benchmarks.sweeps.results import incomplete_sentence, named_as_in, summary
     from benchmarks.sweeps.running import (
         Options,
         TrialsFailedError,
@@ -174,7 +174,7 @@ def _swept(options: argparse.Namespace) -> str:
     texts: list[str] = []
     failed: list[str] = []
     for part, sweep in sweeps.items():
-        ours = of_sweep(sweep, options.words)
+        ours = of_sweep(named_as_in(out / part, sweep), options.words)
         if options.adopt and (said := adopt(out / part, ours, how.where)):
             print(said)
         taken_over(out / part, ours)

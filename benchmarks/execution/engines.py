@@ -24,6 +24,7 @@ from benchmarks.trials.attempt import Outcome, attempt
 from benchmarks.trials.plugins import guest_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
+from localizers.naming.registry import is_registered
 
 CONNECT_SECONDS = 10  # how long a scheduler may take to answer
 _CLOSE_SECONDS, _LOOK_SECONDS = 1, 2
@@ -195,6 +196,24 @@ class Where:
         elif self.executor != "process":
             _factory(self.executor)
 
+    def refuse_unknown(self, trials: Collection[Trial]) -> None:
+        """Refuse a localizer that this process alone knows, if its trials would run in another.
+
+        Raises:
+            InputError: there is one.
+        """
+        apart = self.executor != "process" or self.timeout is not None
+        apart = apart or min(self.jobs or available_cpus(), len(trials)) > 1
+        for trial in trials:
+            if is_registered(trial.localizer) and (apart or guest_of(trial)):
+                remedy = "Where(jobs=1) without executor and timeout"
+                remedy = remedy if apart else f"a trial without {guest_of(trial)}"
+                raise InputError(
+                    f"the localizer {trial.localizer!r} is registered in this process only, but "
+                    f"its trials would run in others: give {remedy}, or name it by where its code "
+                    "is, as file.py:NAME."
+                )
+
     @contextmanager
     def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
         """Start an engine for these trials, and end it with all that still runs.
@@ -202,6 +221,7 @@ class Where:
         Raises:
             InputError: it cannot be had.
         """
+        self.refuse_unknown(trials)
         guests = any(map(guest_of, trials))
         timeout = PATIENCE if guests and self.timeout is None else self.timeout
         if self.executor == "dask":

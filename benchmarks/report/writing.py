@@ -28,7 +28,7 @@ from benchmarks.tables.map_validity import told_apart
 from benchmarks.tables.plan_validity import validities
 from benchmarks.trials.provenance import source_of
 from deqmcl_gym.files import utf8
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, shown
 
 if TYPE_CHECKING:
     from benchmarks.report.animations import Drawn
@@ -63,7 +63,7 @@ def load() -> None:
         from benchmarks.report import pages  # noqa: F401
 
 
-def write_report(out: Path, results: Results, drawn: "Drawn | None" = None) -> list[Path]:
+def write_report(out: Path | str, results: Results, drawn: "Drawn | None" = None) -> list[Path]:
     """Write the tables, report.html, results.md and images/ of a sweep; return the files.
 
     Animations are drawn, unless a folder is given that keeps them. results.csv and trials.csv
@@ -74,8 +74,10 @@ def write_report(out: Path, results: Results, drawn: "Drawn | None" = None) -> l
     Raises:
         InputError: a file in the folder is in the way that is not ours.
     """
+    if not isinstance(results, Results):
+        raise InputError(f"the results are {shown(results)}: give the folder first, then results.")
     with doing(f"writing the report in {out}"):
-        return _written(out, "report", results, drawn)
+        return _written(Path(out), "report", results, drawn)
 
 
 def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:

@@ -12,6 +12,7 @@ import tomllib
 import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -20,6 +21,7 @@ from typing import Any, Self
 from deqmcl_gym.files import UnreadableError, content_of, yaml_of
 from deqmcl_gym.validation import InputError, one_of, shown
 from localizers.naming.digests import content_digest
+from localizers.naming.plugins import Placed
 
 _LARGEST = 1e100  # magnitude of a number: charts take no larger ones
 
@@ -235,7 +237,8 @@ class Changes(Mapping[str, Any]):
         named = [self[name] for name in FILES if name in self]
         named += [plan.get("file")] if isinstance(plan, Mapping) else []
         several = [one if isinstance(one, tuple) else (one,) for one in named]
-        return [str(path) for one in several for path in one if isinstance(path, str | Path)]
+        found = [path for one in several for path in one if isinstance(path, str | Path)]
+        return [str(path) if isinstance(path, Path) else path for path in found]
 
     def beside(self, folder: Path, names: Sequence[str] = FILES) -> Self:
         """Return a world's changes with the paths of files absolute, from a folder; ~ is home."""
@@ -270,6 +273,11 @@ class Named:
     params: Changes = NOTHING
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise InputError(
+                f"the name of a localizer or agent is {shown(self.name)}, but must be text: give "
+                "file.py:NAME, or make a class a name by localizers.registered(name, factory)."
+            )
         object.__setattr__(self, "params", Changes(self.params))
 
     @classmethod
@@ -303,7 +311,7 @@ def file_digest(path: str) -> str:
     A missing file has one, too: what reads the file reports it.
     """
     digest = sha256()
-    for own in _parts(Path(path)):
+    for own in _parts(Path(located(path))):
         digest.update(f"{own.name}\0{content_digest(own)}\0".encode(errors="surrogateescape"))
     return digest.hexdigest()
 
@@ -351,9 +359,43 @@ def _absolute(folder: Path, value: Any) -> Any:
     return from_folder(folder, value) if isinstance(value, str) else value
 
 
+_ROOT: ContextVar[Path | None] = ContextVar("folder of the sweep file that is read", default=None)
+
+
+@contextmanager
+def said_from(root: Path) -> Iterator[None]:
+    """Let paths that are relative to some folder be ``Placed``, said from this one."""
+    token = _ROOT.set(Path(os.path.abspath(root)))
+    try:
+        yield
+    finally:
+        _ROOT.reset(token)
+
+
 def from_folder(folder: Path, path: str) -> str:
     """Return a path from a folder as an absolute one; ~ is the home folder."""
-    return os.path.abspath(folder / os.path.expanduser(path))
+    whole, root = os.path.abspath(folder / os.path.expanduser(path)), _ROOT.get()
+    if root is None or os.path.isabs(os.path.expanduser(path)):
+        return whole
+    return Placed(Path(os.path.relpath(whole, root)).as_posix(), whole)
+
+
+def located(value: Any) -> Any:
+    """Return a value of a trial with absolute paths in place of those that are said."""
+    if isinstance(value, Changes):
+        return Changes({name: located(inner) for name, inner in value.items()})
+    if isinstance(value, tuple):
+        return tuple(map(located, value))
+    return value.place if isinstance(value, Placed) else value
+
+
+def renamed(value: Any, names: Mapping[str, str]) -> Any:
+    """Return JSON with other texts in place of those that are ``names``."""
+    if isinstance(value, dict):
+        return {key: renamed(inner, names) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [renamed(inner, names) for inner in value]
+    return names.get(value, value) if isinstance(value, str) else value
 
 
 def _parts(path: Path) -> list[Path]:

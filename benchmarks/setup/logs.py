@@ -271,7 +271,14 @@ def _over(values: Floats, ends: Indices) -> Floats:
 
 def _explained(errors: Floats, by: Floats) -> Floats:
     """Return the least-squares fit of errors (k,) by columns (k, j) without a constant, (k,)."""
-    return by @ np.linalg.lstsq(by, errors, rcond=None)[0]
+    fit, known = np.zeros(len(errors)), list[Floats]()
+    for column in by.T:  # no LAPACK, whose last bits depend on the processor
+        left = column - sum((column * one).sum() * one for one in known)
+        size = np.sqrt(np.square(left).sum())
+        if size > 1e-12 * np.sqrt(np.square(column).sum()):
+            known.append(left / size)
+            fit += (errors * known[-1]).sum() * known[-1]
+    return fit
 
 
 def motion_noise(log: Log, kind: str = "differential") -> MotionModel:

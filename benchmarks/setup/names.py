@@ -5,7 +5,6 @@ docs/scenarios.md has the table of a scenario file's keys.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ from deqmcl_gym.validation import InputError, one_of, part
 from localizers import RobotModel, absolute_name
 from localizers.naming.digests import content_digest
 from localizers.naming.plugins import (
+    Placed,
     is_ctrl_c,
     is_file,
     is_reference,
@@ -29,7 +29,7 @@ from localizers.naming.plugins import (
     reference_digest,
 )
 from localizers.naming.registry import complete, installed, parameters_of
-from localizers.naming.scans import ScanPlugIn, absolute_scan
+from localizers.naming.scans import ScanPlugIn, complete_scan
 
 _KEYS = ("words", "base", "env", "assumed", "prior", "agent", "buildings", "thresholds")
 _OF_LOGS = ("log", "replay")  # loaded when asked for: a trial in a room needs no readers of logs
@@ -45,7 +45,7 @@ def scenario_names() -> tuple[str, ...]:
 
 
 def absolute_scenario(name: str, folder: Path = Path()) -> str:
-    """Return a name by which a process in any other folder finds the same scenario.
+    """Return a name, or a ``Placed``, by which any process finds the same scenario.
 
     Args:
         name: of it.
@@ -65,7 +65,7 @@ def scenario(name: str) -> Scenario:
     Raises:
         InputError: there is none, or its file cannot be read or is refused.
     """
-    return _scenario(absolute_scenario(name), ())
+    return _scenario(absolute_name(absolute_scenario(name)), ())
 
 
 def absolute_agent(agent: Named, folder: Path = Path()) -> Named:
@@ -99,7 +99,7 @@ def absolute_assumed(assumed: Changes, folder: Path = Path()) -> Changes:
 def _absolute_scan(kind: Any, folder: Path) -> Any:
     if not is_code(kind):
         return kind  # a scenario refuses what is none
-    return absolute_scan(from_folder(folder, kind)) if is_file(kind) else _absolute(kind, folder)
+    return complete_scan(from_folder(folder, kind)) if is_file(kind) else _absolute(kind, folder)
 
 
 def agent_names() -> tuple[str, ...]:
@@ -151,18 +151,17 @@ def make_agent(agent: Named | str, robot: RobotModel) -> Agent:
     return made
 
 
-@cache
 def plug_ins_of(name: str) -> tuple[str, ...]:
     """Return the plug-ins that a scenario leads to: itself, its bases, its agent.
 
-    Nothing is run to find out, a file is read once: one in Python stands for what it names, too.
+    Nothing is run to find out: a file in Python stands for what it names, too.
 
     Raises:
         InputError: a file cannot be read.
     """
     found: dict[str, None] = {}
     seen: set[str] = set()
-    waiting = [absolute_scenario(name)]
+    waiting = [absolute_name(absolute_scenario(name))]
     while waiting:
         other = waiting.pop()
         if is_reference(other):
@@ -188,7 +187,7 @@ def plug_ins_of_agent(agent: Named | None) -> tuple[str, ...]:
 
 def plug_ins_of_scan(assumed: Changes) -> tuple[str, ...]:
     """Return the name of the scan model that is assumed, if its code is not ours."""
-    kind = str(assumed.get(_SCAN, ""))
+    kind = assumed.get(_SCAN, "")
     return (kind,) if is_code(kind) else ()
 
 
@@ -269,6 +268,8 @@ def _agent(given: Any, base: Named) -> Named:
 
 def _absolute(name: str, folder: Path) -> str:
     """Make the path in a name absolute, from ``folder``; ~ is the home folder."""
+    if isinstance(name, Placed):
+        return name
     path, colon, attribute = (name, "", "") if name.endswith(".toml") else name.rpartition(":")
     if not path.endswith((".toml", ".py")):
         return name

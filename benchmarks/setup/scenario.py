@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from benchmarks.setup.assumed import changed
-from benchmarks.setup.changes import NOTHING, Changes, Named
+from benchmarks.setup.changes import NOTHING, Changes, Named, located
 from benchmarks.setup.interfaces import TrialEnv
 from benchmarks.setup.priors import PRIORS, Displaced, Gaussian, Places, Uniform
 from deqmcl_gym.envs.room import RoomEnv
@@ -159,12 +159,12 @@ class Scenario:
         Raises:
             InputError: unknown name or a bad value.
         """
-        moved, values = self, Changes(world)
+        moved, values = self, located(Changes(world))
         if values:
             moved = replace(self, env=self._env_with(values))
             factor = pixel(moved.unit) / pixel(self.unit)
             moved = moved if factor == 1.0 else replace(scaled(self, factor), env=moved.env)
-        groups = moved._told(Changes(assumed)).by_part(_ASSUMED, "assumption")
+        groups = moved._told(Changes.told("assumed", assumed)).by_part(_ASSUMED, "assumption")
         parts = {
             part: changed(part, getattr(moved, part), keys, moved.unit, _KINDS[part])
             for part, keys in groups.items()

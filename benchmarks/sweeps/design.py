@@ -58,7 +58,7 @@ class Axis:
     values: Changes
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "values", Changes(self.values))
+        object.__setattr__(self, "values", Changes.told("vary", self.values))
         lengths = {name: len(values) for name, values in self.values.items()}
         for name, length in lengths.items():
             group, _, rest = name.partition(".")
@@ -119,7 +119,7 @@ class Sweep:
 
     Attributes:
         title: one line, for the report.
-        localizers: the methods compared.
+        localizers: the methods compared, or their names.
         scenario: its name; a user's own as room.toml or file.py:NAME, the path made absolute.
         lag: the lag L; also a parameter of each localizer that has a use for it.
         world: changes to the world.
@@ -159,10 +159,16 @@ class Sweep:
 
     def __post_init__(self) -> None:
         changes_of(self)
+        if isinstance(self.localizers, str):
+            raise InputError(f"localizers is {self.localizers!r}, but must be a list of names.")
+        methods = [one if isinstance(one, Method) else Method(name=one) for one in self.localizers]
+        object.__setattr__(self, "localizers", tuple(methods))
+        for name in ("world", "assumed"):  # nested as in TOML, or by dotted name
+            object.__setattr__(self, name, Changes.told(name, getattr(self, name)))
         object.__setattr__(self, "scenario", _scenario(self.scenario))
         object.__setattr__(self, "vary", tuple(map(_absolute, self.vary)))
         if self.agent is not None:
-            object.__setattr__(self, "agent", _agent(self.agent))
+            object.__setattr__(self, "agent", _agent(_told(self.agent)))
         _refuse_no_agent(self.vary, self.agent)
         integer("lag", self.lag)
         integer("seed", self.seed)
@@ -333,7 +339,7 @@ def _absolute(axis: Axis) -> Axis:
 
 
 def _told(agent: Any) -> Named:
-    return Named.told("agent", agent)
+    return agent if isinstance(agent, Named) else Named.told("agent", agent)
 
 
 def _agent(agent: Named) -> Named:

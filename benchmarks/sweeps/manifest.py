@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import os
 import platform
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -12,12 +13,14 @@ from msgspec import Struct, field, to_builtins
 
 from benchmarks.execution.apart import provenance
 from benchmarks.files import is_empty, refuse_changed
-from benchmarks.setup.changes import spelt
+from benchmarks.setup.changes import renamed, spelt
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.store import SCHEMA
 from benchmarks.trials.provenance import Environment, Provenance, environment
 from deqmcl_gym.files import UnreadableError, content_of, json_of, typed, write_text
 from deqmcl_gym.validation import InputError
+from localizers.naming.digests import UNREAD
+from localizers.naming.plugins import Placed
 
 NAME = "manifest.json"
 
@@ -62,6 +65,8 @@ class _Content(Struct):
     command: list[str]
     environment: Environment
     verified: list[Verified] = field(default_factory=list)
+    places: dict[str, str] = field(default_factory=dict)
+    margin: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,6 +80,8 @@ class Manifest:
         command: the words that started the sweep.
         environment: see ``provenance.environment``.
         verified: what else may go on with the trials of ``made``, under their keys.
+        places: where the files are that a sweep file named, by the names that it has for them.
+        margin: by which comparisons were looked at until they were decided; None: none was.
     """
 
     sweep: dict[str, Any]
@@ -83,6 +90,14 @@ class Manifest:
     command: Sequence[str]
     environment: Environment
     verified: Sequence[Verified] = ()
+    places: Mapping[str, str] = field(default_factory=dict)
+    margin: float | None = None
+
+    @property
+    def placed(self) -> dict[str, Any]:
+        """The sweep, with names that lead to where the files are."""
+        names = {name: Placed(name, place) for name, place in self.places.items()}
+        return renamed(self.sweep, names)  # type: ignore[no-any-return]
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -98,7 +113,15 @@ def of_sweep(sweep: Sweep, command: Sequence[str]) -> Manifest:
         parameters={name: sweep.takes(name) for name in sweep.names},
         command=command,
         environment=environment(),
+        places=places(sweep),
+        margin=None if sweep.until_decided is None else sweep.until_decided.margin,
     )
+
+
+def places(sweep: Sweep) -> dict[str, str]:
+    """Return where the files are that a sweep file named, by the names that it has for them."""
+    named = (name for trial in sweep.cells() for name in trial.named)
+    return {str(name): name.place for name in named if isinstance(name, Placed)}
 
 
 def taken_over(folder: Path, ours: Manifest) -> Manifest:
@@ -109,7 +132,8 @@ def taken_over(folder: Path, ours: Manifest) -> Manifest:
 
     Raises:
         InputError: the folder is not ours, or of another sweep, other code or another plug-in
-            (all differences are listed); or a file in it was changed.
+            (all differences are listed), or of one that cannot be read; it was looked at with
+            another margin; or a file in it was changed.
     """
     if is_empty(folder):
         return ours
@@ -120,6 +144,18 @@ def taken_over(folder: Path, ours: Manifest) -> Manifest:
             f"{folder} holds results of something else ({'; '.join(apart)}): give a new --out, or "
             f"restore what was changed{others if held['sweep'] == made.sweep else ''}."
         )
+    if ours.margin not in (None, made.margin):
+        raise InputError(
+            f"{folder} was looked at with --margin {100 * (made.margin or 0.0):g}%, and a margin "
+            f"that is chosen after a look, {100 * ours.margin:g}%, decides nothing: give that of "
+            "before, or a new --out."
+        )
+    for name, digest in read(folder).made.plug_ins.items():
+        if UNREAD in digest:
+            raise InputError(
+                f"{folder} holds results of {name!r}, whose code cannot be read, so nobody knows "
+                "whether it is the same now: give a new --out, or write it into a file.py."
+            )
     refuse_changed(folder)
     return made
 
@@ -150,7 +186,8 @@ def _under_keys_of(theirs: Manifest, ours: Manifest) -> Manifest:
             made = Provenance(before.code, before.libraries, plug_ins)
             ours = replace(ours, made=made, environment=theirs.environment)
             break
-    return replace(ours, verified=theirs.verified)
+    margin = ours.margin if theirs.margin is None else theirs.margin
+    return replace(ours, verified=theirs.verified, margin=margin)
 
 
 def begin(folder: Path, ours: Manifest) -> tuple[Manifest, bool]:
@@ -160,7 +197,8 @@ def begin(folder: Path, ours: Manifest) -> tuple[Manifest, bool]:
         InputError: see ``taken_over``.
     """
     ours, new = taken_over(folder, ours), is_empty(folder)
-    if new or read(folder).identity != ours.identity:
+    here = {name: os.path.relpath(place, folder) for name, place in ours.places.items()}
+    if new or (held := read(folder)).identity != ours.identity or held.places != ours.places:
         content = {
             "schema": SCHEMA,
             "identity": ours.identity,
@@ -170,6 +208,10 @@ def begin(folder: Path, ours: Manifest) -> tuple[Manifest, bool]:
             "cpu": cpu_model(),
             "seeds": seeds(ours.sweep["seed"]),
         }
+        if here:
+            content["places"] = here
+        if ours.margin is not None:
+            content["margin"] = ours.margin
         if ours.verified:
             content["verified"] = to_builtins(ours.verified)
         write_text(folder / NAME, json.dumps(content, indent=2) + "\n")
@@ -229,7 +271,7 @@ def read(folder: Path) -> Manifest:
         raise InputError(
             f"{path} {error}: it is not of a sweep, or was changed; give a new --out."
         ) from None
-    identity = known.identity
+    identity, until = known.identity, known.identity.sweep.get("until_decided")
     identity.sweep.pop("held_out", None)  # where a seed came from, once; it is ``seed`` itself
     return Manifest(
         sweep=identity.sweep,
@@ -238,6 +280,8 @@ def read(folder: Path) -> Manifest:
         command=known.command,
         environment=known.environment,
         verified=known.verified,
+        margin=until.get("margin") if isinstance(until, dict) else known.margin,
+        places={n: os.path.abspath(folder / place) for n, place in known.places.items()},
     )
 
 

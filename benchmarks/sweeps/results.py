@@ -1,11 +1,13 @@
 """How far a sweep has come: what a store holds of it, and the same in words."""
 
+import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from benchmarks.files import is_empty
 from benchmarks.setup import changes
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep, cells_of
@@ -65,6 +67,11 @@ class Results:
     verified: list[str] = field(default_factory=list)
     left_out: dict[str, str] = field(default_factory=dict)
     rule: Rule | None = None
+
+    def __repr__(self) -> str:
+        done = self.planned - len(self.failures) - self.missing
+        counts = f"{done} of {self.planned} trials finished, {len(self.failures)} failed"
+        return f"<Results of {self.title!r}: {counts}>"
 
     @cached_property
     def panels(self) -> list[Panel]:
@@ -132,7 +139,7 @@ def of_sweep(sweep: Sweep, results: Results) -> Results:
     )
 
 
-def results_in(folder: Path) -> Results:
+def results_in(folder: Path | str) -> Results:
     """Return what a folder holds of its own sweep; nothing that it names is loaded or run.
 
     Its trials are those that the code, libraries and plug-ins of its manifest have made, whatever
@@ -141,6 +148,7 @@ def results_in(folder: Path) -> Results:
     Raises:
         InputError: the folder is not one of results, or none of its files can be read.
     """
+    folder = Path(folder)
     made = manifest.read(folder)
     sweep = recorded_sweep(folder, made)
     trials = {made.made.key(trial): trial for trial in sweep.distinct()}
@@ -219,6 +227,8 @@ def _worlds(made: Manifest, plug_ins: Collection[str]) -> dict[str, Any]:
 def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
     """Return the sweep of a folder's manifest; nothing that it names is loaded.
 
+    What was named by a sweep file is where the manifest says, from the folder.
+
     Raises:
         InputError: the manifest was changed.
     """
@@ -230,7 +240,17 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
         return None if known is None else tuple(known)
 
     with changes.errors_name(folder / manifest.NAME):
-        return sweep_of(changes.of_json(made.sweep), title="", takes=takes)
+        return sweep_of(changes.of_json(made.placed), title="", takes=takes)
+
+
+def named_as_in(folder: Path, sweep: Sweep) -> Sweep:
+    """Return a sweep with absolute paths, if a folder that was made so before is to go on."""
+    places = manifest.places(sweep)
+    before = "" if is_empty(folder) else json.dumps(manifest.read(folder).sweep)
+    if not any(json.dumps(place) in before for place in places.values()):
+        return sweep
+    said = changes.renamed(changes.of_json(sweep.canonical()), places)
+    return sweep_of(said, title="", takes=sweep.takes)
 
 
 def left_out_lines(results: Results, out: Path) -> list[str]:

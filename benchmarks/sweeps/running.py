@@ -6,6 +6,7 @@ import math
 import re
 import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -14,14 +15,20 @@ from typing import Any
 
 from tqdm import tqdm
 
-from benchmarks.console import beside, doing
+from benchmarks.console import FailedWarning, beside, doing
 from benchmarks.execution.apart import check_methods, check_settings
 from benchmarks.execution.engines import Where, outcomes
 from benchmarks.files import locked
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Manifest
-from benchmarks.sweeps.results import Results, collected, left_out_lines
+from benchmarks.sweeps.results import (
+    Results,
+    collected,
+    incomplete_sentence,
+    left_out_lines,
+    named_as_in,
+)
 from benchmarks.sweeps.stopping import due, rule_of
 from benchmarks.sweeps.store import FOLDERS, Store
 from benchmarks.trials.attempt import Outcome
@@ -70,7 +77,7 @@ class Running:
     now: Provenance
 
     def results(self) -> Results:
-        """Run the trials that are missing; return what is there then."""
+        """Run the trials that are missing; return what is there then, and warn if some failed."""
         if self.sweep.until_decided is None:
             number, of = self.options.shard or (1, 1)
             part = {key: self.trials[key] for key in list(self.trials)[number - 1 :: of]}
@@ -79,6 +86,8 @@ class Running:
             self._run_until_decided()
         results = collected(self.sweep, self.trials, self.store, self.made)
         _say(left_out_lines(results, self.store.out))
+        if results.failures:
+            warnings.warn(incomplete_sentence(results), FailedWarning, stacklevel=2)
         return results
 
     def _run_until_decided(self) -> None:
@@ -99,18 +108,22 @@ class Running:
 
 @contextmanager
 def begun(
-    sweep: Sweep, out: Path, options: Options, *, command: Sequence[str]
+    sweep: Sweep, out: Path | str, options: Options, *, command: Sequence[str]
 ) -> Iterator[Running]:
     """Open the folder of a sweep at which ``check`` has looked; nothing is run yet.
 
     Raises:
-        InputError: the folder is not ours, belongs to another sweep, or is in use.
+        InputError: the folder is not ours, belongs to another sweep, or is in use; or a localizer
+            is known in this process only, and its trials would run in others.
     """
+    out = Path(out)
+    sweep = named_as_in(out, sweep)
     ours = manifest.of_sweep(sweep, command)
     made = manifest.taken_over(out, ours)
     shard = None if options.shard is None else "{}/{}".format(*options.shard)
     with _gone_if_refused(out), locked((store := Store(out)).out, shard):
         trials = {made.made.key(trial): trial for trial in sweep.distinct()}
+        options.where.refuse_unknown(trials.values())
         store.refuse_obstacles(trials.keys())
         made, new = manifest.begin(out, ours)
         if shard is None:  # another one may be writing it

@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmarks.execution.apart import takes
 from benchmarks.setup import changes
-from benchmarks.setup.changes import Changes, Named, from_folder
+from benchmarks.setup.changes import Changes, Named, from_folder, located
 from benchmarks.setup.names import absolute_agent, absolute_assumed, absolute_scenario
 from benchmarks.sweeps.design import Axis, Limit, Sweep, Takes, UntilDecided
 from benchmarks.trials.spec import Method
@@ -26,7 +26,7 @@ _KEYS = (
 _SUITES = Path(__file__).with_name("suites")  # a sweep file each
 
 
-def read_sweep(path: Path, added: Sequence[str] = (), *, above: Sequence[Path] = ()) -> Sweep:
+def read_sweep(path: Path | str, added: Sequence[str] = (), *, above: Sequence[Path] = ()) -> Sweep:
     """Read a sweep file.
 
     Args:
@@ -37,8 +37,10 @@ def read_sweep(path: Path, added: Sequence[str] = (), *, above: Sequence[Path] =
     Raises:
         InputError: it cannot be read, is no TOML, or has an unknown key or a bad value.
     """
+    path = Path(path)
     given = changes.read(path, "sweep")
-    with changes.errors_name(path):
+    root = (above[0] if above else path).parent
+    with changes.errors_name(path), changes.said_from(root):
         changes.check(given, ("base", *_KEYS))
         files = (*above, Path(os.path.abspath(path)))
         base = _base(given.pop("base"), files) if "base" in given else None
@@ -58,7 +60,7 @@ def with_localizers(sweep: Sweep, names: Sequence[str]) -> Sweep:
 def _base(name: Any, files: Sequence[Path]) -> Sweep:
     """Return the sweep that the last of these files changes."""
     if changes.text("base", name).endswith(".toml"):
-        path = Path(from_folder(files[-1].parent, name))
+        path = Path(located(from_folder(files[-1].parent, name)))
         if path in files:
             raise InputError(f"base is {name!r}, which is this file or changes it: name another.")
     else:
@@ -80,6 +82,11 @@ def suite_file(what: str, name: str, others: Sequence[str] = ()) -> Path:
     try:
         return _SUITES / f"{one_of(what, name, (*suite_names(), *others))}.toml"
     except InputError as error:
+        if Path(name).exists():
+            raise InputError(
+                f"{what} is the file {name}: the name of a sweep file must end in .toml, so save "
+                "it under such a name."
+            ) from None
         raise InputError(f"{str(error).rstrip('.')}, or a file that ends in .toml.") from None
 
 

@@ -9,8 +9,9 @@ from benchmarks.trials.plugins import key_of
 from benchmarks.trials.scoring import Record, record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from deqmcl_gym.validation import LogWarning, in_words
-from localizers.naming.plugins import is_ctrl_c
+from deqmcl_gym.validation import LogWarning
+from localizers.naming.plugins import is_ctrl_c, reason_of
+from localizers.naming.registry import is_registered
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,12 +27,12 @@ def attempt(trial: Trial, key: str) -> Outcome:
     """Run one trial; an error becomes its reason to have failed.
 
     ``key`` is the name that the sweep has for it: a worker that would name it otherwise has loaded
-    other code, other libraries or another plug-in.
+    other code, other libraries or another plug-in. What was registered here is the sweep's own.
     """
     try:
         with contextlib.chdir(os.curdir), warnings.catch_warnings():  # localizers may go
             warnings.simplefilter("ignore", LogWarning)  # said when the sweep was checked
-            if key_of(trial) != key:
+            if not is_registered(trial.localizer) and key_of(trial) != key:
                 return Outcome(
                     reason="its worker loaded other code, libraries or plug-in than the sweep: "
                     "run the command again, with the same on every machine"
@@ -42,7 +43,7 @@ def attempt(trial: Trial, key: str) -> Outcome:
     except BaseException as error:
         if is_ctrl_c(error):
             raise
-        return Outcome(reason=in_words(error))
+        return Outcome(reason=reason_of(error))
     if trace.steps == 0:
         return Outcome(reason="it processed 0 steps")
     return Outcome(record=kept, seconds=trace.seconds)

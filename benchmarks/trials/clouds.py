@@ -25,7 +25,7 @@ from deqmcl_gym.numerics.elementary import (
     wrapped64,
 )
 from deqmcl_gym.numerics.types import Floats, Ints, Reals, Singles
-from deqmcl_gym.validation import InputError, digits
+from deqmcl_gym.validation import SUM_TOLERANCE, InputError, digits
 
 Scalar = Any  # a float64 inside a kernel
 
@@ -261,7 +261,6 @@ def weights_beyond(
         start = end
 
 
-_SUM_TOLERANCE = 1e-3  # of weights: a million of float32 add up to 1 within this
 _EXACT = 1e-9  # weights whose sum is farther from 1 are divided by it
 _LARGEST = np.array([1e15, 1e15, FARTHEST])  # |x|, |y| and |θ| of a pose: far beyond any map
 
@@ -388,7 +387,7 @@ def belief_moments(clouds: Clouds) -> Floats:
     total, below = out[:, 8], out[:, 9]
     starts = np.concatenate([[0], clouds.ends[:-1]])
     largest = np.maximum.reduceat(np.abs(clouds.poses), starts, axis=1).T  # NaN if one is
-    sound = (np.abs(total - 1) <= _SUM_TOLERANCE) & (below == 0)
+    sound = (np.abs(total - 1) <= SUM_TOLERANCE) & (below == 0)
     sound &= (largest <= _LARGEST).all(axis=1)
     if not sound.all():
         raise _unsound(clouds.each[int(np.argmin(sound))])
@@ -439,7 +438,7 @@ def _unsound(cloud: Cloud) -> InputError:
     """Say what is wrong with a cloud."""
     what = f"its belief of state {cloud.state} at offset {cloud.offset}"
     total, low = cloud.weights.sum(), cloud.weights.min()
-    if low >= 0 and abs(total - 1) <= _SUM_TOLERANCE:
+    if low >= 0 and abs(total - 1) <= SUM_TOLERANCE:
         return InputError(
             f"{what} has poses that are not finite or huge: x and y must be from -1e15 to 1e15, "
             "headings from -1e9 to 1e9 rad."

@@ -15,7 +15,7 @@ from benchmarks.setup.names import (
 from benchmarks.trials.provenance import Provenance, code_digest, versions
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
-from localizers.naming.plugins import reference_digest
+from localizers.naming.plugins import absolute_name, reference_digest
 from localizers.naming.registry import is_plug_in
 
 
@@ -44,13 +44,19 @@ def provenance_of(
     localizer, setup = cache(source_digest), cache(setup_digest)  # a file is read once
     digests: dict[str, str] = {}
     for trial in trials:
-        digests[trial.localizer] = localizer(trial.localizer)
-        digests[trial.scenario] = setup(trial.scenario)
+        found = [(trial.localizer, localizer(absolute_name(trial.localizer)))]
+        found.append((trial.scenario, setup(absolute_name(trial.scenario))))
         if trial.agent is not None:
-            digests[trial.agent.name] = agent_digest(trial.agent.name)
-        digests |= {name: reference_digest(name) or "" for name in plug_ins_of_scan(trial.assumed)}
-        digests |= {path: file_digest(path) for path in trial.files}
-    plug_ins = {name: digest for name, digest in digests.items() if digest}
+            found.append((trial.agent.name, agent_digest(trial.agent.name)))
+        found += [(name, reference_digest(name) or "") for name in plug_ins_of_scan(trial.assumed)]
+        found += [(path, file_digest(path)) for path in trial.files]
+        for name, digest in found:
+            if digests.setdefault(name, digest) != digest:
+                raise InputError(
+                    f"two files are called {name}, one from the folder of the sweep file and one "
+                    "from another folder: give the path of one of them from /."
+                )
+    plug_ins = {str(name): digest for name, digest in digests.items() if digest}
     return Provenance(code_digest(), versions(), plug_ins)
 
 

@@ -42,8 +42,7 @@ class Provenance(Struct, frozen=True, dict=True):
 
     def key(self, trial: Trial) -> str:
         """Return the name under which a trial's result is kept."""
-        names = (trial.localizer, trial.scenario, *trial.files, *trial.guests)
-        used = [self.plug_ins.get(name, "") for name in names]
+        used = [self.plug_ins.get(name, "") for name in trial.named]
         return trial.key("".join([self._shared, *used]))
 
     @cached_property

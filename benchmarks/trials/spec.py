@@ -129,8 +129,13 @@ class Trial:
     def guests(self) -> tuple[str, ...]:
         """Names of its agent, and of a scan model that its filters assume by the place of code."""
         agent = () if self.agent is None else (self.agent.name,)
-        kind = str(self.assumed.get("scan.kind", ""))
-        return (*agent, kind) if ":" in kind else agent
+        kind = self.assumed.get("scan.kind", "")
+        return (*agent, kind) if ":" in str(kind) else agent
+
+    @property
+    def named(self) -> tuple[str, ...]:
+        """All of it that may have a digest: names of localizer and scenario, files, guests."""
+        return (self.localizer, self.scenario, *self.files, *self.guests)
 
     @property
     def world_seed(self) -> int:

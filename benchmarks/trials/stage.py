@@ -14,7 +14,7 @@ from typing import Any, Self
 import gymnasium as gym
 import numpy as np
 
-from benchmarks.setup.changes import errors_name
+from benchmarks.setup.changes import errors_name, located
 from benchmarks.setup.interfaces import Agent, TrialEnv
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.scenario import Scenario
@@ -130,7 +130,8 @@ class Stage:
         """Run the trial; yield each step. What its localizer is made for is a copy of its own."""
         copies: dict[int, Any] = {}  # the prior's map is the robot's
         agent = self._agent()
-        localizer = make(self.trial.localizer, deepcopy(self.robot, copies), **self.trial.params)
+        params = located(self.trial.params)
+        localizer = make(self.trial.localizer, deepcopy(self.robot, copies), **params)
 
         yield from moments(
             self.env,
@@ -171,7 +172,7 @@ class Stage:
         """
         try:
             with contextlib.chdir(os.curdir):  # comes back, wherever a localizer goes
-                make(self.trial.localizer, self.robot, **self.trial.params)
+                make(self.trial.localizer, self.robot, **located(self.trial.params))
         except BaseException as error:
             if isinstance(error, InputError) or is_ctrl_c(error):
                 raise

@@ -150,7 +150,7 @@ def finite(subject: Subject) -> None:
 
 
 def weights_sum_to_one(subject: Subject) -> None:
-    """Weights are 0 or more, with sum 1 up to the rounding of a sum of n."""
+    """Weights are 0 or more, with sum 1 within 0.001: who uses them divides by their sum."""
     require_normalized(subject.history())
 
 

@@ -138,6 +138,7 @@ def subject_of(
     before = state_of_process()
     found = absolute_name(localizer) if isinstance(localizer, str) else localizer
     factory = resolve(localizer) if isinstance(localizer, str) else localizer
+    loaded = state_of_process()
     name = localizer if isinstance(localizer, str) else getattr(factory, "__name__", repr(factory))
     known = parameters_of(factory)
     for param in params:
@@ -148,7 +149,7 @@ def subject_of(
     return Subject(
         name=name, factory=factory, params=params, robot=model,
         drive=random_drive(model, np.random.default_rng(0)), sent=factory if here else found,
-        timeout=number("the timeout", timeout, low=0, above=True), before=before,
+        timeout=number("the timeout", timeout, low=0, above=True), before=before, loaded=loaded,
     )  # fmt: skip
 
 

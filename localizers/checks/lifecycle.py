@@ -136,6 +136,7 @@ def _answer(there: Connection, task: bytes) -> None:
 
 
 _GRACE = 1.0  # s that threads and processes may take to end
+_ADDED = ("the filters of warnings", "os.environ", "sys.path")
 _STREAMS = "sys.stdin, sys.stdout or sys.stderr"
 
 
@@ -201,8 +202,14 @@ def state_of_process() -> dict[str, Any]:
 def process_state_untouched(subject: Subject) -> None:
     """Working folder, streams, signal handlers, np.seterr, warnings and the like stay as they are.
 
-    From the call of the factory on: what imports do is not counted.
+    An import may add to the filters of warnings, to os.environ and to sys.path, as many do.
     """
+    imported = [n for n, b in subject.before.items() if subject.loaded[n] != b and n not in _ADDED]
+    if imported:
+        raise LawBrokenError(
+            f"its import changes {', '.join(imported)} for its whole process: change it in a call, "
+            "which puts it back before it returns"
+        )
     held = state_of_process()
     quiet = [io.StringIO() for _ in range(3)]  # a stream replaced before would not be noticed
     before = {**subject.before, _STREAMS: quiet}

@@ -35,6 +35,9 @@ class Report:
         """Verdicts of the laws that failed."""
         return tuple(verdict for verdict in self.verdicts if verdict.status == "FAILED")
 
+    def __repr__(self) -> str:
+        return f"<{self.name}: {len(self.failed)} of {len(self.verdicts)} laws failed>"
+
     def __str__(self) -> str:
         return "\n".join([f"{self.name}:", *map(str, self.verdicts)])
 

@@ -10,7 +10,7 @@ import numpy as np
 from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError, digits
+from deqmcl_gym.validation import SUM_TOLERANCE, InputError, digits
 from localizers.api import Belief, Localizer, Prior
 from localizers.models.beams import GaussianUniform
 from localizers.models.motion import OdometryMotion
@@ -168,6 +168,7 @@ class Subject:
         sent: how another process finds it: a name to resolve, or the factory itself.
         timeout: how long a worker may take to answer, s.
         before: the state of this process before the localizer was loaded.
+        loaded: its state after that.
     """
 
     name: str
@@ -178,6 +179,7 @@ class Subject:
     sent: str | Factory
     timeout: float
     before: Mapping[str, Any]
+    loaded: Mapping[str, Any]
 
     @property
     def file(self) -> str | None:
@@ -280,7 +282,7 @@ def require_finite(run: list[Snapshot]) -> None:
 
 
 def require_normalized(run: list[Snapshot]) -> None:
-    """Raise unless weights are not negative and of sum 1, up to the rounding of a sum of n."""
+    """Raise unless weights are not negative and of sum 1, as near as the benchmarks require."""
     for t, found in enumerate(run):
         for offset, (_, weights) in found.items():
             if weights.min() < 0:
@@ -288,7 +290,7 @@ def require_normalized(run: list[Snapshot]) -> None:
                     f"a weight of points({offset}) at step {t} is {weights.min():g}"
                 )
             total = float(weights.sum(dtype=np.float64))
-            if not abs(total - 1) <= weights.size * np.finfo(weights.dtype).eps:
+            if not abs(total - 1) <= SUM_TOLERANCE:
                 raise LawBrokenError(
                     f"the weights of points({offset}) at step {t} add up to {digits(total)}, not 1"
                 )

@@ -116,6 +116,11 @@ class ParticleBelief(_Cloud):
     A named tuple: several are made at every step, and a frozen dataclass takes three times as long.
     """
 
+    def __repr__(self) -> str:
+        past, steps = self.queue.present, len(self.queue.slots)
+        of = f"{self.log_weights.size} particles at steps {-past} to {steps - 1 - past}"
+        return f"<ParticleBelief of {of}>"
+
     def recall(self, kind: type[M]) -> M | None:
         """Return the memory of this class, None if there is none."""
         return next((memory for memory in self.memory if isinstance(memory, kind)), None)

@@ -196,13 +196,14 @@ class OdometryMotion:
 
         def cost(turn: float, drift: float) -> float:
             spread = np.maximum(turn * turned + drift * driven, 1e-6)
-            return float((np.log(spread) + 0.5 * np.square(missed_turn / spread)).sum())
+            return float((arrays.log(spread) + 0.5 * np.square(missed_turn / spread)).sum())
 
         scale = np.sqrt(np.square(missed_turn).mean())
         best = (scale / max(turned.mean(), 1e-9), scale / max(driven.mean(), 1e-9))
         width = 100.0
         for _ in range(_ROUNDS):
-            factors = width ** np.linspace(-1, 1, 7)
+            below = arrays.exp(np.linspace(-1, 0, 4) * arrays.log(width))
+            factors = np.concatenate([below, 1 / below[-2::-1]])  # from 1 / width to width
             tried = [(best[0] * a, best[1] * b) for a in factors for b in factors]
             best = min(tried, key=lambda pair: cost(*pair))
             width = max(np.sqrt(width), 1.001)

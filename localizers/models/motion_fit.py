@@ -39,7 +39,7 @@ def most_likely(errors: Floats, features: Floats) -> tuple[float, ...]:
     alphas = np.zeros(len(features))
     alphas[used] = square.mean() / features[used].mean(axis=1) if errors.size else 0.0
     for _ in range(_ROUNDS):
-        variance = np.maximum(alphas @ features, _TINY)
+        variance = np.maximum(_mixed(alphas, features), _TINY)
         above = (features * (square / variance**2)).sum(axis=1)
         below = np.maximum((features / variance).sum(axis=1), _TINY)
         alphas = alphas * np.sqrt(above / below)
@@ -50,5 +50,11 @@ def excess(alphas: tuple[float, ...], errors: Floats, features: Floats) -> float
     """Return the factor, 1 or more, on α that brings 99 % of the errors within 2.58 σ."""
     if errors.size == 0:
         return 1.0
-    spread = np.sqrt(np.maximum(np.array(alphas) @ features, _TINY))
+    spread = np.sqrt(np.maximum(_mixed(np.array(alphas), features), _TINY))
     return max(1.0, float(np.quantile(np.abs(errors) / spread, SHARE)) / WITHIN) ** 2
+
+
+def _mixed(alphas: Floats, features: Floats) -> Floats:
+    """Σ α_j f_j, (k,), without BLAS, whose last bits depend on the processor."""
+    mixed: Floats = (alphas[:, None] * features).sum(axis=0)
+    return mixed

@@ -1,36 +1,161 @@
 """Digests of the source of plug-ins and of the files they ship; they are read, never run.
 
+What is in no file, as a notebook's cells are not, is read from memory.
+
 What is covered: of a package, all its files; of ``file.py``, that file, the files beside it that
 have its name and another ending, and those that it declares: names, folders or patterns, from its
 folder, as in ``SHIPS = ("table.bin", "nets/*.npy")``. What it imports or downloads is not seen.
 """
 
 import ast
+import dis
 import glob
 import hashlib
 import importlib.util
+import inspect
 import os
-from collections.abc import Iterable
-from functools import lru_cache
+import pickle
+import sys
+import types
+from collections.abc import Iterable, Iterator
+from functools import cached_property, lru_cache, partial
 from pathlib import Path
+from typing import Any
 
 from deqmcl_gym.files import UnreadableError, content_of, opened
 
+UNREAD = "unread"  # in place of the digest of what is there, but not in a file
 _MADE = ("__pycache__", ".git")
+_OURS = ("deqmcl_gym", "localizers", "benchmarks")  # results have a digest of their own
+_PLAIN = (type(None), type(...), bool, int, float, complex, str, bytes)
+_DEFINED = (type, types.FunctionType)
+_CODE = (
+    *("co_name", "co_code", "co_exceptiontable", "co_flags", "co_consts", "co_names"),
+    *("co_varnames", "co_freevars", "co_cellvars", "co_argcount", "co_posonlyargcount"),
+    "co_kwonlyargcount",
+)
+_WRAPS = ("__func__", "__self__", "func", "args", "keywords", "fget", "fset", "fdel", "__wrapped__")
+_WRAPPERS = (types.MethodType, staticmethod, classmethod, property, partial, cached_property)
 
 
 def module_digest(place: str) -> str | None:
-    """Digest of the package of a module, or of the module's file; None: neither is there."""
+    """Digest of the package of a module, or of the module's file; None: neither is there.
+
+    ``UNREAD`` if there is a module, but no file of it, as in an archive.
+    """
+    top = place.partition(".")[0]
     try:
-        found = importlib.util.find_spec(place.partition(".")[0])
-    except (ImportError, ValueError):
-        return None
+        found = importlib.util.find_spec(top)
+    except (ImportError, ValueError):  # a script, a notebook, or a module that was made by hand
+        known = sys.modules.get(top)
+        return None if known is None else _file_of(top) or UNREAD
     if found is None:
         return None
     roots = [Path(root) for root in found.submodule_search_locations or []]
     if not roots:
-        return None if found.origin is None else file_digest(found.origin)
-    return _digest((path, path.relative_to(root)) for root in roots for path in _files(root))
+        return file_digest(found.origin) or UNREAD
+    files = [(path, path.relative_to(root)) for root in roots for path in _files(root)]
+    return (_digest(files) if files else None) or UNREAD
+
+
+def loaded_digest(thing: Any) -> str:
+    """Digest of what is loaded: its file or package, its code in memory, and what that uses.
+
+    Used are bases, default values, closures, class attributes and the globals that functions name;
+    of other packages the file of the module counts. ``UNREAD`` if a value cannot be read.
+    """
+    home = _home(thing)
+    module = sys.modules.get(home)
+    scripted = getattr(module, "__spec__", None) is None  # a script, a prompt, a file of its own
+    file = _file_of(home) if scripted else module_digest(home)
+    try:
+        code = "\0".join(_Loaded(home.partition(".")[0]).words(thing))
+    except Exception:  # whatever pickle raises, or a class of somebody's own
+        return file or UNREAD
+    return hashlib.sha256(f"{file}\0{code}".encode(errors="surrogatepass")).hexdigest()
+
+
+def _home(thing: Any) -> str:
+    """Return the name of the module that something was made in."""
+    while isinstance(thing, partial):
+        thing = thing.func
+    home = getattr(thing, "__module__", None)
+    return home if isinstance(home, str) else type(thing).__module__
+
+
+def _file_of(module: str) -> str | None:
+    """Digest of the file of a module that is loaded; None if it has none."""
+    return file_digest(getattr(sys.modules.get(module), "__file__", None))
+
+
+class _Loaded:
+    """What objects are made of, in words that are the same in any process."""
+
+    def __init__(self, top: str) -> None:
+        self._top = top  # package or module whose code is read, not only named
+        self._seen: dict[int, Any] = {}  # by id; held, so that no other gets it
+
+    def words(self, thing: Any) -> Iterator[str]:
+        """Yield them."""
+        kind = type(thing)
+        if kind in _PLAIN:
+            yield repr(thing)
+        elif kind in (set, frozenset):
+            yield f"{kind.__name__} {sorted(map(repr, thing))}"
+        elif id(thing) in self._seen:
+            yield f"again {[*self._seen].index(id(thing))}"
+        else:
+            self._seen[id(thing)] = thing
+            yield kind.__qualname__
+            for part in self._parts(thing):
+                yield from self.words(part)
+
+    def _parts(self, thing: Any) -> Iterator[Any]:
+        inside = self._is_inside(thing if isinstance(thing, _DEFINED) else type(thing))
+        if isinstance(thing, types.CodeType):
+            yield from [getattr(thing, name) for name in _CODE]
+        elif isinstance(thing, dict | types.MappingProxyType):
+            yield from [part for item in thing.items() for part in item]
+        elif type(thing) in (list, tuple):
+            yield from thing
+        elif isinstance(thing, types.ModuleType):
+            yield from [thing.__name__, _file_of(thing.__name__)]
+        elif isinstance(thing, _DEFINED) and not inside:
+            home = _home(thing)
+            ours = home.partition(".")[0] in _OURS
+            yield from [home, thing.__qualname__, None if ours else _file_of(home)]
+        elif isinstance(thing, type):
+            made = (*_WRAPPERS, types.FunctionType)  # all else with such names is Python's
+            own = {n: v for n, v in vars(thing).items() if n[:2] != "__" or isinstance(v, made)}
+            own.pop("_abc_impl", None)
+            yield from [thing.__qualname__, thing.__bases__, type(thing), own]
+        elif isinstance(thing, types.FunctionType):
+            known, code = thing.__globals__, thing.__code__
+            used = {name: known[name] for name in _globals(code) if name in known}
+            closed = [cell.cell_contents for cell in thing.__closure__ or ()]
+            yield from [code, thing.__defaults__, thing.__kwdefaults__, closed, used, vars(thing)]
+        elif isinstance(thing, _WRAPPERS) or hasattr(thing, "__wrapped__"):
+            yield from [getattr(thing, name, None) for name in _WRAPS]
+        elif inspect.isroutine(thing) or inspect.ismemberdescriptor(thing):  # of C
+            yield from [getattr(thing, "__module__", None), thing.__qualname__]
+        elif inside and hasattr(thing, "__dict__"):
+            yield from [type(thing), vars(thing)]
+        else:
+            yield pickle.dumps(thing)
+
+    def _is_inside(self, thing: Any) -> bool:
+        home = _home(thing)
+        top = home.partition(".")[0]
+        in_memory = getattr(sys.modules.get(home), "__spec__", None) is None
+        return top not in _OURS and (top == self._top or in_memory)
+
+
+def _globals(code: types.CodeType) -> list[str]:
+    """Return the names of the globals that code asks for, that within it too."""
+    loads = ("LOAD_GLOBAL", "LOAD_NAME")
+    found = {one.argval for one in dis.get_instructions(code) if one.opname in loads}
+    inner = [name for c in code.co_consts if isinstance(c, types.CodeType) for name in _globals(c)]
+    return sorted({*found, *inner})
 
 
 def file_digest(file: str | None) -> str | None:

@@ -10,6 +10,7 @@ none of its cleanup.
 
 import ast
 import atexit
+import builtins
 import contextlib
 import difflib
 import hashlib
@@ -29,13 +30,15 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from threading import Thread
 from types import ModuleType
-from typing import Any
+from typing import Any, Self
 
 from deqmcl_gym.files import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, in_words
 from localizers.naming.digests import file_digest, module_digest
 
 SPAWN = multiprocessing.get_context("spawn")
+_MODULE = "_localizer_"  # begins the name of a module that is a file of its own
+_ELSEWHERE = "…"
 _MARK = "DEQMCL_PROCESS"  # in the environment of all that the process starts
 _EXEC_SECONDS = 0.02  # a program that is just being started does not show its environment yet
 _OOM_SCORE = "500"  # who is killed first when memory runs out: this process, not its parent
@@ -166,6 +169,8 @@ def is_file(name: str) -> bool:
 def classes_in(file: str, verbs: Collection[str]) -> list[str]:
     """Return the names of the public classes in a file that have these methods.
 
+    If none has them itself, those that may inherit them from a class that is imported.
+
     Raises:
         InputError: the file cannot be read, or is not Python.
     """
@@ -178,18 +183,43 @@ def classes_in(file: str, verbs: Collection[str]) -> list[str]:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:  # ValueError: a NUL
         raise InputError(f"the file {file} cannot be parsed as Python: {error}.") from None
     classes = {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
-    return [
-        name for name in classes if not name.startswith("_") and {*verbs} <= _methods(name, classes)
-    ]
+    public = {name: _methods(name, classes) for name in classes if not name.startswith("_")}
+    having = [name for name, own in public.items() if {*verbs} <= own]
+    return having or [name for name, own in public.items() if _ELSEWHERE in own]
 
 
 def _methods(name: str, classes: Mapping[str, ast.ClassDef]) -> set[str]:
-    """Names of the methods of a class, also of those that it inherits from others in the file."""
+    """Names of the methods of a class, also of those that it inherits from others in the file.
+
+    ``_ELSEWHERE`` stands for those of a class that is imported.
+    """
     if name not in classes:
-        return set()
+        return set() if hasattr(builtins, name) else {_ELSEWHERE}
     own, others = classes[name], {key: value for key, value in classes.items() if key != name}
     found = {node.name for node in own.body if isinstance(node, ast.FunctionDef)}
     return found.union(*(_methods(ast.unparse(base), others) for base in own.bases))
+
+
+class Placed(str):
+    """A name as a file says it, with its path from there; it is found wherever it is taken.
+
+    Attributes:
+        place: the same with an absolute path.
+    """
+
+    place: str
+
+    def __new__(cls, said: str, place: str) -> Self:
+        """Make a name that is told as ``said``."""
+        made = super().__new__(cls, said)
+        made.place = place
+        return made
+
+    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
+        return str(self), self.place
+
+    def __add__(self, end: str) -> "Placed":
+        return Placed(f"{self}{end}", self.place + end)
 
 
 def is_reference(name: str) -> bool:
@@ -203,6 +233,8 @@ def absolute_name(name: str) -> str:
     The one place where the path of ``path/to/file.py:NAME`` is made absolute; ``~`` is the home
     folder. All other names stay as they are.
     """
+    if isinstance(name, Placed):
+        return name.place
     place, colon, attribute = name.rpartition(":")
     if not _is_path(place):
         return name
@@ -249,8 +281,12 @@ def load(reference: str, name: str, kind: str = "localizer") -> Any:
         missing = error.name if isinstance(error, ModuleNotFoundError) else None
         if path is None and missing and f"{place}.".startswith(f"{missing}."):
             raise _no_module(named, missing) from None
+        remedy = ""
+        beside = path and missing and path.parent / missing.partition(".")[0]
+        if path and beside and (beside.is_dir() or beside.with_suffix(".py").is_file()):
+            remedy = f": a file stands alone, so make {path.stem} and {missing} a package"
         raise InputError(
-            f"{named} cannot be imported: its own code raised {raised(error, str(path))}."
+            f"{named} cannot be imported: its own code raised {raised(error, str(path))}{remedy}."
         ) from error
     own = _offered(module)
     raise InputError(
@@ -272,8 +308,17 @@ def raised(error: BaseException, file: str | None = None) -> str:
     """
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if frame.filename == file] or frames
-    said = in_words(error).rstrip(".")
+    said = reason_of(error).rstrip(".")
     return f"{said} ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else said
+
+
+def reason_of(error: BaseException) -> str:
+    """Return an error in words; of a file whose own processes cannot import it, what to do."""
+    shown = "".join(traceback.format_exception(error))  # and what caused it
+    if "BrokenProcessPool" not in shown and f"No module named '{_MODULE}" not in shown:
+        return in_words(error)
+    remedy = "its file.py cannot be imported by processes that it starts, so make it a package"
+    return f"{in_words(error).rstrip('.')}: {remedy}"
 
 
 def _source(path: Path, named: str) -> bytes:
@@ -291,7 +336,7 @@ def _source(path: Path, named: str) -> bytes:
 def _run(path: Path, source: bytes) -> ModuleType:
     """Run a file as a module of its own, once per content: an edited file is another module."""
     content = hashlib.sha256(b"\0".join((str(path).encode(), source))).hexdigest()
-    name = f"_localizer_{content[:16]}"
+    name = f"{_MODULE}{content[:16]}"
     if name not in sys.modules:
         code = compile(source, str(path), "exec")
         module = ModuleType(name)

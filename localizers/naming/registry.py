@@ -6,9 +6,10 @@ Installed packages offer theirs by entry points of the group ``deqmcl.localizers
 import inspect
 import re
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import cache, partial
+from functools import cache
 from importlib.metadata import Distribution, distributions
 from typing import Any
 
@@ -30,7 +31,7 @@ from localizers.methods.grid import grid
 from localizers.methods.plan_aware import mcl_pilots, mcl_plan, mcl_plan_hedged
 from localizers.models.robot import RobotModel
 from localizers.naming import plugins
-from localizers.naming.digests import file_digest
+from localizers.naming.digests import loaded_digest
 from localizers.naming.plugins import classes_in, is_file
 
 GROUP = "deqmcl.localizers"
@@ -125,13 +126,22 @@ def names() -> tuple[str, ...]:
 def register(name: str, factory: Factory) -> None:
     """Make ``factory(robot, **params) -> Localizer`` known as ``name``, in this process only.
 
+    A name that was registered before means the new one, with a warning: a notebook's cell is run
+    again.
+
     Raises:
-        InputError: the name is taken, or has a colon.
+        InputError: the name is that of a built-in localizer, or has a colon.
     """
-    if name in _FACTORIES:
-        raise InputError(f"the localizer name {name!r} is taken: choose another one.")
-    if plugins.is_reference(name):
-        raise InputError(f"the localizer name {name!r} has a colon: choose one without.")
+    if name in _BUILT_IN:
+        raise InputError(f"the localizer name {name!r} is taken by a built-in one: choose another.")
+    if not isinstance(name, str) or plugins.is_reference(name):
+        raise InputError(f"the localizer name is {name!r}, but must be text without a colon.")
+    if name in _FACTORIES and _FACTORIES[name] is not factory:
+        warnings.warn(
+            f"the localizer {name!r} was registered before: from now on it is the new one; "
+            "with localizers.registered(name, factory) registers one for a while.",
+            stacklevel=2,
+        )
     _FACTORIES[name] = factory
 
 
@@ -142,11 +152,14 @@ def registered(name: str, factory: Factory) -> Iterator[None]:
     Raises:
         InputError: see ``register``.
     """
+    before = None if name in _BUILT_IN else _FACTORIES.pop(name, None)
     register(name, factory)
     try:
         yield
     finally:
         del _FACTORIES[name]
+        if before is not None:
+            _FACTORIES[name] = before
 
 
 def is_registered(name: str) -> bool:
@@ -259,7 +272,8 @@ def source_digest(name: str) -> str | None:
 
     ``localizers.naming.digests`` documents what it covers. Files are read, not run, so a plug-in
     that cannot be imported has one too. None for a built-in localizer, whose source is this
-    package's, and if there is nothing to read. It is stored with results.
+    package's, and if it is not there; ``UNREAD`` if there is nothing to read. It is stored with
+    results.
 
     Raises:
         InputError: a plain name that does not exist.
@@ -268,14 +282,7 @@ def source_digest(name: str) -> str | None:
         return None
     if name not in _FACTORIES:
         return plugins.reference_digest(_reference(name))
-    factory: Any = _FACTORIES[name]
-    while isinstance(factory, partial):
-        factory = factory.func
-    home = getattr(factory, "__module__", None) or type(factory).__module__
-    module = sys.modules.get(home)
-    if getattr(module, "__spec__", None) is None:  # a script, a prompt, or a file of its own
-        return file_digest(getattr(module, "__file__", None))
-    return plugins.reference_digest(f"{home}:{name}")
+    return loaded_digest(_FACTORIES[name])
 
 
 def complete(name: str, kind: str = "localizer", verbs: Sequence[str] = _VERBS) -> str:
@@ -291,15 +298,16 @@ def complete(name: str, kind: str = "localizer", verbs: Sequence[str] = _VERBS) 
     """
     if not is_file(name):
         return name
-    found = classes_in(name, verbs)
+    file = plugins.absolute_name(name)
+    found = classes_in(file, verbs)
     if len(found) != 1:
         none = f"has no class with {' and '.join(verbs)}"
         several = f"has {', '.join(found)}" if found else none
         raise InputError(
-            f"the file {name} {several}: say which one is the {kind}, as in "
+            f"the file {file} {several}: say which one is the {kind}, as in "
             f"{name}:{found[0] if found else 'NAME'}."
         )
-    return f"{name}:{found[0]}"
+    return name + f":{found[0]}"
 
 
 def _reference(name: str) -> str:

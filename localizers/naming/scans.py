@@ -36,7 +36,7 @@ class ScanPlugIn:
     params: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "kind", absolute_scan(self.kind))
+        object.__setattr__(self, "kind", absolute_name(complete_scan(self.kind)))
         number("scan.power", self.power, low=0, high=1, above=True)
 
     def __str__(self) -> str:
@@ -135,13 +135,13 @@ class CheckedScan:
         return self.power * found
 
 
-def absolute_scan(kind: str) -> str:
-    """Return the name by which a process in any other folder finds the same scan model.
+def complete_scan(kind: str) -> str:
+    """Return ``file.py:NAME`` for a ``file.py`` that holds one scan model, else the name as it is.
 
     Raises:
-        InputError: ``file.py`` holds no scan model or several, or cannot be read.
+        InputError: the file holds none or several, or cannot be read.
     """
-    return absolute_name(complete(kind, "scan model", (_VERB,)))
+    return complete(kind, "scan model", (_VERB,))
 
 
 def scan_name(kind: str) -> str:

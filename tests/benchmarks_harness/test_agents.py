@@ -107,7 +107,7 @@ def test_a_sweep_names_agents_and_their_parameters_and_trials_without_one_are_as
         'agent = ["stale", "mine.py", { name = "mine.py:Turner", params = { by = 0.2 } }]\n'
     )
     sweep = read_sweep(tmp_path / "sweep.toml")
-    mine = f"{tmp_path}/mine.py:Turner"
+    mine = "mine.py:Turner"
     agents = [trial.agent for trial in sweep.cells()]
     assert agents == [Named("stale"), Named(mine), Named(mine, {"by": 0.2})]
     assert sweep.baseline == "stale"

@@ -9,7 +9,13 @@ import pytest
 from refusals import refused
 
 from benchmarks.pictures.figures import camera_of
-from benchmarks.setup.names import absolute_scenario, make_agent, scenario, scenario_names
+from benchmarks.setup.names import (
+    absolute_scenario,
+    make_agent,
+    plug_ins_of,
+    scenario,
+    scenario_names,
+)
 from benchmarks.setup.priors import Places
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.plugins import key_of
@@ -282,6 +288,13 @@ def test_a_file_that_is_edited_makes_results_of_another_key(room, edited):
     assert key_of(trial(scenario=str(room))) == before
     (room.parent / edited).write_text((room.parent / edited).read_text() + "\n# edited")
     assert key_of(trial(scenario=str(room))) != before
+
+
+def test_a_file_that_is_edited_leads_to_its_plug_ins_of_now(tmp_path):
+    path = tmp_path / "room.toml"
+    for agent in ("one.py:Mine", "two.py:Mine"):
+        path.write_text(f'agent = "{agent}"')
+        assert plug_ins_of(f"{path}") == (f"{tmp_path}/{agent}",)
 
 
 def test_a_relative_name_is_made_absolute_and_others_stay(room, monkeypatch):

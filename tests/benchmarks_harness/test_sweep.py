@@ -2,20 +2,30 @@
 
 import math
 import sys
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 from deqmcl_command import files
+from refusals import refused
 
 import localizers
+from benchmarks.console import FailedWarning
 from benchmarks.execution.engines import Where
-from benchmarks.sweeps.running import Options, run_missing
+from benchmarks.report.writing import write_report
+from benchmarks.setup.changes import Named
+from benchmarks.sweeps.design import Axis, Sweep
+from benchmarks.sweeps.results import results_in
+from benchmarks.sweeps.running import Options, begun, run_missing
 from benchmarks.sweeps.store import Store
 from benchmarks.sweeps.suites import paper_suite
+from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials import attempt
 from benchmarks.trials.plugins import provenance_of
+from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
+from localizers.checks import Report, Verdict
 
 
 def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
@@ -123,3 +133,153 @@ def test_a_localizer_that_fails_fails_its_trials_with_the_reason_and_the_others_
     assert reason in bad
     assert good is None
     assert len(files(tmp_path / "trials")) == 1
+
+
+class Sure:
+    """Believes in one pose."""
+
+    POSE = (1.0, 2.0, 0.0)
+
+    def __init__(self, robot):
+        pass
+
+    def reset(self, prior, plan, rng):
+        return localizers.PoseBelief(self.POSE)
+
+    def update(self, ranges, action, plan):
+        return localizers.PoseBelief(self.POSE)
+
+
+ONE_JOB = Where(jobs=1)
+
+
+def swept(out, names=("sure",), where=ONE_JOB, **said):
+    """Run two trials of each method into a folder; return the results."""
+    methods = tuple(Method(name=name) for name in names)
+    sweep = Sweep(title="t", localizers=methods, trials=2, params={"particles": 15}, **said)
+    with begun(sweep, out, Options(where=where, progress=False), command=[]) as running:
+        return running.results()
+
+
+def errors(results):
+    return [row.errors for panel in results.panels for row in panel.rows if row.offset == 0]
+
+
+def test_a_class_that_was_changed_in_memory_is_not_taken_for_the_one_of_the_results(
+    tmp_path, monkeypatch
+):
+    with localizers.registered("sure", Sure):
+        (own,) = errors(swept(tmp_path))
+        assert [own] == errors(swept(tmp_path))
+        monkeypatch.setattr(Sure, "POSE", (300.0, 2.0, 0.0))
+        with refused("plug-ins.sure was", "new --out"):
+            swept(tmp_path)
+        assert errors(swept(tmp_path / "new")) != [own]
+
+
+def test_results_of_what_cannot_be_read_are_not_gone_on_with(tmp_path, monkeypatch):
+    monkeypatch.setattr(Sure, "SOURCE", (one for one in ()), raising=False)
+    monkeypatch.setattr(Sure, "__module__", "a_cell")
+    with localizers.registered("sure", Sure):
+        assert swept(tmp_path).failures == []
+        with refused("results of 'sure'", "cannot be read", "file.py"):
+            swept(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("where", "said", "words"),
+    [
+        (Where(jobs=2), {}, "Where(jobs=1)"),
+        (Where(jobs=1, timeout=60.0), {}, "Where(jobs=1)"),
+        (Where(jobs=1, executor="a:b"), {}, "Where(jobs=1)"),
+        (ONE_JOB, {"agent": Named("drivers:Mine")}, "drivers:Mine"),
+    ],
+)
+def test_a_name_that_this_process_alone_knows_is_refused_where_others_would_run_it(
+    tmp_path, where, said, words
+):
+    with (
+        localizers.registered("sure", Sure),
+        refused("'sure' is registered in this process only", words, "file.py:NAME"),
+    ):
+        swept(tmp_path / "new", where=where, **said)
+    assert not (tmp_path / "new").exists()
+
+
+def test_trials_that_fail_are_told_in_python_too(tmp_path):
+    with (
+        localizers.registered("bad", lambda robot: Broken("reset")),
+        pytest.warns(FailedWarning, match="2 of 4 trials failed.*broken in reset"),
+    ):
+        swept(tmp_path, ("dead-reckoning", "bad"))
+
+
+def test_nested_changes_are_those_of_dotted_names(tmp_path):
+    nested = {"assumed": {"motion": "world", "scan": {"sigma": "world"}}}
+    nested["world"] = {"lidar": {"beams": 3}}
+    dotted = {"assumed": {"motion": "world", "scan.sigma": "world"}, "world": {"lidar.beams": 3}}
+    results = swept(tmp_path, ("mcl",), **nested)
+    assert results.failures == []
+    assert swept(tmp_path, ("mcl",), **dotted).records == results.records
+    assert results_in(tmp_path).records == results.records
+    varied = Axis(values={"world": {"lidar": {"beams": [3, 9]}}})
+    assert varied == Axis(values={"world.lidar.beams": [3, 9]})
+    trial = replace(results.records[0].trial, **nested)
+    assert reasons(*run([trial], tmp_path / "one")) == [None]
+
+
+class Nearly(Sure):
+    """Believes in two poses, whose weights add up to nearly 1."""
+
+    OFF = 0.0
+
+    def update(self, ranges, action, plan):
+        return self
+
+    def points(self, offset=0):
+        poses = np.array([self.POSE, (300.0, 290.0, 0.0)])
+        return None if offset else (poses, np.array([0.5, 0.5 + self.OFF]))
+
+
+@pytest.mark.parametrize("agent", ["wall-follower", "greedy", "free-energy"])
+@pytest.mark.parametrize(("off", "fails"), [(1e-6, False), (9e-4, False), (2e-3, True)])
+def test_weights_add_up_to_1_or_not_whoever_drives(tmp_path, monkeypatch, agent, off, fails):
+    monkeypatch.setattr(Nearly, "OFF", off)
+    (trial,) = suite(["mcl"], trials=1)
+    lost = replace(
+        trial, scenario="lost", localizer="nearly", params={}, agent=Named(agent), lag=0,
+        world={"horizon": 10},
+    )  # fmt: skip
+    with localizers.registered("nearly", Nearly):
+        (reason,) = reasons(*run([lost], tmp_path))
+    assert ("add up to 1" in str(reason)) == fails
+    assert (reason is None) == (not fails)
+
+
+def test_names_and_paths_are_taken_as_text_and_what_is_no_name_is_refused(tmp_path):
+    how = Options(where=ONE_JOB, progress=False)
+    sweep = Sweep(title="t", localizers=["mcl"], agent="open-loop", trials=1, lag=4)
+    assert sweep.localizers == (Method(name="mcl"),)
+    with begun(sweep, str(tmp_path / "out"), how, command=[]) as running:
+        results = running.results()
+    assert results_in(str(tmp_path / "out")).records == results.records
+    assert write_report(str(tmp_path / "out"), results)
+    (tmp_path / "l.toml").write_text('localizers = ["mcl"]')
+    assert read_sweep(f"{tmp_path}/l.toml").names == ["mcl"]
+    with refused("name of a localizer or agent is", "Sure", "registered"):
+        Method(name=Sure)
+    with refused("name of a localizer or agent is", "Sure"):
+        Sweep(title="t", localizers=[Sure])
+    with refused("localizers is 'mcl'", "a list"):
+        Sweep(title="t", localizers="mcl")
+    with refused("the results are", "folder first"):
+        write_report(results, tmp_path)
+
+
+def test_what_holds_a_whole_sweep_a_cloud_or_all_laws_is_shown_on_a_line(tmp_path):
+    (trial,) = suite(["deq-mcl"], trials=1)
+    belief = next(iter(Stage.of(trial).moments())).belief
+    assert repr(belief) == "<ParticleBelief of 15 particles at steps 0 to 4>"
+    assert repr(swept(tmp_path, ("mcl",))) == "<Results of 't': 2 of 2 trials finished, 0 failed>"
+    verdict = Verdict("finite", "FAILED", "a weight is nan")
+    assert repr(Report("mine", (verdict,))) == "<mine: 1 of 1 laws failed>"

@@ -8,13 +8,14 @@ from pathlib import Path
 import pytest
 from refusals import refused
 
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.changes import Changes, located
 from benchmarks.sweeps.design import MOST
 from benchmarks.sweeps.running import check
 from benchmarks.sweeps.suites import SUITES, sweeps_named
 from benchmarks.sweeps.sweepfile import read_sweep, with_localizers
-from benchmarks.trials.plugins import key_of
+from benchmarks.trials.plugins import key_of, provenance_of
 from deqmcl_gym.validation import InputError
+from localizers import absolute_name
 
 ALL = """
 title = "Everything that a file can say"
@@ -97,7 +98,7 @@ def test_the_file_in_the_documents_says_what_they_say_of_it(tmp_path):
     assert f"= {sweep.combinations} trials" in document.read_text()
     check(sweep)
     (tmp_path / "mine.py").write_text(OWN.format(parameter="own"))
-    assert read(tmp_path, changed).names == ["mcl-map", f"{tmp_path}/mine.py:Own"]
+    assert read(tmp_path, changed).names == ["mcl-map", "mine.py:Own"]
 
 
 OWN = """
@@ -131,12 +132,24 @@ def test_a_localizer_in_a_file_is_found_beside_it_from_any_folder(tmp_path, monk
         (place / "own.py").write_text(OWN.format(parameter=parameter))
     monkeypatch.chdir(elsewhere)
     found = read(folder, NAMING_OWN.format(name=name.format(folder)))
-    own = f"{folder}/own.py:Own"
+    own = f"{folder}/own.py:Own" if name.startswith("{}") else "own.py:Own"  # as it is said
     assert found.names == [own, "mcl"]
+    assert [*map(absolute_name, found.names)] == [f"{folder}/own.py:Own", "mcl"]
     assert (found.baseline, found.limits[0].method.name, *found.limits[0].of) == (own, own, own)
     assert dict(found.distinct()[0].params) == {"theirs": 3}
     monkeypatch.chdir(folder)
     assert with_localizers(found, ["./own.py:Own"]).names == [own, "mcl"]  # it is there already
+
+
+def test_two_files_of_one_name_are_not_taken_for_each_other(tmp_path, monkeypatch):
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    for folder, parameter in ((tmp_path, "theirs"), (here, "other")):
+        (folder / "own.py").write_text(OWN.format(parameter=parameter))
+    found = with_localizers(read(tmp_path, 'localizers = ["own.py:Own"]'), ["own.py:Own"])
+    with refused("two files are called own.py:Own"):
+        provenance_of(found.cells())
 
 
 def test_a_sweep_with_a_base_is_that_one_with_the_keys_given_here_replaced_whole(tmp_path):
@@ -265,6 +278,13 @@ def test_a_misspelt_suite_or_localizer_added_to_one_is_refused_with_the_nearest(
     assert "toml" not in str(caught.value)
 
 
+def test_a_sweep_file_of_another_ending_is_told_how_it_must_end(tmp_path):
+    (tmp_path / "mine.conf").write_text('localizers = ["mcl"]')
+    for name in (f"{tmp_path}/mine.conf", "/dev/stdin"):
+        with refused(f"is the file {name}", "must end in .toml"):
+            sweeps_named(name)
+
+
 def test_a_cost_map_is_found_beside_the_sweep_file_and_its_content_names_the_result(tmp_path):
     (tmp_path / "costs.pgm").write_bytes(b"P5 1 1 255 0")
     (tmp_path / "sweep.toml").write_text(
@@ -275,7 +295,8 @@ def test_a_cost_map_is_found_beside_the_sweep_file_and_its_content_names_the_res
         """
     )
     trials = read_sweep(tmp_path / "sweep.toml").distinct()
-    assert {trial.params["cost_map"] for trial in trials} == {str(tmp_path / "costs.pgm")}
+    assert {trial.params["cost_map"] for trial in trials} == {"costs.pgm"}
+    assert {located(trial.params)["cost_map"] for trial in trials} == {str(tmp_path / "costs.pgm")}
     keys = {key_of(trial) for trial in trials}
     (tmp_path / "costs.pgm").write_bytes(b"P5 1 1 255 1")
     assert not keys & {key_of(trial) for trial in trials}

@@ -12,7 +12,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
-from deqmcl_command import exit_code, lines, process
+from deqmcl_command import exit_code, lines, process, python
 from mcap.reader import make_reader
 from test_links import ROOT
 
@@ -75,6 +75,13 @@ def test_the_pytest_shown_passes_with_the_file_that_new_localizer_writes(pyteste
     pytester.makepyfile(*blocks(LOCALIZER, "python notest"))
     done = pytester.runpytest_inprocess("-p", "no:cacheprovider")
     done.assert_outcomes(passed=len(LAWS))
+
+
+def test_the_check_from_python_runs_as_a_file(tmp_path):
+    (code,) = (block for block in blocks(LOCALIZER, "python") if "check_localizer" in block)
+    (tmp_path / "checks.py").write_text(code)
+    said = python(tmp_path / "checks.py", cwd=tmp_path)
+    assert re.findall(r"^skipped .*", said, re.MULTILINE) == []
 
 
 def test_the_table_names_all_laws_in_their_order():

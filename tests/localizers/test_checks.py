@@ -1,5 +1,6 @@
 """Every law can fail, each on an example that breaks nothing else; who is right passes all."""
 
+import inspect
 import random
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
+from localizers import template
 from localizers.checks import LAWS, LawBrokenError, check_localizer, parametrize_with_laws
 from localizers.checks.answers import increments_of_three
 from localizers.checks.laws import Here, subject_of
@@ -225,6 +227,23 @@ def test_a_changed_state_of_the_process_is_named_and_put_back(change):
         with pytest.raises(LawBrokenError, match=f"it changes {change} for its whole process"):
             BY_NAME["process state untouched"](subject_of(ProcessStateUntouched, change=change))
     assert state_of_process() == before
+
+
+@pytest.mark.parametrize(
+    ("line", "broken"),
+    [
+        ("import numpy; numpy.seterr(all='raise')", "np.seterr"),
+        ("import sys; sys.setrecursionlimit(5_000)", "the recursion limit"),
+        ("import os, warnings; os.environ['MINE'] = ''; warnings.simplefilter('ignore')", None),
+    ],
+)
+def test_what_an_import_changes_of_the_process_is_seen_but_for_what_many_add(
+    tmp_path, line, broken
+):
+    (tmp_path / "mine.py").write_text(f"{line}\n{inspect.getsource(template)}")
+    failed = check_localizer(f"{tmp_path}/mine.py:MyLocalizer").failed
+    assert [one.law for one in failed] == ["process state untouched"] * bool(broken)
+    assert broken is None or f"its import changes {broken} for" in failed[0].note
 
 
 def test_a_localizer_from_a_file_changes_nothing_here_while_it_is_checked():

@@ -6,12 +6,18 @@ import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from types import ModuleType
 
 import pytest
+from deqmcl_command import python
 
 import localizers
+from benchmarks.trials.attempt import attempt
+from benchmarks.trials.plugins import key_of
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 from localizers.naming import registry
+from localizers.naming.digests import UNREAD
 from localizers.naming.registry import unreadable
 from localizers.template import MyLocalizer
 
@@ -44,8 +50,8 @@ def test_a_factory_that_takes_any_parameter_gets_it(robot):
 
 
 @localizers.registered("mine", MyLocalizer)
-@pytest.mark.parametrize(("name", "words"), [("mcl", "taken"), ("mine", "taken"), ("a:b", "colon")])
-def test_a_name_that_is_taken_or_has_a_colon_is_refused_and_the_first_one_stays(name, words):
+@pytest.mark.parametrize(("name", "words"), [("mcl", "taken"), ("a:b", "colon"), (None, "text")])
+def test_a_name_that_is_built_in_or_has_a_colon_is_refused_and_the_first_one_stays(name, words):
     before = [(one, localizers.resolve(one)) for one in localizers.names()]
     with pytest.raises(InputError, match=f"{name!r}.*{words}"):
         localizers.register(name, lambda robot: None)
@@ -56,6 +62,110 @@ def test_a_name_is_known_in_its_with_block_alone():
     with localizers.registered("mine", MyLocalizer):
         assert localizers.resolve("mine") is MyLocalizer
     assert localizers.names() == BUILT_IN
+
+
+def test_a_name_that_is_registered_again_means_the_new_one_which_is_said():
+    with localizers.registered("mine", MyLocalizer):
+        with localizers.registered("mine", Other):
+            with pytest.warns(UserWarning, match="'mine' was registered before"):
+                localizers.register("mine", partial(Other, particles=2))
+            assert localizers.resolve("mine").func is Other
+        assert localizers.resolve("mine") is MyLocalizer
+
+
+class Other(MyLocalizer):
+    """Another one."""
+
+
+CELL = """
+import math
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+from localizers.template import MyLocalizer
+
+GAIN, TABLE = 1.0, {"a": [1.0, {"x", "y", "z"}]}
+
+@dataclass
+class Noise:
+    sigma: float = 3.0
+
+class Base(MyLocalizer):
+    POWER = 1.0
+
+@cache
+def helped(x):
+    return (lambda: x * GAIN)() + math.pi + len(TABLE)
+
+class Mine(Base):
+    \"\"\"Mine.\"\"\"
+    def __init__(self, robot, *, particles=10):
+        super().__init__(robot, particles=particles)
+    @cached_property
+    def noise(self):
+        return Noise().sigma if helped(1.0) in {"p", "q", "r"} else 0.0
+"""
+
+
+@pytest.fixture
+def notebook(monkeypatch):
+    """Run a cell, with something replaced in it, where no file is; return a name's value."""
+
+    def run(before="", after="", name="Mine"):
+        main = ModuleType("__main__")
+        monkeypatch.setitem(sys.modules, "__main__", main)
+        assert before in CELL
+        exec(CELL.replace(before, after), vars(main))
+        return vars(main)[name]
+
+    return run
+
+
+def digest(factory):
+    with localizers.registered("cell", factory):
+        return localizers.source_digest("cell")
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("particles=10", "particles=11"),
+        ("GAIN, TABLE = 1.0", "GAIN, TABLE = 2.0"),
+        ('"z"', '"w"'),
+        ("x * GAIN", "x - GAIN"),
+        ("POWER = 1.0", "POWER = True"),
+        ("sigma: float = 3.0", "sigma: float = 4.0"),
+        ("class Mine(Base)", "class Mine(MyLocalizer)"),
+        ('"p", ', ""),
+    ],
+)
+def test_what_a_cell_defines_has_a_digest_of_all_that_it_uses(notebook, before, after):
+    own = digest(notebook())
+    assert own == digest(notebook()) == digest(notebook("\n    @cached", "\n\n\n    @cached"))
+    assert digest(notebook(before, after)) not in (own, None)
+    assert digest(partial(notebook(), particles=3)) != digest(partial(notebook(), particles=4))
+
+
+def test_the_digest_of_a_cell_is_the_same_in_another_process(notebook):
+    lines = ["import localizers", f"exec({CELL!r})"]
+    lines += ["localizers.register('cell', Mine)", "print(localizers.source_digest('cell'))"]
+    for seed in "12":
+        said = python("-c", "\n".join(lines), env=os.environ | {"PYTHONHASHSEED": seed})
+        assert said.strip() == digest(notebook())
+
+
+def test_what_cannot_be_read_is_said_to_be_so(notebook):
+    mine = notebook("POWER = 1.0", "POWER = (one for one in 'generator')")
+    assert digest(mine) == UNREAD
+
+
+def test_a_loaded_class_whose_file_was_edited_since_is_not_taken_for_the_edited_one(file):
+    factory = localizers.resolve(f"{file}:Mine")
+    before = digest(factory)
+    text = file.read_text()
+    file.write_text(text.replace("gain=1.0", "gain=3.0"))
+    old = digest(factory)
+    assert len({before, old, digest(localizers.resolve(f"{file}:Mine"))}) == 3
 
 
 def refusal(name):
@@ -156,6 +266,47 @@ def test_a_file_with_one_localizer_is_completed_by_its_name_without_being_run(tm
     assert registry.complete(str(file)) == f"{file}:One"
     for name in ("mcl", "pack.good:Mine", f"{file}:One", "never-heard-of"):
         assert registry.complete(name) == name
+
+
+def test_methods_that_are_inherited_from_another_file_count_where_no_class_has_its_own(tmp_path):
+    file = tmp_path / "one.py"
+    text = "from localizers.template import MyLocalizer\n\nclass Error(Exception): pass\n"
+    file.write_text(f"{text}class One(MyLocalizer): pass\n")
+    assert registry.complete(str(file)) == f"{file}:One"
+    file.write_text(f"{text}class Two(MyLocalizer):\n    def reset(self, p, a, r): ...\n")
+    assert registry.complete(str(file)) == f"{file}:Two"
+
+
+STARTING = """
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from localizers.template import MyLocalizer
+
+def double(x):
+    return 2 * x
+
+class Mine(MyLocalizer):
+    def reset(self, prior, plan, rng):
+        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as own:
+            own.submit(double, 1).result()
+        return super().reset(prior, plan, rng)
+"""
+
+
+def test_a_file_whose_own_processes_cannot_import_it_is_told_to_be_a_package(tmp_path):
+    (tmp_path / "starts.py").write_text(STARTING)
+    trial = Trial(
+        scenario="paper", localizer=f"{tmp_path}/starts.py:Mine", params={}, lag=0, seed=0, trial=0
+    )  # fmt: skip
+    reason = attempt(trial, key_of(trial)).reason
+    assert reason.startswith("BrokenProcessPool: ")
+    assert reason.endswith("so make it a package")
+
+
+def test_a_file_that_imports_one_beside_it_is_told_to_be_a_package(tmp_path):
+    (tmp_path / "helper.py").write_text("")
+    (tmp_path / "bad.py").write_text("import helper\n")
+    assert "so make bad and helper a package." in refusal(f"{tmp_path}/bad.py:Mine")
 
 
 @pytest.mark.parametrize(
@@ -270,15 +421,8 @@ def test_the_digest_runs_nothing_so_what_cannot_be_imported_has_one_but_what_is_
     assert not [name for name in sys.modules if name.partition(".")[0] == "pack"]
 
 
-def test_built_in_localizers_have_no_digest_of_their_own_and_registered_ones_that_of_their_file(
-    file,
-):
+def test_built_in_localizers_have_no_digest_of_their_own():
     assert {localizers.source_digest(name) for name in localizers.names()} == {None}
-    factory = localizers.resolve(f"{file}:Mine")
-    expected = localizers.source_digest(f"{file}:Mine")
-    for own in (factory, partial(factory, gain=2.0)):
-        with localizers.registered("mine", own):
-            assert localizers.source_digest("mine") == expected
 
 
 SHIPS = """

@@ -107,7 +107,9 @@ def test_a_scenario_and_a_sweep_find_it_from_their_own_folder(file, tmp_path):
         'assumed.scan.kind = ["gaussian-uniform", "mine.py:Same"]\n'
     )
     cells = read_sweep(tmp_path / "sweep.toml").cells()
-    assert [t.assumed["scan.kind"] for t in cells] == ["gaussian-uniform", f"{file}:Same"]
+    kinds = [t.assumed["scan.kind"] for t in cells]
+    assert kinds == ["gaussian-uniform", "mine.py:Same"]
+    assert localizers.absolute_name(kinds[1]) == f"{file}:Same"
 
 
 def test_its_code_and_the_files_it_ships_are_in_the_key_of_a_trial(file, tmp_path):

@@ -62,3 +62,25 @@ def test_the_same_bits_with_numpy_kept_from_wide_registers():
     features = np.show_config(mode="dicts")["SIMD Extensions"]["found"]
     assert features, "NumPy found no extension that could be switched off"
     assert digests(NPY_DISABLE_CPU_FEATURES=" ".join(features)) == digests()
+
+
+FITTED = """
+import numpy as np
+from benchmarks.setup.logs import _explained
+from localizers.models.nav2_motion import MOTION_MODELS
+
+rng = np.random.default_rng(0)
+meant = rng.normal(0.1, 0.1, (4001, 3))
+done = meant * rng.normal(1.0, 0.1, meant.shape) + rng.normal(0.0, 0.02, meant.shape)
+done[::7, 1] = np.nan
+for model in MOTION_MODELS.values():
+    print(*(float(value).hex() for value in vars(model.fitted(meant, done)).values()))
+print(_explained(done[:, 2], meant[:, ::2]).tobytes().hex())
+"""
+
+
+@pytest.mark.skipif(platform.machine() != "x86_64", reason="the names of kernels are of x86-64")
+def test_the_noise_fitted_to_a_log_is_the_same_with_another_blas_and_narrow_registers():
+    features = np.show_config(mode="dicts")["SIMD Extensions"]["found"]
+    machine = {"OPENBLAS_CORETYPE": "Nehalem", "NPY_DISABLE_CPU_FEATURES": " ".join(features)}
+    assert python("-c", FITTED, env=os.environ | machine) == python("-c", FITTED)

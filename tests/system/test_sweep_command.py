@@ -233,3 +233,13 @@ def test_a_folder_goes_on_from_decided_to_all_worlds_and_back(decided, tmp_path,
     assert sweep(file, whole, *UNTIL) == 0
     assert lines(whole, "decisions.csv") == lines(out, "decisions.csv")
     assert "2 comparisons: 1 better, 1 open" in capsys.readouterr().out
+
+
+def test_a_margin_is_not_chosen_after_a_look(decided, tmp_path, refusal):
+    file, out = decided
+    whole = shutil.copytree(out, tmp_path / "whole")
+    assert sweep(file, whole, "--trials", "22") == 0  # which looks at all worlds, with none
+    for folder in (out, whole):
+        again = ("sweep", file, "--out", folder, *UNTIL, "--margin", "60%")
+        refusal(again, "was looked at with --margin 5%", "60%", "new --out")
+    assert sweep(file, whole, *UNTIL) == 0

@@ -170,3 +170,93 @@ with locked(Path(sys.argv[1])):
     print("locked", flush=True)
     time.sleep(1000)
 """
+
+
+PROJECT = {
+    "mine.py": """
+from localizers.template import MyLocalizer
+class Mine(MyLocalizer):
+    def reset(self, prior, plan, rng): return super().reset(prior, plan, rng)
+    def update(self, *given): return super().update(*given)
+""",
+    "drivers.py": """
+from benchmarks.agents import OpenLoop
+class Own(OpenLoop):
+    def plan_at_reset(self, info): return super().plan_at_reset(info)
+    def act(self, belief, info): return super().act(belief, info)
+""",
+    "scans.py": """
+from localizers import GaussianUniform
+from localizers.models.scan import LidarScan
+def made(floor_plan, lidar):
+    return LidarScan(floor_plan=floor_plan, lidar=lidar, beam=GaussianUniform(sigma=100.0))
+""",
+    "hall.toml": 'base = "sharp"\nagent = "drivers.py"\n',
+    "sweeps/all.toml": """
+scenario = "../hall.toml"
+localizers = ["mcl", "../mine.py"]
+agent = "../drivers.py:Own"
+assumed.scan.kind = "../scans.py:made"
+trials = 2
+params.particles = 15
+""",
+}
+
+
+def times(out):
+    """When each trial was run; those of plug-ins run in other processes."""
+    return {path.name: path.stat().st_mtime_ns for path in (out / "timings").iterdir()}
+
+
+def written(folder):
+    """Write a project with a plug-in of each kind; return its sweep file."""
+    for name, text in PROJECT.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    return folder / "sweeps" / "all.toml"
+
+
+def test_a_project_with_plug_ins_goes_on_where_it_was_moved_to(tmp_path, monkeypatch, capsys):
+    there, here = tmp_path / "there", tmp_path / "here"
+    assert sweep(written(there), there / "out") == 0, capsys.readouterr().err
+    before = tables(there / "out")
+    assert not [text for text in before.values() if str(there).encode() in text]
+    held = json.loads((there / "out" / "manifest.json").read_text())["identity"]
+    assert str(there) not in json.dumps(held)
+    names = ("mine.py:Mine", "drivers.py:Own", "scans.py:made", "hall.toml")
+    assert held["plug-ins"].keys() == {f"../{name}" for name in names}
+    there.rename(here)
+    ended = times(here / "out")
+    assert sweep(here / "sweeps" / "all.toml", here / "out") == 0, capsys.readouterr().err
+    assert report(here / "out") == 0
+    assert times(here / "out") == ended
+    assert tables(here / "out") == before
+    (here / "mine.py").write_text(PROJECT["mine.py"] + "# edited\n")
+    monkeypatch.chdir(tmp_path)
+    assert exit_code("verify", here / "out", "--jobs", "1") == 0, capsys.readouterr().err
+    assert sweep(here / "sweeps" / "all.toml", here / "out") == 0, capsys.readouterr().err
+
+
+def test_shards_of_a_project_with_plug_ins_are_merged_wherever_they_were_run(tmp_path):
+    whole = written(tmp_path / "whole")
+    assert sweep(whole, tmp_path / "all") == 0
+    for part in "12":
+        file = written(tmp_path / f"node-{part}")
+        assert sweep(file, tmp_path / f"part-{part}", "--shard", f"{part}/2") == 0
+        shutil.copytree(tmp_path / f"part-{part}", tmp_path / "merged", dirs_exist_ok=True)
+    ended = times(tmp_path / "merged")
+    assert sweep(whole, tmp_path / "merged") == 0
+    assert times(tmp_path / "merged") == ended
+    assert tables(tmp_path / "merged") == tables(tmp_path / "all")
+
+
+def test_a_folder_with_absolute_names_goes_on_under_them(tmp_path):
+    file, out = written(tmp_path), tmp_path / "out"
+    said = file.read_text()
+    file.write_text(said.replace('"../', f'"{tmp_path}/'))
+    assert sweep(file, out) == 0
+    assert f"{tmp_path}/mine.py:Mine" in (out / "manifest.json").read_text()
+    file.write_text(said)
+    ended = times(out)
+    assert sweep(file, out) == 0
+    assert times(out) == ended
