@@ -42,7 +42,7 @@ while info["planned_count"]:
     truth.append(info["truth"])
     plan = info["planned_actions"][: info["planned_count"]]
     for name, localizer in runners.items():
-        belief = localizer.update(ranges, info["action"], plan)
+        belief = localizer.update(ranges, info["command"], plan)
         ways[name].append(localizers.best_cluster(*belief.points(), unit="m").mean)
 
 # %%
