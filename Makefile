@@ -4,10 +4,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 ARGS ?=
+LOWEST := tests/deqmcl_gym_env/test_clients.py tests/maps/test_grid_files.py tests/logs/test_round_trips.py \
+	tests/benchmarks_harness/test_charts.py tests/benchmarks_harness/test_mcap.py tests/system/test_dask.py
 unexport PYTHONDONTWRITEBYTECODE  # the tests start some hundred processes: compile once
 
 .DEFAULT_GOAL := help
-.PHONY: help setup paper test test-slow check format lint types contracts docs docs-numbers reports stale site release clean
+.PHONY: help setup paper test test-slow lowest check format lint types contracts docs docs-numbers reports stale site release clean
 
 help:  ## List the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -22,6 +24,12 @@ test: $(READY)  ## Run the tests, without those of minutes
 
 test-slow: $(READY)  ## Run the tests of minutes: statistics, random faults
 	$(BIN)/python -m pytest -m slow -n auto $(ARGS)
+
+lowest: $(READY)  ## Run some tests with the lowest versions that pyproject.toml allows
+	$(BIN)/uv venv --quiet --clear --python $(BIN)/python build/lowest
+	$(BIN)/uv pip install --quiet --python build/lowest --resolution lowest-direct '.[completion,dask,report,ros,test,view]'
+	build/lowest/bin/deqmcl paper --trials 1 --out "$$(mktemp -d)/paper"
+	build/lowest/bin/python -m pytest -n auto $(LOWEST)
 
 check: format lint types contracts test docs stale site release  ## All that CI checks
 

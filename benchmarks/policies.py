@@ -134,7 +134,8 @@ class LookAhead(Still):
             if poses is None:
                 return 0.0, _TURN
             turns = self._turns(self._rng)
-            values = [self._value(poses, each, info) for each in turns]
+            with np.errstate(under="ignore"):
+                values = [self._value(poses, each, info) for each in turns]
             self._queue = self._motion(float(turns[int(np.argmax(values))][0]))
         return self._queue.pop(0)
 

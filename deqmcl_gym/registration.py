@@ -11,15 +11,18 @@ Gymnasium itself is not imported here: localizers use the maps of this package w
 import math
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
 from typing import Any
 
+from deqmcl_gym.validation import InputError
+
 ENV_ID = "deqmcl_gym/Room-v0"
 JOURNEY_ENV_ID = "deqmcl_gym/Journey-v1"
 LOG_ENV_ID = "deqmcl_gym/Log-v0"
-TASKS = {"deqmcl_gym/Localize-v0": "localize", "deqmcl_gym/Track-v0": "track"}
+TASKS = {"deqmcl_gym/Localize-v0": "Localize", "deqmcl_gym/Track-v0": "Track"}
 PRESETS = "paper", "matched", "sharp", "guided"  # names of ``WORLDS``, whose maps run kernels
 # Twice the 204 steps of the planned lap in the paper's room (a test checks this)
 MAX_EPISODE_STEPS = 408
@@ -59,8 +62,24 @@ def _register(registry: ModuleType) -> None:
         kwargs=_JOURNEY,
     )
     registry.register(id=LOG_ENV_ID, entry_point="deqmcl_gym.envs.log:LogEnv")
-    for name, task in TASKS.items():  # localizers are imported when one is made
-        registry.register(id=name, entry_point=f"benchmarks.tasks:{task}")
+    for name, task in TASKS.items():
+        registry.register(id=name, entry_point=f"{__name__}:{task}")
+
+
+def __getattr__(name: str) -> Any:
+    """Return the class of a task; the package ``localizers`` is imported when one is made."""
+    if name not in TASKS.values():
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    try:
+        return getattr(import_module("localizers.tasks"), name)
+    except (ImportError, AttributeError):
+        found = sys.modules.get("localizers")
+        if found is None or hasattr(found, "RobotModel"):
+            raise
+        raise InputError(
+            f"{name} needs deqmcl-gym's package localizers, but {found.__file__ or found.__path__} "
+            "hides it: rename that, or start Python in another folder."
+        ) from None
 
 
 def _register_room(registry: ModuleType, name: str, kwargs: dict[str, Any]) -> None:

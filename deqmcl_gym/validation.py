@@ -34,6 +34,29 @@ class InputError(ValueError):
         super().__init__(one_line(sentence))
 
 
+class UnknownArgumentError(InputError, TypeError):
+    """A keyword argument that a function does not take: a ``TypeError``, as Python's own.
+
+    Clients try arguments, and go on without one if "unexpected keyword argument" is said of it.
+    """
+
+    def __init__(self, sentence: str) -> None:
+        """Leave out what ``gym.make`` adds: "… was raised from the environment creator …"."""
+        super().__init__(sentence.partition(" was raised from the environment creator")[0])
+
+
+class UnavailableError(InputError, AttributeError):
+    """A property that an object does not have as it was made: ``hasattr`` says so, too."""
+
+
+class NoEpisodeError(RuntimeError, AttributeError):
+    """A property of an episode, but none is under way: ``hasattr`` and debuggers pass it over."""
+
+    def __init__(self, sentence: str = "the episode has not begun: call reset() first.") -> None:
+        """Say what is missing."""
+        super().__init__(sentence)
+
+
 def one_line(text: str) -> str:
     """Return a text on one line, control characters escaped; a long one shortened in the middle."""
     line = " ".join(text.split())
@@ -76,10 +99,23 @@ def one_of(what: str, name: object, valid: Iterable[str]) -> str:
     names = sorted(valid)
     if isinstance(name, str) and name in names:
         return name
+    raise InputError(f"unknown {what} {shown(name)}: {_among(name, names)}")
+
+
+def check_arguments(given: Iterable[str], valid: Iterable[str]) -> None:
+    """Refuse keyword arguments that are not among ``valid``, with the nearest one that is."""
+    names = sorted(valid)
+    for name in given:
+        if name not in names:
+            raise UnknownArgumentError(
+                f"unexpected keyword argument {shown(name)}: {_among(name, names)}"
+            )
+
+
+def _among(name: object, names: list[str]) -> str:
     nearest = difflib.get_close_matches(str(name), names, n=1, cutoff=0.4)
     hint = f"did you mean {nearest[0]!r}? " if nearest else ""
-    allowed = ", ".join(names) or "none"
-    raise InputError(f"unknown {what} {shown(name)}: {hint}allowed values: {allowed}.")
+    return f"{hint}allowed values: {', '.join(names) or 'none'}."
 
 
 def number(
@@ -115,13 +151,15 @@ def number(
 
 
 def keep_plain(part: object) -> None:
-    """Convert the numbers in a frozen dataclass to int and float.
+    """Convert the numbers in a frozen dataclass to int and float, also those of shape ().
 
     With a ``numpy.float32`` among them, NumPy would compute in single precision from there on.
     """
     for field in dataclasses.fields(part):  # type: ignore[arg-type]
         value = getattr(part, field.name)
-        if isinstance(value, numbers.Real) and not isinstance(value, int | float):
+        if isinstance(value, np.ndarray) and value.shape == ():
+            object.__setattr__(part, field.name, value.item())
+        elif isinstance(value, numbers.Real) and not isinstance(value, int | float):
             plain = int(value) if isinstance(value, numbers.Integral) else float(value)
             object.__setattr__(part, field.name, plain)
 
@@ -136,6 +174,8 @@ def boolean(what: str, value: object) -> bool:
 def integer(what: str, value: object, *, low: int = 0, high: int | None = None) -> int:
     """Return a whole number in [low, high], else refuse it (1.5 and True are refused)."""
     allowed = f"of {low} or more" if high is None else f"from {low} to {high:,}"
+    if isinstance(value, np.ndarray) and value.shape == ():  # as the numbers in ``info`` are
+        value = value[()]
     if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Integral):
         raise InputError(f"{what} is {shown(value)}, but must be a whole number {allowed}.")
     given = int(value)

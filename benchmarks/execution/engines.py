@@ -16,6 +16,7 @@ from collections.abc import Callable, Collection, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from benchmarks.execution.processes import PATIENCE, Processes, TimedOutError, WorkerDiedError
@@ -25,6 +26,7 @@ from benchmarks.trials.plugins import guest_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
 from localizers.naming.registry import is_registered
+from localizers.naming.plugins import safe_path
 
 CONNECT_SECONDS = 10  # how long a scheduler may take to answer
 _CLOSE_SECONDS, _LOOK_SECONDS = 1, 2
@@ -85,14 +87,16 @@ def cluster(workers: int, scheduler: str | None) -> Iterator[tuple[Executor, int
 @contextmanager
 def _local(workers: int) -> Iterator[Any]:
     """Start worker processes of one thread each; at the end, kill them in whatever they do."""
-    own = require().LocalCluster(
-        n_workers=workers,
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address=None,
-        env=ONE_THREAD,
-        silence_logs=logging.CRITICAL,
-    )
+    made = require().LocalCluster
+    with safe_path():
+        own = made(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            env={**ONE_THREAD, "PYTHONSAFEPATH": ""},
+            silence_logs=logging.CRITICAL,
+        )
     try:
         yield own
     finally:
@@ -275,10 +279,28 @@ class ThisProcess(Executor):
 
 
 def available_cpus() -> int:
-    """Return how many processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    """Return how many processors this process may use, at least 1: by affinity and by quota."""
+    affinity = getattr(os, "sched_getaffinity", None)  # not everywhere
+    own = len(affinity(0)) if affinity else os.cpu_count() or 1
+    return max(1, math.ceil(min(own, _quota())))
+
+
+def _quota(root: Path = Path("/")) -> float:
+    """Processors' worth of time that this process gets in its control groups; ∞ without a limit."""
+    groups = root / "sys/fs/cgroup"
+    texts, own = [], ""
+    with contextlib.suppress(OSError):  # not on Linux
+        for line in (root / "proc/self/cgroup").read_text().splitlines():
+            own = line.removeprefix("0::") if line.startswith("0::") else own
+    for folder in (group := Path(own.lstrip("/")), *group.parents):
+        with contextlib.suppress(OSError):  # no version 2, or a container's own root
+            texts.append((groups / folder / "cpu.max").read_text())
+    with contextlib.suppress(OSError):
+        first = groups / "cpu"
+        parts = [(first / f"cpu.cfs_{part}_us").read_text() for part in ("quota", "period")]
+        texts.append(" ".join(parts))
+    limits = [[float(part) for part in text.replace("max", "inf").split()] for text in texts]
+    return min((quota / period for quota, period in limits if quota > 0), default=math.inf)
 
 
 def outcomes(

@@ -205,11 +205,9 @@ def load() -> None:
 
 def _portable(error: BaseException) -> Exception:
     """Return an error that the parent can read without the plug-in it may be from."""
-    ours = type(error) is InputError or (
-        isinstance(error, Exception) and type(error).__module__ == "builtins"
-    )
-    if ours:
+    home = type(error).__module__
+    if isinstance(error, Exception) and home in ("builtins", InputError.__module__):
         with contextlib.suppress(Exception):
             ForkingPickler.dumps(error)
-            return error  # type: ignore[return-value]
+            return error
     return RuntimeError(in_words(error))

@@ -17,6 +17,8 @@ ONE_THREAD = {
     "BLIS_NUM_THREADS": "1",
     "VECLIB_MAXIMUM_THREADS": "1",
 }
+# multiprocessing runs ``python -c``, which would look into the working folder first
+_ENVIRONMENT = ONE_THREAD | {"PYTHONSAFEPATH": "deqmcl"}  # the latter until they ``enter``
 
 _SOCKET, _SOCKET_NAME = 107, "/pymp-xxxxxxxx/listener-xxxxxxxx"  # bytes of a path; what is appended
 
@@ -49,15 +51,15 @@ def _refuse_long_folder() -> None:
 
 @contextmanager
 def sheltered() -> Iterator[None]:
-    """Let processes started here have one thread, and leave Ctrl-C to this one.
+    """Let processes started here have one thread and our modules, and leave Ctrl-C to this one.
 
     Libraries read the environment when they are loaded. A terminal sends Ctrl-C to all processes;
     one inherits the signal mask of the thread that starts it. The first start of a process also
     starts multiprocessing's resource tracker, which would clear the mask.
     """
     _refuse_long_folder()
-    before = {name: os.environ.get(name) for name in ONE_THREAD}
-    os.environ.update(ONE_THREAD)
+    before = {name: os.environ.get(name) for name in _ENVIRONMENT}
+    os.environ.update(_ENVIRONMENT)
     masked = hasattr(signal, "pthread_sigmask")
     if masked:
         resource_tracker.ensure_running()

@@ -12,7 +12,7 @@ from localizers import Belief
 class TrialEnv(Protocol):
     """An env that localizers can be tried in.
 
-    Its ``info`` has ``action``, ``planned_actions``, ``planned_count``, ``collided`` and, at every
+    Its ``info`` has ``command``, ``planned_actions``, ``planned_count``, ``collided`` and, at every
     step, ``truth``: see ``deqmcl_gym.envs.room``.
     """
 
@@ -41,7 +41,8 @@ class Agent(Protocol):
     """Chooses actions.
 
     Made anew for every episode, by ``AGENT(robot, **params)`` with a ``RobotModel``. The ``info``
-    that it gets has, beside what the env shows, the latest scan under ``ranges``.
+    that it gets has, beside what the env shows, the latest scan under ``ranges`` and, in a world
+    with a route, its corners (x, y) under ``route``.
 
     Two attributes are optional. ``sees_truth`` = True: ``info`` has the true pose under ``truth``,
     for authors of plans who see the robot. ``plan_author`` = "own": its plans are made from the

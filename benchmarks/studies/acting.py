@@ -23,11 +23,11 @@ from benchmarks.agents import AGENTS
 from benchmarks.pictures.film import webp
 from benchmarks.setup.interfaces import Agent
 from benchmarks.tables.stats import wilson
-from benchmarks.tasks import OFFICE, POWER, robot_model
 from benchmarks.trials.fixes import metre
 from deqmcl_gym.envs.acting import ActingEnv, TrackEnv
 from deqmcl_gym.files import write_bytes
 from deqmcl_gym.numerics.types import Floats, Singles
+from localizers.tasks import OFFICE, POWER, robot_model
 
 _BUILDINGS = 20  # of Localize-v0: episode k takes place in that of seed k modulo this
 _PICTURES = 40  # of a film, about
@@ -94,7 +94,7 @@ def play(task: str, policy: str, seed: int, film: list[Any] | None = None, **mad
     power = POWER if task == "Localize-v0" else 1.0
     agent = AGENTS[_DRIVER.get(policy, policy)](robot_model(room.world, power))
     score, steps, metres, contacts, scans = 0.0, 0, 0.0, 0, 0
-    agent.plan_at_reset(_shown(seen, info))
+    agent.plan_at_reset(_shown(room, seen, info))
     terminated = truncated = False
     while not (terminated or truncated):
         before = info["truth"]
@@ -105,15 +105,15 @@ def play(task: str, policy: str, seed: int, film: list[Any] | None = None, **mad
         score += float(reward)
         steps += 1
         metres += math.dist(before[:2], info["truth"][:2])
-        contacts += info["collided"]
+        contacts += int(info["collided"])
         scans += int(seen["sensed"][0]) if isinstance(room, TrackEnv) else 1
     if film is not None:
         film.append(env.render())
-    success = bool(info.get("is_success", terminated))
+    success = bool(info["is_success"])
     return Played(
         score,
         success,
-        terminated and not (success or info["collided"]),
+        terminated and not (success or bool(info["collided"])),
         steps,
         metres / metre(room.floor_plan.unit),
         contacts,
@@ -136,14 +136,16 @@ def film(task: str, policy: str) -> bytes:
     return webp(small, 40 * every)
 
 
-def _shown(seen: Any, info: dict[str, Any]) -> dict[str, Any]:
-    return {**info, "ranges": seen["scan"] if isinstance(seen, dict) else seen}
+def _shown(room: Any, seen: Any, info: dict[str, Any]) -> dict[str, Any]:
+    """Return what an agent is told, as the harness tells it."""
+    goal = {"goal": np.array(room.goal)} if isinstance(room, TrackEnv) else {}
+    return {**info, **goal, "ranges": seen["scan"] if isinstance(seen, dict) else seen}
 
 
 def _acted(room: Any, agent: Agent, sensing: str, seen: Any, info: dict[str, Any]) -> Singles:
     """Return an agent's action with the heads of the env."""
     if not isinstance(room, ActingEnv):
-        return np.asarray(agent.act(None, _shown(seen, info))[0], np.float32)  # type: ignore[arg-type] # asks none
+        return np.asarray(agent.act(None, _shown(room, seen, info))[0], np.float32)  # type: ignore[arg-type] # asks none
     if isinstance(room, TrackEnv):
         poses, weights = room.belief.points()
         off: Floats = np.hypot(*(np.asarray(poses)[:, :2] - room.goal).T)
@@ -153,7 +155,7 @@ def _acted(room: Any, agent: Agent, sensing: str, seen: Any, info: dict[str, Any
         heads = [float(sense), float(declare)]
     else:
         heads = [float(seen["confident"][0] >= 1.0)]
-    move = np.zeros(2) if heads[-1] else agent.act(room.belief, _shown(seen, info))[0]
+    move = np.zeros(2) if heads[-1] else agent.act(room.belief, _shown(room, seen, info))[0]
     return np.array([*move, *heads], np.float32)
 
 

@@ -81,7 +81,7 @@ def recorded(
             {
                 "scan": seen["scan"],
                 "expected": np.vstack([envs.lidar.ranges(m, x[:, None]) for m, x in places]),
-                "command": info["action"],
+                "command": info["command"],
                 "pose": info["truth"],
                 "map": np.stack([around(plan, pose, crop) for plan, pose in places]),
                 "building": info["building"],

@@ -72,7 +72,8 @@ def moments(
         seed: for ``env.reset``.
     """
     ranges, info = env.reset(seed=seed)
-    truth = info.pop("truth", _UNKNOWN)
+    info |= _route_of(env)
+    truth = _truth_of(info)
     own = agent.plan_at_reset(_seen_by(agent, info, ranges, truth))
     ahead = _plan_of(agent, localizer, own, info)
     given_prior, given_plan = prior(), np.array(ahead)
@@ -86,16 +87,31 @@ def moments(
     while not ended:
         action, plan = agent.act(belief, _seen_by(agent, info, ranges, truth))
         ranges, _, terminated, truncated, info = env.step(action)
-        truth, step, ended = info.pop("truth", _UNKNOWN), step + 1, terminated or truncated
+        info |= _route_of(env)
+        truth, step, ended = _truth_of(info), step + 1, terminated or truncated
         ahead = _plan_of(agent, localizer, plan, info)
-        given = ranges.copy(), info["action"].copy(), np.array(ahead)
+        given = ranges.copy(), info["command"].copy(), np.array(ahead)
         started = time.perf_counter()
         belief = localizer.update(*given)
         seconds = time.perf_counter() - started
         yield Moment(
-            step, truth, ranges, belief, seconds, info["action"], ahead, info["collided"],
+            step, truth, ranges, belief, seconds, info["command"], ahead, bool(info["collided"]),
             info.get("goal"), info.get("route"),
         )  # fmt: skip
+
+
+def _truth_of(info: dict[str, Any]) -> Reals:
+    """Take the true pose out of ``info``; NaN if it is not known."""
+    truth: Reals = info.pop("truth", _UNKNOWN)
+    return truth if np.isfinite(truth).all() else _UNKNOWN
+
+
+def _route_of(env: gym.Env[Any, Any]) -> dict[str, Any]:
+    """Return the corners of the route in a world with one: no env shows what varies in length."""
+    course = getattr(env.unwrapped, "course", None)
+    if course is None or course.goal is None:
+        return {}
+    return {"route": tuple(map(tuple, course.path.corners.tolist()))}
 
 
 def _seen_by(agent: Agent, info: dict[str, Any], ranges: Reals, truth: Reals) -> dict[str, Any]:

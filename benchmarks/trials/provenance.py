@@ -14,6 +14,7 @@ from typing import Any
 from msgspec import Struct, field
 
 from benchmarks.trials.spec import Trial
+from deqmcl_gym.validation import InputError
 
 # Libraries whose arithmetic or random numbers reach the results.
 _LIBRARIES = ("numpy", "numba", "pymunk", "gymnasium")
@@ -76,6 +77,11 @@ def _files(package: str) -> list[tuple[Path, str]]:
     origin = Path(str(spec and spec.origin))
     module = spec is None or spec.submodule_search_locations is None
     paths = [origin] if module else sorted(origin.parent.rglob("*.py"))
+    if not paths or not all(path.suffix == ".py" and path.is_file() for path in paths):
+        raise InputError(
+            f"results are kept under a digest of the code, but {origin} is no source: unpack "
+            "deqmcl-gym with its .py files."
+        )
     return [(path, path.relative_to(origin.parent).as_posix()) for path in paths]
 
 

@@ -1,30 +1,31 @@
 """Tasks of acting on a belief: find out where the robot is, or drive to a goal and know it.
 
-``benchmarks.tasks`` gives these envs their localizers: ``gym.make("deqmcl_gym/Localize-v0")``.
+``localizers.tasks`` gives these envs their localizers: ``gym.make("deqmcl_gym/Localize-v0")``.
 """
 
 import copy
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from deqmcl_gym.envs.belief import BeliefView, Estimator, Seen, StepResult
-from deqmcl_gym.maps import Offices
+from deqmcl_gym.maps import Box, Offices
 from deqmcl_gym.maps.clusters import Cluster, best_cluster
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats, Point, Pose, Singles
-from deqmcl_gym.validation import LARGEST, InputError, array, integer, number, one_of
+from deqmcl_gym.validation import InputError, NoEpisodeError, integer, number, one_of
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import wrapped
 from deqmcl_gym.world.driver import NO_PLAN
 from deqmcl_gym.world.episode import Body, Physics, contacts_of
-from deqmcl_gym.world.rules import Commands, check_no_options, scan_space
+from deqmcl_gym.world.rules import Commands, check_options, scan_space, within
 from deqmcl_gym.world.sensor import LidarSensor
 
 _METRE = 50.0  # px
@@ -47,11 +48,13 @@ class Site:
         world: its parts; lap and route are not used.
         localizer: made for its map, with ``reset`` and ``update``.
         starts: where the robot may start.
+        extent: (x0, y0, x1, y1) of positions, as observations have them; None: the map's.
     """
 
     world: World
     localizer: Estimator
     starts: Starts
+    extent: Box | None = None
 
 
 @dataclass(frozen=True)
@@ -88,13 +91,13 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         building: seed of this episode's office, where one is drawn; else None.
         lidar: the sensor's geometry and noise.
         world: all parts of the world.
-        belief: the localizer's latest, for planners.
         steps: done in this episode.
         max_steps: after which an episode is truncated.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 30}
     _heads: tuple[str, ...] = ("declare",)
+    _spec: EnvSpec | None = None
 
     def __init__(
         self,
@@ -123,18 +126,27 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
             one_of("render_mode", render_mode, self.metadata["render_modes"])
         self.render_mode = render_mode
         bounds = self.floor_plan.bounds if self._sites is None else self._sites.offices.bounds
-        self._view = BeliefView(self.floor_plan, particles=particles, cell=cell, bounds=bounds)
-        self._commands = Commands(world.robot, self.floor_plan.unit)
-        box, heads = self._commands.space, len(self._heads)
-        self.action_space = gym.spaces.Box(
-            np.append(box.low, np.zeros(heads, np.float32)),
-            np.append(box.high, np.ones(heads, np.float32)),
+        self._extent = bounds if self._sites else site.extent or bounds
+        self._view = BeliefView(
+            self.floor_plan, particles=particles, cell=cell, bounds=bounds, extent=self._extent
         )
+        self._commands = Commands(world.robot, self.floor_plan.unit, self._heads)
+        self.action_space = self._commands.space
         share = gym.spaces.Box(0.0, 1.0, (1,))
         self.observation_space = gym.spaces.Dict(
             {"scan": scan_space(self.lidar), "clock": share, **self._view.spaces, **self._shows()}
         )
-        self._ended = True
+        self._body: Body | None = None
+        self.steps, self._ended = 0, True
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What ``gym.make`` made this of, with the number of steps that limits its episodes."""
+        return self._spec and replace(self._spec, max_episode_steps=self.max_steps)
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = spec
 
     @property
     def radius(self) -> float:
@@ -144,13 +156,29 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
     @property
     def pose(self) -> Pose:
         """The true pose (x, y, θ)."""
-        return self._body.pose
+        return self._robot.pose
+
+    @property
+    def belief(self) -> Any:
+        """The localizer's latest, for planners.
+
+        Raises:
+            NoEpisodeError: no episode has begun.
+        """
+        _ = self._robot  # there is one
+        return self._belief
+
+    @property
+    def _robot(self) -> Body:
+        if self._body is None:
+            raise NoEpisodeError
+        return self._body
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Seen, dict[str, Any]]:
         """Begin an episode, with a localizer that knows the prior."""
-        check_no_options(options)
+        check_options(options)
         super().reset(seed=None if seed is None else integer("seed", seed))
         start, motion, sensor, own, self._shown = self.np_random.spawn(5)
         if self._sites is not None:
@@ -165,7 +193,7 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         sds = float(noise.drive), float(noise.turn), float(noise.drift)
         self._body = Body(pose, Physics(self._walls, (x, y)), lidar, sds, motion)
         self._scan = self._body.scan
-        self.belief = self._localizer.reset(prior, NO_PLAN, own)
+        self._belief = self._localizer.reset(prior, NO_PLAN, own)
         self.steps, self._ended = 0, False
         self._updated()
         return self._seen(), self._info(np.zeros(2, np.float32), False, False)
@@ -174,17 +202,14 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         """Declare, or move, take a scan and update the belief."""
         if self._ended:
             raise RuntimeError("the episode has not begun, or has ended: call reset().")
-        given = array("the action", action, (2 + len(self._heads),))
-        command, heads = self._commands.checked(given[:2]), given[2:]
-        for name, value in zip(self._heads, heads.tolist(), strict=True):
-            number(f"the action's {name}", value, low=0, high=1)
-        on, collided = heads >= 0.5, False
+        given = self._commands.checked(action)
+        command, on, collided = given[:2].copy(), given[2:] >= 0.5, False
         if on[-1]:
             command = np.zeros(2, np.float32)
         else:
-            collided = self._body.move(*command.tolist())
+            collided = self._robot.move(*command.tolist())
             ranges = self._looked(on)
-            self.belief = self._localizer.update(ranges, command.copy(), NO_PLAN)
+            self._belief = self._localizer.update(ranges, command.copy(), NO_PLAN)
             self._updated()
         self.steps += 1
         reward, terminated, success = self._judged(on, collided)
@@ -235,8 +260,8 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
 
     def _looked(self, on: NDArray[np.bool_]) -> Singles:
         """Take a scan, and return it for the localizer."""
-        self._body.look()
-        self._scan = self._body.scan
+        self._robot.look()
+        self._scan = self._robot.scan
         return self._scan.copy()
 
     def _marks(self) -> Floats:
@@ -252,11 +277,11 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         }
 
     def _info(self, command: Singles, collided: bool, success: bool) -> dict[str, Any]:
-        building = {} if self.building is None else {"building": self.building}
+        building = {} if self.building is None else {"building": np.array(self.building)}
         return {
-            "action": command,
-            "collided": collided,
-            "is_success": success,
+            "command": command,
+            "collided": np.array(collided),
+            "is_success": np.array(success),
             "truth": np.array(self.pose),
             **building,
         }
@@ -379,15 +404,24 @@ class TrackEnv(ActingEnv):
         self._around = around
         self.tolerance = number("tolerance", tolerance, low=0, above=True)
         self._least = number("least", least, low=0)
-        self.goal: Point = (0.0, 0.0)
         super().__init__(
             site, max_steps=max_steps, particles=particles, cell=cell, render_mode=render_mode
         )
 
+    @property
+    def goal(self) -> Point:
+        """Where the robot is to declare (x, y).
+
+        Raises:
+            NoEpisodeError: no episode has begun.
+        """
+        _ = self._robot  # there is one
+        return self._goal
+
     def _shows(self) -> dict[str, gym.spaces.Box]:
         return {
             "sensed": gym.spaces.Box(0.0, 1.0, (1,)),
-            "goal": gym.spaces.Box(-LARGEST, LARGEST, (2,)),
+            "goal": within(self._extent),
         }
 
     def _begun(self, rng: np.random.Generator) -> tuple[Pose, Starts]:
@@ -402,7 +436,7 @@ class TrackEnv(ActingEnv):
                 "a smaller least."
             )
         x, y, heading = start
-        self.goal = goal[0], goal[1]
+        self._goal = goal[0], goal[1]
         (mean,) = self._around(mean=(x, y, heading)).sample(1, rng).tolist()
         return (x, y, heading), self._around(mean=mean)
 
@@ -427,7 +461,3 @@ class TrackEnv(ActingEnv):
 
     def _marks(self) -> Floats:
         return np.array([self.goal])
-
-    def _info(self, command: Singles, collided: bool, success: bool) -> dict[str, Any]:
-        goal = np.array(self.goal)
-        return {**super()._info(command, collided, success), "goal": goal}

@@ -12,7 +12,7 @@ from deqmcl_gym.maps.clusters import two_clusters
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals, Singles
-from deqmcl_gym.validation import LARGEST, InputError, integer, number, shown
+from deqmcl_gym.validation import InputError, integer, number, shown
 
 Seen = dict[str, Any]
 StepResult = tuple[Seen, SupportsFloat, bool, bool, dict[str, Any]]
@@ -42,9 +42,12 @@ class BeliefView:
     - ``second`` (3,), ``second_share`` (1,): those of the best one outside it; see
       ``two_clusters``.
     - ``quality`` (1,): confidence that it is not lost, if the localizer estimates it.
-    - ``particles`` (k, 3): poses drawn by weight, if asked for.
+    - ``particles`` (k, 3): poses drawn by weight, θ in [-π, π], if asked for.
     - ``occupancy`` (rows, columns): the share in each square of the map, the lowest row first, if
       asked for.
+
+    Positions are bounded by ``extent`` and half of its longer side around it, ``covariance`` and
+    ``entropy`` by what is possible within; of a belief that is farther off they read the bound.
 
     Args:
         floor_plan: the map.
@@ -52,6 +55,7 @@ class BeliefView:
         particles: k.
         cell: side of the squares, in the map's unit; None: no ``occupancy``.
         bounds: that ``occupancy`` covers; None: the map's.
+        extent: (x0, y0, x1, y1) of positions, as the spaces have them; None: as bounds.
 
     Attributes:
         spaces: of the dict, by key.
@@ -65,15 +69,24 @@ class BeliefView:
         particles: int = 0,
         cell: float | None = None,
         bounds: Box | None = None,
+        extent: Box | None = None,
     ) -> None:
         self._unit, self._bounds = floor_plan.unit, bounds or floor_plan.bounds
         self._floor = _FLOOR * np.array([pixel(self._unit)] * 2 + [1.0]) ** 2
         self._has_quality = has_quality
         self._particles = integer("particles", particles)
-        shapes = {"mean": (3,), "covariance": (3, 3), "entropy": (1,), "best": (3,), "second": (3,)}
+        x0, y0, x1, y1 = extent or self._bounds
+        around = max(x1 - x0, y1 - y0) / 2
+        low = np.array([x0 - around, y0 - around, -np.pi])
+        high = np.array([x1 + around, y1 + around, np.pi])
+        most = (high - low) / 2  # standard deviations within them
+        poses: dict[str, tuple[int, ...]] = {"mean": (3,), "best": (3,), "second": (3,)}
         if particles:
-            shapes["particles"] = (particles, 3)
-        free = {name: gym.spaces.Box(-LARGEST, LARGEST, shape) for name, shape in shapes.items()}
+            poses["particles"] = (particles, 3)
+        free = {name: _box(low, high, shape) for name, shape in poses.items()}
+        free["covariance"] = _box(-np.outer(most, most), np.outer(most, most), (3, 3))
+        free["entropy"] = _box(_entropy(self._floor), _entropy(most**2 + self._floor), (1,))
+        self._bounded = free
         shares = ["best_share", "second_share"] + ["quality"] * has_quality
         parts = {name: gym.spaces.Box(0.0, 1.0, (1,)) for name in shares}
         self.spaces: dict[str, gym.spaces.Box] = {**free, **parts}
@@ -102,10 +115,16 @@ class BeliefView:
         if self._has_quality:
             seen["quality"] = [belief.quality]
         if self._particles:
-            seen["particles"] = poses[rng.choice(len(poses), self._particles, p=weights)]
+            drawn = np.array(poses[rng.choice(len(poses), self._particles, p=weights)])
+            turned = np.abs(drawn[:, 2]) > np.pi  # filters count turns
+            drawn[turned, 2] = arrays.wrapped(drawn[turned, 2])
+            seen["particles"] = drawn
         if self._cell is not None:
             seen["occupancy"] = self._occupancy(poses, weights, self._cell)
-        return {name: np.array(value, np.float32) for name, value in seen.items()}
+        shown = {name: np.array(value, np.float32) for name, value in seen.items()}
+        for name, space in self._bounded.items():
+            np.clip(shown[name], space.low, space.high, out=shown[name])
+        return shown
 
     def _occupancy(self, poses: Reals, weights: Floats, cell: float) -> Floats:
         rows, columns = self._grid
@@ -203,12 +222,22 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
         """Step the env and update the localizer."""
         seen, reward, terminated, truncated, info = self.env.step(action)
         scan = seen["scan"] if isinstance(seen, dict) else seen
-        self.belief = self._localizer.update(scan.copy(), info["action"].copy(), _plan(info))
+        self.belief = self._localizer.update(scan.copy(), info["command"].copy(), _plan(info))
         return self._with(seen), reward, terminated, truncated, info
 
     def _with(self, seen: Any) -> Seen:
         shows = seen if isinstance(seen, dict) else {"scan": seen}
         return {**shows, **self._view.shown(self.belief, self._rng)}
+
+
+def _box(low: Any, high: Any, shape: tuple[int, ...]) -> gym.spaces.Box:
+    low, high = (np.broadcast_to(np.float32(bound), shape) for bound in (low, high))
+    return gym.spaces.Box(low, high)
+
+
+def _entropy(variances: Floats) -> float:
+    """Entropy of a normal distribution with independent parts, nats."""
+    return 0.5 * float(np.log(2 * np.pi * np.e * variances).sum())
 
 
 def _plan(info: dict[str, Any]) -> Reals:

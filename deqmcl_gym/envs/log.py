@@ -16,10 +16,20 @@ from deqmcl_gym.logs.motion import increments_of
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats, Indices, Pose, Singles
-from deqmcl_gym.validation import InputError, array, integer, number, one_of, shown
+from deqmcl_gym.validation import (
+    InputError,
+    NoEpisodeError,
+    UnavailableError,
+    array,
+    check_arguments,
+    integer,
+    number,
+    one_of,
+    shown,
+)
 from deqmcl_gym.world.differences import map_changed
 from deqmcl_gym.world.presets import WORLDS
-from deqmcl_gym.world.rules import check_no_options
+from deqmcl_gym.world.rules import check_options
 
 PLANS = ("odometry", "reference", "none")
 
@@ -189,11 +199,12 @@ class LogEnv(gym.Env[Singles, Singles]):
     Where nothing is within reach it reads 2 r, where a beam failed or saw something too near 3 r,
     as Gymnasium's checker requires finite spaces; localizers skip ranges above r.
 
-    **Info**: the keys of `Room-v0`. `action` is the odometry's increment that led here, (3,).
+    **Info**: the keys of `Room-v0`. `command` is the odometry's increment that led here, (3,).
     `planned_actions` (horizon, 3) are the increments to come,
     as if the log were a plan that was carried out, and `planned_count` is their number; `collided`
-    is always False. `truth` is the reference pose, at records that have one. The env reveals it in
-    no other way, except that `plan="reference"` plans by it.
+    is always False; `is_success` is True at the last record. `truth` is the reference pose, inf at
+    records without one; a log without a reference has none. The env reveals it in no other way,
+    except that `plan="reference"` plans by it.
 
     **Poses** are the robot's (ROS: `base_link`). `env.unwrapped.lidar` knows where on the robot it
     is mounted; there its rays start.
@@ -264,8 +275,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         changed_walls: Mapping[str, Any] | None = None,
         **others: Any,
     ) -> None:
-        for name in others:
-            one_of("argument", name, set(signature(LogEnv).parameters) - {"others"})
+        check_arguments(others, set(signature(LogEnv).parameters) - {"others"})
         if log is None:
             raise InputError("there is no log: give log=…, the path of one.")
         self._on_mismatch = one_of("on_mismatch", on_mismatch, ON_MISMATCH)
@@ -311,10 +321,10 @@ class LogEnv(gym.Env[Singles, Singles]):
         """The map, for localizers.
 
         Raises:
-            InputError: the env was made without one.
+            UnavailableError: the env was made without one.
         """
         if self._map is None:
-            raise InputError("the env was made without a map: give map=….")
+            raise UnavailableError("the env was made without a map: give map=….")
         return self._map
 
     @property
@@ -322,11 +332,11 @@ class LogEnv(gym.Env[Singles, Singles]):
         """The reference pose of the first record of this episode, for priors.
 
         Raises:
-            InputError: there is none.
+            UnavailableError: there is none.
         """
         at = self.log[self._begun - self.elapsed_steps].reference
         if at is None:
-            raise InputError(
+            raise UnavailableError(
                 f"{self.log.source} has no reference pose where it begins: give a reference."
             )
         return at
@@ -346,10 +356,10 @@ class LogEnv(gym.Env[Singles, Singles]):
         """The recorded increment of the next step, (3,) float32.
 
         Raises:
-            RuntimeError: there is no next step.
+            NoEpisodeError: there is no next step.
         """
         if self._begun >= self._last:
-            raise RuntimeError("the log has ended: call reset() before step().")
+            raise NoEpisodeError("the log has ended: call reset() before step().")
         action: Singles = self._actions[self._begun]
         return action.copy()
 
@@ -361,7 +371,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         Raises:
             InputError: there are options, or the seed is bad.
         """
-        check_no_options(options)
+        check_options(options)
         super().reset(seed=None if seed is None else integer("seed", seed))
         drawn = self.np_random.integers(len(self._segments)) if len(self._segments) > 1 else 0
         self._first, self._last = self._segments[drawn].tolist()
@@ -371,7 +381,7 @@ class LogEnv(gym.Env[Singles, Singles]):
     def step(self, action: ArrayLike) -> tuple[Singles, SupportsFloat, bool, bool, dict[str, Any]]:
         """Play the next record."""
         recorded = self.next_action
-        self._compare(array("the action", action, (3,)), recorded)
+        self._compare(array("the action (forward, left, turn)", action, (3,)), recorded)
         self._step += 1
         ended = self._step == self._last
         return self._scans[self._step].copy(), 0.0, ended, False, self._info(recorded)
@@ -403,7 +413,7 @@ class LogEnv(gym.Env[Singles, Singles]):
     @property
     def _begun(self) -> int:
         if self._step < 0:
-            raise RuntimeError("the episode has not begun: call reset() first.")
+            raise NoEpisodeError
         return self._step
 
     def _compare(self, action: Floats, recorded: Singles) -> None:
@@ -426,12 +436,14 @@ class LogEnv(gym.Env[Singles, Singles]):
         planned[count:] = 0.0
         info: dict[str, Any] = {
             "planned_actions": planned,
-            "planned_count": count,
-            "action": action,
-            "collided": False,
+            "planned_count": np.array(count),
+            "command": action,
+            "collided": np.array(False),
+            "is_success": np.array(step == self._last),
         }
-        if self.log.reference is not None and np.isfinite(self.log.reference[step, 0]):
-            info["truth"] = self.log.reference[step].copy()
+        if self.log.reference is not None:
+            known = np.isfinite(self.log.reference[step])
+            info["truth"] = np.where(known, self.log.reference[step], np.inf)
         return info
 
 

@@ -9,14 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics.types import Pose, Singles
-from deqmcl_gym.validation import InputError, integer, one_of, pose
+from deqmcl_gym.validation import InputError, NoEpisodeError, integer, one_of, pose
 from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start
 from deqmcl_gym.world.course import MAX_STEPS, Course, check_free
 from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
 from deqmcl_gym.world.driver import FixedPlan
 from deqmcl_gym.world.episode import Episode, contacts_of
 from deqmcl_gym.world.people import People
-from deqmcl_gym.world.rules import RoomInfo, RoomRules, check_no_options
+from deqmcl_gym.world.rules import RoomInfo, RoomRules, check_options
 from deqmcl_gym.world.sensor import Stream
 
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
@@ -163,7 +163,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         For a driver, they are those without noise from the expected start.
 
         Raises:
-            RuntimeError: the world has a route, and no episode has begun.
+            NoEpisodeError: the world has a route, and no episode has begun.
         """
         plan = self._rules.plan if self._is_lap_ahead else self._episode.plan
         return plan.actions.copy()
@@ -180,7 +180,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         """Lap or route: its path, start, and actions as planned beforehand.
 
         Raises:
-            RuntimeError: the world has a route, and no episode has begun.
+            NoEpisodeError: the world has a route, and no episode has begun.
         """
         return self._rules.course if self._is_lap_ahead else self._episode.course
 
@@ -207,7 +207,7 @@ class RoomEnv(gym.Env[Any, Singles]):
             InputError: the seed is bad, there are options, or no start is free. The last episode
                 then continues.
         """
-        check_no_options(options)
+        check_options(options)
         if seed is not None:
             root, number = integer("seed", seed), 0
         elif self.np_random_seed >= 0:
@@ -238,7 +238,7 @@ class RoomEnv(gym.Env[Any, Singles]):
             happen()
         reward, collided = episode.advance(*command.tolist())
         info = self._info(episode, command, collided)
-        given_up = info["planned_count"] == 0 and not episode.done
+        given_up = not (info["planned_count"] or episode.done)
         episode.ended = episode.done or given_up
         return self._seen(info), reward, episode.done, given_up, info
 
@@ -309,8 +309,20 @@ class RoomEnv(gym.Env[Any, Singles]):
         return self._begun is None and self._rules.journeys is None
 
     def _info(self, episode: Episode, command: Singles, collided: bool) -> dict[str, Any]:
-        info = _info(episode, command, collided)
-        return info if self.building is None else {**info, "building": self.building}
+        planned, count = episode.plan.after(episode)
+        info: RoomInfo = {
+            "planned_actions": planned,
+            "planned_count": np.array(count),
+            "command": command,
+            "collided": np.array(collided),
+            "is_success": np.array(episode.done),
+            "truth": np.array(episode.pose),
+        }
+        if episode.course.goal is not None and self._rules.observation == "scan":
+            info["goal"] = np.array(episode.course.goal)
+        if self.building is not None:
+            info["building"] = np.array(self.building)
+        return cast("dict[str, Any]", info)
 
     def _seen(self, info: dict[str, Any]) -> Any:
         episode = self._episode
@@ -322,20 +334,5 @@ class RoomEnv(gym.Env[Any, Singles]):
     @property
     def _episode(self) -> Episode:
         if self._begun is None:
-            raise RuntimeError("the episode has not begun: call reset() first.")
+            raise NoEpisodeError
         return self._begun
-
-
-def _info(episode: Episode, command: Singles, collided: bool) -> dict[str, Any]:
-    planned, count = episode.plan.after(episode)
-    info: RoomInfo = {
-        "planned_actions": planned,
-        "planned_count": count,
-        "action": command,
-        "collided": collided,
-        "truth": np.array(episode.pose),
-    }
-    if episode.course.goal is not None:
-        info["goal"] = np.array(episode.course.goal)
-        info["route"] = tuple(map(tuple, episode.course.path.corners.tolist()))
-    return cast("dict[str, Any]", info)

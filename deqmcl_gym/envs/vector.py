@@ -14,9 +14,16 @@ from deqmcl_gym.envs.vector_rooms import Rooms
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Bools, Indices, RoomActions
 from deqmcl_gym.registration import MAX_EPISODE_STEPS
-from deqmcl_gym.validation import InputError, integer, one_of, shown
+from deqmcl_gym.validation import (
+    InputError,
+    NoEpisodeError,
+    UnavailableError,
+    integer,
+    one_of,
+    shown,
+)
 from deqmcl_gym.world.course import Course
-from deqmcl_gym.world.rules import RoomRules
+from deqmcl_gym.world.rules import RoomRules, check_options
 
 Info = dict[str, Any]
 StepResult = tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], Info]
@@ -90,7 +97,7 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         """The actions planned for each episode, done and to come, (T, 2) float32.
 
         Raises:
-            InputError: the rooms have a route each.
+            UnavailableError: the rooms have a route each.
         """
         self._check_lap("plan")
         return self._rules.plan.actions.copy()
@@ -100,7 +107,7 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         """The lap as planned: path, start and actions.
 
         Raises:
-            InputError: the rooms have a route each.
+            UnavailableError: the rooms have a route each.
         """
         self._check_lap("course")
         return self._rules.course
@@ -115,7 +122,7 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         """The course of each room in its episode.
 
         Raises:
-            RuntimeError: a room has not begun one.
+            NoEpisodeError: a room has not begun one.
         """
         self._check_begun("courses")
         return tuple(begun.course for begun in self._rooms.begun if begun is not None)
@@ -146,7 +153,8 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         self._begin(rooms, self._checked_seeds(seed))
         self._rooms.observe(rooms)
         nothing = np.zeros((self.num_envs, 2), np.float32)
-        return self._seen(), self._info(chosen, nothing, np.zeros_like(chosen))
+        none = np.zeros_like(chosen)
+        return self._seen(), self._info(chosen, nothing, none, none.copy())
 
     def step(self, actions: RoomActions) -> StepResult:
         """Turn, then drive in each room; where an episode ended, begin the next one.
@@ -168,11 +176,11 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
             commands[again] = 0.0
         rewards, collided, terminated, truncated = self._rooms.move(commands, resting)
         self._rooms.observe()
-        self._ended = terminated | truncated
+        self._ended, success = terminated | truncated, terminated.copy()
         final: Info = {}
         if self._mode is AutoresetMode.SAME_STEP and np.count_nonzero(self._ended):
-            final = self._begun_again(commands, collided)
-        info = self._info(self._all, commands, collided)
+            final = self._begun_again(commands, collided, success)
+        info = self._info(self._all, commands, collided, success)
         return self._seen(), rewards, terminated, truncated, final | info
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
@@ -208,7 +216,7 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
             return last[0], last[1] + 1
         return secrets.randbits(128), 0
 
-    def _begun_again(self, commands: RoomActions, collided: Bools) -> Info:
+    def _begun_again(self, commands: RoomActions, collided: Bools, success: Bools) -> Info:
         """Begin the next episode where one has ended; return its last observation and info."""
         ended = self._ended.copy()
         rooms = np.flatnonzero(ended)
@@ -216,11 +224,11 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         for room, seen in enumerate(iterate(self.observation_space, self._seen())):
             if ended[room]:
                 last[room] = seen
-        said = self._info(ended, commands.copy(), collided.copy())
+        said = self._info(ended, commands.copy(), collided.copy(), success.copy())
         final: Info = {"final_obs": last, "final_info": said}
         self._begin(rooms)
         self._rooms.observe(rooms)
-        commands[ended], collided[ended] = 0.0, False
+        commands[ended], collided[ended], success[ended] = 0.0, False, False
         return final | {f"_{key}": ended.copy() for key in final}
 
     def _seen(self) -> Any:
@@ -231,34 +239,32 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         goals = None if rules.journeys is None else rooms.goals
         return rules.seen(rooms.scans, rooms.plans()[0], rooms.covered, rooms.elapsed, goals)
 
-    def _info(self, among: Bools, commands: RoomActions, collided: Bools) -> Info:
+    def _info(self, among: Bools, commands: RoomActions, collided: Bools, success: Bools) -> Info:
         """Return ``RoomInfo`` as arrays over the rooms, zero and masked out if not ``among``.
 
-        ``commands`` and ``collided`` become part of it and must not be used elsewhere.
+        ``commands``, ``collided`` and ``success`` become part of it: use them nowhere else.
         """
         planned, count = self._rooms.plans()
         told: Info = {
             "planned_actions": planned,
             "planned_count": count,
-            "action": commands,
+            "command": commands,
             "collided": collided,
+            "is_success": success,
             "truth": self._rooms.poses.copy(),
         }
-        if self._rules.journeys is not None:
-            told |= {"goal": self._rooms.goals.copy(), "route": self._rooms.routes.copy()}
+        if self._rules.journeys is not None and self._rules.observation == "scan":
+            told["goal"] = self._rooms.goals.copy()
         if self._rules.offices is not None:
             told["building"] = self._rooms.buildings.copy()
         if among is not self._all:
             for values in told.values():
-                values[~among] = None if values.dtype == object else 0
+                values[~among] = 0
         told.update({f"_{key}": among.copy() for key in told})
         return told
 
-    def _chosen(self, options: object) -> Bools:
-        if options is not None and not isinstance(options, Mapping):
-            raise InputError(f"options is {options!r}, but must be None or hold a reset_mask.")
-        for key in options or ():
-            one_of("reset option", key, ("reset_mask",))
+    def _chosen(self, options: Mapping[str, Any] | None) -> Bools:
+        check_options(options)
         mask = options.get("reset_mask") if options else None
         if mask is None:
             return np.ones(self.num_envs, np.bool_)
@@ -285,13 +291,13 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
 
     def _check_lap(self, wish: str) -> None:
         if self._rules.journeys is not None:
-            raise InputError(
+            raise UnavailableError(
                 f"the rooms have a route each, so there is no one {wish}: see courses."
             )
 
     def _check_begun(self, wish: str) -> None:
         if not self._all_begun:
-            raise RuntimeError(
+            raise NoEpisodeError(
                 f"the episode in room {self._episodes.index(None)} has not begun: call reset() "
                 f"before {wish}()."
             )

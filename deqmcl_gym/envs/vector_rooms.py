@@ -29,7 +29,6 @@ class Rooms:
         steps: number carried out, (n,).
         progress: along the path since reset, (n,).
         scans: the last ones, (n, B).
-        routes: corners of each room's route, tuples as in ``RoomInfo``; None on a lap, (n,).
     """
 
     def __init__(self, rules: RoomRules, number: int, limit: int) -> None:
@@ -59,7 +58,6 @@ class Rooms:
             near = world.route.tolerance
         self._numbers = tuple(kernels.Rules(rules.noise, rules.rewards, near, limit))
         self.scans = self._lidars.scans
-        self.routes = np.full(number, None, dtype=object)
         self._lap = None if world.route is not None else rules.plan
         self._driver = _driver(rules)
         self._shown = np.zeros((number, horizon_of(rules), 2), np.float32)
@@ -119,8 +117,6 @@ class Rooms:
             self.poses[room], self._robots.arcs[room] = begun.start, begun.arc
             self._robots.gaps[room] = self.progress[room] = 0.0
             self.steps[room] = 0
-            if begun.there.journeys is not None:
-                self.routes[room] = tuple(map(tuple, begun.course.path.corners.tolist()))
             self._motion.renew(room, episode_stream(*episode, Stream.MOTION))
             self._lidars.renew(room, episode_stream(*episode, Stream.SENSOR))
         if not isinstance(self._lap, FixedPlan):

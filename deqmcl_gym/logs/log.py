@@ -271,7 +271,7 @@ class Log:
 
         Args:
             scans: at reset and after each step, (T + 1, beams).
-            actions: ``info["action"]`` of each step, (d, φ) or (forward, left, turn), (T, 2 or 3).
+            actions: ``info["command"]`` of each step, (d, φ) or (forward, left, turn), (T, 2 or 3).
             truth: the true poses, (T + 1, 3); None does not record them.
             lidar: that took the scans.
             unit: of all lengths.

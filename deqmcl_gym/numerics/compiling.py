@@ -23,27 +23,32 @@ def compiled(function: F) -> F:
     """Compile ``function`` at its first call and cache the machine code on disk.
 
     The cache is the first writable one of: ``NUMBA_CACHE_DIR``, a folder beside the source, the
-    user's cache folder, a private temporary folder. If none is writable, nothing is cached.
+    user's cache folder, a private temporary folder. If none is writable, or there are no sources
+    (in a zip, or of .pyc files alone), nothing is cached.
 
     IEEE arithmetic as written: no fastmath (it changes results between processors), and division
     as in NumPy (inf and nan instead of an exception, which would also stop vectorisation).
     """
-    function.__qualname__ += f"_{_digest(function)}"
+    digest = _digest(function)
+    function.__qualname__ += f"_{digest}"
     kernel: Any = numba.njit(nogil=True, error_model="numpy", fastmath=False)(function)
-    if not cast(Any, numba.config).DISABLE_JIT:
+    if digest and not cast(Any, numba.config).DISABLE_JIT:
         with contextlib.suppress(RuntimeError):  # no folder can be written to
             kernel._cache = _Cache(function)
     return cast(F, kernel)
 
 
 def _digest(function: Callable[..., Any]) -> str:
-    """Return a digest of what a kernel is made from, which becomes part of its name.
+    """Return a digest of what a kernel is made from, which becomes part of its name; "" if unknown.
 
     numba keys its cache by the kernel's own file, but a kernel has those that it calls in it, and
     constants: so what its file has imported counts, kernels by their names, which have digests too.
     """
     file = function.__code__.co_filename
-    digest = hashlib.sha256(_source(file))
+    try:
+        digest = hashlib.sha256(_source(file))
+    except OSError:
+        return ""
     for name, value in sorted(function.__globals__.items()):
         if isinstance(value, CPUDispatcher):
             if value.py_func.__code__.co_filename != file:

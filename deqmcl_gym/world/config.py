@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.maps import GridMap, Lidar, Map, Office, Offices, PolygonMap, polygon_map
+from deqmcl_gym.maps import Box, GridMap, Lidar, Map, Office, Offices, PolygonMap, polygon_map
 from deqmcl_gym.maps.map import LENGTH, PER_LENGTH, POSE, pixel, scaled
 from deqmcl_gym.validation import InputError, array, keep_plain, number, one_of, part, pose, shown
 from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
@@ -64,6 +64,17 @@ def offices_of(given: Any) -> Offices | None:
         )
     one, form = _office({**given, "office": office})
     return Offices(seeds=seeds, office=one, form=form)
+
+
+def extent_of(given: Any, floor_plan: Map) -> Box:
+    """Return (x0, y0, x1, y1) of a floor plan, in which all offices of its kind lie if it is one.
+
+    So a policy is shown all buildings on one scale.
+    """
+    if isinstance(given, Mapping) and "office" in given:
+        offices = offices_of(given) or Offices(seeds=(0, 1), office=_office(given)[0])
+        return offices.bounds
+    return floor_plan.bounds
 
 
 def _office(given: Mapping[str, Any]) -> tuple[Office, str]:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from operator import le
 from typing import TYPE_CHECKING, Any, NotRequired, TypedDict
 
 import gymnasium as gym
@@ -11,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym import validation
-from deqmcl_gym.maps import Lidar, Offices
+from deqmcl_gym.maps import Box, Lidar, Offices
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Bools, Floats, Point, Pose, RoomActions, Singles
-from deqmcl_gym.validation import LARGEST, InputError, boolean, integer, one_of
-from deqmcl_gym.world.config import Robot, World, offices_of
+from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of
+from deqmcl_gym.world.config import Robot, World, extent_of, offices_of
 from deqmcl_gym.world.course import MAX_STEPS, Course, wrapped
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan
 from deqmcl_gym.world.path_kernels import COLLISION_PENALTY, GOAL_BONUS, once_round
@@ -27,6 +28,7 @@ if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing, View
 
 _FLOAT32 = np.dtype(np.float32)
+_COUNTS = "two", "three", "four"  # numbers in an action with so many heads
 _START_TRIES = 1000
 _FREE_TRIES = 100_000
 _ARGUMENTS = ("preset", *(own.name for own in fields(World)), "horizon", "ends_at_goal")
@@ -34,40 +36,39 @@ _ARGUMENTS += ("observation", "render_mode")
 
 
 class Commands:
-    """The actions (distance, turn) that a robot can carry out.
+    """The actions (distance, turn, *heads) that a robot can carry out.
 
     Attributes:
         space: the Box of all commands, float32.
     """
 
-    def __init__(self, robot: Robot, unit: str) -> None:
-        """Allow distances in [0, max_distance] and turns in [-max_turn, max_turn]."""
-        self._unit = unit
+    def __init__(self, robot: Robot, unit: str, heads: tuple[str, ...] = ()) -> None:
+        """Allow distances in [0, max_distance], turns in [-max_turn, max_turn], heads in [0, 1]."""
         self.space = gym.spaces.Box(
-            np.array([0.0, -robot.max_turn], np.float32),
-            np.array([robot.max_distance, robot.max_turn], np.float32),
+            np.array([0.0, -robot.max_turn, *(0.0 for _ in heads)], np.float32),
+            np.array([robot.max_distance, robot.max_turn, *(1.0 for _ in heads)], np.float32),
         )
         # Comparing numbers takes a tenth of the time of Box.contains.
-        (self._least, self._right), (self._most, self._left) = (
-            bound.tolist() for bound in (self.space.low, self.space.high)
+        self._low, self._high = self.space.low.tolist(), self.space.high.tolist()
+        turn = f"a turn from {self._low[1]:.4g} to {self._high[1]:.4g} rad"
+        *parts, last = turn, *(f"{head} from 0 to 1" for head in heads)
+        self._words = (
+            f"{_COUNTS[len(heads)]} numbers: a distance from 0 to {self._high[0]:g} {unit}"
+            f"{''.join(f', {part}' for part in parts)} and {last}."
         )
 
     def checked(self, action: Any) -> RoomActions:
-        """Return an action as a fresh array, (2,) float32.
+        """Return an action as a fresh array, (2,) float32, or longer by the heads.
 
         Raises:
-            InputError: anything but two real numbers in the space.
+            InputError: anything but so many real numbers in the space.
         """
         command = _as_float32(action)
-        if command is not None and command.shape == (2,):
-            distance, turn = command.tolist()
-            if self._least <= distance <= self._most and self._right <= turn <= self._left:
+        if command is not None and command.shape == self.space.shape:
+            given = command.tolist()
+            if all(map(le, self._low, given)) and all(map(le, given, self._high)):
                 return command
-        raise InputError(
-            f"the action is {action!r}, but must be two numbers: a distance from {self._least:g} "
-            f"to {self._most:g} {self._unit} and a turn from {self._right:.4g} to {self._left:.4g} "
-            "rad."
-        )
+        raise InputError(f"the action is {action!r}, but must be {self._words}")
 
     def checked_each(self, actions: Any, resting: Bools) -> RoomActions:
         """Return one action for each room as a fresh array, (n, 2) float32.
@@ -129,40 +130,37 @@ def _first_outside(commands: RoomActions, low: Singles, high: Singles, resting: 
 
 
 class RoomInfo(TypedDict):
-    """The ``info`` channel. Arrays are fresh copies of fixed shape.
+    """The ``info`` channel: fresh arrays of fixed shape, under keys that no observation has.
 
     Attributes:
         planned_actions: the actions planned after this step, zero-padded, (h, 2) float32:
             distance, turn.
-        planned_count: number of rows of ``planned_actions`` that are actions.
-        action: the command carried out in this step, before motion noise and contact, (2,)
-            float32; zeros at reset.
-        collided: whether the step was stopped by a wall.
+        planned_count: number of rows of ``planned_actions`` that are actions, () int.
+        command: what was carried out in this step, before motion noise and contact, (2,) float32;
+            zeros at reset. Inside wrappers of actions, and heads, so not the learner's action.
+        collided: whether the step was stopped by a wall, () bool.
+        is_success: whether the step ended the lap or route at its goal, () bool.
         truth: the true pose (x, y, θ), (3,) float64. For scoring only: estimators must not read
             it.
-        goal: the end of the route (x, y), (2,) float64; only in a world with a route.
-        route: corners (x, y) of the planned route, from the expected start to the goal; only in a
-            world with a route. Routes differ in length, so it is a tuple, not an array: Gymnasium's
-            vector envs keep one per env. For whoever drives: its beginning is the answer at reset.
-        building: seed of the office; only where each episode draws one.
+        goal: the end of the route (x, y), (2,) float64; only in a world with a route, and not if
+            the observation has it.
+        building: seed of the office, () int64; only where each episode draws one.
     """
 
     planned_actions: Singles
-    planned_count: int
-    action: Singles
-    collided: bool
+    planned_count: NDArray[np.int64]
+    command: Singles
+    collided: NDArray[np.bool_]
+    is_success: NDArray[np.bool_]
     truth: Floats
     goal: NotRequired[Floats]
-    route: NotRequired[tuple[tuple[float, ...], ...]]
-    building: NotRequired[int]
+    building: NotRequired[NDArray[np.int64]]
 
 
-def check_no_options(options: object) -> None:
-    """Refuse options of a ``reset`` that takes none."""
+def check_options(options: object) -> None:
+    """Refuse options of ``reset`` that are no mapping; keys of others, as wrappers', are theirs."""
     if options is not None and not isinstance(options, Mapping):
-        raise InputError(f"options is {options!r}, but must be None: reset takes no options.")
-    for key in options or ():
-        one_of("reset option", key, ())
+        raise InputError(f"options is {options!r}, but must be None or a mapping.")
 
 
 @dataclass(frozen=True)
@@ -175,6 +173,7 @@ class RoomRules:
         ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
         observation: "scan", or "dict" for scan, plan, progress, clock and the goal of a route.
         offices: of which each episode draws one; None: the map is the same in all.
+        extent: (x0, y0, x1, y1) of goals, as observations have them; None: the map's.
     """
 
     world: World
@@ -182,6 +181,7 @@ class RoomRules:
     ends_at_goal: bool
     observation: str
     offices: Offices | None = None
+    extent: Box | None = None
 
     @classmethod
     def of(
@@ -198,9 +198,8 @@ class RoomRules:
         Raises:
             InputError: an unknown argument or key, a bad value, or a lap that cannot be driven.
         """
-        for name in parts:
-            one_of("argument", name, _ARGUMENTS)
-        offices = offices_of(parts.get("floor_plan"))
+        check_arguments(parts, _ARGUMENTS)
+        offices = offices_of(given := parts.get("floor_plan"))
         if offices is not None:
             parts["floor_plan"] = offices.map(offices.seeds[0])
         world = WORLDS[one_of("preset", preset, WORLDS)].changed(**parts)
@@ -211,7 +210,8 @@ class RoomRules:
             )
         rows = None if horizon is None else integer("horizon", horizon, low=1, high=MAX_STEPS)
         one_of("observation", observation, ("scan", "dict"))
-        rules = cls(world, rows, boolean("ends_at_goal", ends_at_goal), observation, offices)
+        ends, extent = boolean("ends_at_goal", ends_at_goal), extent_of(given, world.floor_plan)
+        rules = cls(world, rows, ends, observation, offices, extent)
         for part in (world.changed_walls, world.glass):
             if part is not None:
                 part.check(world.floor_plan)
@@ -295,7 +295,7 @@ class RoomRules:
         actions, shape = self.commands.space, (self.horizon or self.plan.horizon, 1)
         goal: dict[str, Any] = {}
         if self.world.route is not None:
-            goal["goal"] = gym.spaces.Box(-LARGEST, LARGEST, (2,))
+            goal["goal"] = within(self.extent or self.world.floor_plan.bounds)
         return gym.spaces.Dict(
             scan=scans,
             **goal,
@@ -402,6 +402,12 @@ class RoomRules:
             f"none of {_START_TRIES} starts drawn around ({x:g}, {y:g}) is free: give a smaller "
             "start.sd_position."
         )
+
+
+def within(extent: Box) -> gym.spaces.Box:
+    """Return the space of positions (x, y) in (x0, y0, x1, y1)."""
+    x0, y0, x1, y1 = extent
+    return gym.spaces.Box(np.array([x0, y0], np.float32), np.array([x1, y1], np.float32))
 
 
 def scan_space(lidar: Lidar) -> gym.spaces.Box:

@@ -46,7 +46,7 @@ while info["planned_count"]:
     ranges, _, _, _, info = env.step(info["planned_actions"][0])
     truth.append(info["truth"])
     for name, localizer in runners.items():
-        belief = localizer.update(ranges, info["action"], shown(info))
+        belief = localizer.update(ranges, info["command"], shown(info))
         ways[name].append(localizers.mean_pose(*belief.points()))
 
 # %%

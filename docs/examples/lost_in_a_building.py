@@ -28,7 +28,8 @@ runners = {
     "start by the route": localizers.make("mcl-map", robot, **common, **by_route),
 }
 ranges, info = room.reset(seed=2)
-route, plan = np.array(info["route"]), info["planned_actions"][: info["planned_count"]]
+route = room.unwrapped.course.path.corners
+plan = info["planned_actions"][: info["planned_count"]]
 beliefs = {n: one.reset(prior, plan, np.random.default_rng(0)) for n, one in runners.items()}
 clouds = {name: belief.points()[0] for name, belief in beliefs.items()}
 
@@ -42,7 +43,7 @@ while info["planned_count"]:
     truth.append(info["truth"])
     plan = info["planned_actions"][: info["planned_count"]]
     for name, localizer in runners.items():
-        belief = localizer.update(ranges, info["action"], plan)
+        belief = localizer.update(ranges, info["command"], plan)
         ways[name].append(localizers.best_cluster(*belief.points(), unit="m").mean)
 
 # %%

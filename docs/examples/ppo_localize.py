@@ -27,7 +27,7 @@ import numpy as np
 
 import deqmcl_gym  # noqa: F401  # registers the environments
 from benchmarks.studies.acting import Played, office_of, play, table
-from benchmarks.tasks import OFFICE
+from localizers.tasks import OFFICE
 
 try:
     import matplotlib.pyplot as plt

@@ -67,9 +67,9 @@ localizer.reset(prior, info["planned_actions"], np.random.default_rng(0))
 way, actions, terminated = [], [], False
 while not terminated:
     ranges, _, terminated, _, info = env.step(log.next_action)
-    belief = localizer.update(ranges, info["action"], info["planned_actions"])
+    belief = localizer.update(ranges, info["command"], info["planned_actions"])
     way.append(localizers.best_cluster(*belief.points(), unit="m").mean)
-    actions.append(info["action"])
+    actions.append(info["command"])
 
 plt.imshow(cells == 0, cmap="gray", origin="lower", extent=(0, 9, 0, 6))
 plt.plot(*dead_reckoned(actions, start)[:, :2].T, "--", color="tab:gray", label="odometry alone")

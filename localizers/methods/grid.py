@@ -165,6 +165,7 @@ def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
                 f"which spans {grid.bounds}."
             )
         mass[at] = 1.0
-    shares: Floats = mass / mass.sum()
+    with np.errstate(under="ignore"):
+        shares: Floats = mass / mass.sum()
     shares[shares < grid_motion.NOTHING] = 0.0
     return shares.reshape(grid.shape)

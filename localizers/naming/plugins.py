@@ -23,7 +23,7 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
@@ -39,6 +39,7 @@ from localizers.naming.digests import file_digest, module_digest
 SPAWN = multiprocessing.get_context("spawn")
 _MODULE = "_localizer_"  # begins the name of a module that is a file of its own
 _ELSEWHERE = "…"
+SAFE_PATH = {"PYTHONSAFEPATH": "deqmcl"}  # in the environment; any text switches it on
 _MARK = "DEQMCL_PROCESS"  # in the environment of all that the process starts
 _EXEC_SECONDS = 0.02  # a program that is just being started does not show its environment yet
 _OOM_SCORE = "500"  # who is killed first when memory runs out: this process, not its parent
@@ -71,7 +72,8 @@ class OwnProcess:
         self.process: BaseProcess = context.Process(  # type: ignore[attr-defined]
             target=target, args=(there, *arguments)
         )
-        self.process.start()
+        with safe_path():
+            self.process.start()
         there.close()  # so that the line breaks when the process dies
         atexit.register(self.kill)  # multiprocessing would wait for it
 
@@ -104,6 +106,23 @@ class OwnProcess:
         self._line.close()
 
 
+@contextlib.contextmanager
+def safe_path() -> Iterator[None]:
+    """Let interpreters that start now find nothing in the working folder, until they ``enter``.
+
+    multiprocessing starts them by ``python -c``, which looks there first.
+    """
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ.update(SAFE_PATH)
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["PYTHONSAFEPATH"]
+        else:
+            os.environ["PYTHONSAFEPATH"] = before
+
+
 def enter(line: Connection) -> None:
     """Prepare this process to be killed as a whole; call it first.
 
@@ -119,6 +138,8 @@ def enter(line: Connection) -> None:
     with contextlib.suppress(OSError):  # stderr is closed
         os.dup2(2, 1)
     os.environ[_MARK] = str(os.getpid())
+    if SAFE_PATH.items() <= os.environ.items():  # its programs start as ever
+        del os.environ["PYTHONSAFEPATH"]
     Thread(target=_leave_with_parent, daemon=True).start()
 
 

@@ -242,7 +242,7 @@ def test_the_localizer_is_told_the_plan_of_whoever_drives_and_the_agent_not_the_
     assert np.array_equal(localizer.plans[0], room.plan)  # nobody has believed anything yet
     for step, plan in enumerate(localizer.plans[1:], 1):
         assert np.array_equal(plan, np.full((step, 2), [0.0, 0.1]))
-    told = ["action", "collided", "planned_actions", "planned_count", "ranges"]
+    told = ["collided", "command", "is_success", "planned_actions", "planned_count", "ranges"]
     assert agent.told == [told] * steps
     turned = np.unwrap([moment.truth[2] for moment in seen])
     assert turned[-1] - turned[0] == pytest.approx(0.1 * steps, rel=0.01)  # noise: 2 % of a step

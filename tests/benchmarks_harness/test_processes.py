@@ -1,5 +1,6 @@
 """Worker processes: what they answer, and what becomes of a call whose process is lost."""
 
+import math
 import os
 import re
 import signal
@@ -10,6 +11,7 @@ import time
 import calls
 import pytest
 
+from benchmarks.execution import engines
 from benchmarks.execution.engines import Where
 from benchmarks.execution.processes import (
     CannotStartError,
@@ -145,6 +147,32 @@ def test_a_command_that_ends_without_leaving_ends_its_workers_too(tmp_path):
     assert parent.wait(timeout=60) == 0
     assert pids
     assert gone(pids)
+
+
+V1, V2 = "sys/fs/cgroup/cpu/cpu.cfs_{}_us", "sys/fs/cgroup{}/cpu.max"
+QUOTAS = {
+    "none": ({}, math.inf),
+    "no limit": ({V2.format(""): "max 100000"}, math.inf),
+    "a container's": ({V2.format(""): "150000 100000"}, 1.5),
+    "of a group above": (
+        {V2.format("/a"): "50000 100000", V2.format("/a/b"): "max 100000",
+         "proc/self/cgroup": "1:cpu:/x\n0::/a/b\n"}, 0.5,
+    ),
+    "of version 1": ({V1.format("quota"): "300000\n", V1.format("period"): "100000\n"}, 3.0),
+    "none of version 1": ({V1.format("quota"): "-1\n", V1.format("period"): "100000\n"}, math.inf),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", QUOTAS)
+def test_the_quota_of_a_control_group_counts_as_its_processors(tmp_path, name, monkeypatch):
+    files, share = QUOTAS[name]
+    for path, text in files.items():
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(text)
+    assert engines._quota(tmp_path) == share
+    monkeypatch.setattr(engines, "_quota", lambda: share)
+    own = len(os.sched_getaffinity(0))
+    assert engines.available_cpus() == max(1, math.ceil(min(share, own)))
 
 
 CANNOT_START = """

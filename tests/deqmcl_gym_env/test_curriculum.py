@@ -3,6 +3,7 @@
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
 from refusals import refused
 
 import deqmcl_gym  # noqa: F401  # registers the environments
@@ -72,6 +73,40 @@ def test_stages_of_other_spaces_and_none_at_all_are_refused():
         Curriculum([few, many])
     with refused("envs is empty"):
         Curriculum([])
+
+
+def test_seeded_actions_are_the_same_in_every_run_and_observations_within_one_space():
+    def drawn():
+        made = [Task(), Task()]
+        made[1].action_space = gym.spaces.Box(0, 1, (1,), np.float32)
+        made[1].observation_space = gym.spaces.Box(-2, 0.5, (1,), np.float32)
+        env = Curriculum(made, success=0.0, window=1)
+        env.action_space.seed(1)
+        actions = []
+        for _ in range(3):
+            assert env.reset(seed=0)[0] in env.observation_space
+            actions.append(float(env.action_space.sample()[0]))
+            env.step(np.float32([0.0]))
+        assert env.observation_space == gym.spaces.Box(-2, 1, (1,), np.float32)
+        return actions
+
+    assert drawn() == drawn()
+
+
+def test_a_spec_makes_the_same_stages_again_also_by_json():
+    stages = [gym.make("deqmcl_gym/Sharp-v0", max_episode_steps=most) for most in (2, 3)]
+    env = Curriculum(stages, success=0.0, window=1)
+    assert env.spec.max_episode_steps == 3
+    for spec in (env.spec, EnvSpec.from_json(env.spec.to_json())):
+        again = gym.make(spec, render_mode="rgb_array")
+        for seed in (4, None):
+            np.testing.assert_equal(again.reset(seed=seed), env.reset(seed=seed))
+            while not env.step(np.float32([1, 0]))[3]:
+                assert not again.step(np.float32([1, 0]))[3]
+            assert again.step(np.float32([1, 0]))[3]
+        assert again.render().ndim == 3
+        env = Curriculum(stages, success=0.0, window=1)
+    assert Curriculum([Task()]).spec is None
 
 
 @pytest.mark.parametrize(("name", "value"), [("success", 1.5), ("window", 0)])

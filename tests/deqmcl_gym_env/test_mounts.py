@@ -124,7 +124,7 @@ def test_a_blind_sector_and_the_range_floor_lose_readings_and_change_no_other():
         short += int((scan < 60.0).sum())
         np.testing.assert_array_equal(less, np.where(lost, np.inf, scan))
         # a filter that is given the raw scan uses the same readings
-        taken, _, _ = checked_step(scan, info["action"], info["planned_actions"], held)
+        taken, _, _ = checked_step(scan, info["command"], info["planned_actions"], held)
         np.testing.assert_array_equal(taken.usable, ~lost)
         action = info["planned_actions"][0]
         scan, _, _, _, info = one.step(action)

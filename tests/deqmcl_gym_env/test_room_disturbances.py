@@ -43,7 +43,7 @@ def test_noise_and_everything_told_but_the_truth_stay_those_of_the_unkidnapped_r
     for action in usual.plan[:25]:
         mine.append(usual.step(action)[4])
         theirs.append(taken.step(action)[4])
-    for key in ("planned_actions", "planned_count", "action", "collided"):
+    for key in ("planned_actions", "planned_count", "command", "collided"):
         np.testing.assert_array_equal(*([info[key] for info in told] for told in (mine, theirs)))
     truths, elsewhere = (np.array([info["truth"] for info in told]) for told in (mine, theirs))
     np.testing.assert_array_equal(truths[:10], elsewhere[:10])

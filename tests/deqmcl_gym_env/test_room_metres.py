@@ -38,7 +38,7 @@ def assert_alike(px: dict, m: dict) -> None:
     np.testing.assert_allclose(m["truth"][..., :2] / M, px["truth"][..., :2], **near)
     turned = (m["truth"] - px["truth"])[..., 2]
     np.testing.assert_allclose(np.sin(turned / 2), 0, atol=1e-5)
-    for key in ("planned_actions", "action"):
+    for key in ("planned_actions", "command"):
         np.testing.assert_allclose(m[key] / (M, 1), px[key], **near)
     np.testing.assert_array_equal(m["planned_count"], px["planned_count"])
     np.testing.assert_array_equal(m["collided"], px["collided"])
@@ -158,7 +158,7 @@ def test_rays_start_at_the_mounting_and_nothing_else_changes(place):
     np.testing.assert_array_equal(poses, same)  # poses are the robot's
     for one, other in zip(infos, infos_there, strict=True):
         np.testing.assert_array_equal(one["planned_actions"], other["planned_actions"])
-        np.testing.assert_array_equal(one["action"], other["action"])
+        np.testing.assert_array_equal(one["command"], other["command"])
     bearings = ahead.unwrapped.lidar.bearings
     np.testing.assert_allclose(scans, exact(poses, place, bearings), rtol=0, atol=NEAR)
     np.testing.assert_allclose(others, exact(poses, (0, 0), bearings), rtol=0, atol=NEAR)
@@ -183,5 +183,5 @@ def test_a_room_recorded_with_a_mounting_is_played_back_with_it(tmp_path, ending
     np.testing.assert_allclose(again, seen, rtol=0, atol=NEAR)
     # without noise the odometry is that of the robot's centre, wherever its lidar is
     x, y, heading = poses[0]
-    told = logs.motion.dead_reckoned([info["action"] for info in infos[1:]], (x, y, heading))
+    told = logs.motion.dead_reckoned([info["command"] for info in infos[1:]], (x, y, heading))
     np.testing.assert_allclose(told, poses, rtol=0, atol=1e-3)

@@ -285,7 +285,6 @@ def test_render_shows_each_room_as_a_single_env_does():
         ("reset", {"seed": [1, 2]}, "seed has 2 numbers, but there are 3 rooms"),
         ("reset", {"seed": [1, 2, -3]}, "seed is -3"),
         ("reset", {"seed": "a"}, "seed is 'a'"),
-        ("reset", {"options": {"mask": 1}}, "did you mean 'reset_mask'"),
         ("reset", {"options": 3}, "options is 3"),
         ("reset", {"options": {"reset_mask": [1, 0, 1]}}, "3 Boolean values"),
         ("reset", {"options": {"reset_mask": np.zeros(3, bool)}}, "at least one"),

@@ -62,7 +62,7 @@ def cases() -> Iterator[tuple[str, np.ndarray]]:
         scan, info = env.reset(seed=1)
         seen = [scan, info["truth"]]
         for _ in range(4):
-            ahead = np.zeros_like(info["action"]) + np.float32([8.0, 0.1])  # into a wall, for many
+            ahead = np.zeros_like(info["command"]) + np.float32([8.0, 0.1])  # into a wall, for many
             scan, reward, *_, info = env.step(ahead)
             seen += [scan, np.array(reward), info["truth"], info["planned_actions"]]
         yield name, np.concatenate([np.ravel(values) for values in seen])

@@ -1,5 +1,6 @@
 """Kernels work, and quietly, wherever machine code may be kept or not, and in pure Python."""
 
+import compileall
 import json
 import os
 import shutil
@@ -7,12 +8,14 @@ import subprocess
 import sys
 import tempfile
 from importlib import import_module, invalidate_caches
+from pathlib import Path
 
 import kernel_cases
 import numba
 import numpy as np
 import pytest
 
+import deqmcl_gym
 from deqmcl_gym.numerics import compiling
 
 
@@ -213,3 +216,32 @@ def test_every_kernel_file_says_the_same_compiled_and_in_pure_python():
         capture_output=True, text=True, check=True,
     ).stdout  # fmt: skip
     assert json.loads(said) == kernel_cases.digests()
+
+
+@pytest.mark.parametrize("form", ["zip", "pyc"])
+def test_without_sources_kernels_work_too_and_none_is_kept(tmp_path, form):
+    package = Path(deqmcl_gym.__file__).parent
+    for own in (package, package.parent / "localizers"):
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(own, tmp_path / "there" / own.name, ignore=ignored)
+    place = tmp_path / "there"
+    if form == "zip":
+        place = shutil.make_archive(str(tmp_path / "there"), "zip", tmp_path / "there")
+    else:
+        compileall.compile_dir(place, quiet=1, legacy=True)
+        for source in place.rglob("*.py"):
+            source.unlink()
+    code = (
+        "import sys; sys.path.insert(0, sys.argv[1]); import deqmcl_gym, localizers;"
+        "print(deqmcl_gym.__file__);"
+        "print(deqmcl_gym.GridMap.load and localizers.make and "
+        "deqmcl_gym.PolygonMap([(0, 0), (9, 0), (9, 9), (0, 9)]).ranges([(3, 3, 0)], [0])[0, 0])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code, str(place)],
+        env=os.environ | {"PYTHONPATH": ""}, cwd=tmp_path, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == [f"{place}/deqmcl_gym/__init__.py{'c' * (form == 'pyc')}", "6.0"]
+    assert not list(tmp_path.rglob("*.nbi"))

@@ -54,6 +54,40 @@ def test_deqmcl_and_python_m_benchmarks_refuse_as_the_main_function_does(tmp_pat
         assert (done.returncode, done.stdout, done.stderr) == expected
 
 
+OURS = "benchmarks", "localizers", "deqmcl_gym"
+COMMON = "numpy", "random", "signal", "queue", "socket", "yaml"
+
+
+def test_a_command_and_its_workers_depend_on_no_name_in_the_working_folder(tmp_path):
+    for name in OURS:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "__init__.py").touch()
+    for name in COMMON:
+        (tmp_path / f"{name}.py").write_text("raise SystemExit(f'{__file__} is imported')")
+    sweep = ("sweep", write_small(tmp_path), "--jobs", "2", "--out", "out")
+    for command in (sweep, ("check", "dead-reckoning")):
+        done = process(DEQMCL, *command, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert "is imported" not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("hides", ["{}.py", "{}/__init__.py", "{}/tasks.py"])
+def test_no_env_needs_benchmarks_and_what_hides_localizers_is_named(tmp_path, hides):
+    code = "import gymnasium as gym, deqmcl_gym\nprint(gym.make('deqmcl_gym/Track-v0'))"
+    (tmp_path / "train.py").write_text(code)
+    for name in ("benchmarks", "localizers"):
+        hiding = tmp_path / hides.format(name)
+        hiding.parent.mkdir(exist_ok=True)
+        hiding.touch()
+        (hiding.parent / "__init__.py").touch()
+        done = process(sys.executable, tmp_path / "train.py", cwd=tmp_path)
+        if name == "benchmarks":
+            assert "Track<deqmcl_gym/Track-v0>" in done.stdout, done.stderr
+    refusal = done.stderr.splitlines()[-1]
+    assert "Track needs deqmcl-gym's package localizers, but " in refusal
+    assert str(tmp_path / "localizers") in refusal
+
+
 @pytest.mark.parametrize(
     ("error", "code", "said"),
     [

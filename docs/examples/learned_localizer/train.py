@@ -69,7 +69,7 @@ def lap(net: Net, optimizer: torch.optim.Optimizer, rng: np.random.Generator, st
     loss, errors = torch.zeros(()), []
     for step in range(1, min(steps, len(rooms.plan)) + 1):
         scans, *_, info = rooms.step(info["planned_actions"][:, 0])
-        action = info["action"].astype(np.float64)
+        action = info["command"].astype(np.float64)
         before = pose.detach().numpy().astype(np.float64)
         beams, used = compared(robot, after := moved(before, action), scans.astype(np.float64))
         pose = pose + torch.tensor(after - before, dtype=torch.float32)

@@ -1,28 +1,25 @@
-"""The tasks of acting, ready to use: the entry points of ``Localize-v0`` and ``Track-v0``.
+"""The tasks of acting, ready to use: what ``gym.make`` makes of ``Localize-v0`` and ``Track-v0``.
 
 Here the envs of ``deqmcl_gym.envs.acting`` get a localizer, by name, that assumes the world's own
-noise, and the prior from which the start is drawn.
+noise, and the prior from which the start is drawn. No localizer imports this.
 """
 
 import math
 from collections.abc import Callable
 from functools import partial
+from inspect import signature
 from typing import Any
 
 from deqmcl_gym.envs.acting import LocalizeEnv, Site, Sites, TrackEnv
-from deqmcl_gym.validation import InputError, shown
-from deqmcl_gym.world.config import World, offices_of
+from deqmcl_gym.validation import InputError, check_arguments, shown
+from deqmcl_gym.world.config import World, extent_of, offices_of
 from deqmcl_gym.world.presets import WORLDS
-from localizers import (
-    GaussianPrior,
-    Localizer,
-    OdometryMotion,
-    RobotModel,
-    UniformPrior,
-    make,
-    parameters,
-)
+from localizers.api import Localizer
 from localizers.models.beams import CensoredGaussianUniform
+from localizers.models.motion import OdometryMotion
+from localizers.models.prior import GaussianPrior, UniformPrior
+from localizers.models.robot import RobotModel
+from localizers.naming.registry import make, parameters
 
 OFFICE = {"wings": 1, "corridors": 2}  # 24 m × 26 m
 POWER = 0.1  # the beams of one scan tell as much as 1.6 independent ones
@@ -39,16 +36,8 @@ _BLIND: dict[str, Any] = {
 _SD_POSITION, _SD_HEADING = 5.0, 0.1  # px, rad: of what is known of the start
 
 
-def localize(
-    *,
-    localizer: str | dict[str, Any] = "mcl-map",
-    floor_plan: Any = None,
-    lidar: Any = None,
-    robot: Any = None,
-    noise: Any = None,
-    **task: Any,
-) -> LocalizeEnv:
-    """Return an office in which the robot may be anywhere; see ``LocalizeEnv``.
+class Localize(LocalizeEnv):
+    """An office in which the robot may be anywhere; see ``LocalizeEnv``.
 
     Args:
         localizer: a name of ``localizers.make``, or {"name": …} with parameters; ``particles`` is
@@ -59,33 +48,55 @@ def localize(
             16 beams all round, and the robot and noise of the scenario ``lost``.
         task: ``share``, ``hold``, ``max_steps``, ``particles``, ``cell``, ``render_mode``.
     """
-    world = partial(_world, _LOST, lidar=lidar, robot=robot, noise=noise)
-    return LocalizeEnv(_there(partial(_lost, localizer, world), floor_plan), **task)
+
+    def __init__(
+        self,
+        *,
+        localizer: str | dict[str, Any] = "mcl-map",
+        floor_plan: Any = None,
+        lidar: Any = None,
+        robot: Any = None,
+        noise: Any = None,
+        **task: Any,
+    ) -> None:
+        _check(task, Localize, LocalizeEnv)
+        world = partial(_world, _LOST, lidar=lidar, robot=robot, noise=noise)
+        super().__init__(_there(partial(_lost, localizer, world), floor_plan), **task)
 
 
-def track(
-    *,
-    localizer: str | dict[str, Any] = "mcl-map",
-    floor_plan: Any = None,
-    lidar: Any = None,
-    robot: Any = None,
-    noise: Any = None,
-    **task: Any,
-) -> TrackEnv:
-    """Return a room in which the robot drives to a goal, and scans cost; see ``TrackEnv``.
+class Track(TrackEnv):
+    """A room in which the robot drives to a goal, and scans cost; see ``TrackEnv``.
 
     Args:
-        localizer: as for ``localize``, with 500 particles unless given.
+        localizer: as for ``Localize``, with 500 particles unless given.
         floor_plan, lidar, robot, noise: as for ``Room-v0``; changes to its room, with 16 beams all
             round and a noise that blurs the belief within a few steps.
         task: ``tolerance``, ``least``, ``max_steps``, ``particles``, ``cell``, ``render_mode``.
     """
-    world = partial(_world, _BLIND, lidar=lidar, robot=robot, noise=noise)
-    there = _there(partial(_blind, localizer, world), floor_plan)
-    px = (there.site(there.offices.seeds[0]) if isinstance(there, Sites) else there).world.pixel
-    around = partial(GaussianPrior, sd_position=_SD_POSITION * px, sd_heading=_SD_HEADING)
-    lengths = {"tolerance": 40.0 * px, "least": 150.0 * px}
-    return TrackEnv(there, around, **{**lengths, **task})
+
+    def __init__(
+        self,
+        *,
+        localizer: str | dict[str, Any] = "mcl-map",
+        floor_plan: Any = None,
+        lidar: Any = None,
+        robot: Any = None,
+        noise: Any = None,
+        **task: Any,
+    ) -> None:
+        _check(task, Track, TrackEnv)
+        world = partial(_world, _BLIND, lidar=lidar, robot=robot, noise=noise)
+        there = _there(partial(_blind, localizer, world), floor_plan)
+        px = (there.site(there.offices.seeds[0]) if isinstance(there, Sites) else there).world.pixel
+        around = partial(GaussianPrior, sd_position=_SD_POSITION * px, sd_heading=_SD_HEADING)
+        lengths = {"tolerance": 40.0 * px, "least": 150.0 * px}
+        super().__init__(there, around, **{**lengths, **task})
+
+
+def _check(task: dict[str, Any], *made: type) -> None:
+    """Refuse arguments that neither a task nor its env takes."""
+    taken = {name for cls in made for name in signature(cls).parameters}
+    check_arguments(task, taken - {"task", "site", "around"})
 
 
 def _there(site: Callable[[Any], Site], floor_plan: Any) -> Site | Sites:
@@ -98,14 +109,15 @@ def _lost(localizer: Any, world_in: Callable[[Any], World], floor_plan: Any) -> 
     world = world_in(floor_plan)
     found = _localizer(localizer, robot_model(world, POWER), particles=10_000)
     anywhere = UniformPrior(floor_plan=world.floor_plan, radius=world.body + world.skin)
-    return Site(world, found, anywhere)
+    extent = extent_of(floor_plan or _LOST["floor_plan"], world.floor_plan)
+    return Site(world, found, anywhere, extent)
 
 
 def _blind(localizer: Any, world_in: Callable[[Any], World], floor_plan: Any) -> Site:
     world = world_in(floor_plan)
     found = _localizer(localizer, robot_model(world), particles=500)
     anywhere = UniformPrior(floor_plan=world.floor_plan, radius=world.body + 4 * world.pixel)
-    return Site(world, found, anywhere)
+    return Site(world, found, anywhere, extent_of(floor_plan, world.floor_plan))
 
 
 def _world(base: dict[str, Any], floor_plan: Any, **parts: Any) -> World:
