@@ -25,8 +25,8 @@ from benchmarks.trials.attempt import Outcome, attempt
 from benchmarks.trials.plugins import guest_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
-from localizers.naming.registry import is_registered
 from localizers.naming.plugins import safe_path
+from localizers.naming.registry import is_registered
 
 CONNECT_SECONDS = 10  # how long a scheduler may take to answer
 _CLOSE_SECONDS, _LOOK_SECONDS = 1, 2
