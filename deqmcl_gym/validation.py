@@ -34,13 +34,9 @@ class InputError(ValueError):
 
 
 class UnknownArgumentError(InputError, TypeError):
-    """A keyword argument that a function does not take: a ``TypeError``, as Python's own.
+    """A keyword argument that is not taken, as clients try them: a ``TypeError``, as Python's."""
 
-    Clients try arguments, and go on without one if "unexpected keyword argument" is said of it.
-    """
-
-    def __init__(self, sentence: str) -> None:
-        """Leave out what ``gym.make`` adds: "… was raised from the environment creator …"."""
+    def __init__(self, sentence: str) -> None:  # of which gym.make writes more
         super().__init__(sentence.partition(" was raised from the environment creator")[0])
 
 
@@ -52,7 +48,6 @@ class NoEpisodeError(RuntimeError, AttributeError):
     """A property of an episode, but none is under way: ``hasattr`` and debuggers pass it over."""
 
     def __init__(self, sentence: str = "the episode has not begun: call reset() first.") -> None:
-        """Say what is missing."""
         super().__init__(sentence)
 
 
@@ -98,23 +93,21 @@ def one_of(what: str, name: object, valid: Iterable[str]) -> str:
     names = sorted(valid)
     if isinstance(name, str) and name in names:
         return name
-    raise InputError(f"unknown {what} {shown(name)}: {_among(name, names)}")
+    nearest = difflib.get_close_matches(str(name), names, n=1, cutoff=0.4)
+    hint = f"did you mean {nearest[0]!r}? " if nearest else ""
+    allowed = ", ".join(names) or "none"
+    raise InputError(f"unknown {what} {shown(name)}: {hint}allowed values: {allowed}.")
 
 
 def check_arguments(given: Iterable[str], valid: Iterable[str]) -> None:
     """Refuse keyword arguments that are not among ``valid``, with the nearest one that is."""
-    names = sorted(valid)
+    names = list(valid)
     for name in given:
-        if name not in names:
-            raise UnknownArgumentError(
-                f"unexpected keyword argument {shown(name)}: {_among(name, names)}"
-            )
-
-
-def _among(name: object, names: list[str]) -> str:
-    nearest = difflib.get_close_matches(str(name), names, n=1, cutoff=0.4)
-    hint = f"did you mean {nearest[0]!r}? " if nearest else ""
-    return f"{hint}allowed values: {', '.join(names) or 'none'}."
+        try:
+            one_of("keyword argument", name, names)
+        except InputError as error:
+            words = str(error).replace("unknown", "unexpected", 1)
+            raise UnknownArgumentError(words) from None
 
 
 def number(

@@ -160,11 +160,7 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
 
     @property
     def belief(self) -> Any:
-        """The localizer's latest, for planners.
-
-        Raises:
-            NoEpisodeError: no episode has begun.
-        """
+        """The localizer's latest, for planners."""
         _ = self._robot  # there is one
         return self._belief
 
@@ -410,11 +406,7 @@ class TrackEnv(ActingEnv):
 
     @property
     def goal(self) -> Point:
-        """Where the robot is to declare (x, y).
-
-        Raises:
-            NoEpisodeError: no episode has begun.
-        """
+        """Where the robot is to declare (x, y)."""
         _ = self._robot  # there is one
         return self._goal
 

@@ -26,7 +26,7 @@ from deqmcl_gym.validation import (
     number,
     one_of,
     shown,
-)
+)  # fmt: skip
 from deqmcl_gym.world.differences import map_changed
 from deqmcl_gym.world.presets import WORLDS
 from deqmcl_gym.world.rules import check_options
