@@ -143,15 +143,13 @@ def number(
 
 
 def keep_plain(part: object) -> None:
-    """Convert the numbers in a frozen dataclass to int and float, also those of shape ().
+    """Convert the numbers in a frozen dataclass to int and float.
 
     With a ``numpy.float32`` among them, NumPy would compute in single precision from there on.
     """
     for field in dataclasses.fields(part):  # type: ignore[arg-type]
         value = getattr(part, field.name)
-        if isinstance(value, np.ndarray) and value.shape == ():
-            object.__setattr__(part, field.name, value.item())
-        elif isinstance(value, numbers.Real) and not isinstance(value, int | float):
+        if isinstance(value, numbers.Real) and not isinstance(value, int | float):
             plain = int(value) if isinstance(value, numbers.Integral) else float(value)
             object.__setattr__(part, field.name, plain)
 
@@ -166,8 +164,6 @@ def boolean(what: str, value: object) -> bool:
 def integer(what: str, value: object, *, low: int = 0, high: int | None = None) -> int:
     """Return a whole number in [low, high], else refuse it (1.5 and True are refused)."""
     allowed = f"of {low} or more" if high is None else f"from {low} to {high:,}"
-    if isinstance(value, np.ndarray) and value.shape == ():  # as the numbers in ``info`` are
-        value = value[()]
     if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Integral):
         raise InputError(f"{what} is {shown(value)}, but must be a whole number {allowed}.")
     given = int(value)

@@ -273,11 +273,11 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         }
 
     def _info(self, command: Singles, collided: bool, success: bool) -> dict[str, Any]:
-        building = {} if self.building is None else {"building": np.array(self.building)}
+        building = {} if self.building is None else {"building": np.int64(self.building)}
         return {
             "command": command,
-            "collided": np.array(collided),
-            "is_success": np.array(success),
+            "collided": np.float32(collided),
+            "is_success": np.float32(success),
             "truth": np.array(self.pose),
             **building,
         }

@@ -94,14 +94,14 @@ class Curriculum(gym.Wrapper[Any, Any, Any, Any]):
             self.env = self._envs[self.stage]
             done.clear()
         seen, info = self.env.reset(seed=seed, options=options)
-        return seen, {**info, "stage": np.array(self.stage)}
+        return seen, {**info, "stage": np.int64(self.stage)}
 
     def step(self, action: Any) -> StepResult:
         """Step in the stage's env, and take note of how an episode ends."""
         seen, reward, terminated, truncated, info = self.env.step(action)
         if terminated or truncated:
             self._done.append(bool(info.get("is_success", terminated)))
-        return seen, reward, terminated, truncated, {**info, "stage": np.array(self.stage)}
+        return seen, reward, terminated, truncated, {**info, "stage": np.int64(self.stage)}
 
     def close(self) -> None:
         """Close the envs of all stages."""
