@@ -77,7 +77,7 @@ def __getattr__(name: str) -> Any:
         if found is None or hasattr(found, "RobotModel"):
             raise
         raise InputError(
-            f"{name} needs deqmcl-gym's package localizers, but {found.__file__ or found.__path__} "
+            f"{name} needs deqmcl-gym's package localizers, but {found.__file__} "
             "hides it: rename that, or start Python in another folder."
         ) from None
 

@@ -35,13 +35,9 @@ class InputError(ValueError):
 
 
 class UnknownArgumentError(InputError, TypeError):
-    """A keyword argument that a function does not take: a ``TypeError``, as Python's own.
+    """A keyword argument that is not taken, as clients try them: a ``TypeError``, as Python's."""
 
-    Clients try arguments, and go on without one if "unexpected keyword argument" is said of it.
-    """
-
-    def __init__(self, sentence: str) -> None:
-        """Leave out what ``gym.make`` adds: "… was raised from the environment creator …"."""
+    def __init__(self, sentence: str) -> None:  # of which gym.make writes more
         super().__init__(sentence.partition(" was raised from the environment creator")[0])
 
 
@@ -53,7 +49,6 @@ class NoEpisodeError(RuntimeError, AttributeError):
     """A property of an episode, but none is under way: ``hasattr`` and debuggers pass it over."""
 
     def __init__(self, sentence: str = "the episode has not begun: call reset() first.") -> None:
-        """Say what is missing."""
         super().__init__(sentence)
 
 
@@ -99,23 +94,21 @@ def one_of(what: str, name: object, valid: Iterable[str]) -> str:
     names = sorted(valid)
     if isinstance(name, str) and name in names:
         return name
-    raise InputError(f"unknown {what} {shown(name)}: {_among(name, names)}")
+    nearest = difflib.get_close_matches(str(name), names, n=1, cutoff=0.4)
+    hint = f"did you mean {nearest[0]!r}? " if nearest else ""
+    allowed = ", ".join(names) or "none"
+    raise InputError(f"unknown {what} {shown(name)}: {hint}allowed values: {allowed}.")
 
 
 def check_arguments(given: Iterable[str], valid: Iterable[str]) -> None:
     """Refuse keyword arguments that are not among ``valid``, with the nearest one that is."""
-    names = sorted(valid)
+    names = list(valid)
     for name in given:
-        if name not in names:
-            raise UnknownArgumentError(
-                f"unexpected keyword argument {shown(name)}: {_among(name, names)}"
-            )
-
-
-def _among(name: object, names: list[str]) -> str:
-    nearest = difflib.get_close_matches(str(name), names, n=1, cutoff=0.4)
-    hint = f"did you mean {nearest[0]!r}? " if nearest else ""
-    return f"{hint}allowed values: {', '.join(names) or 'none'}."
+        try:
+            one_of("keyword argument", name, names)
+        except InputError as error:
+            words = str(error).replace("unknown", "unexpected", 1)
+            raise UnknownArgumentError(words) from None
 
 
 def number(
@@ -151,15 +144,13 @@ def number(
 
 
 def keep_plain(part: object) -> None:
-    """Convert the numbers in a frozen dataclass to int and float, also those of shape ().
+    """Convert the numbers in a frozen dataclass to int and float.
 
     With a ``numpy.float32`` among them, NumPy would compute in single precision from there on.
     """
     for field in dataclasses.fields(part):  # type: ignore[arg-type]
         value = getattr(part, field.name)
-        if isinstance(value, np.ndarray) and value.shape == ():
-            object.__setattr__(part, field.name, value.item())
-        elif isinstance(value, numbers.Real) and not isinstance(value, int | float):
+        if isinstance(value, numbers.Real) and not isinstance(value, int | float):
             plain = int(value) if isinstance(value, numbers.Integral) else float(value)
             object.__setattr__(part, field.name, plain)
 
@@ -174,8 +165,6 @@ def boolean(what: str, value: object) -> bool:
 def integer(what: str, value: object, *, low: int = 0, high: int | None = None) -> int:
     """Return a whole number in [low, high], else refuse it (1.5 and True are refused)."""
     allowed = f"of {low} or more" if high is None else f"from {low} to {high:,}"
-    if isinstance(value, np.ndarray) and value.shape == ():  # as the numbers in ``info`` are
-        value = value[()]
     if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Integral):
         raise InputError(f"{what} is {shown(value)}, but must be a whole number {allowed}.")
     given = int(value)

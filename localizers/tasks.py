@@ -7,11 +7,10 @@ noise, and the prior from which the start is drawn. No localizer imports this.
 import math
 from collections.abc import Callable
 from functools import partial
-from inspect import signature
 from typing import Any
 
 from deqmcl_gym.envs.acting import LocalizeEnv, Site, Sites, TrackEnv
-from deqmcl_gym.validation import InputError, check_arguments, shown
+from deqmcl_gym.validation import InputError, shown
 from deqmcl_gym.world.config import World, extent_of, offices_of
 from deqmcl_gym.world.presets import WORLDS
 from localizers.api import Localizer
@@ -59,7 +58,6 @@ class Localize(LocalizeEnv):
         noise: Any = None,
         **task: Any,
     ) -> None:
-        _check(task, Localize, LocalizeEnv)
         world = partial(_world, _LOST, lidar=lidar, robot=robot, noise=noise)
         super().__init__(_there(partial(_lost, localizer, world), floor_plan), **task)
 
@@ -84,19 +82,12 @@ class Track(TrackEnv):
         noise: Any = None,
         **task: Any,
     ) -> None:
-        _check(task, Track, TrackEnv)
         world = partial(_world, _BLIND, lidar=lidar, robot=robot, noise=noise)
         there = _there(partial(_blind, localizer, world), floor_plan)
         px = (there.site(there.offices.seeds[0]) if isinstance(there, Sites) else there).world.pixel
         around = partial(GaussianPrior, sd_position=_SD_POSITION * px, sd_heading=_SD_HEADING)
         lengths = {"tolerance": 40.0 * px, "least": 150.0 * px}
         super().__init__(there, around, **{**lengths, **task})
-
-
-def _check(task: dict[str, Any], *made: type) -> None:
-    """Refuse arguments that neither a task nor its env takes."""
-    taken = {name for cls in made for name in signature(cls).parameters}
-    check_arguments(task, taken - {"task", "site", "around"})
 
 
 def _there(site: Callable[[Any], Site], floor_plan: Any) -> Site | Sites:

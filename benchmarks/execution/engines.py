@@ -285,22 +285,14 @@ def available_cpus() -> int:
     return max(1, math.ceil(min(own, _quota())))
 
 
-def _quota(root: Path = Path("/")) -> float:
-    """Processors' worth of time that this process gets in its control groups; ∞ without a limit."""
-    groups = root / "sys/fs/cgroup"
-    texts, own = [], ""
-    with contextlib.suppress(OSError):  # not on Linux
-        for line in (root / "proc/self/cgroup").read_text().splitlines():
-            own = line.removeprefix("0::") if line.startswith("0::") else own
-    for folder in (group := Path(own.lstrip("/")), *group.parents):
-        with contextlib.suppress(OSError):  # no version 2, or a container's own root
-            texts.append((groups / folder / "cpu.max").read_text())
-    with contextlib.suppress(OSError):
-        first = groups / "cpu"
-        parts = [(first / f"cpu.cfs_{part}_us").read_text() for part in ("quota", "period")]
-        texts.append(" ".join(parts))
-    limits = [[float(part) for part in text.replace("max", "inf").split()] for text in texts]
-    return min((quota / period for quota, period in limits if quota > 0), default=math.inf)
+def _quota(groups: Path = Path("/sys/fs/cgroup")) -> float:
+    """Processors' worth of time that a container gets; ∞ without a limit."""
+    first = [groups / "cpu" / f"cpu.cfs_{part}_us" for part in ("quota", "period")]
+    for files in ([groups / "cpu.max"], first):  # control groups of versions 2 and 1
+        with contextlib.suppress(OSError, ValueError):  # none there; "max" is no number
+            quota, period = map(int, " ".join(file.read_text() for file in files).split())
+            return quota / period if quota > 0 else math.inf
+    return math.inf
 
 
 def outcomes(

@@ -160,11 +160,7 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
 
     @property
     def belief(self) -> Any:
-        """The localizer's latest, for planners.
-
-        Raises:
-            NoEpisodeError: no episode has begun.
-        """
+        """The localizer's latest, for planners."""
         _ = self._robot  # there is one
         return self._belief
 
@@ -277,11 +273,11 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         }
 
     def _info(self, command: Singles, collided: bool, success: bool) -> dict[str, Any]:
-        building = {} if self.building is None else {"building": np.array(self.building)}
+        building = {} if self.building is None else {"building": np.int64(self.building)}
         return {
             "command": command,
-            "collided": np.array(collided),
-            "is_success": np.array(success),
+            "collided": np.float32(collided),
+            "is_success": np.float32(success),
             "truth": np.array(self.pose),
             **building,
         }
@@ -410,11 +406,7 @@ class TrackEnv(ActingEnv):
 
     @property
     def goal(self) -> Point:
-        """Where the robot is to declare (x, y).
-
-        Raises:
-            NoEpisodeError: no episode has begun.
-        """
+        """Where the robot is to declare (x, y)."""
         _ = self._robot  # there is one
         return self._goal
 

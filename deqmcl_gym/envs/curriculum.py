@@ -1,6 +1,5 @@
 """Curriculum: training that goes on to harder worlds when the robot succeeds in easier ones."""
 
-import json
 from collections import deque
 from collections.abc import Sequence
 from typing import Any
@@ -8,15 +7,17 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
+from gymnasium.spaces.utils import is_space_dtype_shape_equiv
 
 from deqmcl_gym.validation import InputError, integer, number
 
 StepResult = tuple[Any, Any, bool, bool, dict[str, Any]]
 
 
-def made(envs: Sequence[Any], success: float, window: int, **each: Any) -> "Curriculum":
-    """Return a curriculum of specs, for ``gym.make``; ``each`` goes to every env."""
-    return Curriculum([_made(env, **each) for env in envs], success=success, window=window)
+def made(envs: Sequence[str], success: float, window: int, **each: Any) -> "Curriculum":
+    """Return a curriculum of specs in JSON, for ``gym.make``; ``each`` goes to every env."""
+    stages = [gym.make(EnvSpec.from_json(spec), **each) for spec in envs]
+    return Curriculum(stages, success=success, window=window)
 
 
 class Curriculum(gym.Wrapper[Any, Any, Any, Any]):
@@ -51,24 +52,34 @@ class Curriculum(gym.Wrapper[Any, Any, Any, Any]):
         self.action_space = self._envs[0].action_space
         self.observation_space = self._envs[0].observation_space
         for place, env in enumerate(self._envs):
-            shown = _both(self.observation_space, env.observation_space)
-            unlike = "observation_space" if shown is None else "action_space"
-            if shown is None or env.action_space != self.action_space:
+            alike = is_space_dtype_shape_equiv(self.observation_space, env.observation_space)
+            unlike = "action_space" if alike else "observation_space"
+            if not alike or env.action_space != self.action_space:
                 raise InputError(
                     f"stage {place} has the {unlike} {getattr(env, unlike)}, but stage 0 has "
                     f"{getattr(self._envs[0], unlike)}: give envs of equal actions, and "
                     "observations of equal shapes, so with as many beams."
                 )
-            self.observation_space = shown
+            self.observation_space = _both(self.observation_space, env.observation_space)
         self._success = number("success", success, low=0, high=1)
         self._done: deque[bool] = deque(maxlen=integer("window", window, low=1))
         self.stage = 0
-        self._spec = self._of_envs(success, window)
+        self._specs = [env.spec for env in self._envs]
+        self._asked = {"success": success, "window": window}
 
     @property
     def spec(self) -> EnvSpec | None:  # type: ignore[override]
-        """What ``gym.make`` makes this of again; None if it cannot."""
-        return self._spec
+        """What ``gym.make`` makes this of again; None if an env has none."""
+        specs = [spec for spec in self._specs if spec is not None]
+        if len(specs) < len(self._envs):
+            return None
+        limits = [spec.max_episode_steps or 0 for spec in specs]
+        stages = {"envs": [spec.to_json() for spec in specs], **self._asked}
+        return EnvSpec(
+            id="deqmcl_gym/Curriculum-v0", entry_point=f"{__name__}:made", kwargs=stages,
+            max_episode_steps=max(limits) if all(limits) else None,
+            order_enforce=False, disable_env_checker=True,  # the envs do both
+        )  # fmt: skip
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -83,54 +94,26 @@ class Curriculum(gym.Wrapper[Any, Any, Any, Any]):
             self.env = self._envs[self.stage]
             done.clear()
         seen, info = self.env.reset(seed=seed, options=options)
-        return seen, {**info, "stage": np.array(self.stage)}
+        return seen, {**info, "stage": np.int64(self.stage)}
 
     def step(self, action: Any) -> StepResult:
         """Step in the stage's env, and take note of how an episode ends."""
         seen, reward, terminated, truncated, info = self.env.step(action)
         if terminated or truncated:
             self._done.append(bool(info.get("is_success", terminated)))
-        return seen, reward, terminated, truncated, {**info, "stage": np.array(self.stage)}
+        return seen, reward, terminated, truncated, {**info, "stage": np.int64(self.stage)}
 
     def close(self) -> None:
         """Close the envs of all stages."""
         for env in self._envs:
             env.close()
 
-    def _of_envs(self, success: float, window: int) -> EnvSpec | None:
-        specs = [env.spec for env in self._envs]
-        if None in specs:
-            return None
-        limits = [spec.max_episode_steps or 0 for spec in specs if spec is not None]
-        return EnvSpec(
-            id="deqmcl_gym/Curriculum-v0",
-            entry_point=f"{__name__}:made",
-            max_episode_steps=max(limits) if all(limits) else None,
-            order_enforce=False,  # as the envs do
-            disable_env_checker=True,
-            kwargs={"envs": specs, "success": success, "window": window},
-        )
 
-
-def _made(spec: EnvSpec | dict[str, Any], **further: Any) -> gym.Env[Any, Any]:
-    """Return the env of a spec, or of one that went through JSON within another."""
-    if isinstance(spec, dict):
-        derived = "namespace", "name", "version"
-        spec = EnvSpec.from_json(json.dumps({k: v for k, v in spec.items() if k not in derived}))
-    return gym.make(spec, **further)
-
-
-def _both(one: gym.Space[Any], other: gym.Space[Any]) -> gym.Space[Any] | None:
-    """Return the space of what is in either; None if their shapes differ."""
+def _both(one: gym.Space[Any], other: gym.Space[Any]) -> gym.Space[Any]:
+    """Return the space of what is in either of two with the same shapes."""
     if isinstance(one, gym.spaces.Dict) and isinstance(other, gym.spaces.Dict):
-        if one.keys() != other.keys():
-            return None
-        parts = {key: _both(space, other[key]) for key, space in one.items()}
-        known = {key: space for key, space in parts.items() if space is not None}
-        return gym.spaces.Dict(known) if len(known) == len(parts) else None
+        return gym.spaces.Dict({key: _both(space, other[key]) for key, space in one.items()})
     if isinstance(one, gym.spaces.Box) and isinstance(other, gym.spaces.Box):
-        if (one.shape, one.dtype) != (other.shape, other.dtype):
-            return None
         low, high = np.minimum(one.low, other.low), np.maximum(one.high, other.high)
         return gym.spaces.Box(low, high, dtype=one.dtype.type)
-    return one if one == other else None
+    return one

@@ -26,7 +26,7 @@ from deqmcl_gym.validation import (
     number,
     one_of,
     shown,
-)
+)  # fmt: skip
 from deqmcl_gym.world.differences import map_changed
 from deqmcl_gym.world.presets import WORLDS
 from deqmcl_gym.world.rules import check_options
@@ -202,7 +202,7 @@ class LogEnv(gym.Env[Singles, Singles]):
     **Info**: the keys of `Room-v0`. `command` is the odometry's increment that led here, (3,).
     `planned_actions` (horizon, 3) are the increments to come,
     as if the log were a plan that was carried out, and `planned_count` is their number; `collided`
-    is always False; `is_success` is True at the last record. `truth` is the reference pose, inf at
+    is always 0; `is_success` is 1 at the last record. `truth` is the reference pose, inf at
     records without one; a log without a reference has none. The env reveals it in no other way,
     except that `plan="reference"` plans by it.
 
@@ -436,10 +436,10 @@ class LogEnv(gym.Env[Singles, Singles]):
         planned[count:] = 0.0
         info: dict[str, Any] = {
             "planned_actions": planned,
-            "planned_count": np.array(count),
+            "planned_count": np.int64(count),
             "command": action,
-            "collided": np.array(False),
-            "is_success": np.array(step == self._last),
+            "collided": np.float32(0),
+            "is_success": np.float32(step == self._last),
         }
         if self.log.reference is not None:
             known = np.isfinite(self.log.reference[step])

@@ -312,16 +312,16 @@ class RoomEnv(gym.Env[Any, Singles]):
         planned, count = episode.plan.after(episode)
         info: RoomInfo = {
             "planned_actions": planned,
-            "planned_count": np.array(count),
+            "planned_count": np.int64(count),
             "command": command,
-            "collided": np.array(collided),
-            "is_success": np.array(episode.done),
+            "collided": np.float32(collided),
+            "is_success": np.float32(episode.done),
             "truth": np.array(episode.pose),
         }
         if episode.course.goal is not None and self._rules.observation == "scan":
             info["goal"] = np.array(episode.course.goal)
         if self.building is not None:
-            info["building"] = np.array(self.building)
+            info["building"] = np.int64(self.building)
         return cast("dict[str, Any]", info)
 
     def _seen(self, info: dict[str, Any]) -> Any:

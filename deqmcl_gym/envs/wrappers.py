@@ -1,4 +1,4 @@
-"""Wrappers that disturb a room (kidnapping, lost beams, a change of plan), adapt or record it."""
+"""Wrappers that disturb a room (kidnapping, beam drop-out, a change of plan), or record it."""
 
 from collections.abc import Iterator
 from typing import Any, SupportsFloat
@@ -153,41 +153,6 @@ class BeamDropout(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.Recor
     def _thinned(self, scan: Singles) -> Singles:
         lost = self._rng.random(scan.shape) < self._probability
         return np.where(lost, np.float32(np.inf), scan)
-
-
-class FiniteScan(gym.ObservationWrapper[Any, Action, Any], gym.utils.RecordConstructorArgs):
-    """Let lost beams, +inf, read twice the largest range, as in ``Log-v0``, for learners.
-
-    A single inf makes the mean of a running normalization NaN for ever. Outside of this no
-    localizer can tell that a beam was lost: put ``BeliefObservation`` inside.
-
-    Args:
-        env: one of deqmcl_gym's, or one in wrappers, that shows scans or dicts with a ``scan``.
-    """
-
-    def __init__(self, env: gym.Env[Any, Action]) -> None:
-        gym.utils.RecordConstructorArgs.__init__(self)
-        super().__init__(env)
-        lidar = getattr(env.unwrapped, "lidar", None)
-        own = env.observation_space
-        shows = own.spaces if isinstance(own, gym.spaces.Dict) else {"scan": own}
-        scans = shows.get("scan")
-        if not (isinstance(lidar, Lidar) and isinstance(scans, gym.spaces.Box)):
-            raise InputError(
-                f"the env's observations are {shown(own)}, but must be scans of deqmcl_gym's envs, "
-                "or dicts with a scan: put FiniteScan inside wrappers that change them."
-            )
-        self._lost = np.float32(2 * lidar.max_range)
-        most = np.where(np.isinf(scans.high), self._lost, scans.high)
-        finite = gym.spaces.Box(scans.low, most, dtype=np.float32)
-        together = gym.spaces.Dict({**shows, "scan": finite})
-        self.observation_space = finite if own is scans else together
-
-    def observation(self, observation: Any) -> Any:
-        """Return an observation without infinite ranges."""
-        if isinstance(observation, dict):
-            return {**observation, "scan": self.observation(observation["scan"])}
-        return np.where(np.isinf(observation), self._lost, observation)
 
 
 class PlanChange(_Once):

@@ -67,14 +67,10 @@ def offices_of(given: Any) -> Offices | None:
 
 
 def extent_of(given: Any, floor_plan: Map) -> Box:
-    """Return (x0, y0, x1, y1) of a floor plan, in which all offices of its kind lie if it is one.
-
-    So a policy is shown all buildings on one scale.
-    """
-    if isinstance(given, Mapping) and "office" in given:
-        offices = offices_of(given) or Offices(seeds=(0, 1), office=_office(given)[0])
-        return offices.bounds
-    return floor_plan.bounds
+    """Return the bounds of a floor plan; of all offices of its kind if it is one: one scale."""
+    if not (isinstance(given, Mapping) and "office" in given):
+        return floor_plan.bounds
+    return (offices_of(given) or Offices(seeds=(0, 1), office=_office(given)[0])).bounds
 
 
 def _office(given: Mapping[str, Any]) -> tuple[Office, str]:

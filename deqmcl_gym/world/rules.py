@@ -130,31 +130,33 @@ def _first_outside(commands: RoomActions, low: Singles, high: Singles, resting: 
 
 
 class RoomInfo(TypedDict):
-    """The ``info`` channel: fresh arrays of fixed shape, under keys that no observation has.
+    """The ``info`` channel: fresh arrays of fixed shape and NumPy numbers, which libraries stack.
+
+    No observation has one of the keys.
 
     Attributes:
         planned_actions: the actions planned after this step, zero-padded, (h, 2) float32:
             distance, turn.
-        planned_count: number of rows of ``planned_actions`` that are actions, () int.
+        planned_count: number of rows of ``planned_actions`` that are actions, int64.
         command: what was carried out in this step, before motion noise and contact, (2,) float32;
             zeros at reset. Inside wrappers of actions, and heads, so not the learner's action.
-        collided: whether the step was stopped by a wall, () bool.
-        is_success: whether the step ended the lap or route at its goal, () bool.
+        collided: whether the step was stopped by a wall, 1 or 0, float32.
+        is_success: whether the step ended the lap or route at its goal, 1 or 0, float32.
         truth: the true pose (x, y, θ), (3,) float64. For scoring only: estimators must not read
             it.
         goal: the end of the route (x, y), (2,) float64; only in a world with a route, and not if
             the observation has it.
-        building: seed of the office, () int64; only where each episode draws one.
+        building: seed of the office, int64; only where each episode draws one.
     """
 
     planned_actions: Singles
-    planned_count: NDArray[np.int64]
+    planned_count: np.int64
     command: Singles
-    collided: NDArray[np.bool_]
-    is_success: NDArray[np.bool_]
+    collided: np.float32
+    is_success: np.float32
     truth: Floats
     goal: NotRequired[Floats]
-    building: NotRequired[NDArray[np.int64]]
+    building: NotRequired[np.int64]
 
 
 def check_options(options: object) -> None:

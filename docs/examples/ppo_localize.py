@@ -91,7 +91,7 @@ class Motions(gym.Wrapper):
             paid += float(reward)
             self.played["steps"] += 1
             self.played["metres"] += math.dist(self.played["at"][:2], info["truth"][:2])
-            self.played["contacts"] += info["collided"]
+            self.played["contacts"] += int(info["collided"])
             self.played["at"] = info["truth"]
             if terminated or truncated or info["collided"]:
                 break

@@ -112,15 +112,13 @@ def safe_path() -> Iterator[None]:
 
     multiprocessing starts them by ``python -c``, which looks there first.
     """
-    before = os.environ.get("PYTHONSAFEPATH")
+    before = {name: os.environ[name] for name in SAFE_PATH if name in os.environ}
     os.environ.update(SAFE_PATH)
     try:
         yield
     finally:
-        if before is None:
-            del os.environ["PYTHONSAFEPATH"]
-        else:
-            os.environ["PYTHONSAFEPATH"] = before
+        del os.environ["PYTHONSAFEPATH"]
+        os.environ.update(before)
 
 
 def enter(line: Connection) -> None:

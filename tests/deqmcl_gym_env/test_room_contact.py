@@ -82,7 +82,7 @@ def random_drives(floor_plan: dict, radius: float, n: int, noise: dict):
     commands = np.float32(drawn).clip(env.action_space.low, env.action_space.high)
     infos = [info] + [env.step(command)[4] for command in commands]
     poses = np.array([info["truth"] for info in infos])
-    return poses, commands, np.array([info["collided"] for info in infos[1:]])
+    return poses, commands, np.array([bool(info["collided"]) for info in infos[1:]])
 
 
 @pytest.mark.parametrize("radius", [8.0, 1.0])
