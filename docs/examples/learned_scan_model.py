@@ -16,11 +16,11 @@ import numpy as np
 
 import deqmcl_gym
 import localizers
-from benchmarks.studies.training_data import recorded
 
 folder = Path(deqmcl_gym.__file__).parents[1] / "docs/examples/learned_scan"  # in a clone
 sys.path.insert(0, str(folder))
 from learned_scan import ScanNet  # noqa: E402 - the plug-in
+from training_data import recorded  # noqa: E402
 
 net, beam = ScanNet(), localizers.CensoredGaussianUniform(sigma=0.5)
 

@@ -9,11 +9,11 @@ import pytest
 from deqmcl_command import python
 from refusals import refused
 from test_links import ROOT
+from training_data import recorded
 
 import localizers
 from benchmarks.checks import scan_laws
 from benchmarks.setup.names import scenario
-from benchmarks.studies.training_data import recorded
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from localizers.models.scan import Scan

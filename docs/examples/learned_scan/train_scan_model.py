@@ -1,6 +1,6 @@
 """Train the learned scan model: ``python docs/examples/learned_scan/train_scan_model.py --help``.
 
-Needs the extra ``rl`` (PyTorch). The data are of ``python -m benchmarks.studies.training_data``:
+Needs the extra ``rl`` (PyTorch). The data are of ``python training_data.py``:
 scans, and the ranges that the map gives at the true pose. The loss is the negative log-likelihood
 of the scans. It prints the mean log-likelihood of a scan, in nats, in buildings of the training and
 in others, beside that of beam models that know the noise of the sensor.

@@ -1,10 +1,10 @@
-"""``python -m benchmarks.studies.training_data``: what is written is what the rooms were."""
+"""``python training_data.py``: what is written is what the rooms were."""
 
 import numpy as np
 import pytest
 from refusals import refused
+from training_data import main, recorded
 
-from benchmarks.studies.training_data import main, recorded
 from deqmcl_gym.maps import Office
 
 BUILDINGS, STEPS, ROOMS, CROP = (40, 43), 30, 4, 32

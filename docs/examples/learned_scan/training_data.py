@@ -1,4 +1,4 @@
-"""Data to train scan models on: ``python -m benchmarks.studies.training_data --help``.
+"""Data to train scan models on: ``python training_data.py --help``.
 
 Robots drive routes through generated offices, many at once. Train on one range of buildings, score
 in another: the sweeps' scenario ``lost`` takes place in the offices of seeds 0 to 19.
