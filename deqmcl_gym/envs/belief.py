@@ -237,7 +237,7 @@ def _box(low: Any, high: Any, shape: tuple[int, ...]) -> gym.spaces.Box:
 
 def _entropy(variances: Floats) -> float:
     """Entropy of a normal distribution with independent parts, nats."""
-    return 0.5 * float(np.log(2 * np.pi * np.e * variances).sum())
+    return 0.5 * float(np.log(2 * np.pi * math.e * variances).sum())
 
 
 def _plan(info: dict[str, Any]) -> Reals:
