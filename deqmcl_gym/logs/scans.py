@@ -19,6 +19,7 @@ from deqmcl_gym.validation import LARGEST, InputError, array
 _TURN = 2 * math.pi
 _ROUNDING = 1e-6  # rad
 _STEEPEST = 1 / math.tan(math.radians(15))  # growth of a wall's range for each rad, at most
+_DIRECTIONS = 0.1  # share of the directions in which it is read …
 _CODE = 0.01  # share of all beams that read one number, the largest of a log: no return …
 _BEYOND, _DEEPEST = 1e-3, 100  # … if at most such a share, of so many numbers, is beyond it, and …
 _STANDS_OUT = 10  # … if it is so many times as frequent as a number usually is
@@ -246,24 +247,26 @@ def resampled(ranges: ArrayLike, bearings: ArrayLike, onto: Floats) -> Singles:
 def no_return_codes(ranges: Singles) -> tuple[list[float], list[float]]:
     """Return the numbers that stand for no return in the ranges of a log: large ones, small ones.
 
-    A number is one if a per cent or more of all beams read it to the last digit, hardly a reading
-    is beyond it, and it stands out: numbers of beams that hit walls differ. Without it, the next
-    may be, too.
+    A number is one if a per cent or more of all beams read it to the last digit, in several
+    directions, hardly a reading is beyond it, and it stands out: numbers of beams that hit walls
+    differ. Without it, the next may be, too.
     """
     values, counts = np.unique(ranges[np.isfinite(ranges)], return_counts=True)
-    large = _codes(values[::-1].tolist(), counts[::-1], ranges.size)
-    return large, _codes(values.tolist(), counts, ranges.size)
+    large = _codes(values[::-1].tolist(), counts[::-1], ranges)
+    return large, _codes(values.tolist(), counts, ranges)
 
 
-def _codes(values: list[float], counts: Indices, total: int) -> list[float]:
-    """Return the codes among values, counted from their end on, of so many ranges in all."""
+def _codes(values: list[float], counts: Indices, ranges: Singles) -> list[float]:
+    """Return the codes among values of ranges, counted from their end on."""
     found: list[float] = []
-    beyond = 0
+    beyond, total = 0, ranges.size
+    several = max(2.0, _DIRECTIONS * ranges.shape[1])  # one beam at a wall as the robot stands
     for at, (value, count) in enumerate(zip(values[:_DEEPEST], counts.tolist(), strict=False)):
         rest = counts[at + 1 :]
         if not rest.size or beyond > _BEYOND * total:
             break
-        if count >= _CODE * total and count >= _STANDS_OUT * float(np.median(rest)):
+        stands_out = count >= _CODE * total and count >= _STANDS_OUT * float(np.median(rest))
+        if stands_out and (ranges == value).any(axis=0).sum() >= several:
             found.append(value)
         else:
             beyond += count

@@ -9,6 +9,7 @@ from refusals import refused
 
 from benchmarks.agents import OldRoute, OnRoute, ToGoal
 from benchmarks.setup.names import scenario
+from benchmarks.trials.episode import _route_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps import Office
@@ -55,7 +56,7 @@ def driving(number=0, agent=ToGoal):
     """A room with a goal, what it tells at reset, and an agent that has been told."""
     room, info = begun("driving", number)
     driver = agent(scenario("driving").robot_model(room))
-    at_reset = driver.plan_at_reset(info)
+    at_reset = driver.plan_at_reset(info | _route_of(room))
     assert at_reset is None or len(at_reset) == 0  # no plan of one's own before there is a belief
     return room, info, driver
 

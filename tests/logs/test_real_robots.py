@@ -196,6 +196,11 @@ def test_the_largest_reading_is_no_return_if_many_beams_read_it_to_the_last_digi
     few = ranges.copy()
     few[0, :10] = code  # half a per cent
     assert no_return_codes(few) == ([], [])
+    # one beam along a wall, exact to the last digit
+    beside = near.copy()
+    beside[near == np.float32(1e-3)] = 5.0
+    beside[:, 3] = 0.2
+    assert no_return_codes(beside) == ([], [])
     # a robot that stands still reads each number as often
     assert no_return_codes(np.float32([[1.0, 2.0, 3.0]] * 50)) == ([], [])
 

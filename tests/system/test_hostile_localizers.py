@@ -57,7 +57,7 @@ def test_a_plug_in_that_would_end_or_hang_the_command_fails_its_own_trials(folde
     assert small_sweep(folder, Path("out"), 2 if what == "hang" else 60) == 3
     said = capfd.readouterr().err
     kept = "deqmcl: 1 of 3 trials failed, the rest is kept; first:"
-    assert said.startswith(f"{kept} {folder / 'hostile.py'}:")
+    assert said.startswith(f"{kept} hostile.py:Hostile, trial 0: ")
     assert "Traceback" not in said
     assert {line["method"] for line in lines(folder / "out")} == {"mcl", "dead-reckoning"}
 
