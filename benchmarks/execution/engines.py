@@ -200,37 +200,19 @@ class Where:
         elif self.executor != "process":
             _factory(self.executor)
 
-    def refuse_unknown(self, trials: Collection[Trial]) -> None:
-        """Refuse a localizer that this process alone knows, if its trials would run in another.
-
-        Raises:
-            InputError: there is one.
-        """
-        apart = self.executor != "process" or self.timeout is not None
-        apart = apart or min(self.jobs or available_cpus(), len(trials)) > 1
-        for trial in trials:
-            if is_registered(trial.localizer) and (apart or guest_of(trial)):
-                remedy = "Where(jobs=1) without executor and timeout"
-                remedy = remedy if apart else f"a trial without {guest_of(trial)}"
-                raise InputError(
-                    f"the localizer {trial.localizer!r} is registered in this process only, but "
-                    f"its trials would run in others: give {remedy}, or name it by where its code "
-                    "is, as file.py:NAME."
-                )
-
     @contextmanager
     def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
         """Start an engine for these trials, and end it with all that still runs.
 
         Raises:
-            InputError: it cannot be had.
+            InputError: it cannot be had, or does not know a localizer that is registered here.
         """
-        self.refuse_unknown(trials)
         guests = any(map(guest_of, trials))
         timeout = PATIENCE if guests and self.timeout is None else self.timeout
         if self.executor == "dask":
             place = cluster(self.jobs or available_cpus(), self.scheduler)
             with place as (executor, threads, client):
+                _refuse_unknown(executor, trials)
 
                 def lost() -> str:
                     gone = client.status not in ("running", "connecting")
@@ -243,15 +225,34 @@ class Where:
             with Processes(
                 workers, timeout=self.timeout, guest_of=lambda trial, *_: guest_of(trial)
             ) as executor:
-                if workers == 1 and self.timeout is None:
-                    yield Engine(executor=ThisProcess(executor), slots=1)
-                else:  # one trial waits beside the workers, so that none waits for the store
-                    yield Engine(executor=executor, slots=workers + 1)
+                here = workers == 1 and self.timeout is None
+                own = ThisProcess(executor) if here else executor
+                _refuse_unknown(own, trials)
+                # one trial waits beside the workers, so that none waits for the store
+                yield Engine(executor=own, slots=1 if here else workers + 1)
         else:
             with _made_by(self.executor) as executor:
+                _refuse_unknown(executor, trials)
                 yield Engine(
                     executor=executor, slots=self.jobs or available_cpus(), timeout=timeout
                 )
+
+
+def _refuse_unknown(executor: Executor, trials: Iterable[Trial]) -> None:
+    """Refuse a localizer that is registered here, but not where its trials run."""
+    asked = {(t.localizer, guest_of(t)): t for t in trials if is_registered(t.localizer)}
+    for trial in asked.values():
+        with contextlib.suppress(RuntimeError):  # the process died: its trials will tell
+            if not executor.submit(_knows, trial).result():
+                raise InputError(
+                    f"the localizer {trial.localizer!r} is registered in this process only, but "
+                    "its trials would run in others: give Where(jobs=1) without a timeout and with "
+                    "agents and scenarios of ours, or name it as file.py:NAME."
+                )
+
+
+def _knows(trial: Trial) -> bool:
+    return is_registered(trial.localizer)
 
 
 class ThisProcess(Executor):

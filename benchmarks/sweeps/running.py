@@ -113,8 +113,7 @@ def begun(
     """Open the folder of a sweep at which ``check`` has looked; nothing is run yet.
 
     Raises:
-        InputError: the folder is not ours, belongs to another sweep, or is in use; or a localizer
-            is known in this process only, and its trials would run in others.
+        InputError: the folder is not ours, belongs to another sweep, or is in use.
     """
     out = Path(out)
     sweep = named_as_in(out, sweep)
@@ -123,7 +122,6 @@ def begun(
     shard = None if options.shard is None else "{}/{}".format(*options.shard)
     with _gone_if_refused(out), locked((store := Store(out)).out, shard):
         trials = {made.made.key(trial): trial for trial in sweep.distinct()}
-        options.where.refuse_unknown(trials.values())
         store.refuse_obstacles(trials.keys())
         made, new = manifest.begin(out, ours)
         if shard is None:  # another one may be writing it

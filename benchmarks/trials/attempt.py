@@ -1,6 +1,7 @@
 """One trial, run to its record or to the reason why there is none."""
 
 import contextlib
+import multiprocessing
 import os
 import warnings
 from dataclasses import dataclass
@@ -32,7 +33,8 @@ def attempt(trial: Trial, key: str) -> Outcome:
     try:
         with contextlib.chdir(os.curdir), warnings.catch_warnings():  # localizers may go
             warnings.simplefilter("ignore", LogWarning)  # said when the sweep was checked
-            if not is_registered(trial.localizer) and key_of(trial) != key:
+            own = is_registered(trial.localizer) and multiprocessing.parent_process() is None
+            if not own and key_of(trial) != key:
                 return Outcome(
                     reason="its worker loaded other code, libraries or plug-in than the sweep: "
                     "run the command again, with the same on every machine"

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from deqmcl_command import files
+from deqmcl_command import files, process, python
 from refusals import refused
 
 import localizers
@@ -191,8 +191,7 @@ def test_results_of_what_cannot_be_read_are_not_gone_on_with(tmp_path, monkeypat
     [
         (Where(jobs=2), {}, "Where(jobs=1)"),
         (Where(jobs=1, timeout=60.0), {}, "Where(jobs=1)"),
-        (Where(jobs=1, executor="a:b"), {}, "Where(jobs=1)"),
-        (ONE_JOB, {"agent": Named("drivers:Mine")}, "drivers:Mine"),
+        (ONE_JOB, {"agent": Named("drivers:Mine")}, "agents and scenarios of ours"),
     ],
 )
 def test_a_name_that_this_process_alone_knows_is_refused_where_others_would_run_it(
@@ -204,6 +203,37 @@ def test_a_name_that_this_process_alone_knows_is_refused_where_others_would_run_
     ):
         swept(tmp_path / "new", where=where, **said)
     assert not (tmp_path / "new").exists()
+
+
+SCRIPT = """
+import sys
+from functools import partial
+import localizers
+from benchmarks.execution.engines import Where
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.running import Options, begun
+from localizers.template import MyLocalizer
+
+class Mine(MyLocalizer):
+    pass
+
+localizers.register("mine", partial(Mine, particles=9))
+
+if __name__ == "__main__":
+    sweep = Sweep(title="t", localizers=["mine", "__main__:Mine"], trials=2, lag=4)
+    with begun(sweep, sys.argv[1], Options(where=Where(jobs=2)), command=[]) as running:
+        print(len(running.results().records))
+"""
+
+
+def test_what_a_script_defines_and_registers_at_its_top_level_is_known_to_its_workers(tmp_path):
+    (tmp_path / "script.py").write_text(SCRIPT)
+    said = [python(tmp_path / "script.py", tmp_path / "out") for _ in range(2)]
+    assert [one.split()[-1] for one in said] == ["4", "4"]
+    (tmp_path / "script.py").write_text(SCRIPT.replace("    pass", "    GAIN = 2"))
+    done = process(sys.executable, tmp_path / "script.py", tmp_path / "out")
+    assert "plug-ins.mine was" in done.stderr
+    assert "plug-ins.__main__:Mine was" in done.stderr
 
 
 def test_trials_that_fail_are_told_in_python_too(tmp_path):
