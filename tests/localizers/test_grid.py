@@ -222,3 +222,12 @@ def test_a_prior_that_is_nowhere_on_the_map_is_refused(robot):
     away = localizers.GaussianPrior(mean=(-1e6, 0, 0), sd_position=1.0)
     with pytest.raises(InputError, match="must lie on the floor plan"):
         localizers.make("grid", robot, cell=25.0).reset(away, [], np.random.default_rng(0))
+
+
+def test_a_prior_that_underflows_far_away_is_taken_where_numpy_raises(robot):
+    grid = localizers.make("grid", robot, cell=10.0)
+    for sd in (6.0, 8.0, 10.0, 12.0):
+        prior = localizers.GaussianPrior(mean=(175, 50, 0), sd_position=sd, sd_heading=0.1)
+        with np.errstate(all="raise"):
+            belief = grid.reset(prior, [], np.random.default_rng(0))
+        assert belief.points()[1].sum() == pytest.approx(1)
