@@ -276,8 +276,8 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         building = {} if self.building is None else {"building": np.int64(self.building)}
         return {
             "command": command,
-            "collided": np.float32(collided),
-            "is_success": np.float32(success),
+            "collided": np.float64(collided),
+            "is_success": np.float64(success),
             "truth": np.array(self.pose),
             **building,
         }

@@ -438,8 +438,8 @@ class LogEnv(gym.Env[Singles, Singles]):
             "planned_actions": planned,
             "planned_count": np.int64(count),
             "command": action,
-            "collided": np.float32(0),
-            "is_success": np.float32(step == self._last),
+            "collided": np.float64(0),
+            "is_success": np.float64(step == self._last),
         }
         if self.log.reference is not None:
             known = np.isfinite(self.log.reference[step])

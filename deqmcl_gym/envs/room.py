@@ -314,8 +314,8 @@ class RoomEnv(gym.Env[Any, Singles]):
             "planned_actions": planned,
             "planned_count": np.int64(count),
             "command": command,
-            "collided": np.float32(collided),
-            "is_success": np.float32(episode.done),
+            "collided": np.float64(collided),
+            "is_success": np.float64(episode.done),
             "truth": np.array(episode.pose),
         }
         if episode.course.goal is not None and self._rules.observation == "scan":

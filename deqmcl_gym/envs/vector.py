@@ -154,7 +154,7 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         self._rooms.observe(rooms)
         nothing = np.zeros((self.num_envs, 2), np.float32)
         none = np.zeros_like(chosen)
-        return self._seen(), self._info(chosen, nothing, none, none.copy())
+        return self._seen(), self._info(chosen, nothing, none, none)
 
     def step(self, actions: RoomActions) -> StepResult:
         """Turn, then drive in each room; where an episode ended, begin the next one.
@@ -224,7 +224,7 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         for room, seen in enumerate(iterate(self.observation_space, self._seen())):
             if ended[room]:
                 last[room] = seen
-        said = self._info(ended, commands.copy(), collided.copy(), success.copy())
+        said = self._info(ended, commands.copy(), collided, success)
         final: Info = {"final_obs": last, "final_info": said}
         self._begin(rooms)
         self._rooms.observe(rooms)
@@ -242,15 +242,15 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
     def _info(self, among: Bools, commands: RoomActions, collided: Bools, success: Bools) -> Info:
         """Return ``RoomInfo`` as arrays over the rooms, zero and masked out if not ``among``.
 
-        ``commands``, ``collided`` and ``success`` become part of it: use them nowhere else.
+        ``commands`` become part of it and must not be used elsewhere.
         """
         planned, count = self._rooms.plans()
         told: Info = {
             "planned_actions": planned,
             "planned_count": count,
             "command": commands,
-            "collided": collided,
-            "is_success": success,
+            "collided": collided.astype(np.float64),
+            "is_success": success.astype(np.float64),
             "truth": self._rooms.poses.copy(),
         }
         if self._rules.journeys is not None and self._rules.observation == "scan":

@@ -140,8 +140,8 @@ class RoomInfo(TypedDict):
         planned_count: number of rows of ``planned_actions`` that are actions, int64.
         command: what was carried out in this step, before motion noise and contact, (2,) float32;
             zeros at reset. Inside wrappers of actions, and heads, so not the learner's action.
-        collided: whether the step was stopped by a wall, 1 or 0, float32.
-        is_success: whether the step ended the lap or route at its goal, 1 or 0, float32.
+        collided: whether the step was stopped by a wall, 1 or 0, float64.
+        is_success: whether the step ended the lap or route at its goal, 1 or 0, float64.
         truth: the true pose (x, y, θ), (3,) float64. For scoring only: estimators must not read
             it.
         goal: the end of the route (x, y), (2,) float64; only in a world with a route, and not if
@@ -152,8 +152,8 @@ class RoomInfo(TypedDict):
     planned_actions: Singles
     planned_count: np.int64
     command: Singles
-    collided: np.float32
-    is_success: np.float32
+    collided: np.float64
+    is_success: np.float64
     truth: Floats
     goal: NotRequired[Floats]
     building: NotRequired[np.int64]

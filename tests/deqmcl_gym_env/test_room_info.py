@@ -38,7 +38,7 @@ def test_info_has_its_types_and_shapes_and_the_plan_shows_the_next_actions_and_t
     for step, info in enumerate(infos):
         assert set(info) == RoomInfo.__required_keys__
         assert type(info["planned_count"]) is np.int64
-        assert type(info["collided"]) is type(info["is_success"]) is np.float32
+        assert type(info["collided"]) is type(info["is_success"]) is np.float64
         for key, dtype in ARRAYS.items():
             assert (info[key].dtype, info[key].shape) == (dtype, shapes[key])
             assert np.isfinite(info[key]).all()
