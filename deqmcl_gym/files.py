@@ -275,6 +275,12 @@ def opened_log(path: Path) -> Iterator[io.BufferedReader]:
         raise InputError(f"{path} {error}: give another file.") from None
 
 
+def names_of(paths: Sequence[Path]) -> str:
+    """Return what to call the parts of a log in messages."""
+    first, *others = paths
+    return f"{first} and {len(others)} more" if others else str(first)
+
+
 def numbers_of(words: list[str]) -> list[float]:
     """Return words as numbers, NaN and inf among them.
 

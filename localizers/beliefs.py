@@ -14,8 +14,8 @@ __all__ = ["Cluster", "PointsBelief", "PoseBelief", "best_cluster", "mean_pose",
 def quality_of(belief: Belief) -> float | None:
     """Return the confidence of a belief that the robot is not lost, in [0, 1]; None without one.
 
-    It orders beliefs, and is no calibrated probability: on real logs filters have had 0.95 and more
-    while they were tens of metres off.
+    It orders beliefs, and is no calibrated probability: on real logs it can be near 1 in a filter
+    that is lost.
     """
     quality = getattr(belief, "quality", None)
     return None if quality is None else number("the belief's quality", quality, low=0, high=1)

@@ -12,8 +12,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.logs.motion import composed, has_moved, increments_of, relative
-from deqmcl_gym.logs.odometry import FASTEST, Odometry, Taken
+from deqmcl_gym.logs.motion import composed, has_moved, increments_of, one_pose, relative
+from deqmcl_gym.logs.odometry import FASTEST, Odometry, Taken, frame_of
 from deqmcl_gym.logs.scans import resampled
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import PIXELS, pixel
@@ -27,7 +27,6 @@ _EVERY = 10.0, math.radians(5)  # px (0.2 m), rad
 _WAITING = 10  # scans that may wait for their odometry
 _MOST = 10_000  # updates that are remembered
 _NO_PLAN = np.empty((0, 3))
-_NOTHING = np.zeros((1, 3))
 
 
 @dataclass
@@ -102,8 +101,7 @@ class Estimate:
     @property
     def map_to_odom(self) -> Pose:
         """The frame of the odometry in the map: ``map_to_odom`` ⊕ odometry = ``pose``."""
-        back = relative(np.array([self.odometry]), _NOTHING)
-        return _tuple(composed(np.array([self.pose]), back))
+        return frame_of(self.pose, self.odometry)
 
 
 @dataclass(frozen=True)
@@ -180,7 +178,7 @@ class Tracker:
         given = np.asarray(pose, dtype=np.float64)
         if given.shape != (3,):
             raise InputError(f"the odometry has shape {given.shape}, but must be a pose (x, y, θ).")
-        taken = self._odometry.take(time, _tuple(given[None]))
+        taken = self._odometry.take(time, one_pose(given[None]))
         if taken is Taken.UNUSABLE:
             self.counts.unusable += 1
             return False
@@ -239,7 +237,7 @@ class Tracker:
         moved = relative(np.array([update.odometry]), np.array([here]))
         poses = composed(np.asarray(points[0], np.float64), moved)
         frame = self._odometry.stretch.frame_at(when)
-        told = here if frame is None else _tuple(relative(np.array([frame]), np.array([here])))
+        told = here if frame is None else one_pose(relative(np.array([frame]), np.array([here])))
         return Estimate(when, poses, points[1], quality_of(update.belief), told, self.unit)
 
     def _begun(self) -> bool:
@@ -321,8 +319,3 @@ def _pair(what: str, given: tuple[float, float]) -> tuple[float, float]:
         number(f"the first of {what}", first, low=0, finite=False),
         number(f"the second of {what}", second, low=0, finite=False),
     )
-
-
-def _tuple(poses: Floats) -> Pose:
-    x, y, heading = poses[0].tolist()
-    return x, y, heading

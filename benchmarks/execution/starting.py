@@ -17,8 +17,9 @@ ONE_THREAD = {
     "BLIS_NUM_THREADS": "1",
     "VECLIB_MAXIMUM_THREADS": "1",
 }
-# multiprocessing runs ``python -c``, which would look into the working folder first
-_ENVIRONMENT = ONE_THREAD | {"PYTHONSAFEPATH": "deqmcl"}  # the latter until they ``enter``
+# multiprocessing runs ``python -c``, which would look into the working folder first: until they
+# ``enter``, ``SAFE_PATH`` of localizers.naming.plugins, which would be too heavy to load here
+_ENVIRONMENT = ONE_THREAD | {"PYTHONSAFEPATH": "deqmcl"}
 
 _SOCKET, _SOCKET_NAME = 107, "/pymp-xxxxxxxx/listener-xxxxxxxx"  # bytes of a path; what is appended
 

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from deqmcl_gym.files import opened_log
+from deqmcl_gym.files import names_of, opened_log
 from deqmcl_gym.logs.transforms import ODOMETRY, frame_name
 from deqmcl_gym.validation import InputError
 
@@ -188,12 +188,6 @@ def _reader(path: Path) -> Any:
                     f"{path} is a pointer of Git LFS, no bag: fetch the file by git lfs pull."
                 )
     return AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
-
-
-def names_of(paths: Sequence[Path]) -> str:
-    """Return what to call the parts of a log in messages."""
-    first, *others = paths
-    return f"{first} and {len(others)} more" if others else str(first)
 
 
 def row_of(sent: Sent, message: Any) -> list[float]:

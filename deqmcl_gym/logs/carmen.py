@@ -22,8 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-from deqmcl_gym.files import numbers_of, save, text_of
-from deqmcl_gym.logs.bags import names_of
+from deqmcl_gym.files import names_of, numbers_of, save, text_of
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.motion import composed, relative
 from deqmcl_gym.logs.odometry import JudgedOdometry

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats
+from deqmcl_gym.numerics.types import Bools, Floats, Pose
 
 
 def increments_of(poses: Floats) -> Floats:
@@ -83,6 +83,12 @@ def relative(origins: Floats, poses: Floats) -> Floats:
     dx, dy, turn = (poses - origins).T
     cosine, sine = arrays.cos(origins[:, 2]), arrays.sin(origins[:, 2])
     return np.column_stack([cosine * dx + sine * dy, cosine * dy - sine * dx, arrays.wrapped(turn)])
+
+
+def one_pose(poses: Floats) -> Pose:
+    """Return the first of poses (n, 3) as three numbers."""
+    x, y, heading = poses[0].tolist()
+    return x, y, heading
 
 
 def between(times: Floats, poses: Floats, at: Floats) -> Floats:

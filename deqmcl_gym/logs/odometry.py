@@ -10,11 +10,12 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.logs.motion import composed, has_moved, increments_of, relative
+from deqmcl_gym.logs.motion import composed, has_moved, increments_of, one_pose, relative
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Pose
@@ -154,21 +155,27 @@ class Odometry:
         return taken
 
     def _keep(self, time: float, raw: Pose, frame: Pose | None) -> None:
-        here = raw if frame is None else _tuple(composed(np.array([frame]), np.array(raw)))
+        here = raw if frame is None else one_pose(composed(np.array([frame]), np.array(raw)))
         self._raw = raw
         self.stretch.times.append(time)
         self.stretch.poses.append(here)
         self.stretch.frames.append(frame)
 
     def _jumped(self, seconds: float, raw: Pose) -> bool:
-        """Whether no robot drives so, or a driver begins anew at (0, 0, 0), maybe after a pause."""
         assert self._raw is not None
-        (far, turned), (slack, more) = self._fastest, self._slack
-        if has_moved(self._raw, raw, far * seconds + slack, turned * seconds + more):
-            return True
-        return has_moved(self._raw, raw, slack, more) and not has_moved(
-            (0.0, 0.0, 0.0), raw, _ORIGIN * slack, _ORIGIN * more
-        )
+        return _jumps(self._raw, raw, seconds, self._fastest, self._slack)
+
+
+def _jumps(
+    last: Pose, pose: Pose, seconds: float, fastest: tuple[float, float], slack: tuple[float, float]
+) -> bool:
+    """Whether no robot drives so, or a driver begins anew at (0, 0, 0), maybe after a pause."""
+    (far, turned), (along, turn) = fastest, slack
+    if has_moved(last, pose, far * seconds + along, turned * seconds + turn):
+        return True
+    return has_moved(last, pose, along, turn) and not has_moved(
+        (0.0, 0.0, 0.0), pose, _ORIGIN * along, _ORIGIN * turn
+    )
 
 
 @dataclass(frozen=True)
@@ -265,19 +272,15 @@ def times_words(count: int) -> str:
 def frame_of(there: Pose, raw: Pose) -> Pose:
     """Return the frame in which odometry that reads ``raw`` is ``there``."""
     back = relative(np.array([raw]), _NOTHING)
-    return _tuple(composed(np.array([there]), back))
+    return one_pose(composed(np.array([there]), back))
 
 
 def jumps_in(times: Floats, poses: Floats, unit: str) -> Bools:
     """Return which steps between poses (n, 3) at times (n,) no robot drives, (n - 1,)."""
-    (far, turned), (slack, more), size = FASTEST, SLACK, pixel(unit)
-    steps, seconds = np.diff(poses, axis=0), np.diff(times)
-    length, turn = np.hypot(steps[:, 0], steps[:, 1]), np.abs(arrays.wrapped(steps[:, 2]))
-    found: Bools = (length >= size * (far * seconds + slack)) | (turn >= turned * seconds + more)
-    x, y, heading = np.abs(poses[1:]).T
-    near = (np.hypot(x, y) < _ORIGIN * size * slack) & (arrays.wrapped(heading) < _ORIGIN * more)
-    found |= near & ((length >= size * slack) | (turn >= more))
-    return found
+    size = pixel(unit)
+    fastest, slack = (FASTEST[0] * size, FASTEST[1]), (SLACK[0] * size, SLACK[1])
+    steps = zip(pairwise(map(tuple, poses.tolist())), np.diff(times).tolist(), strict=True)
+    return np.array([_jumps(*pair, seconds, fastest, slack) for pair, seconds in steps], np.bool_)
 
 
 def without_jumps(times: Floats, poses: Floats, unit: str) -> tuple[Floats, int]:
@@ -285,7 +288,7 @@ def without_jumps(times: Floats, poses: Floats, unit: str) -> tuple[Floats, int]
     jumped = jumps_in(times, poses, unit)
     judged = poses.copy()
     for at in np.flatnonzero(jumped) + 1:  # from here on in the frame before
-        frame = np.array([frame_of(_tuple(judged[at - 1 : at]), _tuple(poses[at : at + 1]))])
+        frame = np.array([frame_of(one_pose(judged[at - 1 : at]), one_pose(poses[at : at + 1]))])
         judged[at:] = composed(frame.repeat(len(poses) - at, axis=0), poses[at:])
     return judged, int(jumped.sum())
 
@@ -362,8 +365,3 @@ def publisher_words(times: Floats, poses: Floats) -> str:
     rate = 1 / max(float(np.median(np.diff(times))), 1e-9)
     steps = increments_of(poses)
     return f"{rate:.3g} Hz, {np.hypot(steps[:, 0], steps[:, 1]).sum():.1f} m"
-
-
-def _tuple(poses: Floats) -> Pose:
-    x, y, heading = poses[0].tolist()
-    return x, y, heading

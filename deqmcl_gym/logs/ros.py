@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from deqmcl_gym.files import names_of
 from deqmcl_gym.logs.bags import (
     POSES,
     SCAN,
@@ -18,7 +19,6 @@ from deqmcl_gym.logs.bags import (
     Bag,
     Sent,
     frame_of_header,
-    names_of,
     opened,
     row_of,
     seconds_of,

@@ -16,7 +16,14 @@ from deqmcl_gym import logs
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.logs.estimates import read_estimate
 from deqmcl_gym.logs.motion import composed, dead_reckoned, increments_of
-from deqmcl_gym.logs.odometry import JudgedOdometry, clock_shifts, publishers
+from deqmcl_gym.logs.odometry import (
+    JudgedOdometry,
+    Odometry,
+    Taken,
+    clock_shifts,
+    publishers,
+    without_jumps,
+)
 from deqmcl_gym.logs.scans import Neighbours, no_return_codes
 from deqmcl_gym.logs.trajectory import tolerance_of
 
@@ -100,6 +107,28 @@ def test_a_reference_at_a_high_rate_has_a_pose_for_each_record():
     found = logs.referenced(log, logs.Trajectory(stamps, np.column_stack(columns)))
     assert not found.interpolated.any()
     np.testing.assert_allclose(found.reference, poses, rtol=0, atol=1e-3)
+
+
+def test_odometry_of_records_is_judged_as_that_of_messages():
+    rng = np.random.default_rng(0)
+    times = np.cumsum(rng.uniform(0.05, 2.0, 300))
+    poses = np.cumsum(rng.normal(0, [0.3, 0.3, 0.2], (300, 3)), axis=0)
+    poses[100:] += 30.0, -40.0, 3.0  # far away
+    poses[200:] -= poses[200]  # anew at the origin
+    messages = Odometry("m")
+    for time, pose in zip(times.tolist(), poses.tolist(), strict=True):
+        assert messages.take(time, tuple(pose)) is Taken.USED
+    found, jumps = without_jumps(times, poses, "m")
+    assert jumps == messages.jumps == 2
+    np.testing.assert_allclose(found[:, :2], np.array(messages.stretch.poses)[:, :2], atol=1e-9)
+    off = found[:, 2] - np.array(messages.stretch.poses)[:, 2]
+    np.testing.assert_allclose(np.cos(off), 1.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("heading", "jumps"), [(0.0, 1), (2 * np.pi, 1), (3.3, 0), (-3.3, 0)])
+def test_a_slow_step_to_the_origin_is_a_driver_that_begins_anew_only_at_heading_0(heading, jumps):
+    poses = np.array([(0.6, 0.0, heading), (0.0, 0.0, heading)])
+    assert without_jumps(np.array([0.0, 5.0]), poses, "m")[1] == jumps
 
 
 def test_a_reference_that_jumps_or_is_tilted_is_told(tmp_path):
