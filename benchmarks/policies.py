@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from deqmcl_gym.maps.clusters import drawn_poses
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats, Reals, Singles
 from deqmcl_gym.validation import InputError, integer
@@ -144,11 +145,7 @@ class LookAhead(Still):
         points = belief.points()
         if points is None or len(points[0]) == 0:
             return None
-        poses, weights = points
-        shares = np.cumsum(weights, dtype=np.float64)  # as rng.choice does, whatever their sum is
-        chosen = (shares / shares[-1]).searchsorted(rng.random(_SAMPLES), side="right")
-        drawn: Floats = np.asarray(poses, np.float64)[chosen]
-        return drawn
+        return np.asarray(drawn_poses(*points, _SAMPLES, rng), np.float64)
 
     def _turns(self, rng: np.random.Generator) -> Floats:
         """Turns before each drive of the motions that are compared, (m, depth)."""

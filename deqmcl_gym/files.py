@@ -28,15 +28,19 @@ from deqmcl_gym.validation import InputError
 PREFIX, SUFFIX = ".deqmcl-", ".tmp"  # of the temporary file that an interrupted write leaves
 
 
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all: first to a temporary file beside it, then renamed."""
+def write_bytes(path: Path, content: bytes, *, synced: bool = True) -> None:
+    """Write a file whole or not at all: first to a temporary file beside it, then renamed.
+
+    ``synced``: wait for the disk; a power cut could else leave an empty file.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f"{PREFIX}{secrets.token_hex(4)}{SUFFIX}")
     try:
         with beside.open("xb") as file:  # with the permissions of the umask
             file.write(content)
             file.flush()
-            os.fsync(file.fileno())
+            if synced:
+                os.fsync(file.fileno())
         beside.replace(path)
     except BaseException as error:
         with suppress(OSError):
@@ -349,6 +353,6 @@ def _bytes_of(character: str) -> str:
     return "".join(f"\\x{byte:02x}" for byte in content)
 
 
-def write_text(path: Path, text: str) -> None:
-    """Write a file whole or not at all."""
-    write_bytes(path, text.encode())
+def write_text(path: Path, text: str, *, synced: bool = True) -> None:
+    """Write a file whole or not at all, see ``write_bytes``."""
+    write_bytes(path, text.encode(), synced=synced)

@@ -124,7 +124,9 @@ def number(
 
     Magnitudes above ``LARGEST`` are refused too, unless ``finite`` is False.
     """
-    if isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Real):
+    if type(value) is not float and (
+        isinstance(value, bool | np.bool_) or not isinstance(value, numbers.Real)
+    ):
         allowed = _interval(low, high, above, finite)
         raise InputError(f"{what} is {shown(value)}, but must be a number {allowed}.")
     try:

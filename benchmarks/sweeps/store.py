@@ -147,7 +147,8 @@ class Store:
     def _write(self, kind: type, key: str, content: dict[str, Any]) -> None:
         typed(content, kind)
         signed = {"schema": SCHEMA, "key": key} | content
-        write_text(self._path(kind, key), _json(signed | {"checksum": _checksum(signed)}))
+        text = _json(signed | {"checksum": _checksum(signed)})
+        write_text(self._path(kind, key), text, synced=False)  # the checksum tells an empty file
 
     def _read(self, kind: type[K], key: str, trial: Trial | None = None) -> K | None:
         path = self._path(kind, key)

@@ -148,7 +148,7 @@ def _weight_of(chosen: Bools, clouds: Clouds) -> Floats:
     """Weight of the poses of each cloud that are chosen, (k,)."""
     those = np.flatnonzero(chosen)
     cuts = [0, *np.searchsorted(those, clouds.ends).tolist()]
-    return np.array([clouds.weights[those[a:b]].sum() for a, b in pairwise(cuts)])
+    return np.array([clouds.weights[those[a:b]].sum() if a < b else 0.0 for a, b in pairwise(cuts)])
 
 
 def rms(values: Floats) -> float:

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 
 from deqmcl_gym.maps import Box, Map
-from deqmcl_gym.maps.clusters import two_clusters
+from deqmcl_gym.maps.clusters import drawn_poses, two_clusters
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals, Singles
@@ -115,7 +115,7 @@ class BeliefView:
         if self._has_quality:
             seen["quality"] = [belief.quality]
         if self._particles:
-            drawn = np.array(poses[rng.choice(len(poses), self._particles, p=weights)])
+            drawn = drawn_poses(poses, weights, self._particles, rng)
             turned = np.abs(drawn[:, 2]) > np.pi  # filters count turns
             drawn[turned, 2] = arrays.wrapped(drawn[turned, 2])
             seen["particles"] = drawn

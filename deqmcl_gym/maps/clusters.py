@@ -13,6 +13,13 @@ SECTORS = 12  # of 30°
 _COUNTED = 2**20  # cells whose weights are counted in one table
 
 
+def drawn_poses(poses: Reals, weights: Floats, n: int, rng: np.random.Generator) -> Reals:
+    """Draw n of the poses (k, 3) in proportion to their weights, whatever their sum, (n, 3)."""
+    shares = np.cumsum(weights, dtype=np.float64)
+    chosen: Reals = poses[(shares / shares[-1]).searchsorted(rng.random(n), side="right")]
+    return chosen
+
+
 def mean_pose(poses: Reals, weights: Floats) -> tuple[float, float, float]:
     """Weighted mean of poses (n, 3), the heading as the direction of the mean (cos θ, sin θ)."""
     x, y, heading = np.asarray(poses, dtype=np.float64).T

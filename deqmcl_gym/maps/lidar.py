@@ -171,7 +171,7 @@ class Lidar:
         ]
         return np.concatenate(fans)
 
-    @property
+    @cached_property
     def places(self) -> tuple[Point, ...]:
         """Where on the robot the rays start, a place for each mount."""
         return tuple((one.x, one.y) for one in self.mounts) or (self.mounting,)

@@ -2,9 +2,11 @@
 
 import contextlib
 import hashlib
+import multiprocessing
 import os
 import pickle
 import stat
+import sys
 import tempfile
 from collections.abc import Callable
 from functools import cache
@@ -104,10 +106,12 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         try:
             found = super().load_overload(sig, target_context)
         except Exception:  # unpickling a damaged file can raise anything
-            return None
+            found = None
         if found is not None and tuple(found.signature.args) != tuple(sig):
             self._forget()  # the index is damaged: it names another signature's code
-            return None
+            found = None
+        if found is None:
+            _say_compiling()
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -121,6 +125,14 @@ class _Cache(FunctionCache):  # type: ignore[misc]
     def _forget(self) -> None:
         with contextlib.suppress(OSError):
             self.flush()
+
+
+@cache
+def _say_compiling() -> None:
+    """Tell once that a user waits for the compiler; workers leave that to who started them."""
+    if multiprocessing.parent_process() is None:
+        words = "deqmcl_gym: compiling kernels: a minute at most, at their first use only"
+        print(words, file=sys.stderr, flush=True)
 
 
 @cache

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from operator import le
 from typing import TYPE_CHECKING, Any, NotRequired, TypedDict
 
@@ -165,6 +165,9 @@ def check_options(options: object) -> None:
         raise InputError(f"options is {options!r}, but must be None or a mapping.")
 
 
+_lap_of = lru_cache(maxsize=8)(Course.of)  # a sweep makes the same room for every trial
+
+
 @dataclass(frozen=True)
 class RoomRules:
     """A world, and the rules of its episodes.
@@ -236,7 +239,7 @@ class RoomRules:
     @cached_property
     def course(self) -> Course:
         """The lap as planned: path, start and actions."""
-        return Course.of(self.world)
+        return _lap_of(self.world)
 
     @cached_property
     def plan(self) -> Plan:

@@ -6,8 +6,9 @@ the localizer's own scan model, so errors of that model cancel to first order.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from deqmcl_gym.numerics.types import Floats
 from localizers.inference.parts import Memory, States
 from localizers.inference.weights import log_sum_exp
 from localizers.models.prior import even_poses
-from localizers.models.scan import Scan, ScanModel
+from localizers.models.scan import LidarScan, Scan, ScanModel, ScanTable
 
 LOST = 0.01  # probability of getting lost, per step
 FOUND = 0.01  # probability of being found again, per step
@@ -61,8 +62,15 @@ class LostDensity:
 
     def log_density(self, scan: Scan) -> float:
         """Log-density of a scan."""
-        likelihoods = self.model.log_likelihood(self.poses, scan)
+        likelihoods = self._log_likelihood(scan)
         return log_sum_exp(likelihoods) - math.log(likelihoods.size)
+
+    @cached_property
+    def _log_likelihood(self) -> Callable[[Scan], Floats]:
+        """Log-likelihood at the poses; a lidar's rays are cast once, as they never move."""
+        if isinstance(self.model, LidarScan):
+            return ScanTable(self.model, self.poses).log_likelihood
+        return partial(self.model.log_likelihood, self.poses)
 
 
 @dataclass(frozen=True, eq=False)

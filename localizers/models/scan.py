@@ -156,11 +156,16 @@ class ScanTable:
 
     def log_likelihood(self, scan: Scan) -> Floats:
         """Log-likelihood of a scan at each pose, (n,)."""
-        n, usable = self._expected.shape[1], scan.usable
+        n = self._expected.shape[1]
         if scan.beams == 0:
             return np.zeros(n)
-        blocks = [self._expected[usable, start : start + _BLOCK] for start in range(0, n, _BLOCK)]
-        return np.concatenate([self._scan.weighed(scan.ranges[usable], block) for block in blocks])
+        measured, expected = scan.ranges, self._expected
+        if scan.beams < measured.size:
+            measured, expected = measured[scan.usable], expected[scan.usable]
+        if n <= _BLOCK:
+            return self._scan.weighed(measured, expected)
+        blocks = [expected[:, start : start + _BLOCK] for start in range(0, n, _BLOCK)]
+        return np.concatenate([self._scan.weighed(measured, block.copy()) for block in blocks])
 
 
 def outside(least: float) -> float:

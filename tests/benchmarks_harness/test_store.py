@@ -175,9 +175,9 @@ def test_files_that_are_no_trial_of_the_sweep_are_named_with_the_reason(tmp_path
 def test_a_trial_is_written_after_its_time(tmp_path, monkeypatch):
     written, really = [], store_module.write_text
 
-    def note(path, text):
+    def note(path, text, **how):
         written.append(path.parent.name)
-        really(path, text)
+        really(path, text, **how)
 
     monkeypatch.setattr(store_module, "write_text", note)
     stored(tmp_path)

@@ -108,6 +108,23 @@ def test_clusters_particles_and_occupancy_of_a_belief_computed_by_hand():
     assert len(env.belief.points()[0]) == 3
 
 
+def test_particles_are_drawn_from_weights_whatever_their_sum():
+    """The harness takes sums within 1e-3 of 1: so do the envs."""
+
+    class Careless(Known):
+        def reset(self, prior, plan, rng):
+            belief, scale = PointsBelief([(10, 10, 0.0), (300, 160, 1.0)]), self.scale
+            belief.points = lambda offset=0: (np.array([(10.0, 10, 0), (300, 160, 1)]), scale)
+            return belief
+
+    seen = []
+    for total in (1.0, 1.0 + 1e-6):
+        (localizer := Careless()).scale = np.array([0.5, 0.5]) * total
+        env = BeliefObservation(sharp(), localizer, PRIOR, particles=20)
+        seen.append(env.reset(seed=0)[0]["particles"])
+    np.testing.assert_array_equal(*seen)
+
+
 def test_a_single_cluster_has_a_second_without_a_share():
     seen, _ = BeliefObservation(sharp(), Known(), PRIOR).reset(seed=0)
     assert (seen["best_share"], seen["second_share"]) == (1, 0)

@@ -43,15 +43,15 @@ def test_fail_fast_stops_and_says_what_is_missing(tmp_path, capsys):
 def test_a_disk_that_fills_up_is_said_in_one_line_and_the_sweep_goes_on_later(
     file, finished, tmp_path, monkeypatch, capsys
 ):
-    really, writes = os.fsync, []
+    really, writes = os.replace, []
 
-    def fill_up(handle):
-        writes.append(handle)
+    def fill_up(source, destination):
+        writes.append(destination)
         if len(writes) == 6:  # manifest, then timing and trial of each
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        really(handle)
+        really(source, destination)
 
-    monkeypatch.setattr(os, "fsync", fill_up)
+    monkeypatch.setattr(os, "replace", fill_up)
     out = tmp_path / "out"
     assert sweep(file, out) == 3
     assert capsys.readouterr().err.startswith(f"deqmcl: No space left on device: {out}/timings/")

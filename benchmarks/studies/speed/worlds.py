@@ -4,20 +4,23 @@ Resets are part of the time. Every side looks its actions up in a table, by the 
 room began: the planned lap here, actions drawn beforehand there.
 """
 
+import math
 import time
 from functools import partial
+from statistics import median
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.execution.engines import Where
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.studies.speed.figure import Figure, Job, Side
 from benchmarks.studies.speed.work import BEAMS
-from benchmarks.sweeps.suites import paper_suite
-from benchmarks.trials.attempt import attempt
-from benchmarks.trials.plugins import key_of
+from benchmarks.sweeps.running import Options, begun
+from benchmarks.sweeps.suites import paper_sweep
 from deqmcl_gym import ENV_ID as ROOM
 from deqmcl_gym.registration import JOURNEY_ENV_ID as JOURNEY
 
@@ -25,6 +28,7 @@ CARTPOLE = "CartPole-v1"
 FEW, MANY = 64, 1_024
 PARTICLES = 1_000
 PEOPLE = 40
+_FEW_WORLDS, _TRIALS = 2, 20  # of a sweep, and how many more the larger one has
 _HOW: dict[str, dict[str, Any]] = {ROOM: {"lidar": {"beams": BEAMS}}, CARTPOLE: {}}
 
 Actions = NDArray[Any]
@@ -123,17 +127,30 @@ def vector(name: str, size: int) -> Job:
 
 
 def trial_job(name: str, *, localizer_only: bool) -> Job:
-    """Return the job of a trial, with the wall's clock or with what its localizer counts."""
-    (trial,) = paper_suite(localizers=[name], trials=1, particles=PARTICLES)
+    """Return the job of a trial as a sweep runs it, by the wall's clock: ``_TRIALS`` a call.
+
+    A sweep of many worlds less one of few, so that starting and ending it does not count; or what
+    the localizers in it take, at their median.
+    """
     spent = 0.0
 
     def run() -> None:
         nonlocal spent
-        outcome = attempt(trial, key_of(trial))
-        assert outcome.reason is None, outcome.reason
-        spent += outcome.seconds
+        few, many = (_seconds_of_sweep(name, n) for n in (_FEW_WORLDS, _FEW_WORLDS + _TRIALS))
+        spent += _TRIALS * many[1] if localizer_only else many[0] - few[0]
 
-    return Job(run, clock=(lambda: spent) if localizer_only else time.perf_counter)
+    return Job(run, _TRIALS, clock=lambda: spent)
+
+
+def _seconds_of_sweep(name: str, worlds: int) -> tuple[float, float]:
+    """Run a sweep of ``paper``; return its seconds, and the median of its localizers'."""
+    sweep = paper_sweep(localizers=[name], trials=worlds, particles=PARTICLES)
+    options = Options(where=Where(jobs=1), progress=False)
+    start = time.perf_counter()
+    with TemporaryDirectory() as folder, begun(sweep, folder, options, command=[]) as running:
+        results = running.results()
+    taken = time.perf_counter() - start
+    return taken, median(finished.seconds or math.nan for finished in results.records)
 
 
 def _actions(name: str) -> Actions:
@@ -148,10 +165,10 @@ def _rooms(size: int) -> Side:
 
 
 def _trial(name: str) -> Figure:
-    what = f"trial of {name} in scenario paper, N = {PARTICLES:,}; wall time"
-    ours = Side("world, localizer and scores", partial(trial_job, name, localizer_only=False))
+    what = f"trial of {name} in paper as a sweep runs it, N = {PARTICLES:,}; wall time"
+    ours = Side("all of it", partial(trial_job, name, localizer_only=False))
     share = Side("its localizer's share", partial(trial_job, name, localizer_only=True))
-    return Figure(f"trial_{name.replace('-', '_')}", what, "ms/trial", ours, share)
+    return Figure(f"trial_{name.replace('-', '_')}", what, "ms/trial", ours, share, 3.0)
 
 
 def _journeys(mode: str, words: str, *, resets: bool) -> Side:
