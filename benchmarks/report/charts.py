@@ -171,13 +171,14 @@ def points_chart(panel: Panel, looks: Looks) -> Picture:
     worlds = sorted(set().union(*(row.errors for row in rows)))
     spread = 0.3 if len(worlds) > _ROW else 0.0  # by golden steps, so that neighbours differ
     height = {world: ((i * 0.618034) % 1 - 0.5) * spread for i, world in enumerate(worlds)}
-    axes.plot(
-        [[row.errors.get(world, math.nan) for world in worlds] for row in rows],
-        [[place + height[world] for world in worlds] for place in range(len(rows))],
-        color=INK,
-        alpha=min(0.35, 8 / max(len(worlds), 1)),
-        linewidth=0.7,
-    )
+    if len(rows) > 1:
+        axes.plot(
+            [[row.errors.get(world, math.nan) for world in worlds] for row in rows],
+            [[place + height[world] for world in worlds] for place in range(len(rows))],
+            color=INK,
+            alpha=min(0.35, 8 / max(len(worlds), 1)),
+            linewidth=0.7,
+        )
     for place, (row, label) in enumerate(zip(rows, labels, strict=True)):
         axes.plot(
             list(row.errors.values()),

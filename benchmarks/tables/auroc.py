@@ -64,15 +64,12 @@ def rated_steps(record: Finished) -> Steps:
     """Return the qualities of a trial's steps t ≥ 1 that have one, and which are far off."""
     if record.quality is None:
         return np.empty(0), np.empty(0, dtype=bool)
-    present = record.curves[0]
-    listed = enumerate(present.error, present.first_state)
-    errors = {step: error for step, error in listed if error is not None}
-    rated = [
-        (quality, errors[step] > record.thresholds.far)
-        for step, quality in enumerate(record.quality, 1)
-        if quality is not None and step in errors
-    ]
-    return np.array([q for q, _ in rated]), np.array([far for _, far in rated], dtype=bool)
+    present, quality = record.curves[0], np.array(record.quality, np.float64)  # None is NaN
+    errors = np.full(quality.size + 1, math.nan)  # of the states 0 … T
+    listed = np.array(present.error, np.float64)[: max(0, errors.size - present.first_state)]
+    errors[present.first_state : present.first_state + listed.size] = listed
+    rated = np.isfinite(quality) & np.isfinite(errors[1:])
+    return quality[rated], errors[1:][rated] > record.thresholds.far
 
 
 def in_order(worlds: Sequence[Steps]) -> Floats:

@@ -16,9 +16,11 @@ WORDS = {  # what the names of methods mean; the first four as in the paper's Ta
     "mcl-map": "MCL with map-based motion model",
     "deq-mcl": "DEQ-MCL",
     "mcl-map-smoother": "MCL with map-based motion model and smoother",
+    # the next three are gone, but folders may hold their trials
     "deq-mcl-rejuvenated": "DEQ-MCL with its future renewed",
-    "mcl-h": "mcl-map that looks ahead by a table",  # gone, but folders may hold its trials
     "mcl-pilots": "mcl-map that looks ahead by roll-outs",
+    "mcl-h": "mcl-map that looks ahead by a table",
+    "deq-mcl-fresh": "DEQ-MCL with its future drawn anew from the present",
     "mcl-plan": "mcl-map with plans as observations",
     "mcl-plan-hedged": "mcl-plan beside a filter that sees no plan",
     "dead-reckoning": "dead reckoning on the plan",

@@ -1,7 +1,7 @@
 """The belief of a particle filter: a weighted cloud of queues."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, Self, TypeVar
@@ -93,6 +93,8 @@ class _Cloud(NamedTuple):
         log_h: log h_t(x_t), how feasible the planned future is from the present, where it is
             computed instead of queued, (n,). It multiplies the reported weights, not those
             that are carried on; None: no look-ahead.
+        foreseen: the planned future of each particle where it is drawn from the present instead of
+            queued: states (d, n) of x_{t+k} by k ≥ 1, None beyond its end.
         events: counts since reset.
         scan_log_evidence: log Σ w p(o_t | x_t, m) of the latest scan, from some of the particles.
         scan_power: λ_t, the exponent of the latest scan's likelihood.
@@ -104,6 +106,7 @@ class _Cloud(NamedTuple):
     drawn: Actions
     log_normalizer: float = 0.0
     log_h: LogWeights | None = None
+    foreseen: Callable[[int], States | None] | None = None
     events: Events = Events()
     scan_log_evidence: float = math.nan
     scan_power: float = 1.0
@@ -178,6 +181,8 @@ class ParticleBelief(_Cloud):
     def points(self, offset: int = 0) -> tuple[States, Floats] | None:
         """Return states (n, d) and weights (n,) of x_{t+offset}; None if the queue lacks it."""
         states = self.queue.at(offset)
+        if offset > 0 and self.foreseen is not None:
+            states = self.foreseen(offset)
         return None if states is None else (states.T, self.weights.copy())
 
     def resampled(self, ancestors: Indices, log_sum: float) -> "ParticleBelief":
@@ -187,6 +192,7 @@ class ParticleBelief(_Cloud):
             log_weights=np.zeros(ancestors.size),
             log_normalizer=self.log_normalizer + log_sum - math.log(self.log_weights.size),
             log_h=None,
+            foreseen=None,
         )
 
     def appended(self, states: States, drawn: Actions) -> "ParticleBelief":
@@ -195,15 +201,12 @@ class ParticleBelief(_Cloud):
 
     def stepped(self, past: int) -> "ParticleBelief":
         """Let the next state become the present; keep at most ``past`` states before it."""
-        return self._replace(queue=self.queue.stepped(past), drawn=self.drawn[1:], log_h=None)
+        queue = self.queue.stepped(past)
+        return self._replace(queue=queue, drawn=self.drawn[1:], log_h=None, foreseen=None)
 
     def cut(self, keep: int) -> "ParticleBelief":
         """Forget the states more than ``keep`` steps after the present."""
         return self._replace(queue=self.queue.cut(keep), drawn=self.drawn[:keep])
-
-    def followed(self, future: Sequence[States]) -> "ParticleBelief":
-        """Replace the states after the present, (d, n) each, by others drawn with ``drawn``."""
-        return self._replace(queue=self.queue.followed(future))
 
     def foreseeing(self, log_h: LogWeights) -> "ParticleBelief":
         """Multiply the reported weights by h_t(x_t), (n,); dropped as in ``reweighted``."""

@@ -1,14 +1,12 @@
-"""Queued futures: drawn from given states by planned actions, charged for collisions, renewed.
+"""Futures drawn from given states by planned actions, charged for collisions.
 
-They are drawn again when the actions that they were drawn with have changed, and moved, with fresh
-noise, if they were drawn many steps ago.
+Queued ones are drawn again when the actions that they were drawn with have changed; others are
+drawn anew from the present after each scan.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
@@ -53,10 +51,7 @@ class Rollout:
 
     def queued_log_g(self, belief: ParticleBelief, shared: int = 0) -> LogWeights:
         """Log Π g of each particle's own future from ``shared`` steps ahead on, (n,)."""
-        return self.log_g_of(belief.queue.since(shared))
-
-    def log_g_of(self, path: Sequence[States]) -> LogWeights:
-        """Log Π g of a path of states, (d, n) each, (n,)."""
+        path = belief.queue.since(shared)
         n = path[0].shape[1]
         total = np.zeros(n)
         if self.feasibility is None or len(path) == 1:
@@ -169,68 +164,35 @@ def _choose(log_weights: Floats, rng: np.random.Generator) -> Indices:
     return np.where(cumulative[-1] > 0, np.minimum(chosen, len(log_weights) - 1), 0)
 
 
-class Move(Protocol):
-    """A Markov kernel on each particle's queue that leaves the filter's target invariant."""
+@dataclass(frozen=True, eq=False)
+class DrawnFuture:
+    """The states x_{t+1} … x_{t+F} of each particle, rolled out from its present by the plan.
 
-    def __call__(
-        self, belief: ParticleBelief, ancestors: Indices | None, rng: np.random.Generator
-    ) -> ParticleBelief:
-        """Return the belief, moved; ``ancestors`` is None if this step did not resample."""
+    Of ``copies`` = M roll-outs of each particle one is kept with probability ∝ Π g: a draw from
+    p(x_{t+1:t+F} | x_t, plan) Π g(x_{s-1}, x_s) as M grows. Drawn when it is first asked for.
 
-
-@dataclass(frozen=True)
-class RenewedFuture:
-    """Resample-move on the future block (Gilks & Berzuini 2001), for every particle.
-
-    Propose x'_s ~ p(· | x'_{s-1}, u_s), s = t + 1 … t + F_t, from the particle's own present;
-    accept with probability min(1, Π g(x'_{s-1}, x'_s) / Π g(x_{s-1}, x_s)); weights unchanged. The
-    proposal is the motion model itself, so only g is left in the ratio, and γ_t is invariant.
+    Attributes:
+        present: x_t, (d, n).
+        actions: of the plan, (F, k).
+        rng: a stream of its own.
     """
 
     rollout: Rollout
+    present: States
+    actions: Actions
+    copies: int
+    rng: np.random.Generator
 
-    def __call__(
-        self, belief: ParticleBelief, ancestors: Indices | None, rng: np.random.Generator
-    ) -> ParticleBelief:
-        """Return the belief with its future moved."""
-        if belief.queue.ahead == 0:
-            return belief
-        paths, log_new = self.rollout.futures(belief.present, belief.drawn, 1, rng)
-        proposed = paths(np.zeros(log_new.shape[1], np.intp))
-        queued = belief.queue.since(0)
-        log_old = self.rollout.log_g_of(queued)
-        accepted = arrays.log(rng.random(log_old.size)) + log_old < log_new[0]
-        return belief.followed(
-            [np.where(accepted, new, old) for new, old in zip(proposed, queued[1:], strict=True)]
-        )
+    @property
+    def log_h(self) -> LogWeights:
+        """Log of the mean of Π g over the roll-outs, unbiased for h_t(x_t) before the log, (n,)."""
+        return self._drawn[1]
 
+    def __call__(self, ahead: int) -> States | None:
+        """Return x_{t+ahead}, (d, n), ahead ≥ 1; None beyond the plan."""
+        return self._drawn[0][ahead - 1].copy() if ahead <= len(self.actions) else None
 
-@dataclass(frozen=True)
-class WhenResampled:
-    """Another move, only at the steps that resample.
-
-    Whether a step resamples depends on the weights, and these on the future that is moved, so γ_t
-    is approached as n grows but is not exact at every n. ``Sometimes`` is as cheap and exact.
-    """
-
-    move: Move
-
-    def __call__(
-        self, belief: ParticleBelief, ancestors: Indices | None, rng: np.random.Generator
-    ) -> ParticleBelief:
-        """Return the belief, moved if its queues were resampled."""
-        return belief if ancestors is None else self.move(belief, ancestors, rng)
-
-
-@dataclass(frozen=True)
-class Sometimes:
-    """Another move, at each step with a fixed probability: still invariant."""
-
-    move: Move
-    probability: float
-
-    def __call__(
-        self, belief: ParticleBelief, ancestors: Indices | None, rng: np.random.Generator
-    ) -> ParticleBelief:
-        """Return the belief, moved or not."""
-        return self.move(belief, ancestors, rng) if rng.random() < self.probability else belief
+    @cached_property
+    def _drawn(self) -> tuple[list[States], LogWeights]:
+        paths, log_g = self.rollout.futures(self.present, self.actions, self.copies, self.rng)
+        return paths(_choose(log_g, self.rng)), log_mean(log_g)

@@ -39,6 +39,7 @@ from localizers.inference.bayes_filter import Filter, FilterLocalizer
 from localizers.inference.belief import Events, ParticleBelief, PlanReading
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.parts import Action, Actions, States
+from localizers.inference.plan_evidence import Foresight
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import pointed_at
 from localizers.inference.weights import log_sum_exp
@@ -136,7 +137,9 @@ class Hedge:
     def initial(self, prior: Any, plan: Actions, rng: np.random.Generator) -> HedgedBelief:
         """Return the belief at t = 0. B draws what it would alone; A has a stream of its own."""
         protected = self.protected.initial(prior, plan[:0], rng)
-        advised = self.advised.initial(prior, plan, rng.spawn(1)[0])
+        stream = rng.spawn(1)[0]
+        advised = self.advised.initial(prior, plan, stream)
+        protected = self._foreseeing(protected, plan, stream)
         events = _events(Events(), advised, protected)
         with np.errstate(divide="ignore"):
             log_odds = float(arrays.log([self.trust])[0] - arrays.log([1.0 - self.trust])[0])
@@ -162,11 +165,19 @@ class Hedge:
             protected = mixed(protected, share, belief.advised, stream)
         advised = self.advised.step(advised, scan, action, plan, stream)
         protected = self.protected.step(protected, scan, action, plan[:0], rng)
+        protected = self._foreseeing(protected, plan, stream)
         log_odds, evidence = weighed(log_odds, _evidence(advised), _evidence(protected))
         events = belief.events
         if _counts(advised, protected) != _counts(belief.advised, belief.protected):
             events = _events(events, advised, protected)
         return HedgedBelief(advised, protected, log_odds, evidence, events)
+
+    def _foreseeing(self, protected: Any, plan: Actions, stream: np.random.Generator) -> Any:
+        """Return B's belief with a future if A's has one: where the plan leads, no evidence."""
+        ahead = getattr(self.advised, "lookahead", None)
+        if not isinstance(ahead, Foresight) or not isinstance(protected, ParticleBelief):
+            return protected
+        return replace(ahead, evidence=None, weighs=False)(protected, plan, stream)
 
 
 @compiled

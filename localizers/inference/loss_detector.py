@@ -7,7 +7,7 @@ the localizer's own scan model, so errors of that model cancel to first order.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
@@ -101,11 +101,13 @@ class LossDetector(Memory):
         lost: p(o | lost).
         evidence: the latest scans, at most ``MEMORY``, oldest first.
         start: probability of not being lost before them.
+        known: log-ratios of the first of them, as far as an earlier detector was read.
     """
 
     lost: LostDensity
     evidence: tuple[Evidence, ...] = ()
     start: float = 1.0 - LOST
+    known: Floats = field(default_factory=partial(np.empty, 0))
 
     @classmethod
     def of(cls, model: ScanModel, floor_plan: Map) -> "LossDetector":
@@ -120,10 +122,12 @@ class LossDetector(Memory):
             log_evidence: log Σ w p(o | x) over the belief before the scan; NaN if unknown.
         """
         evidence, start = self.evidence, self.start
+        known = vars(self).get("_ratios", self.known)
         if len(evidence) == MEMORY:
             evidence, start = evidence[1:], start * (1.0 - LOST) + (1.0 - start) * FOUND
+            known = known[1:]
         latest = Evidence(scan, log_evidence, self.lost)
-        return LossDetector(self.lost, (*evidence, latest), start)
+        return LossDetector(self.lost, (*evidence, latest), start, known)
 
     @property
     def log_right(self) -> float:
@@ -136,5 +140,11 @@ class LossDetector(Memory):
 
         q⁻ = q (1 - LOST) + (1 - q) FOUND; then q ∝ q⁻ p(o | belief), 1 - q ∝ (1 - q⁻) p(o | lost).
         """
-        ratios = np.array([one.log_ratio for one in self.evidence])
-        return _two_states(self.start, 1.0 - LOST, FOUND, ratios)
+        return _two_states(self.start, 1.0 - LOST, FOUND, self._ratios)
+
+    @cached_property
+    def _ratios(self) -> Floats:
+        ratios, read = np.empty(len(self.evidence)), self.known.size
+        ratios[:read] = self.known
+        ratios[read:] = [one.log_ratio for one in self.evidence[read:]]
+        return ratios

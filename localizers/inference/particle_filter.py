@@ -9,7 +9,7 @@ import numpy as np
 from deqmcl_gym.validation import InputError
 from localizers.api import Motion
 from localizers.inference.belief import FilteredEvents, ParticleBelief, PlanReading
-from localizers.inference.futures import Move, Redraw, Rollout
+from localizers.inference.futures import Redraw, Rollout
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.parts import (
     Action,
@@ -42,7 +42,6 @@ class ParticleFilter:
         past: L, how many states before the present are kept, and thereby smoothed.
         future: F, how many planned steps are looked ahead.
         pilots: rollouts per particle when the plan changes; see ``Redraw``.
-        move: renews queued states after resampling, leaving γ_t invariant; None: they stay.
         lookahead: what the plan says about the present, where the future is not queued; None: the
             plan is not looked at.
         start: chooses the first particles among draws from the prior; None: all are taken.
@@ -62,7 +61,6 @@ class ParticleFilter:
     past: int = 0
     future: int = 0
     pilots: int = 16
-    move: Move | None = None
     lookahead: Lookahead | None = None
     start: InformedStart | None = None
     beams: BeamFilter | None = None
@@ -126,7 +124,7 @@ class ParticleFilter:
             plan: the actions after it, (h, k); may be shorter than F, down to (0, k).
             rng: the only source of randomness.
         """
-        # Resample whole queues, and move them
+        # Resample whole queues
         belief = self._resampled(belief, rng)
         # Advance: the queue holds the steps t … t + F_t, under the actions that now lead there
         actions = np.concatenate((action[None], plan[: self.future]))
@@ -151,12 +149,10 @@ class ParticleFilter:
         return belief if self.start is None else belief.forgetting(PlanReading)  # of its plan
 
     def _resampled(self, belief: ParticleBelief, rng: np.random.Generator) -> ParticleBelief:
-        """Resample whole queues if it is time to, then move them."""
+        """Resample whole queues if it is time to."""
         weights, log_sum = normalized_with_log_sum(belief.log_weights)  # w without h_t
         ancestors = self.resampling.ancestors(weights, rng)
-        if ancestors is not None:
-            belief = belief.resampled(ancestors, log_sum)
-        return belief if self.move is None else self.move(belief, ancestors, rng)
+        return belief if ancestors is None else belief.resampled(ancestors, log_sum)
 
     def _extended(
         self, belief: ParticleBelief, actions: Actions, rng: np.random.Generator

@@ -14,7 +14,7 @@ from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.numerics.types import Floats, Ints
 from deqmcl_gym.validation import number
 from localizers.inference.belief import ParticleBelief, PlanReading
-from localizers.inference.futures import Rollout, agreeing, log_mean
+from localizers.inference.futures import DrawnFuture, Rollout, agreeing
 from localizers.inference.parts import Actions
 from localizers.models.plan_sensor import PlanSensor, charges
 
@@ -33,31 +33,40 @@ class Lookahead(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pilots:
-    """ĥ_t(x) = mean of Π g over K fresh rollouts of the plan: unbiased for h_t(x).
+class Foresight:
+    """Draws the planned future of every particle anew after each scan, and may weigh by it.
 
-    Multiplied into the reported weights only. Multiplied into the filter's own at every step it
-    would count the future up to F times. Lin, Chen & Liu 2013 call such rollouts pilots.
+    ``weighs``: the reported weights are multiplied by ĥ_t(x_t), the mean of Π g over the roll-outs,
+    which is unbiased for h_t(x_t): with the future that is kept, the cloud targets the paper's
+    Q(t). The filter's own weights stay: multiplied into them at every step, the future would count
+    up to F times. Lin, Chen & Liu 2013 call such roll-outs pilots.
 
     Attributes:
         steps: F, how far to look.
-        pilots: K.
+        copies: M, roll-outs of each particle.
+        weighs: whether the reported weights count what collides.
+        evidence: takes in the plan as evidence of the present first; None: nothing does.
     """
 
     rollout: Rollout
     steps: int
-    pilots: int
+    copies: int
+    weighs: bool = False
+    evidence: Lookahead | None = None
 
     def __call__(
         self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
     ) -> ParticleBelief:
         """Return the belief, looking ahead by a stream of its own: the filter's draws stay."""
+        if self.evidence is not None:
+            belief = self.evidence(belief, plan, rng)
         window = plan[: self.steps]
         if len(window) == 0:
             return belief
         stream = rng.spawn(1)[0]
-        log_g = self.rollout.log_g(belief.present, window, self.pilots, stream)
-        return belief.foreseeing(log_mean(log_g))
+        future = DrawnFuture(self.rollout, belief.present, window, self.copies, stream)
+        belief = belief._replace(foreseen=future)
+        return belief.foreseeing(future.log_h) if self.weighs else belief
 
 
 Known = Callable[[Actions | None, Actions], int]

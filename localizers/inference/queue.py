@@ -125,16 +125,6 @@ class Queue(NamedTuple):
         slots, pending = self.slots[: last + 1], self._order(last)
         return Queue(slots, links, pending, self.present, self.past, future)
 
-    def followed(self, future: Sequence[States]) -> "Queue":
-        """Replace the states after the present by others, (d, n) each, in the current order.
-
-        They are stored as if just drawn, so no link to an earlier order is needed.
-        """
-        queue = self.cut(0)
-        for states in future:
-            queue = queue.appended(states)
-        return queue
-
     def at(self, offset: int) -> States | None:
         """Return the states ``offset`` steps after the present (before it if negative), (d, n).
 

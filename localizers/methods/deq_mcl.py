@@ -11,18 +11,14 @@
 - ``deq-mcl``: Q(t) = p(x_{t-L:t+L} | a_{1:t}, â_{t+1:T}, o_{1:t}, m). Taniguchi, Fukawa & Yamakawa
   2024, eqs. (2)-(3): a queue of past, present and future states; the planned future is drawn ahead,
   charged for collisions, and resampled together with the present.
-- ``deq-mcl-rejuvenated``: the same Q(t), with the queued future renewed at every step. The
-  published filter draws x_t L steps before it becomes the present and resamples it L times in
-  between, without fresh noise. Here a resample-move step (Gilks & Berzuini 2001) proposes a fresh
-  future for every particle and accepts it by its feasibility. The target stays the same.
+  x_t is drawn L steps before its scan arrives: with a sharp sensor few of those draws survive it
+  (docs/queue.md). ``deq-mcl-fresh``, in ``plan_aware``, mends that.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
-from deqmcl_gym.validation import integer, one_of
+from deqmcl_gym.validation import integer
 from localizers.inference.beam_filters import beam_filter
-from localizers.inference.futures import Move, RenewedFuture, Sometimes, WhenResampled
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.methods.family import FOR_THE_LOST, ON_THE_MAP, Shared, method
@@ -82,27 +78,3 @@ def deq_mcl(robot: RobotModel, shared: Shared, *, pilots: int = 16) -> ParticleF
     """
     base = mcl_map_smoother.build(robot, shared)
     return replace(base, future=shared.lag, pilots=integer("pilots", pilots, low=1))
-
-
-MOVES: dict[str, Callable[[Move], Move]] = {
-    "always": lambda move: move,
-    "resampled": WhenResampled,
-    "third": lambda move: Sometimes(move, 1 / 3),
-}
-
-
-@method(*deq_mcl.takes)
-def deq_mcl_rejuvenated(
-    robot: RobotModel, shared: Shared, *, pilots: int = 16, moves: str = "always"
-) -> ParticleFilter:
-    """Return DEQ-MCL with a renewed future.
-
-    Args:
-        robot, shared, pilots: as for ``deq_mcl``.
-        moves: "always"; "third", at each step with probability 1/3; or "resampled", only at the
-            steps that resample (meant for ``ess_threshold`` = 0.5). The first two are exactly
-            invariant, the last one in the limit of many particles.
-    """
-    when = MOVES[one_of("moves", moves, MOVES)]
-    base = deq_mcl.build(robot, shared, pilots=pilots)
-    return replace(base, move=when(RenewedFuture(base.rollout)))

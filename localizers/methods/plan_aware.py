@@ -1,13 +1,15 @@
-"""Methods that take the plan as evidence of the present; nothing is queued, so nothing degenerates.
+"""Methods that take the plan as evidence of the present; no state waits in a queue to become it.
 
-- ``mcl-pilots``: p(x_t) ∝ α_t(x_t) h_t(x_t), map-based MCL, weighted by how feasible the plan is
-  from x_t. α_t covers the scans and steps so far, h_t(x) = E[Π g of the next L planned steps |
-  x_t = x], from rollouts (lookahead, pilots: Lin, Chen & Liu 2013). The target is DEQ-MCL's.
 - ``mcl-plan``: p(x_t | a_{1:t}, o_{1:t}, π_{0:t}, m), map-based MCL, each plan shown an observation
   of x_t. Ours. Authors do not plan through walls, so a plan is evidence of where its author
   believes the robot to be: p(π_t | x_t, m) ∝ exp(-β C), where C planned steps collide without
   noise. A plan is only as good as its author's knowledge: one made from the filter's own estimate
   merely confirms it, and a stale one misleads.
+- ``deq-mcl-fresh``: DEQ-MCL whose future is drawn anew from the present after each scan. With
+  ``evidence`` = "future" its target is the paper's Q(t): p(x_t) ∝ α_t(x_t) h_t(x_t), α_t of the
+  scans and steps so far and h_t(x) = E[Π g of the next L planned steps | x_t = x], from roll-outs
+  (pilots: Lin, Chen & Liu 2013). By default the plan is the observation that ``mcl-plan`` makes of
+  it, and the future is p(x_{t+1:t+L} | x_t, plan, m), which changes no weight.
 """
 
 from dataclasses import replace
@@ -16,8 +18,8 @@ from deqmcl_gym.validation import InputError, integer, one_of
 from localizers.inference.hedge import Hedge, judging
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.plan_evidence import (
+    Foresight,
     Known,
-    Pilots,
     PlanEvidence,
     nothing_known,
     steps_known,
@@ -25,20 +27,6 @@ from localizers.inference.plan_evidence import (
 from localizers.methods.deq_mcl import mcl_map_smoother
 from localizers.methods.family import FOR_THE_LOST, Shared, method
 from localizers.models.robot import RobotModel
-
-
-@method(*mcl_map_smoother.takes)
-def mcl_pilots(robot: RobotModel, shared: Shared, *, pilots: int = 8) -> ParticleFilter:
-    """Return map-based MCL with h_t from rollouts over ``lag`` = L planned steps.
-
-    Args:
-        robot, shared: see ``Shared``.
-        pilots: K, fresh rollouts per particle and step.
-    """
-    base = mcl_map_smoother.build(robot, shared)
-    pilots = integer("pilots", pilots, low=1)
-    return replace(base, lookahead=Pilots(rollout=base.rollout, steps=shared.lag, pilots=pilots))
-
 
 CHARGES: dict[str, Known] = {"always": nothing_known, "new": steps_known}
 
@@ -64,6 +52,40 @@ def mcl_plan(
     return replace(mcl_map_smoother.build(robot, shared), lookahead=evidence)
 
 
+@method(*mcl_plan.takes)
+def deq_mcl_fresh(
+    robot: RobotModel,
+    shared: Shared,
+    *,
+    evidence: str = "plan",
+    keep: float = 0.8,
+    charge: str = "new",
+    pilots: int = 8,
+) -> ParticleFilter:
+    """Return DEQ-MCL whose future is drawn anew from the present after each scan.
+
+    Args:
+        robot, shared: see ``Shared``.
+        evidence: what judges the present beside scan and map: "plan", the plan as ``mcl_plan``
+            reads it; "future", how feasible the drawn futures are, the paper's target.
+        keep, charge: of "plan", see ``mcl_plan``.
+        pilots: M, roll-outs of each particle, of which one is kept.
+    """
+    integer("pilots", pilots, low=1)
+    if one_of("evidence", evidence, ("plan", "future")) == "plan":
+        base = mcl_plan.build(robot, shared, keep=keep, charge=charge)
+    else:
+        base = mcl_map_smoother.build(robot, shared)
+    ahead = Foresight(
+        rollout=base.rollout,
+        steps=shared.lag,
+        copies=pilots,
+        weighs=evidence == "future",
+        evidence=base.lookahead,
+    )
+    return replace(base, lookahead=ahead)
+
+
 # without beam_filter: the two would be judged by different beams
 @method(*(name for name in mcl_plan.takes if name != "beam_filter"))
 def mcl_plan_hedged(
@@ -77,6 +99,8 @@ def mcl_plan_hedged(
     own_plans: bool = True,
 ) -> Hedge:
     """Return a hedge of ``mcl_plan``, exact, and ``mcl_map``, each with half of the particles.
+
+    Both have a future that is drawn from their present, as ``deq_mcl_fresh`` has.
 
     Args:
         robot, shared: see ``Shared``; ``start_draws`` is for the half that is shown plans.
@@ -92,7 +116,7 @@ def mcl_plan_hedged(
         shared, particles=shared.particles - advised.particles, start_draws=1, start_jitter=0.0
     )
     if one_of("plans", plans, ("all", "first")) == "all":
-        shown = mcl_plan.build(robot, advised, keep=0.0)
+        shown = deq_mcl_fresh.build(robot, advised, keep=0.0, charge="always")
     elif shared.start_draws > 1:
         shown = mcl_map_smoother.build(robot, advised)
     else:

@@ -20,7 +20,6 @@ from localizers.methods.cbgl import cbgl
 from localizers.methods.dead_reckoning import dead_reckoning
 from localizers.methods.deq_mcl import (
     deq_mcl,
-    deq_mcl_rejuvenated,
     mcl,
     mcl_map,
     mcl_map_smoother,
@@ -28,7 +27,7 @@ from localizers.methods.deq_mcl import (
 )
 from localizers.methods.ekf import ekf
 from localizers.methods.grid import grid
-from localizers.methods.plan_aware import mcl_pilots, mcl_plan, mcl_plan_hedged
+from localizers.methods.plan_aware import deq_mcl_fresh, mcl_plan, mcl_plan_hedged
 from localizers.models.robot import RobotModel
 from localizers.naming import plugins
 from localizers.naming.digests import loaded_digest
@@ -104,8 +103,7 @@ _FACTORIES: dict[str, Factory] = {
     "mcl-map": mcl_map,
     "mcl-map-smoother": mcl_map_smoother,
     "deq-mcl": deq_mcl,
-    "deq-mcl-rejuvenated": deq_mcl_rejuvenated,
-    "mcl-pilots": mcl_pilots,
+    "deq-mcl-fresh": deq_mcl_fresh,
     "mcl-plan": mcl_plan,
     "mcl-plan-hedged": mcl_plan_hedged,
     "dead-reckoning": dead_reckoning,
@@ -115,7 +113,12 @@ _FACTORIES: dict[str, Factory] = {
     "ekf": ekf,
 }
 _BUILT_IN = frozenset(_FACTORIES)
-GONE = {"mcl-h": "use mcl-pilots, which has its error."}  # folders may hold them
+_AS_PILOTS = "use deq-mcl-fresh with evidence = future"
+GONE = {  # folders may hold them
+    "mcl-h": f"{_AS_PILOTS}, which has its error.",
+    "mcl-pilots": f"{_AS_PILOTS}, which has its numbers.",
+    "deq-mcl-rejuvenated": "use deq-mcl-fresh.",
+}
 
 
 def names() -> tuple[str, ...]:

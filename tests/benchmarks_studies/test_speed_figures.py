@@ -101,7 +101,7 @@ def test_what_another_machine_did_stands_beside_ours_without_a_ratio():
 def test_docs_explain_every_figure():
     words = DOCS.read_text()
     # of rows that stand for two figures
-    words += "".join(f"`replanned_pilots_vs_map_step{n}k`" for n in (1, 10))
+    words += "".join(f"`replanned_fresh_vs_map_step{n}k`" for n in (1, 10))
     assert [f.name for f in (*FIGURES, *PEERS) if f"`{f.name}`" not in words] == []
 
 
@@ -115,10 +115,11 @@ def test_the_plan_of_the_replanned_lap_is_new_at_every_step():
     assert all((plan[0] == step[1]).all() for plan, step in zip(plans, lap.steps, strict=False))
 
 
-def test_a_localizers_share_of_a_trial_is_the_time_that_the_trial_counts(monkeypatch):
-    outcome = Outcome(record={}, seconds=0.25)
-    monkeypatch.setattr(worlds, "attempt", lambda trial, key: outcome)
-    assert rates([worlds.trial_job("mcl", localizer_only=True)], ONCE) == [4.0]
+def test_a_trial_is_what_more_worlds_add_to_a_sweep_and_a_share_its_localizers_median(monkeypatch):
+    # starting a sweep takes 9 s, a trial 0.5, its localizer 0.25
+    monkeypatch.setattr(worlds, "_seconds_of_sweep", lambda name, n: (9 + 0.5 * n, 0.25))
+    both = [worlds.trial_job("mcl", localizer_only=only) for only in (False, True)]
+    assert rates(both, ONCE) == [2.0, 4.0]
 
 
 def test_all_beams_of_one_scan_are_clipped_and_none_of_the_other(monkeypatch):

@@ -16,10 +16,9 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from localizers.inference.futures import RenewedFuture, Sometimes
 from localizers.inference.particle_filter import ParticleFilter
 from localizers.inference.plan_evidence import (
-    Pilots,
+    Foresight,
     PlanEvidence,
     nothing_known,
     steps_known,
@@ -199,14 +198,11 @@ def ring_filter(
 deq = partial(ring_filter, past=PAST, future=FUTURE, pilots=1)
 
 
-def rejuvenated(beta: float, when=lambda move: move, **parts) -> ParticleFilter:
-    ring = deq(beta, **parts)
-    return replace(ring, move=when(RenewedFuture(ring.rollout)))
-
-
-def with_pilots(beta: float, **parts) -> ParticleFilter:
+def fresh(beta: float, copies=3, **parts) -> ParticleFilter:
+    """With futures drawn anew from the present, by which it is weighed."""
     ring = ring_filter(beta, past=PAST, **parts)
-    return replace(ring, lookahead=Pilots(rollout=ring.rollout, steps=FUTURE, pilots=3))
+    ahead = Foresight(rollout=ring.rollout, steps=FUTURE, copies=copies, weighs=True)
+    return replace(ring, lookahead=ahead)
 
 
 def with_plans(beta: float, steps=FUTURE, known=nothing_known, **parts) -> ParticleFilter:
@@ -232,11 +228,8 @@ METHODS = {
     "deq": deq,
     "deq, 2 pilots": partial(deq, pilots=2),
     "deq, 16 pilots": partial(deq, pilots=16),
-    "rejuvenated": rejuvenated,
-    "rejuvenated at a third of the steps": partial(
-        rejuvenated, when=lambda move: Sometimes(move, 1 / 3)
-    ),
-    "pilots": with_pilots,
+    "fresh": fresh,
+    "fresh, one roll-out": partial(fresh, copies=1),
 }
 PLANS = {
     "plans": with_plans,
@@ -296,9 +289,10 @@ def estimates(ring: ParticleFilter, drive: Drive, seed: int) -> dict[tuple[int, 
     figures = {}
     for t, belief in enumerate(beliefs(ring, drive, seed)):
         mass = math.exp(belief.log_evidence) * belief.weights
-        for offset in range(-ring.past, ring.future + 1):
-            if (states := belief.queue.at(offset)) is not None:
-                figures[t, offset] = np.bincount(states[0], weights=mass, minlength=STATES)
+        for offset in range(-ring.past, looked_ahead(ring) + 1):
+            if (points := belief.points(offset)) is not None:
+                states = points[0][:, 0]
+                figures[t, offset] = np.bincount(states, weights=mass, minlength=STATES)
     return figures
 
 

@@ -15,7 +15,7 @@ from localizers.models.cost_map import CostImage, CostMap, Inflation
 from localizers.models.plan_sensor import FreeSpace
 
 RNG = np.random.default_rng
-METHODS_ON_THE_MAP = ("mcl-map", "mcl-map-smoother", "deq-mcl", "deq-mcl-rejuvenated", "mcl-pilots",
+METHODS_ON_THE_MAP = ("mcl-map", "mcl-map-smoother", "deq-mcl", "deq-mcl-fresh",
                       "mcl-plan", "mcl-plan-hedged")  # fmt: skip
 
 
@@ -30,8 +30,7 @@ def steps(n: int) -> tuple[np.ndarray, np.ndarray]:
         ("g and past", "as planned"),
         ("deq", "as planned"),
         ("deq, 16 pilots", "everything"),
-        ("rejuvenated", "everything"),
-        ("pilots", "everything"),
+        ("fresh", "everything"),
         ("plans", "everything"),
     ],
 )

@@ -1,6 +1,8 @@
 """Looking ahead: what it changes and what it leaves alone; roll-outs bit by bit."""
 
 import math
+from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,13 +10,7 @@ from following import STILL, follow, same
 
 from deqmcl_gym.maps import Map
 from localizers import OdometryMotion
-from localizers.inference.futures import (
-    RenewedFuture,
-    Rollout,
-    Sometimes,
-    StepByStep,
-    WhenResampled,
-)
+from localizers.inference.futures import DrawnFuture, Rollout, StepByStep
 from localizers.inference.queue import Queue
 from localizers.models import motion
 from localizers.models.plan_sensor import FreeSpace
@@ -22,21 +18,24 @@ from localizers.models.plan_sensor import FreeSpace
 PAST, BOTH = range(-6, 1), range(-6, 7)
 
 
-@pytest.mark.parametrize("name", ["deq-mcl-rejuvenated", "mcl-pilots"])
-def test_without_lag_it_is_map_based_mcl_and_without_a_plan_its_smoother(make, prior, drive, name):
-    looking = follow(make(name, lag=0), prior, drive)
+@pytest.mark.parametrize("evidence", ["plan", "future"])
+def test_without_lag_it_is_map_based_mcl_and_without_a_plan_its_smoother(
+    make, prior, drive, evidence
+):
+    make_fresh = partial(make, "deq-mcl-fresh", evidence=evidence)
+    looking = follow(make_fresh(lag=0), prior, drive)
     assert same(looking, follow(make("mcl-map"), prior, drive), offsets=BOTH)
     empty = [np.empty((0, 2))] * 13
-    looking = follow(make(name, lag=5), prior, drive, plans=empty)
+    looking = follow(make_fresh(lag=5), prior, drive, plans=empty)
     smoother = follow(make("mcl-map-smoother", lag=5), prior, drive, plans=empty)
     assert same(looking, smoother, offsets=BOTH)
 
 
 def test_an_estimate_by_h_has_the_cloud_of_the_map_based_smoother(make, prior, drive):
-    looking = follow(make("mcl-pilots", lag=5), prior, drive)
+    looking = follow(make("deq-mcl-fresh", evidence="future", lag=5), prior, drive)
     smoother = follow(make("mcl-map-smoother", lag=5), prior, drive)
     for belief, plain in zip(looking, smoother, strict=True):
-        for offset in BOTH:
+        for offset in PAST:
             points, expected = belief.points(offset), plain.points(offset)
             assert (points is None) == (expected is None)
             assert points is None or np.array_equal(points[0], expected[0])
@@ -48,79 +47,55 @@ def test_an_estimate_by_h_has_the_cloud_of_the_map_based_smoother(make, prior, d
 def test_more_pilots_leave_the_cloud_as_it_is_and_of_a_free_map_they_say_nothing(
     make, prior, drive
 ):
-    few, many = (follow(make("mcl-pilots", lag=5, pilots=k), prior, drive)[3] for k in (1, 8))
+    few, many = (
+        follow(make("deq-mcl-fresh", evidence="future", lag=5, pilots=k), prior, drive)[3]
+        for k in (1, 8)
+    )
     assert np.array_equal(few.points()[0], many.points()[0])
     assert not np.array_equal(few.points()[1], many.points()[1])
-    free = follow(make("mcl-pilots", lag=5, beta=0.0), prior, drive)
+    free = follow(make("deq-mcl-fresh", evidence="future", lag=5, beta=0.0), prior, drive)
     assert same(free, follow(make("mcl-map-smoother", lag=5, beta=0.0), prior, drive), PAST)
 
 
-@pytest.fixture
-def queued(make, prior, drive):
-    """A belief of DEQ-MCL in mid-drive, five steps looked ahead; some futures collide."""
-    return follow(make("deq-mcl", lag=5, beta=0.0), prior, drive)[4]
+def test_a_future_drawn_anew_changes_no_weight_and_no_present(make, prior, drive):
+    looking = follow(make("deq-mcl-fresh", lag=5, charge="always"), prior, drive)
+    plain = follow(make("mcl-plan", lag=5), prior, drive)
+    assert same(looking, plain, PAST)
+    assert all(belief.points(1) is None for belief in plain)
+    assert [sum(belief.points(k) is not None for k in range(1, 7)) for belief in looking[-7:]] == [
+        5, 5, 4, 3, 2, 1, 0,
+    ]  # fmt: skip
 
 
-def test_a_move_is_always_accepted_where_nothing_is_charged(robot, queued):
-    move = RenewedFuture(Rollout(robot.motion))
-    moved = move(queued, None, np.random.default_rng(0))
-    for offset in range(1, 6):
-        old, new = queued.queue.at(offset), moved.queue.at(offset)
-        assert (old != new).any(axis=0).all()
+def test_a_drawn_future_starts_from_its_own_present_and_follows_the_plan(room):
+    # Without noise it is the plan rolled out from each particle's present.
+    present = cloud(30)
+    future = DrawnFuture(Rollout(STILL), present, PLAN[:3], 4, RNG(0))
+    expected = present
+    for ahead, action in enumerate(PLAN[:3], start=1):
+        expected = STILL.sample(expected, action, RNG(0))
+        assert np.array_equal(future(ahead), expected)
+    assert future(4) is None
+    future(1)[:] = 0  # a copy
+    assert not np.array_equal(future(1), np.zeros_like(present))
 
 
-def test_a_move_leaves_weights_present_and_past_as_they_are(robot, room, queued):
-    feasibility = FreeSpace(floor_plan=room, radius=8.0, beta=2.0)
-    move = RenewedFuture(Rollout(robot.motion, feasibility))
-    moved = move(queued, None, np.random.default_rng(0))
-    assert moved.log_weights is queued.log_weights
-    assert moved.log_evidence == queued.log_evidence
-    assert np.array_equal(moved.drawn, queued.drawn)
-    for offset in range(-5, 1):
-        assert np.array_equal(moved.queue.at(offset), queued.queue.at(offset))
+def test_where_collisions_are_forbidden_a_feasible_roll_out_is_kept_if_there_is_one(room):
+    walls = FreeSpace(floor_plan=room, radius=8.0, beta=np.inf)
+    present = cloud(200)
+    future = DrawnFuture(Rollout(MOTION, walls), present, PLAN[:3], 8, RNG(0))
+    path = [present, *map(future, (1, 2, 3))]
+    kept = sum(walls.log_g(a, b) for a, b in pairwise(path))
+    possible = np.isfinite(future.log_h)
+    assert 0 < possible.sum() < 200
+    np.testing.assert_array_equal(np.isfinite(kept), possible)
 
 
-def test_a_moved_future_starts_from_its_own_present(room, robot, queued):
-    # Without noise the proposal is the plan rolled out from the particle's present.
-    moved = RenewedFuture(Rollout(STILL))(queued, None, np.random.default_rng(0))
-    expected = queued.present
-    for offset, action in enumerate(queued.drawn, start=1):
-        expected = STILL.sample(expected, action, np.random.default_rng(0))
-        assert np.array_equal(moved.queue.at(offset), expected)
-
-
-def test_where_collisions_are_forbidden_a_feasible_future_is_never_lost(room, robot, queued):
-    rollout = Rollout(robot.motion, FreeSpace(floor_plan=room, radius=8.0, beta=np.inf))
-    before = rollout.queued_log_g(queued)
-    moved = RenewedFuture(rollout)(queued, None, np.random.default_rng(0))
-    after = rollout.queued_log_g(moved)
-    assert (before == 0).any()
-    assert (before < 0).any()
-    assert (after >= before).all()
-
-
-def test_a_move_when_resampled_waits_for_it(robot, queued):
-    move = WhenResampled(RenewedFuture(Rollout(robot.motion)))
-    rng = np.random.default_rng(0)
-    assert move(queued, None, rng) is queued
-    assert not np.array_equal(move(queued, np.arange(60), rng).head, queued.head)
-
-
-def test_a_move_of_some_steps_moves_that_share_of_them(robot, queued):
-    move = Sometimes(RenewedFuture(Rollout(robot.motion)), 0.3)
-    rng = np.random.default_rng(0)
-    moved = sum(move(queued, None, rng) is not queued for _ in range(1000))
-    assert abs(moved - 300) < 5 * np.sqrt(1000 * 0.3 * 0.7)  # false alarm 6e-7
-
-
-def test_the_forms_of_moving_differ(make, prior, drive):
-    ends = [
-        follow(make("deq-mcl-rejuvenated", lag=5, ess_threshold=0.5, moves=moves), prior, drive)[-1]
-        for moves in ("always", "resampled", "third")
-    ]
-    ends.append(follow(make("deq-mcl", lag=5, ess_threshold=0.5), prior, drive)[-1])
-    clouds = {end.points()[0].tobytes() for end in ends}
-    assert len(clouds) == 4
+def test_both_members_of_a_hedge_look_ahead(make, prior, drive):
+    hedged = follow(make("mcl-plan-hedged", lag=5), prior, drive)[3]
+    for offset in (-3, 0, 5):
+        members = hedged.advised.points(offset), hedged.protected.points(offset)
+        assert hedged.points(offset)[0].shape[0] == sum(len(points) for points, _ in members)
 
 
 RNG = np.random.default_rng

@@ -20,7 +20,7 @@ PLACES = [(0.1, 0.0), (0.4, 0.0), (0.0, 0.2), (-0.25, -0.3)]
 FEW = {"particles": 300}
 METHODS = {
     "mcl": FEW, "mcl-map": FEW, "mcl-plan": FEW | {"lag": 5}, "deq-mcl": FEW | {"lag": 5},
-    "mcl-pilots": FEW | {"lag": 3},
+    "deq-mcl-fresh": FEW | {"lag": 3},
     "ekf": {}, "grid": {"cell": 0.3, "headings": 36},
 }  # fmt: skip
 STARTS = np.array([3.0, 2.0, 0.3])

@@ -46,8 +46,8 @@ TRIAL = Trial(
     scenario="guided", localizer="mcl", params={"particles": 50}, lag=0, seed=0, trial=0
 )  # fmt: skip
 PARTICLE_FILTERS = (
-    "mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl", "deq-mcl-rejuvenated",
-    "mcl-pilots", "mcl-plan", "mcl-plan-hedged",
+    "mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl",
+    "deq-mcl-fresh", "mcl-plan", "mcl-plan-hedged",
 )  # fmt: skip
 
 

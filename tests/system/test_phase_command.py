@@ -22,7 +22,7 @@ def test_it_leaves_a_figure_its_data_and_a_page_and_nothing_else(drawn):
     assert set(files(out)) == WRITTEN
     page = (out / "phase.md").read_text()
     assert "\ndeqmcl phase --particles 20 --lag 5 --seed 3 --out new/out\n" in page
-    for title in ("perfect queue", "mcl-smoother", "deq-mcl-rejuvenated"):
+    for title in ("perfect queue", "mcl-smoother", "deq-mcl-fresh"):
         assert title in page
         assert title in done.stdout
 
@@ -30,7 +30,7 @@ def test_it_leaves_a_figure_its_data_and_a_page_and_nothing_else(drawn):
 def test_the_data_has_a_row_for_every_state_that_a_queue_holds(drawn):
     rows = lines(drawn[1], "cycles.csv")
     offsets = {"perfect queue": range(-5, 6), "mcl": range(1), "mcl-smoother": range(-5, 1)}
-    offsets |= dict.fromkeys(("deq-mcl", "deq-mcl-rejuvenated"), range(-5, 6))
+    offsets |= dict.fromkeys(("deq-mcl", "deq-mcl-fresh"), range(-5, 6))
     expected = [
         (method, t, k, t + k)
         for method, held in offsets.items()

@@ -17,7 +17,7 @@ from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.files import command_line
 from deqmcl_gym.validation import InputError, integer
 
-METHODS = ("mcl", "mcl-smoother", "deq-mcl", "deq-mcl-rejuvenated")
+METHODS = ("mcl", "mcl-smoother", "deq-mcl", "deq-mcl-fresh")
 _PERFECT = "perfect queue"
 _SHOWN = """
 ![A row per method: place fields over phase and step, over phase and position, and the table of the

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 from tabulate import tabulate
@@ -60,15 +61,21 @@ def peer_job(made: Callable[..., peers.Update]) -> Job:
 def replanned_job(name: str, particles: int) -> Job:
     """Return the job of following a lap whose plan changes, over and over from its start.
 
-    A queue has to redraw its future there; on a plan that is kept, that is spared.
+    A queue has to redraw its future there; on a plan that is kept, that is spared. Of a future that
+    is drawn when it is asked for, the last state is asked for at each step.
     """
     lap = work.replanned_lap()
     localizer = make(name, lap.robot, particles=particles)
 
+    def update(*step: Any) -> None:
+        belief = localizer.update(*step)
+        if name == "deq-mcl-fresh":
+            belief.points(20)
+
     def restart() -> None:
         localizer.reset(lap.prior, lap.first, np.random.default_rng(1))
 
-    return lap.following(localizer.update, restart)
+    return lap.following(update, restart)
 
 
 def scan_job(*, clipped: bool) -> Job:
@@ -144,7 +151,7 @@ FIGURES = (
             ("plan", "mcl-plan", 5.0, 1),
             ("hedged", "mcl-plan-hedged", 4.0 if particles == FEW else None, 2),
             ("replanned_deq", "deq-mcl", None, 1),
-            ("replanned_pilots", "mcl-pilots", None, 1),
+            ("replanned_fresh", "deq-mcl-fresh", None, 1),
         )
     ),
 )
