@@ -1,1 +1,19 @@
-"""The harness: paired trials of localizers in the world, their scores, tables and pictures."""
+"""The harness: paired trials of localizers in the world, their scores, tables and pictures.
+
+``benchmarks.sweep`` compares localizers, ``benchmarks.run`` watches one.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from benchmarks.interface import run, sweep
+
+__all__ = ["run", "sweep"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from benchmarks import interface  # loads all that trials and reports need
+
+    return getattr(interface, name)

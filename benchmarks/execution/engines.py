@@ -9,13 +9,16 @@ import importlib
 import logging
 import math
 import os
+import pickle
 import signal
+import sys
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,8 +29,9 @@ from benchmarks.trials.plugins import guest_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
 from localizers.naming.plugins import safe_path
-from localizers.naming.registry import is_registered
+from localizers.naming.registry import is_registered, receive, resolve
 
+_OURS = ("deqmcl_gym", "localizers", "benchmarks")
 CONNECT_SECONDS = 10  # how long a scheduler may take to answer
 _CLOSE_SECONDS, _LOOK_SECONDS = 1, 2
 
@@ -226,7 +230,7 @@ class Where:
                 workers, timeout=self.timeout, guest_of=lambda trial, *_: guest_of(trial)
             ) as executor:
                 here = workers == 1 and self.timeout is None
-                own = ThisProcess(executor) if here else executor
+                own = ThisProcess(executor) if here else Sending(executor)
                 _refuse_unknown(own, trials)
                 # one trial waits beside the workers, so that none waits for the store
                 yield Engine(executor=own, slots=1 if here else workers + 1)
@@ -246,8 +250,8 @@ def _refuse_unknown(executor: Executor, trials: Iterable[Trial]) -> None:
             if not executor.submit(_knows, trial).result():
                 raise InputError(
                     f"the localizer {trial.localizer!r} is registered in this process only, but "
-                    "its trials would run in others: give Where(jobs=1) without a timeout and with "
-                    "agents and scenarios of ours, or name it as file.py:NAME."
+                    "its trials would run in others, which it cannot be sent to: leave out "
+                    "the executor, take agents and scenarios of ours, or name it as file.py:NAME."
                 )
 
 
@@ -277,6 +281,69 @@ class ThisProcess(Executor):
         except Exception as error:
             future.set_exception(error)
         return future
+
+
+class Sending(Executor):
+    """Processes that are sent what was registered here with each trial of it, unless they know it.
+
+    They know what a script registers at its top level, which they run, too.
+    """
+
+    def __init__(self, processes: Processes) -> None:
+        self._processes = processes
+        self._packed: dict[str, bytes] = {}
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Have ``fn(trial, …)`` run by a process that knows the trial's localizer.
+
+        Raises:
+            InputError: the localizer is registered here only, and cannot be sent.
+        """
+        trial, *rest = args
+        if not is_registered(name := trial.localizer):
+            return self._processes.submit(fn, *args, **kwargs)
+        if name not in self._packed:
+            self._packed[name] = b"" if self._is_known(trial) else _packed(name)
+        if not (packed := self._packed[name]):
+            return self._processes.submit(fn, *args, **kwargs)
+        return self._processes.submit(_with_sent, trial, packed, fn, *rest)
+
+    def _is_known(self, trial: Trial) -> bool:
+        try:
+            return bool(self._processes.submit(_knows, trial).result())
+        except RuntimeError:  # the process died: its trials will tell
+            return True
+
+
+def _packed(name: str) -> bytes:
+    """Return a registered localizer as bytes, with the code of its module if that is one's own."""
+    import cloudpickle
+
+    factory: Any = resolve(name)
+    whole = factory
+    while isinstance(whole, partial):
+        whole = whole.func
+    home = sys.modules.get(getattr(whole, "__module__", ""))
+    ours = [str(Path(__file__).parents[2] / package) for package in _OURS]
+    installed = (sys.prefix, sys.base_prefix, *ours)
+    file = getattr(home, "__file__", None)
+    try:
+        with contextlib.ExitStack() as stack:
+            if home is not None and file is not None and not file.startswith(installed):
+                cloudpickle.register_pickle_by_value(home)
+                stack.callback(cloudpickle.unregister_pickle_by_value, home)
+            return bytes(cloudpickle.dumps(factory))
+    except Exception as error:
+        raise InputError(
+            f"the localizer {name!r} cannot be sent to other processes ({in_words(error)}): give "
+            "jobs=1, or name it as file.py:NAME."
+        ) from None
+
+
+def _with_sent(trial: Trial, packed: bytes, fn: Callable[..., Any], *rest: Any) -> Any:
+    if not is_registered(trial.localizer):
+        receive(trial.localizer, pickle.loads(packed))
+    return fn(trial, *rest)
 
 
 def available_cpus() -> int:

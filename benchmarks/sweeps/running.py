@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
+from tqdm.auto import tqdm
 
 from benchmarks.console import FailedWarning, beside, doing
 from benchmarks.execution.apart import check_methods, check_settings
@@ -220,7 +220,8 @@ def counted(
         A function of whether the trial failed.
     """
     name = one_line(out.resolve().name)
-    failed, lines = 0, shown and not sys.stderr.isatty()
+    notebook = "ipykernel" in sys.modules
+    failed, lines = 0, shown and not (notebook or sys.stderr.isatty())
     kept: dict[str, Any] = {"desc": name, "total": total, "initial": total - waiting}
     if lines:  # what tqdm would print goes nowhere; it counts and estimates
         kept |= {"file": io.StringIO(), "mininterval": math.inf, "bar_format": _LINE}

@@ -12,7 +12,7 @@ from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.validation import LogWarning
 from localizers.naming.plugins import is_ctrl_c, reason_of
-from localizers.naming.registry import is_registered
+from localizers.naming.registry import is_received, is_registered
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +33,9 @@ def attempt(trial: Trial, key: str) -> Outcome:
     try:
         with contextlib.chdir(os.curdir), warnings.catch_warnings():  # localizers may go
             warnings.simplefilter("ignore", LogWarning)  # said when the sweep was checked
-            own = is_registered(trial.localizer) and multiprocessing.parent_process() is None
+            own = is_received(trial.localizer) or (
+                is_registered(trial.localizer) and multiprocessing.parent_process() is None
+            )
             if not own and key_of(trial) != key:
                 return Outcome(
                     reason="its worker loaded other code, libraries or plug-in than the sweep: "

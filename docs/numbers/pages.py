@@ -10,12 +10,12 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from docs.numbers import hedge, journeys, made, ranking, rooms, wrong_map
+from docs.numbers import hedge, journeys, made, queue, ranking, rooms, wrong_map
 from docs.numbers.reading import DRAWS, INTERVAL, ROOT, Number, filled, plain, read, row
 
 MARKER = re.compile(r"^(<!-- numbers: (.+) -->\n)((?:\|.*\n)*)", re.MULTILINE)
 TABLES = rooms.TABLES | journeys.TABLES | hedge.TABLES | made.TABLES | wrong_map.TABLES
-TABLES |= ranking.TABLES
+TABLES |= ranking.TABLES | queue.TABLES
 
 
 def sentences() -> Iterable[tuple[str, str]]:
@@ -85,12 +85,12 @@ def sentences() -> Iterable[tuple[str, str]]:
     speed = {r["figure"]: Number(r["ratio"]) for r in read("speed/quick") if r["ratio"]}
     many = [
         (speed[f"{name}_vs_map_step1k"], speed[f"{name}_vs_map_step10k"])
-        for name in ("plan", "hedged", "replanned_pilots", "replanned_deq")
+        for name in ("plan", "hedged", "replanned_fresh", "replanned_deq")
     ]
     words = [f"{a:.1f} and {b:.1f}" if a < 10 else f"{a:.0f} and {b:.0f}" for a, b in many]
     plan, hedged, *others = words
     yield "docs/plan-sensor.md", f"`mcl-plan` {plan}, `mcl-plan-hedged`, with N in each of its"
-    names = ("`mcl-pilots`", "DEQ-MCL")
+    names = ("`deq-mcl-fresh`", "DEQ-MCL")
     said = ", ".join(f"{name} {ratio}" for name, ratio in zip(names, others, strict=True))
     yield "docs/plan-sensor.md", f"filters, {hedged}, {said}"
 

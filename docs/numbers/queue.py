@@ -27,7 +27,10 @@ from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.files import write_text
-from docs.numbers.reading import ROOT, read
+from docs.numbers.reading import DIFF, ROOT, filled, read, row
+from docs.numbers.reading import table as written
+
+DIFF_2 = "{diff:+.2f} ({diff_low:.2f} to {diff_high:.2f})"
 
 REPORT, FIGURE = ROOT / "docs" / "reports" / "queue", ROOT / "docs" / "figures" / "queue.svg"
 LAGS, LAG = (0, 1, 2, 3, 5, 10, 20), 20
@@ -54,10 +57,8 @@ METHODS = (  # on logs at lag 20: name, parameters, runs
     ("mcl", {}, 10),
     ("mcl-smoother", {}, 10),
     ("deq-mcl-fresh", {}, 10),
-    ("deq-mcl-fresh", {"evidence": "future"}, 3),
-    ("mcl-plan", {}, 3),
+    ("deq-mcl-fresh", {"evidence": "plan"}, 3),
     ("deq-mcl", {}, 3),
-    ("deq-mcl-rejuvenated", {}, 3),
 )
 COLUMNS = (
     "setting", "method", "params", "noise", "particles", "lag", "runs", "ancestors", "error",
@@ -222,6 +223,129 @@ def chart() -> Picture:
             alt="Distinct present states over the lag: from 1,000 at lag 0 they fall to a few at "
             "lag 20 where the sensor is sharp.",
         )
+
+
+SHOWN = (0, 1, 2, 5, 10, 20)  # lags in tables
+
+
+def _over_lags(report: str, rows: list[tuple[str, dict[str, str]]], unit: str) -> str:
+    lines = []
+    for words, wanted in rows:
+        found = {
+            int(row["lag"]): row for row in read(f"queue/{report}") if wanted.items() <= row.items()
+        }
+        if not found:
+            continue
+        cells = [filled("{ancestors:,.0f}; {error:.2f}", found[lag]) for lag in SHOWN]
+        lines.append([words, *cells])
+    lags = " | ".join(f"L = {lag}:" for lag in SHOWN)
+    return written(f"distinct x[t] of N; error, {unit} | {lags}", lines)
+
+
+def _rooms() -> str:
+    published = {"method": "deq-mcl"}
+    rows = [
+        (words, published | {"setting": words, "noise": "0.02", "particles": "1000"})
+        for words in SENSORS
+    ]
+    rows += [
+        (
+            f"… filter assumes noise {noise} instead of 0.02",
+            published | {"setting": SHARP, "noise": noise, "particles": "1000"},
+        )
+        for noise in ("0.1", "0.2")
+    ]
+    at = next(i for i, (words, _) in enumerate(rows) if words == SHARP) + 1
+    rows[at:] = [*rows[-2:], *rows[at:-2]]
+    rows[at:at] = [
+        (
+            f"… N = {particles:,}",
+            published | {"setting": SHARP, "noise": "0.02", "particles": str(particles)},
+        )
+        for particles in (300, 10_000)
+    ]
+    return _over_lags("rooms", rows, "px")
+
+
+def _logs() -> str:
+    rows = [(name, {"method": "deq-mcl", "setting": name}) for name in LOGS]
+    return _over_lags("logs", rows, "m")
+
+
+def _methods_on_logs() -> str:
+    lines = []
+    for name in LOGS:
+        label = name
+        for method, params, _ in METHODS:
+            own = " ".join(f"{k}={v}" for k, v in params.items())
+            wanted = {"setting": name, "method": method, "params": own, "lag": str(LAG)}
+            found = next((r for r in read("queue/logs") if wanted.items() <= r.items()), None)
+            if found is None:
+                continue
+            reached = round(float(found["localized"]) * int(found["runs"]))
+            inside = filled("{future_50:.0p}, {future_80:.0p}, {future_95:.0p} %", found)
+            lines.append(
+                [
+                    label, f"`{method}`" + (f", {own}" if own else ""),
+                    f"{reached} of {found['runs']}", filled("{error:.3f} m", found),
+                    filled("{error_p95:.3f} m", found), filled("{past:.3f} m", found),
+                    filled("{future:.3f} m", found), inside,
+                ]
+            )  # fmt: skip
+            label = ""
+    head = "log | method, L = 20 | localized to the end: | x[t], median: | 95 %: | x[t-20]: |"
+    return written(f"{head} x[t+20]: | its truth inside 50, 80, 95 %:", lines)
+
+
+IN_ROOMS = ("guided", "paper", "matched", "sharp")
+METHODS_IN_ROOMS: dict[str, tuple[str, dict[str, str]]] = {
+    "`mcl`": ("mcl", {}),
+    "`mcl-map`": ("mcl-map", {}),
+    "`mcl-plan`": ("mcl-plan", {}),
+    "`mcl-plan-hedged`": ("mcl-plan-hedged", {}),
+    "`deq-mcl`": ("deq-mcl", {}),
+    "`deq-mcl-fresh`": ("deq-mcl-fresh", {}),
+    '`deq-mcl-fresh`, `evidence` = "plan"': ("deq-mcl-fresh", {"evidence": "plan"}),
+}
+
+
+def _methods_in_rooms() -> str:
+    lines = []
+    for words, (method, params) in METHODS_IN_ROOMS.items():
+        cells = []
+        for scenario in IN_ROOMS:
+            found = row("queue/fresh", scenario, method, 1000, **params)
+            error = filled("{error:.2f}", found)
+            cells.append(f"{error}, {own}" if (own := filled(DIFF_2, found)) else error)
+        stale = filled(DIFF, row("queue/fresh", "guided-stale", method, 300, **params))
+        lines.append([words, *cells, stale])
+    head = " | ".join(f"`{scenario}`:" for scenario in IN_ROOMS)
+    return written(f"error, px; difference | {head} | plan for another start, N = 300:", lines)
+
+
+def _future_in_rooms() -> str:
+    lines = []
+    for scenario in IN_ROOMS:
+        label = f"`{scenario}`"
+        for words, (method, params) in METHODS_IN_ROOMS.items():
+            if not words.startswith("`deq"):
+                continue
+            found = row("queue/fresh", scenario, method, 1000, offset=LAG, **params)
+            inside = "{coverage_50:.0p}, {coverage_80:.0p}, {coverage_95:.0p} %"
+            numbers = (filled(c, found) for c in ("{position_rmse:.1f}", "{energy_score:.1f}"))
+            lines.append([label, words, *numbers, filled(inside, found)])
+            label = ""
+    head = "scenario | method | position RMSE, px: | energy score, px:"
+    return written(f"{head} | truth inside 50, 80, 95 %:", lines)
+
+
+TABLES = {
+    "queue, rooms": _rooms,
+    "queue, logs": _logs,
+    "queue, methods on logs": _methods_on_logs,
+    "queue, methods in rooms": _methods_in_rooms,
+    "queue, future in rooms": _future_in_rooms,
+}
 
 
 def main() -> int:

@@ -43,8 +43,6 @@ def _room() -> str:
     labels = {
         "`mcl-plan`: each plan an observation": "mcl-plan",
         "`deq-mcl`, the paper's filter": "deq-mcl",
-        "`deq-mcl-rejuvenated`, future renewed": "deq-mcl-rejuvenated",
-        "`mcl-pilots`: looks ahead by roll-outs": "mcl-pilots",
         "`mcl-map`: penalizes steps through walls": "mcl-map",
         "`mcl`, Monte-Carlo localization": "mcl",
     }
@@ -52,6 +50,18 @@ def _room() -> str:
         cells = [filled(c, row("plan-sensor/results", "guided", method, 300)) for c in columns]
         wrong = "" if method.startswith("mcl-map") or method == "mcl" else _wrong(method)
         rows.append([label, *cells[:2], wrong, *cells[2:]])
+    ahead = next(r for r in read("speed/quick") if r["figure"] == "replanned_fresh_vs_map_step1k")
+    fresh = row("queue/fresh", "guided", "deq-mcl-fresh", 300)
+    rows.insert(
+        3,
+        [
+            "`deq-mcl-fresh`, its future drawn anew after each scan",
+            *(filled(c, fresh) for c in columns[:2]),
+            filled(DIFF, row("queue/fresh", "guided-stale", "deq-mcl-fresh", 300)),
+            filled(columns[2], fresh),
+            filled("{ratio:.0f} × `mcl-map`", ahead),
+        ],
+    )
     for label, params in (
         ("`amcl` with the scan and motion models of all others", ROBOT),
         ("`amcl`, Nav2's, with Nav2's defaults", {}),

@@ -5,11 +5,11 @@
   believes the robot to be: p(π_t | x_t, m) ∝ exp(-β C), where C planned steps collide without
   noise. A plan is only as good as its author's knowledge: one made from the filter's own estimate
   merely confirms it, and a stale one misleads.
-- ``deq-mcl-fresh``: DEQ-MCL whose future is drawn anew from the present after each scan. With
-  ``evidence`` = "future" its target is the paper's Q(t): p(x_t) ∝ α_t(x_t) h_t(x_t), α_t of the
-  scans and steps so far and h_t(x) = E[Π g of the next L planned steps | x_t = x], from roll-outs
-  (pilots: Lin, Chen & Liu 2013). By default the plan is the observation that ``mcl-plan`` makes of
-  it, and the future is p(x_{t+1:t+L} | x_t, plan, m), which changes no weight.
+- ``deq-mcl-fresh``: DEQ-MCL whose future is drawn anew from the present after each scan. Its
+  target is the paper's Q(t): p(x_t) ∝ α_t(x_t) h_t(x_t), α_t of the scans and steps so far and
+  h_t(x) = E[Π g of the next L planned steps | x_t = x], from roll-outs (pilots: Lin, Chen & Liu
+  2013). With ``evidence`` = "plan" the plan is the observation that ``mcl-plan`` makes of it
+  instead, and the future is p(x_{t+1:t+L} | x_t, plan, m), which changes no weight.
 """
 
 from dataclasses import replace
@@ -57,22 +57,22 @@ def deq_mcl_fresh(
     robot: RobotModel,
     shared: Shared,
     *,
-    evidence: str = "plan",
+    evidence: str = "future",
+    pilots: int = 8,
     keep: float = 0.8,
     charge: str = "new",
-    pilots: int = 8,
 ) -> ParticleFilter:
     """Return DEQ-MCL whose future is drawn anew from the present after each scan.
 
     Args:
         robot, shared: see ``Shared``.
-        evidence: what judges the present beside scan and map: "plan", the plan as ``mcl_plan``
-            reads it; "future", how feasible the drawn futures are, the paper's target.
-        keep, charge: of "plan", see ``mcl_plan``.
+        evidence: what judges the present beside scan and map: "future", how feasible the drawn
+            futures are, the paper's target; "plan", the plan as ``mcl_plan`` reads it.
         pilots: M, roll-outs of each particle, of which one is kept.
+        keep, charge: of "plan", see ``mcl_plan``.
     """
     integer("pilots", pilots, low=1)
-    if one_of("evidence", evidence, ("plan", "future")) == "plan":
+    if one_of("evidence", evidence, ("future", "plan")) == "plan":
         base = mcl_plan.build(robot, shared, keep=keep, charge=charge)
     else:
         base = mcl_map_smoother.build(robot, shared)
@@ -100,8 +100,6 @@ def mcl_plan_hedged(
 ) -> Hedge:
     """Return a hedge of ``mcl_plan``, exact, and ``mcl_map``, each with half of the particles.
 
-    Both have a future that is drawn from their present, as ``deq_mcl_fresh`` has.
-
     Args:
         robot, shared: see ``Shared``; ``start_draws`` is for the half that is shown plans.
         switching, trust, mutual, own_plans: see ``Hedge``.
@@ -116,7 +114,7 @@ def mcl_plan_hedged(
         shared, particles=shared.particles - advised.particles, start_draws=1, start_jitter=0.0
     )
     if one_of("plans", plans, ("all", "first")) == "all":
-        shown = deq_mcl_fresh.build(robot, advised, keep=0.0, charge="always")
+        shown = mcl_plan.build(robot, advised, keep=0.0)
     elif shared.start_draws > 1:
         shown = mcl_map_smoother.build(robot, advised)
     else:

@@ -113,10 +113,10 @@ _FACTORIES: dict[str, Factory] = {
     "ekf": ekf,
 }
 _BUILT_IN = frozenset(_FACTORIES)
-_AS_PILOTS = "use deq-mcl-fresh with evidence = future"
+_RECEIVED: set[str] = set()
 GONE = {  # folders may hold them
-    "mcl-h": f"{_AS_PILOTS}, which has its error.",
-    "mcl-pilots": f"{_AS_PILOTS}, which has its numbers.",
+    "mcl-h": "use deq-mcl-fresh, which has its error.",
+    "mcl-pilots": "use deq-mcl-fresh, which has its numbers.",
     "deq-mcl-rejuvenated": "use deq-mcl-fresh.",
 }
 
@@ -163,6 +163,17 @@ def registered(name: str, factory: Factory) -> Iterator[None]:
         del _FACTORIES[name]
         if before is not None:
             _FACTORIES[name] = before
+
+
+def receive(name: str, factory: Factory) -> None:
+    """Know ``factory`` as ``name``, as the process does that sent it."""
+    _FACTORIES[name] = factory
+    _RECEIVED.add(name)
+
+
+def is_received(name: str) -> bool:
+    """Whether a name came from the process that sends the trials: its code is the sender's."""
+    return name in _RECEIVED
 
 
 def is_registered(name: str) -> bool:

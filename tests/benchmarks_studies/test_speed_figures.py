@@ -22,7 +22,6 @@ from benchmarks.studies.speed.figure import (
     rates,
 )
 from benchmarks.studies.speed.work import fan, replanned_lap
-from benchmarks.trials.attempt import Outcome
 
 DOCS = Path(__file__).parents[2] / "docs" / "speed.md"
 ONCE = Effort(repeats=1, seconds=0.0)

@@ -11,6 +11,7 @@ from following import STILL, follow, same
 from deqmcl_gym.maps import Map
 from localizers import OdometryMotion
 from localizers.inference.futures import DrawnFuture, Rollout, StepByStep
+from localizers.inference.hedge import hedged
 from localizers.inference.queue import Queue
 from localizers.models import motion
 from localizers.models.plan_sensor import FreeSpace
@@ -32,7 +33,7 @@ def test_without_lag_it_is_map_based_mcl_and_without_a_plan_its_smoother(
 
 
 def test_an_estimate_by_h_has_the_cloud_of_the_map_based_smoother(make, prior, drive):
-    looking = follow(make("deq-mcl-fresh", evidence="future", lag=5), prior, drive)
+    looking = follow(make("deq-mcl-fresh", lag=5), prior, drive)
     smoother = follow(make("mcl-map-smoother", lag=5), prior, drive)
     for belief, plain in zip(looking, smoother, strict=True):
         for offset in PAST:
@@ -47,18 +48,15 @@ def test_an_estimate_by_h_has_the_cloud_of_the_map_based_smoother(make, prior, d
 def test_more_pilots_leave_the_cloud_as_it_is_and_of_a_free_map_they_say_nothing(
     make, prior, drive
 ):
-    few, many = (
-        follow(make("deq-mcl-fresh", evidence="future", lag=5, pilots=k), prior, drive)[3]
-        for k in (1, 8)
-    )
+    few, many = (follow(make("deq-mcl-fresh", lag=5, pilots=k), prior, drive)[3] for k in (1, 8))
     assert np.array_equal(few.points()[0], many.points()[0])
     assert not np.array_equal(few.points()[1], many.points()[1])
-    free = follow(make("deq-mcl-fresh", evidence="future", lag=5, beta=0.0), prior, drive)
+    free = follow(make("deq-mcl-fresh", lag=5, beta=0.0), prior, drive)
     assert same(free, follow(make("mcl-map-smoother", lag=5, beta=0.0), prior, drive), PAST)
 
 
 def test_a_future_drawn_anew_changes_no_weight_and_no_present(make, prior, drive):
-    looking = follow(make("deq-mcl-fresh", lag=5, charge="always"), prior, drive)
+    looking = follow(make("deq-mcl-fresh", evidence="plan", lag=5, charge="always"), prior, drive)
     plain = follow(make("mcl-plan", lag=5), prior, drive)
     assert same(looking, plain, PAST)
     assert all(belief.points(1) is None for belief in plain)
@@ -91,11 +89,21 @@ def test_where_collisions_are_forbidden_a_feasible_roll_out_is_kept_if_there_is_
     np.testing.assert_array_equal(np.isfinite(kept), possible)
 
 
-def test_both_members_of_a_hedge_look_ahead(make, prior, drive):
-    hedged = follow(make("mcl-plan-hedged", lag=5), prior, drive)[3]
-    for offset in (-3, 0, 5):
-        members = hedged.advised.points(offset), hedged.protected.points(offset)
-        assert hedged.points(offset)[0].shape[0] == sum(len(points) for points, _ in members)
+def test_a_hedge_looks_ahead_if_its_advised_member_does(make, robot, prior, drive):
+    def member(name, **params):
+        return make(name, lag=5, **params)
+
+    fresh = member("deq-mcl-fresh", evidence="plan", keep=0.0, charge="always")
+    ahead = follow(hedged(robot, fresh, member("mcl-map-smoother")), prior, drive)
+    blind = member("mcl-plan", keep=0.0), member("mcl-map-smoother")
+    plain = follow(hedged(robot, *blind), prior, drive)
+    assert same(ahead, plain, PAST)
+    assert plain[3].points(5) is None
+    for belief in ahead[:8]:
+        members = belief.advised.points(5), belief.protected.points(5)
+        poses, weights = belief.points(5)
+        assert np.array_equal(poses, np.concatenate([poses for poses, _ in members]))
+        assert np.array_equal(weights, belief.points()[1])
 
 
 RNG = np.random.default_rng

@@ -1,0 +1,172 @@
+"""What a notebook types: the numbers are those of the command, wherever a localizer is defined."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from deqmcl_command import DEQMCL, process
+
+import benchmarks
+from benchmarks.sweeps.design import Sweep
+from deqmcl_gym.validation import InputError
+from localizers import PoseBelief
+
+FEW = {"trials": 2, "params": {"particles": 20}, "lag": 4}
+
+
+class Still:
+    """A localizer that never moves."""
+
+    def __init__(self, robot, *, particles=1):
+        self.particles = particles
+
+    def reset(self, prior, plan, rng):
+        return PoseBelief(prior.sample(1, rng)[0])
+
+    def update(self, ranges, action, plan):
+        return PoseBelief((100.0, 50.0, 0.0))
+
+
+@pytest.fixture(scope="module")
+def results():
+    varied = {"params.particles": [20, 40]}
+    return benchmarks.sweep("paper", localizers=["mcl", Still], vary=varied, **FEW).run(
+        jobs=1, progress=False
+    )
+
+
+def test_the_tables_are_those_of_the_command(tmp_path):
+    file, out = tmp_path / "small.toml", tmp_path / "out"
+    file.write_text(
+        'scenario = "paper"\nlocalizers = ["mcl", "deq-mcl"]\ntrials = 2\nlag = 4\n'
+        "params.particles = 20\n"
+    )
+    done = process(DEQMCL, "sweep", str(file), "--out", str(out), "--jobs", "1")
+    ours = benchmarks.sweep(file).run(jobs=1, progress=False)
+    for name, table in (("results", ours.table), ("trials", ours.trials)):
+        printed = pd.read_csv(out / f"{name}.csv")
+        pd.testing.assert_frame_equal(table[printed.columns], printed)
+    assert repr(ours) in done.stdout
+
+
+def test_what_was_varied_is_a_column_and_a_line_over_it(results):
+    assert results.table["particles"].tolist() == [20, 20, 40, 40]
+    assert results.table["label"].tolist() == ["mcl", "Still", "mcl", "Still"]
+    assert sorted(results.trials["particles"].unique()) == [20, 40]
+    (axes,) = results.plot("particles").axes
+    drawn = {line.get_label(): line for line in axes.containers}
+    assert list(drawn) == ["mcl", "Still"]
+    for label, container in drawn.items():
+        rows = results.table[results.table["label"] == label]
+        x, y = container.lines[0].get_data()
+        np.testing.assert_array_equal(x, rows["particles"])
+        np.testing.assert_array_equal(y, rows["error"])
+
+
+def test_in_jupyter_results_are_a_verdict_and_a_table_of_what_varies(results):
+    html = results._repr_html_()
+    assert repr(results) in html
+    assert "<th>particles</th>" in html
+    assert "<th>seed</th>" not in html
+    assert len(repr(results)) < 300
+
+
+def test_a_report_is_a_page_with_the_tables_beside_it(results, tmp_path):
+    page = results.report(tmp_path / "report")
+    assert page.is_file()
+    assert {"results.csv", "trials.csv"} <= {path.name for path in page.parent.iterdir()}
+
+
+def test_a_folder_is_gone_on_with_and_without_one_nothing_is_left(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "temporary"))
+    (tmp_path / "temporary").mkdir()
+    experiment = benchmarks.sweep("paper", localizers=["mcl"], **FEW)
+    first = experiment.run(jobs=1, out=tmp_path / "mine", progress=False)
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "mine" / "trials").iterdir()}
+    again = experiment.run(jobs=1, out=str(tmp_path / "mine"), progress=False)
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    pd.testing.assert_frame_equal(first.table, again.table)
+    assert not list((tmp_path / "temporary").glob("*/experiment"))
+
+
+def test_a_run_is_a_trial_step_by_step_with_a_picture_of_each():
+    steps = list(benchmarks.run("paper", "deq-mcl-fresh", seed=3, particles=20, lag=4))
+    assert [step.t for step in steps] == list(range(len(steps)))
+    assert steps[0].action is None
+    assert steps[10].action.shape == (2,)
+    assert steps[10].belief.points(4)[0].shape == (20, 3)
+    picture = steps[10].draw()
+    assert picture.dtype == np.uint8
+    assert picture.shape[2] == 3
+    assert np.ptp(picture) > 0
+    other = list(benchmarks.run("paper", Still, seed=3))
+    np.testing.assert_array_equal(steps[10].truth, other[10].truth)  # paired
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"of": "quik"}, "unknown suite or scenario 'quik': did you mean 'quick'?"),
+        ({"trails": 3}, "unexpected keyword argument 'trails': give fields of Sweep"),
+        ({"localizers": [3]}, "the localizer is 3, but must be a name, a class or a function"),
+        ({"vary": {"particles": [1]}}, "unknown name in [[vary]] 'particles'"),
+    ],
+)
+def test_bad_input_gets_one_sentence(given, words):
+    with pytest.raises(InputError) as refused:
+        benchmarks.sweep(**given)
+    assert words in str(refused.value)
+
+
+def test_a_column_that_is_not_there_is_named(results):
+    with pytest.raises(InputError, match=r"there is no column 'lidar\.sigma' of numbers: it has"):
+        results.plot("lidar.sigma")
+
+
+def test_a_sweep_of_ones_own_and_all_its_fields_are_taken():
+    own = Sweep(title="mine", localizers=("mcl",), trials=3)
+    assert benchmarks.sweep(own, seed=5).sweep == Sweep(
+        title="mine", localizers=("mcl",), trials=3, seed=5
+    )
+    zipped = [{"scenario": ["paper", "guided"], "params.particles": [10, 20]}]
+    assert benchmarks.sweep("paper", vary=zipped, localizers=["mcl"]).sweep.planned == 20
+    assert benchmarks.sweep("paper").sweep.baseline == "mcl"
+
+
+CELL = '''
+import benchmarks
+from localizers import PoseBelief
+
+START = 100.0
+
+class Mine:
+    """Defined in the cell that runs it, with a global of the cell."""
+    def __init__(self, robot): pass
+    def reset(self, prior, plan, rng): return PoseBelief(prior.sample(1, rng)[0])
+    def update(self, ranges, action, plan): return PoseBelief((START, 50.0, 0.0))
+
+if __name__ == "__main__":
+    sweep = benchmarks.sweep("paper", localizers=["mcl", Mine], trials=3, params={"particles": 20})
+    print(*(sweep.run(jobs=jobs, progress=False).table.to_csv() for jobs in (1, 2)), sep="=====")
+'''
+
+
+@pytest.mark.parametrize("place", ["script", "module", "cell"])
+def test_a_class_of_a_cell_has_the_same_numbers_in_one_process_and_in_two(tmp_path, place):
+    # a notebook's cell is code without a file
+    (tmp_path / "mine.py").write_text(CELL)
+    how = {
+        "script": ["mine.py"],
+        "module": ["-c", CELL.split("class Mine", maxsplit=1)[0] + "from mine import Mine\n"
+                   + CELL[CELL.index("if __name__"):]],
+        "cell": ["-c", CELL],
+    }[place]  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, *how], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    one, two = done.stdout.strip().split("=====")
+    assert one.strip() == two.strip()
+    assert "Mine" in one
