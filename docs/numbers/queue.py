@@ -66,6 +66,8 @@ COLUMNS = (
     "future_energy",
 )  # fmt: skip
 
+_OF_RUNS = ("ancestors", "error", "error_p95", "past", "future")  # their median over runs on a log
+
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
@@ -193,7 +195,9 @@ def _line(cell: Cell, found: list[dict[str, float]]) -> list[str]:
     }  # fmt: skip
     for name in COLUMNS[7:]:
         values = [one[name] for one in found if name in one]
-        said[name] = f"{np.mean(values):.6g}" if values else ""
+        # one lost run is most of a mean; of how many are lost, and of calibration, it is the figure
+        middle = np.median if name in _OF_RUNS and cell.scenario == "replay" else np.mean
+        said[name] = f"{middle(values):.6g}" if values else ""
     return [str(said[name]) for name in COLUMNS]
 
 
@@ -201,7 +205,7 @@ def chart() -> Picture:
     """Draw how many distinct x_t there are when o_t arrives, over the lag."""
     with styled(HOUSE_STYLE):
         lines = [(words, "rooms") for words in SENSORS] + [(name, "logs") for name in LOGS]
-        figure, axes = canvas(6.4, 3.4, legend_of=[words for words, _ in lines])
+        figure, axes = canvas(6.4, 3.4, left=0.8, legend_of=[words for words, _ in lines])
         for (words, report), look in zip(lines, [*LOOKS, *LOOKS], strict=False):
             rows = [
                 row for row in read(f"queue/{report}")
@@ -214,6 +218,10 @@ def chart() -> Picture:
                     f"-{look.mark}", color=look.color, markersize=5, label=words,
                 )  # fmt: skip
         axes.set_yscale("log")
+        axes.yaxis.minorticks_off()
+        ticks = (1, 3, 10, 30, 100, 300, 1000)
+        axes.set_yticks(ticks, [f"{tick:,}" for tick in ticks])
+        axes.set_xticks([0, 5, 10, 15, 20])
         axes.set(xlabel="lag L, steps", ylabel="distinct x[t] of 1,000 particles")
         return picture(
             figure,
@@ -236,7 +244,8 @@ def _over_lags(report: str, rows: list[tuple[str, dict[str, str]]], unit: str) -
         }
         if not found:
             continue
-        cells = [filled("{ancestors:,.0f}; {error:.2f}", found[lag]) for lag in SHOWN]
+        digits = 3 if unit == "m" else 2
+        cells = [filled(f"{{ancestors:,.0f}}; {{error:.{digits}f}}", found[n]) for n in SHOWN]
         lines.append([words, *cells])
     lags = " | ".join(f"L = {lag}:" for lag in SHOWN)
     return written(f"distinct x[t] of N; error, {unit} | {lags}", lines)

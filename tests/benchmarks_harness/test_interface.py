@@ -12,6 +12,7 @@ import benchmarks
 from benchmarks.sweeps.design import Sweep
 from deqmcl_gym.validation import InputError
 from localizers import PoseBelief
+from localizers.naming import registry
 
 FEW = {"trials": 2, "params": {"particles": 20}, "lag": 4}
 
@@ -27,6 +28,15 @@ class Still:
 
     def update(self, ranges, action, plan):
         return PoseBelief((100.0, 50.0, 0.0))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def forgotten():
+    """What is registered here is not known to other tests."""
+    before = dict(registry._FACTORIES)
+    yield
+    registry._FACTORIES.clear()
+    registry._FACTORIES.update(before)
 
 
 @pytest.fixture(scope="module")

@@ -52,6 +52,7 @@ def test_more_pilots_leave_the_cloud_as_it_is_and_of_a_free_map_they_say_nothing
     assert np.array_equal(few.points()[0], many.points()[0])
     assert not np.array_equal(few.points()[1], many.points()[1])
     free = follow(make("deq-mcl-fresh", lag=5, beta=0.0), prior, drive)
+    assert same(free, follow(make("mcl-smoother", lag=5), prior, drive), PAST)
     assert same(free, follow(make("mcl-map-smoother", lag=5, beta=0.0), prior, drive), PAST)
 
 
