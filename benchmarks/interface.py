@@ -5,12 +5,11 @@
 
 import io
 import json
-import warnings
 from collections import ChainMap
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass, replace
-from functools import cached_property
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -29,21 +28,25 @@ from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Axis, Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence
 from benchmarks.sweeps.running import Options, begun, check
-from benchmarks.sweeps.suites import PAPER_METHODS, SUITES, sweeps_named
+from benchmarks.sweeps.suites import FAMILIES, PAPER_METHODS, SUITES, sweeps_named
 from benchmarks.tables.csv_files import results_csv, trials_csv
 from benchmarks.tables.stats import Estimate
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.numerics.types import Reals
-from deqmcl_gym.validation import InputError, one_of, shown
-from localizers import Belief, register
+from deqmcl_gym.validation import InputError, integer, one_of, shown
+from localizers import Belief, registered
 from localizers.naming.registry import Factory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Vary = Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Sequence[Any]]]
+_TAKEN = {"label", *results_csv([]).strip().split(","), *trials_csv([]).strip().split(",")} - {
+    "scenario",
+    "lag",
+}
 _SHOWN = ("error", "error_low", "error_high", "diff", "diff_low", "diff_high")  # in Jupyter
 
 
@@ -67,27 +70,25 @@ def sweep(
     Raises:
         InputError: an unknown name, or a bad value.
     """
-    if isinstance(of, Sweep):
-        base = of
-    elif isinstance(of, str) and of in SCENARIOS and of not in SUITES:
-        base = Sweep(title=of, scenario=of, localizers=tuple(map(_method, PAPER_METHODS)))
-    else:
-        name = str(of)
-        if not name.endswith(".toml"):
-            one_of("suite or scenario", name, {**SUITES, **SCENARIOS})
-        base = sweeps_named(name)[""]
-    if localizers:
-        changes["localizers"] = tuple(map(_method, localizers))
-        if base.baseline not in {one.name for one in changes["localizers"]}:
-            changes.setdefault("baseline", "")
-    if vary:
-        axes = [{name: v} for name, v in vary.items()] if isinstance(vary, Mapping) else vary
-        values = [Changes({name: tuple(v) for name, v in one.items()}) for one in axes]
-        changes["vary"] = tuple(Axis(values=own) for own in values)
-    try:
-        return Experiment(replace(base, **changes))
-    except TypeError as error:  # an unknown field
-        raise InputError(f"{error}: give fields of Sweep, as in trials=20.") from None
+    changes = _plain(changes)
+    listed = [localizers] if isinstance(localizers, str) or callable(localizers) else localizers
+    methods, factories = _methods(listed)
+    with _known(factories):
+        base = _base(of)
+        if methods:
+            changes["localizers"] = methods
+            if base.baseline not in {one.name for one in methods}:
+                changes.setdefault("baseline", "")
+        if vary:
+            changes["vary"] = _axes(vary)
+        try:
+            made = replace(base, **changes)
+        except TypeError as error:
+            if "unexpected keyword" not in str(error):
+                raise
+            raise InputError(f"{error}: give fields of Sweep, as in trials=20.") from None
+        _refuse_unused(made)
+    return Experiment(made, factories)
 
 
 @dataclass(frozen=True)
@@ -96,9 +97,11 @@ class Experiment:
 
     Attributes:
         sweep: its design.
+        factories: what makes the localizers that are no names, by the name they have here.
     """
 
     sweep: Sweep
+    factories: Mapping[str, Factory] = field(default_factory=dict)
 
     def run(
         self, jobs: int | None = None, out: str | Path | None = None, *, progress: bool = True
@@ -114,12 +117,13 @@ class Experiment:
         Raises:
             InputError: something of it is refused; nothing is run then.
         """
-        check(self.sweep)
         options = Options(where=Where(jobs=jobs), progress=progress)
-        with TemporaryDirectory() if out is None else nullcontext() as apart:
-            folder = Path(out or f"{apart}/experiment")
-            with begun(self.sweep, folder, options, command=["python"]) as running:
-                return ExperimentResults(self.sweep, running.results())
+        with ExitStack() as stack:
+            stack.enter_context(_known(self.factories))
+            check(self.sweep)
+            folder = Path(out or f"{stack.enter_context(TemporaryDirectory())}/experiment")
+            running = stack.enter_context(begun(self.sweep, folder, options, command=["python"]))
+            return ExperimentResults(self.sweep, running.results())
 
     def __repr__(self) -> str:
         methods = ", ".join(map(str, self.sweep.localizers))
@@ -167,17 +171,24 @@ class ExperimentResults:
         from benchmarks.report.svg import HOUSE_STYLE, canvas, estimates, looks, picture
 
         table = self.table[self.table["offset"] == offset]
+        if table.empty:
+            raise InputError(f"no trial with a state at offset {offset} is finished.")
         for name in (over, value, f"{value}_low"):
             if name not in table or not pd.api.types.is_numeric_dtype(table[name]):
                 numbers = table.select_dtypes("number").columns
                 raise InputError(
                     f"there is no column {shown(name)} of numbers: it has {', '.join(numbers)}."
                 )
+        others = [name for name in self._varied if name != over and table[name].nunique() > 1]
+        rows_of = (row for _, row in table.iterrows())
+        called = np.array(
+            [", ".join([r["label"], *(f"{own} = {r[own]}" for own in others)]) for r in rows_of]
+        )
         with styled(HOUSE_STYLE):
-            labels = dict.fromkeys(table["label"])
+            labels = dict.fromkeys(called.tolist())
             figure, axes = canvas(6.4, 3.4, legend_of=labels)
             for label, look in looks(labels).items():
-                rows = table[(table["label"] == label) & table[over].notna()].sort_values(over)
+                rows = table[(called == label) & table[over].notna()].sort_values(over)
                 ends = rows[[value, f"{value}_low", f"{value}_high"]].itertuples(index=False)
                 found = [Estimate(*one) for one in ends]
                 estimates(axes, rows[over].tolist(), found, look, label)
@@ -196,14 +207,19 @@ class ExperimentResults:
 
     def _repr_html_(self) -> str:
         now = self.table[self.table["offset"] == 0]
-        varied = [name for name in now.columns if now[name].nunique() > 1 and name in self._varied]
+        varied = [name for name in self._varied if now[name].nunique() > 1]
         first = now[["label", *varied, *_SHOWN]].round(3)
         return f"<p>{self!r}</p>{first.to_html(index=False)}"
 
     @property
     def _varied(self) -> list[str]:
-        names = [name for axis in self.sweep.vary for name in axis.values]
-        return [_column(name, names) for name in names]
+        """Columns of what was varied, in the order of the axes."""
+        return [
+            column
+            for axis in self.sweep.vary
+            for name in axis.values
+            if (column := _column(name, self.sweep)) in self.table
+        ]
 
 
 class Step(NamedTuple):
@@ -242,58 +258,126 @@ def run(
     Raises:
         InputError: an unknown name, or a bad value.
     """
-    of = Sweep(
-        title=scenario, scenario=scenario, localizers=(_method(localizer),), params=Changes(params),
-        seed=seed, trials=trial + 1,
-    )  # fmt: skip
-    stage = Stage.of(of.distinct()[trial])
-    camera = camera_of(stage)
-    for moment in stage.moments():
-        yield Step(
-            moment.step, moment.truth, moment.ranges, moment.action, moment.plan, moment.belief,
-            _drawing(camera, moment, str(of.localizers[0])),
-        )  # fmt: skip
+    (method,), factories = _methods([localizer])
+    integer("trial", trial)
+    with _known(factories):
+        of = Sweep(
+            title=scenario,
+            scenario=scenario,
+            localizers=(replace(method, params=method.params | Changes(_plain(params))),),
+            seed=seed,
+            trials=trial + 1,
+        )
+        stage = Stage.of(of.distinct()[trial])
+        camera = camera_of(stage)
+        for moment in stage.moments():
+            yield Step(
+                moment.step, moment.truth, moment.ranges, moment.action, moment.plan,
+                moment.belief, _drawing(camera, moment, str(of.localizers[0])),
+            )  # fmt: skip
 
 
 def _drawing(camera: Camera, moment: Moment, method: str) -> Callable[[], NDArray[np.uint8]]:
     return lambda: np.ascontiguousarray(camera.frame(moment, [f"{method}, t = {moment.step}"]))
 
 
-def _method(given: str | Method | Mapping[str, Any] | Factory) -> Method:
-    """Return a method; what makes localizers is registered by its name."""
-    if isinstance(given, Method):
-        return given
-    if isinstance(given, Mapping):
-        return Method(name=given["name"], params=given.get("params", {}))
-    if isinstance(given, str):
-        return Method(name=given)
-    name = getattr(given, "__name__", None)
-    if not callable(given) or not isinstance(name, str):
-        raise InputError(
-            f"the localizer is {shown(given)}, but must be a name, a class or a function."
-        )
-    with warnings.catch_warnings():  # a cell is run again
-        warnings.simplefilter("ignore")
-        register(name, given)
-    return Method(name=name)
+def _base(of: str | Path | Sweep) -> Sweep:
+    """Return the sweep that a name leads to, or that of a scenario."""
+    if isinstance(of, Sweep):
+        return of
+    if (name := str(of)) in FAMILIES:
+        raise InputError(f"{name} has several suites: name one of {', '.join(FAMILIES[name])}.")
+    if name in SCENARIOS and name not in SUITES:
+        return Sweep(title=name, scenario=name, localizers=_methods(PAPER_METHODS)[0])
+    if not name.endswith(".toml"):
+        one_of("suite or scenario", name, {**SUITES, **SCENARIOS})
+    return sweeps_named(name)[""]
+
+
+def _methods(given: Sequence[Any]) -> tuple[tuple[Method, ...], dict[str, Factory]]:
+    """Return methods, and what makes those that were given as classes or functions."""
+    methods, factories = [], dict[str, Factory]()
+    for one in given:
+        if isinstance(one, Method | str):
+            methods.append(one if isinstance(one, Method) else Method(name=one))
+            continue
+        if isinstance(one, Mapping):
+            if not {"name"} <= one.keys() <= {"name", "params"}:
+                raise InputError(
+                    f"a localizer is {shown(one)}, but must be {{'name': …, 'params': {{…}}}}."
+                )
+            methods.append(Method(name=one["name"], params=Changes(_plain(one.get("params", {})))))
+            continue
+        name = getattr(one.func if isinstance(one, partial) else one, "__name__", None)
+        if not callable(one) or not isinstance(name, str) or name == "<lambda>":
+            raise InputError(
+                f"the localizer is {shown(one)}, but must be a name, a class or a function with a "
+                "name."
+            )
+        if factories.setdefault(name, one) is not one:
+            raise InputError(f"two localizers are called {name}: give one of them another name.")
+        methods.append(Method(name=name))
+    return tuple(methods), factories
+
+
+@contextmanager
+def _known(factories: Mapping[str, Factory]) -> Iterator[None]:
+    """Know localizers by these names in a ``with`` block."""
+    with ExitStack() as stack:
+        for name, factory in factories.items():
+            stack.enter_context(registered(name, factory))
+        yield
+
+
+def _axes(vary: Vary) -> tuple[Axis, ...]:
+    """Return the axes of values by name, or of a list of such mappings."""
+    axes = [{name: v} for name, v in vary.items()] if isinstance(vary, Mapping) else vary
+    found = []
+    for one in axes:
+        if not isinstance(one, Mapping):
+            raise InputError(f"vary has {shown(one)}, but must map names to lists of values.")
+        for name, values in one.items():
+            if isinstance(values, str) or not isinstance(values, Iterable):
+                raise InputError(f"{name} is varied by {shown(values)}, but must be a list.")
+        found.append(Axis(values=Changes({name: tuple(_plain(v)) for name, v in one.items()})))
+    return tuple(found)
+
+
+def _refuse_unused(sweep: Sweep) -> None:
+    """Refuse parameters that no localizer of the sweep takes."""
+    taken = [sweep.takes(name) for name in sweep.names]
+    if None in taken:
+        return
+    known = {name for names in taken for name in names or ()}
+    groups = [name.partition(".") for axis in sweep.vary for name in axis.values]
+    for name in (*sweep.params, *(rest for group, _, rest in groups if group == "params")):
+        one_of("parameter", name, known)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with Python's numbers and lists for NumPy's."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {name: _plain(own) for name, own in value.items()}
+    return [_plain(own) for own in value] if isinstance(value, list | tuple | range) else value
 
 
 def _with_varied(table: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
     """Return a table with a column for each part of the world, assumption or parameter varied."""
-    varied = [name for axis in sweep.vary for name in axis.values]
-    for name in varied:
+    for name in [name for axis in sweep.vary for name in axis.values]:
         group, _, rest = name.partition(".")
         if group in table and rest:
             # a method without the parameter stands beside those with it
             columns = ("swept", group) if "swept" in table and group == "params" else (group,)
             rows = zip(*(table[column].map(json.loads) for column in columns), strict=True)
             told = [ChainMap(*row).get(rest) for row in rows]
-            table[_column(name, varied)] = told
+            table[_column(name, sweep)] = told
     return table
 
 
-def _column(name: str, varied: Sequence[str]) -> str:
+def _column(name: str, sweep: Sweep) -> str:
     """Return the last part of a dotted name, or all of it where that is not one's own."""
-    last = [other.rpartition(".")[2] for other in varied]
+    last = [other.rpartition(".")[2] for axis in sweep.vary for other in axis.values]
     short = name.rpartition(".")[2]
-    return short if last.count(short) == 1 and short not in _SHOWN else name
+    return short if last.count(short) == 1 and short not in _TAKEN else name

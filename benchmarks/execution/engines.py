@@ -12,6 +12,7 @@ import os
 import pickle
 import signal
 import sys
+import sysconfig
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator
@@ -324,12 +325,16 @@ def _packed(name: str) -> bytes:
     while isinstance(whole, partial):
         whole = whole.func
     home = sys.modules.get(getattr(whole, "__module__", ""))
-    ours = [str(Path(__file__).parents[2] / package) for package in _OURS]
-    installed = (sys.prefix, sys.base_prefix, *ours)
+    ours = [Path(__file__).parents[2] / package for package in _OURS]
+    installed = [*map(Path, (sys.prefix, *sysconfig.get_paths().values())), *ours]
     file = getattr(home, "__file__", None)
     try:
         with contextlib.ExitStack() as stack:
-            if home is not None and file is not None and not file.startswith(installed):
+            if (
+                home is not None
+                and file is not None
+                and not any(Path(file).is_relative_to(place) for place in installed)
+            ):
                 cloudpickle.register_pickle_by_value(home)
                 stack.callback(cloudpickle.unregister_pickle_by_value, home)
             return bytes(cloudpickle.dumps(factory))

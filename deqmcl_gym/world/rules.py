@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym import validation
-from deqmcl_gym.maps import Box, Lidar, Offices
+from deqmcl_gym.maps import Box, Lidar, Offices, PolygonMap
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Bools, Floats, Point, Pose, RoomActions, Singles
 from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of
@@ -165,7 +165,12 @@ def check_options(options: object) -> None:
         raise InputError(f"options is {options!r}, but must be None or a mapping.")
 
 
-_lap_of = lru_cache(maxsize=8)(Course.of)  # a sweep makes the same room for every trial
+_kept_lap = lru_cache(maxsize=8)(Course.of)  # a sweep makes the same room for every trial
+
+
+def _lap_of(world: World) -> Course:
+    """Return the lap of a world; maps of a user's own may change, or have no hash."""
+    return _kept_lap(world) if isinstance(world.floor_plan, PolygonMap) else Course.of(world)
 
 
 @dataclass(frozen=True)

@@ -136,6 +136,7 @@ CONTENTS = {
         "docs/lost",
         "docs/wrong-map",
         "docs/study",
+        "docs/queue",
         "docs/phase",
         "docs/classical",
         "docs/speed",

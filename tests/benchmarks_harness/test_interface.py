@@ -9,10 +9,10 @@ import pytest
 from deqmcl_command import DEQMCL, process
 
 import benchmarks
+import localizers
 from benchmarks.sweeps.design import Sweep
 from deqmcl_gym.validation import InputError
 from localizers import PoseBelief
-from localizers.naming import registry
 
 FEW = {"trials": 2, "params": {"particles": 20}, "lag": 4}
 
@@ -28,15 +28,6 @@ class Still:
 
     def update(self, ranges, action, plan):
         return PoseBelief((100.0, 50.0, 0.0))
-
-
-@pytest.fixture(scope="module", autouse=True)
-def forgotten():
-    """What is registered here is not known to other tests."""
-    before = dict(registry._FACTORIES)
-    yield
-    registry._FACTORIES.clear()
-    registry._FACTORIES.update(before)
 
 
 @pytest.fixture(scope="module")
@@ -120,14 +111,65 @@ def test_a_run_is_a_trial_step_by_step_with_a_picture_of_each():
     [
         ({"of": "quik"}, "unknown suite or scenario 'quik': did you mean 'quick'?"),
         ({"trails": 3}, "unexpected keyword argument 'trails': give fields of Sweep"),
+        ({"of": "study"}, "study has several suites: name one of study-assumed"),
         ({"localizers": [3]}, "the localizer is 3, but must be a name, a class or a function"),
+        ({"localizers": [lambda robot: Still(robot)]}, "with a name"),  # noqa: PLW0108
+        ({"localizers": [Still, type("Still", (Still,), {})]}, "two localizers are called Still"),
+        ({"localizers": [{"name": "mcl", "particles": 3}]}, "must be {'name': …, 'params': {…}}"),
         ({"vary": {"particles": [1]}}, "unknown name in [[vary]] 'particles'"),
+        ({"vary": {"params.particles": 3}}, "params.particles is varied by 3, but must be a list"),
+        ({"vary": {"scenario": "paper"}}, "scenario is varied by 'paper', but must be a list"),
+        ({"vary": [3]}, "vary has 3, but must map names to lists"),
+        ({"params": {"particels": 3}}, "unknown parameter 'particels': did you mean 'particles'?"),
+        ({"vary": {"params.particels": [3]}}, "unknown parameter 'particels'"),
     ],
 )
 def test_bad_input_gets_one_sentence(given, words):
     with pytest.raises(InputError) as refused:
         benchmarks.sweep(**given)
     assert words in str(refused.value)
+
+
+def test_a_misspelt_parameter_of_a_run_is_refused():
+    with pytest.raises(InputError, match="did you mean 'particles'"):
+        next(benchmarks.run("paper", "mcl", particels=10))
+
+
+def test_an_experiment_keeps_its_classes_and_registers_nothing():
+    there = set(localizers.names())
+
+    def made(x):
+        return type("Placed", (Still,), {"update": lambda *_: PoseBelief((x, 50.0, 0.0))})
+
+    first, second = (
+        benchmarks.sweep("paper", localizers=["mcl", made(x)], **FEW) for x in (100.0, 300.0)
+    )
+    errors = [one.run(jobs=1, progress=False).table["error"][1] for one in (first, second, first)]
+    assert errors[0] == errors[2] != errors[1]
+    assert set(localizers.names()) == there
+
+
+def test_numpy_s_numbers_are_numbers_and_each_other_axis_has_a_line_of_its_own():
+    varied = {"params.particles": np.arange(10, 30, 10), "world.lidar.beams": [1, np.int64(3)]}
+    found = benchmarks.sweep("paper", localizers=["mcl"], vary=varied, **FEW | {"params": {}})
+    table = (results := found.run(jobs=1, progress=False)).table
+    assert sorted(zip(table["particles"], table["beams"], strict=True)) == [
+        (10, 1), (10, 3), (20, 1), (20, 3),
+    ]  # fmt: skip
+    (axes,) = results.plot("particles").axes
+    assert [line.get_label() for line in axes.containers] == ["mcl, beams = 1", "mcl, beams = 3"]
+
+
+def test_a_parameter_that_is_called_like_a_column_keeps_its_whole_name():
+    def shifted(robot, offset=0):
+        return Still(robot)
+
+    varied = {"params.offset": [1, 2]}
+    table = benchmarks.sweep("paper", localizers=["mcl", shifted], vary=varied, **FEW).run(
+        jobs=1, progress=False
+    ).table  # fmt: skip
+    assert set(table["offset"]) == {0}
+    assert sorted(set(table["params.offset"])) == [1, 2]
 
 
 def test_a_column_that_is_not_there_is_named(results):
