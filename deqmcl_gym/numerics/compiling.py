@@ -129,8 +129,10 @@ class _Cache(FunctionCache):  # type: ignore[misc]
 
 @cache
 def _say_compiling() -> None:
-    """Tell once that a user waits for the compiler; workers leave that to who started them."""
-    if multiprocessing.parent_process() is None:
+    """Tell who sits there, once, that it is the compiler; workers and their server leave it."""
+    watched = "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
+    helping = "benchmarks.execution.preload" in sys.modules
+    if watched and not helping and multiprocessing.parent_process() is None:
         words = "deqmcl_gym: compiling kernels: a minute at most, at their first use only"
         print(words, file=sys.stderr, flush=True)
 

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from functools import cache
 from importlib import import_module, invalidate_caches
 from pathlib import Path
 
@@ -245,3 +246,17 @@ def test_without_sources_kernels_work_too_and_none_is_kept(tmp_path, form):
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == [f"{place}/deqmcl_gym/__init__.py{'c' * (form == 'pyc')}", "6.0"]
     assert not list(tmp_path.rglob("*.nbi"))
+
+
+def test_who_waits_for_the_compiler_at_a_terminal_is_told_once_and_a_pipe_is_not(
+    monkeypatch, capsys
+):
+    monkeypatch.setattr(compiling, "_say_compiling", cache(compiling._say_compiling.__wrapped__))
+    compiling._say_compiling()
+    assert capsys.readouterr().err == ""
+    compiling._say_compiling.cache_clear()
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.delitem(sys.modules, "benchmarks.execution.preload", raising=False)
+    for _ in range(2):
+        compiling._say_compiling()
+    assert capsys.readouterr().err.count("compiling kernels") == 1
