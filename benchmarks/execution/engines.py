@@ -29,10 +29,10 @@ from benchmarks.trials.attempt import Outcome, attempt
 from benchmarks.trials.plugins import guest_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
+from localizers.naming.digests import OURS
 from localizers.naming.plugins import safe_path
 from localizers.naming.registry import is_registered, receive, resolve
 
-_OURS = ("deqmcl_gym", "localizers", "benchmarks")
 CONNECT_SECONDS = 10  # how long a scheduler may take to answer
 _CLOSE_SECONDS, _LOOK_SECONDS = 1, 2
 
@@ -325,7 +325,7 @@ def _packed(name: str) -> bytes:
     while isinstance(whole, partial):
         whole = whole.func
     home = sys.modules.get(getattr(whole, "__module__", ""))
-    ours = [Path(__file__).parents[2] / package for package in _OURS]
+    ours = [Path(__file__).parents[2] / package for package in OURS]
     installed = [*map(Path, (sys.prefix, *sysconfig.get_paths().values())), *ours]
     file = getattr(home, "__file__", None)
     try:

@@ -127,12 +127,20 @@ class _Cache(FunctionCache):  # type: ignore[misc]
             self.flush()
 
 
+_tells = True
+
+
+def leave_untold() -> None:
+    """Say nothing of compiling in this process: the one that started it does."""
+    global _tells  # noqa: PLW0603
+    _tells = False
+
+
 @cache
 def _say_compiling() -> None:
-    """Tell who sits there, once, that it is the compiler; workers and their server leave it."""
+    """Tell who sits there, once, that it is the compiler; workers leave it to who started them."""
     watched = "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
-    helping = "benchmarks.execution.preload" in sys.modules
-    if watched and not helping and multiprocessing.parent_process() is None:
+    if watched and _tells and multiprocessing.parent_process() is None:
         words = "deqmcl_gym: compiling kernels: a minute at most, at their first use only"
         print(words, file=sys.stderr, flush=True)
 

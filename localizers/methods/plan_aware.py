@@ -59,8 +59,8 @@ def deq_mcl_fresh(
     *,
     evidence: str = "future",
     pilots: int = 8,
-    keep: float = 0.8,
-    charge: str = "new",
+    keep: float | None = None,
+    charge: str | None = None,
 ) -> ParticleFilter:
     """Return DEQ-MCL whose future is drawn anew from the present after each scan.
 
@@ -69,12 +69,22 @@ def deq_mcl_fresh(
         evidence: what judges the present beside scan and map: "future", how feasible the drawn
             futures are, the paper's target; "plan", the plan as ``mcl_plan`` reads it.
         pilots: M, roll-outs of each particle, of which one is kept.
-        keep, charge: of "plan", see ``mcl_plan``.
+        keep, charge: of "plan" alone, see ``mcl_plan``; None: 0.8 and "new".
+
+    Raises:
+        InputError: ``keep`` or ``charge`` with "future".
     """
     integer("pilots", pilots, low=1)
     if one_of("evidence", evidence, ("future", "plan")) == "plan":
+        keep, charge = 0.8 if keep is None else keep, "new" if charge is None else charge
         base = mcl_plan.build(robot, shared, keep=keep, charge=charge)
     else:
+        for name, given in {"keep": keep, "charge": charge}.items():
+            if given is not None:
+                raise InputError(
+                    f"{name} is {given!r}, but it is used only with evidence = 'plan': give that, "
+                    f"or leave {name} out."
+                )
         base = mcl_map_smoother.build(robot, shared)
     ahead = Foresight(
         rollout=base.rollout,

@@ -26,7 +26,7 @@ from deqmcl_gym.files import UnreadableError, content_of, opened
 
 UNREAD = "unread"  # in place of the digest of what is there, but not in a file
 _MADE = ("__pycache__", ".git")
-_OURS = ("deqmcl_gym", "localizers", "benchmarks")  # results have a digest of their own
+OURS = ("deqmcl_gym", "localizers", "benchmarks")  # results have a digest of their own
 _PLAIN = (type(None), type(...), bool, int, float, complex, str, bytes)
 _DEFINED = (type, types.FunctionType)
 _CODE = (
@@ -122,7 +122,7 @@ class _Loaded:
             yield from [thing.__name__, _file_of(thing.__name__)]
         elif isinstance(thing, _DEFINED) and not inside:
             home = _home(thing)
-            ours = home.partition(".")[0] in _OURS
+            ours = home.partition(".")[0] in OURS
             yield from [home, thing.__qualname__, None if ours else _file_of(home)]
         elif isinstance(thing, type):
             made = (*_WRAPPERS, types.FunctionType)  # all else with such names is Python's
@@ -147,7 +147,7 @@ class _Loaded:
         home = _home(thing)
         top = home.partition(".")[0]
         in_memory = getattr(sys.modules.get(home), "__spec__", None) is None
-        return top not in _OURS and (top == self._top or in_memory)
+        return top not in OURS and (top == self._top or in_memory)
 
 
 def _globals(code: types.CodeType) -> list[str]:

@@ -52,6 +52,7 @@ RNG = np.random.default_rng
         ("mcl-map", {"cost_map": "no/such.pgm"}, "cost_map: there is no image"),
         ("mcl-map", {"cost_map": 3}, "cost_map is 3"),
         ("mcl-h", {}, "mcl-h is gone: use deq-mcl-fresh, which has its error."),
+        ("deq-mcl-fresh", {"keep": 0.5}, "keep is 0.5, but it is used only with evidence = 'plan'"),
         ("deq-mcl-fresh", {"evidence": "x"}, "unknown evidence 'x': allowed values: future, plan."),
         ("deq-mcl", {"pilots": 0}, "pilots is 0"),
         ("mcl", {"particels": 10}, "did you mean 'particles'"),

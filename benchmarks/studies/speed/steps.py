@@ -58,19 +58,19 @@ def peer_job(made: Callable[..., peers.Update]) -> Job:
     return lap.following(made(lap.robot, FEW, lap.prior, rng))
 
 
-def replanned_job(name: str, particles: int) -> Job:
+def replanned_job(name: str, particles: int, ahead: int = 0) -> Job:
     """Return the job of following a lap whose plan changes, over and over from its start.
 
-    A queue has to redraw its future there; on a plan that is kept, that is spared. Of a future that
-    is drawn when it is asked for, the last state is asked for at each step.
+    A queue has to redraw its future there; on a plan that is kept, that is spared. At each step the
+    state ``ahead`` is asked for: a future may be drawn only then.
     """
     lap = work.replanned_lap()
     localizer = make(name, lap.robot, particles=particles)
 
     def update(*step: Any) -> None:
         belief = localizer.update(*step)
-        if name == "deq-mcl-fresh":
-            belief.points(20)
+        if ahead:
+            belief.points(ahead)
 
     def restart() -> None:
         localizer.reset(lap.prior, lap.first, np.random.default_rng(1))
@@ -105,11 +105,16 @@ def _deq(lag: int) -> Side:
 
 
 def _replanned(
-    figure: str, name: str, particles: int, target: float | None = None, members: int = 1
+    figure: str,
+    name: str,
+    particles: int,
+    target: float | None = None,
+    members: int = 1,
+    ahead: int = 0,
 ) -> Figure:
     what = f"step in scenario guided, a new plan at every step, N = {particles:,}, B = 1"
     each = f", {members} x N" if members > 1 else ""
-    ours = Side(f"{name}, L = 20{each}", partial(replanned_job, name, members * particles))
+    ours = Side(f"{name}, L = 20{each}", partial(replanned_job, name, members * particles, ahead))
     other = Side("mcl-map", partial(replanned_job, "mcl-map", particles))
     named = f"{figure}_vs_map_step{particles // 1000}k"
     return Figure(named, what, "µs/step", ours, other, target)
@@ -145,13 +150,13 @@ FIGURES = (
         Side("no beam clipped", partial(scan_job, clipped=False)),
     ),
     *(
-        _replanned(figure, name, particles, target, members)
+        _replanned(figure, name, particles, target, members, ahead)
         for particles in (FEW, MANY)
-        for figure, name, target, members in (
-            ("plan", "mcl-plan", 5.0, 1),
-            ("hedged", "mcl-plan-hedged", 4.0 if particles == FEW else None, 2),
-            ("replanned_deq", "deq-mcl", None, 1),
-            ("replanned_fresh", "deq-mcl-fresh", None, 1),
+        for figure, name, target, members, ahead in (
+            ("plan", "mcl-plan", 5.0, 1, 0),
+            ("hedged", "mcl-plan-hedged", 4.0 if particles == FEW else None, 2, 0),
+            ("replanned_deq", "deq-mcl", None, 1, 0),
+            ("replanned_fresh", "deq-mcl-fresh", None, 1, 20),
         )
     ),
 )
