@@ -8,7 +8,7 @@ import json
 from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -81,12 +81,9 @@ def sweep(
                 changes.setdefault("baseline", "")
         if vary:
             changes["vary"] = _axes(vary)
-        try:
-            made = replace(base, **changes)
-        except TypeError as error:
-            if "unexpected keyword" not in str(error):
-                raise
-            raise InputError(f"{error}: give fields of Sweep, as in trials=20.") from None
+        for name in changes:
+            one_of("field of a sweep", name, (one.name for one in fields(Sweep)))
+        made = replace(base, **changes)
         _refuse_unused(made)
     return Experiment(made, factories)
 
