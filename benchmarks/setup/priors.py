@@ -1,6 +1,7 @@
 """Where a robot may start, as the filters assume it: the priors of scenarios, by kind.
 
-Lengths are in the map's unit; the defaults are for one in px.
+Each says whether a robot that starts like this ``may_be_lost``: no pose is expected of it. Lengths
+are in the map's unit; the defaults are for one in px.
 """
 
 import math
@@ -42,6 +43,7 @@ class Gaussian:
     mean: tuple[float, float, float] | None = field(default=None, metadata=POSE)
     sd_position: float = field(default=10.0, metadata=LENGTH)
     sd_heading: float = 0.1
+    may_be_lost = False
 
     def __post_init__(self) -> None:
         if self.mean is not None:
@@ -80,6 +82,7 @@ class Displaced:
     sd_heading: float = 0.1
     distance: float = field(default=0.0, metadata=LENGTH)
     angle: float = 0.0
+    may_be_lost = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "mean", self._right.mean)
@@ -139,6 +142,7 @@ class Uniform:
     near: tuple[float, float] | None = field(default=None, metadata=LENGTH)
     within: float | None = field(default=None, metadata=LENGTH)
     beyond: float = field(default=0.0, metadata=LENGTH)
+    may_be_lost = True
 
     def __post_init__(self) -> None:
         if self.polygon is not None and self.near is not None:
@@ -194,6 +198,7 @@ class Places:
     """
 
     places: tuple[Place, ...] = ()
+    may_be_lost = True
 
     def __post_init__(self) -> None:
         if not isinstance(self.places, tuple | list):

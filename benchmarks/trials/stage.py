@@ -41,9 +41,10 @@ class Stage:
 
     Attributes:
         trial: what is set up.
-        scenario: with the changes that the trial makes to it, in its building.
+        scenario: with the changes that the trial makes to it, in its building; the trial's own
+            disturbances are outside the scenario's.
         room: the world, set up to run all planned steps.
-        env: the room inside its scenario's disturbances, and inside the trial's own.
+        env: the room inside its disturbances.
         robot: what the localizer and the agent are made for.
     """
 
@@ -62,15 +63,18 @@ class Stage:
         """
         changed = scenario(trial.scenario).changed(trial.world, trial.assumed)
         found = changed.in_building(trial.trial)
-        if trial.agent is not None:
-            found = replace(found, agent=trial.agent)
+        found = replace(
+            found,
+            agent=trial.agent or found.agent,
+            disturbance=(*found.disturbance, *trial.disturbance),
+        )
         with _errors_name(trial.scenario):
             room = found.room()
         return cls(
             trial=trial,
             scenario=found,
             room=room,
-            env=disturbed(room.unwrapped, (*found.disturbance, *trial.disturbance)),
+            env=disturbed(room.unwrapped, found.disturbance),
             robot=found.robot_model(room),
         )
 
@@ -86,21 +90,14 @@ class Stage:
 
     @property
     def groups(self) -> tuple[Group, ...]:
-        """The groups of scores that the trial is about, by the parts that it is made of.
+        """The groups of scores that the trial is about.
 
-        A robot that may be anywhere, or has a wrong map, may be lost; where a half turn gives the
-        same map, two places fit. One that is carried off is to be found again. Any other that knows
-        where it starts is to arrive where its route ends.
+        Where a half turn gives the same map, two places fit a robot that may be lost.
         """
-        lost = self.scenario.may_be_lost
-        wrappers = (*self.scenario.disturbance, *self.trial.disturbance)
-        about = {
-            "lost": lost,
-            "ambiguity": lost and is_symmetric(self.room.floor_plan),
-            "recovery": any(wrapper["kind"] == "kidnap" for wrapper in wrappers),
-            "driving": self.scenario.has_goal and not lost,
-        }
-        return groups_named([name for name, asked in about.items() if asked])
+        about = set(self.scenario.scores)
+        if "lost" in about and is_symmetric(self.room.floor_plan):
+            about.add("ambiguity")
+        return groups_named(about)
 
     @property
     def stream(self) -> np.random.Generator:
