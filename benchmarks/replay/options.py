@@ -15,12 +15,12 @@ from benchmarks.setup.changes import NOTHING, Changes, file_names
 from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise, shows_noise
 from benchmarks.setup.names import absolute_assumed, scenario
 from benchmarks.setup.priors import Gaussian
-from benchmarks.trials.fixes import metre
 from benchmarks.trials.tracks import absolute
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
 from deqmcl_gym.logs.trajectory import tolerance_of
 from deqmcl_gym.maps import Map
+from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics.types import Floats, Pose
 from deqmcl_gym.validation import InputError, number, pose
 from localizers import OmniMotion, RobotModel

@@ -19,11 +19,11 @@ from deqmcl_gym.numerics.elementary import (
     FARTHEST,
     atan2_64,
     cos64,
-    log64,
     sin64,
     sincos32,
     wrapped64,
 )
+from deqmcl_gym.numerics.gaussian import cholesky, fit
 from deqmcl_gym.numerics.types import Floats, Ints, Reals, Singles
 from deqmcl_gym.validation import SUM_TOLERANCE, InputError, digits
 
@@ -32,7 +32,6 @@ Scalar = Any  # a float64 inside a kernel
 # Particles whose mutual distances stand for those of the whole cloud in the energy score. Points of
 # one weight may be a designed set, of which some are no sample: of up to so many, all pairs count.
 PAIRED, DESIGNED = 128, 512
-LOG_TURN = math.log(2 * math.pi)
 
 
 @compiled
@@ -200,26 +199,20 @@ def _of_spread(
         pxy += wx * dy
         pxt += wx * dt
         pyt += wy * dt
-    # Cholesky, P = G Gᵀ
-    g00 = math.sqrt(pxx)
-    g10, g20 = pxy / g00, pxt / g00
-    g11 = math.sqrt(pyy - g10 * g10)
-    g21 = (pyt - g20 * g10) / g11
-    g22 = math.sqrt(max(ptt - g20 * g20 - g21 * g21, floor[2]))  # max: against rounding
-    u0 = (truth[0] - mx) / g00
-    u1 = (truth[1] - my - g10 * u0) / g11
-    u2 = (wrapped64(truth[2] - centre) - g20 * u0 - g21 * u1) / g22
-    distance = u0 * u0 + u1 * u1
+    covariance = np.array([[pxx, pxy, pxt], [pxy, pyy, pyt], [pxt, pyt, ptt]])
+    root = cholesky(covariance, floor[2])
+    off = np.array([truth[0] - mx, truth[1] - my, wrapped64(truth[2] - centre)])
+    distance, nees, log_score = fit(root, off)
+    g00, g10, g11 = root[0, 0], root[1, 0], root[1, 1]
     nearer = 0.0
-    h00, h10, h11 = 1.0 / g00, -g10 / (g00 * g11), 1.0 / g11  # G⁻¹
+    h00, h10, h11 = 1.0 / g00, -g10 / (g00 * g11), 1.0 / g11  # of the inverse root
     for i in range(n):
         v0 = h00 * (x[i] - mx)
         v1 = h10 * (x[i] - mx) + h11 * (y[i] - my)
         turned[i] = weights[i] if v0 * v0 + v1 * v1 < distance else 0.0
     for i in range(n):
         nearer += turned[i]
-    nees = distance + u2 * u2
-    return nearer, nees, 0.5 * (nees + 3 * LOG_TURN) + log64(g00 * g11 * g22)
+    return nearer, nees, log_score
 
 
 @compiled

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from deqmcl_gym.logs.motion import lengths_of
-from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.maps.clusters import Near
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 
-NEAR = {"05m": (0.5, math.radians(10)), "1m": (1.0, math.radians(30))}  # m, rad
+NEAR = {"05m": Near(0.5, math.radians(10)), "1m": Near(1.0, math.radians(30))}
 FOUND = "1m"  # of NEAR: the one for metres to localize
 LAST = 0.25  # share of a run's steps in which a success is localized throughout
 COMMITTED, FAR = 0.5, 2.0  # a belief of a larger quality commits itself; m: off by more, falsely
@@ -44,9 +44,8 @@ class Fixes:
     tolerated: float = 0.0
 
     def localized(self, near: str) -> Bools:
-        """Whether the best cluster is within a distance and an angle of ``NEAR``, (k,)."""
-        distance, angle = NEAR[near]
-        return (self.distance <= distance) & (self.angle <= angle)
+        """Whether the best cluster is as near to the truth as ``NEAR`` says, (k,)."""
+        return NEAR[near].holds(self.distance, self.angle)
 
     @property
     def last(self) -> Bools:
@@ -78,10 +77,8 @@ class Fixes:
         """
         if not self.steps.size:
             return math.nan
-        near = self.localized(FOUND)
-        off = np.cumsum(~near[::-1])[::-1] / np.arange(near.size, 0, -1)
-        settled = np.flatnonzero(near & (off <= self.tolerated))
-        return float(self.way[settled[0]]) if settled.size else math.inf
+        first = settled(self.localized(FOUND), self.tolerated)
+        return math.inf if first is None else float(self.way[first])
 
     @property
     def rated(self) -> Bools:
@@ -108,9 +105,11 @@ class Fixes:
         return float(self.way[after[whole[0]]] - self.way[after[0]])
 
 
-def metre(unit: str) -> float:
-    """Return how many of a map's units are a metre; a pixel of the paper's room is 2 cm."""
-    return pixel(unit) / pixel("m")
+def settled(near: Bools, tolerated: float = 0.0) -> int | None:
+    """Return the first step from which on all are near, but for a share; None: there is none."""
+    off = np.cumsum(~near[::-1])[::-1] / np.arange(near.size, 0, -1)
+    good = np.flatnonzero(near & (off <= tolerated))
+    return int(good[0]) if good.size else None
 
 
 def driven(commands: Sequence[Reals]) -> Floats:

@@ -6,8 +6,9 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.journeys import Number, RecordedTrack, WholeRun, finite
-from benchmarks.trials.metrics import METRICS, Estimates, mean, state_error
+from benchmarks.trials.collecting import Number, RecordedTrack, WholeRun, finite
+from benchmarks.trials.metrics import Estimates, mean, state_error
+from benchmarks.trials.scores import METRICS
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import (
     PROFILE_STRIDE,

@@ -19,10 +19,11 @@ from benchmarks.setup.interfaces import Agent, TrialEnv
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.scenario import Scenario
 from benchmarks.trials.clouds import Task
+from benchmarks.trials.collecting import JourneyLog, TrackLog
 from benchmarks.trials.episode import Moment, moments
-from benchmarks.trials.journey_log import JourneyLog
-from benchmarks.trials.journeys import Group, groups_named, is_symmetric
+from benchmarks.trials.journeys import is_symmetric
 from benchmarks.trials.map_signals import MapSignals, differs
+from benchmarks.trials.scores import Group, groups_named
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Collector, Trace, trace_of
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
@@ -112,8 +113,7 @@ class Stage:
         """Return what keeps its journey, or its track on a whole log."""
         if self.scenario.judged is None:
             return JourneyLog(self.task, self.groups)
-        from benchmarks.trials.tracks import TrackLog  # a trial in a room needs no readers of logs
-        from deqmcl_gym.envs.log import LogEnv
+        from deqmcl_gym.envs.log import LogEnv  # a trial in a room needs none
 
         assert isinstance(self.room, LogEnv)
         thresholds, judged = self.scenario.thresholds, self.scenario.judged

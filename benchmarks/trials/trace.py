@@ -20,9 +20,9 @@ from benchmarks.trials.clouds import (
     cloud_of,
     joined,
 )
+from benchmarks.trials.collecting import RecordedTrack, WholeRun
 from benchmarks.trials.episode import Moment
-from benchmarks.trials.journeys import RecordedTrack, WholeRun
-from benchmarks.trials.metrics import METRICS
+from benchmarks.trials.scores import METRICS
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
