@@ -318,10 +318,10 @@ def cloud_of(state: int, offset: int, points: Any) -> Cloud:
         raise InputError(
             f"{what} is of type {type(points).__name__}, but must be (poses, weights) or None."
         )
-    poses, weights = (
-        _numbers(f"{what} has {name}", given)
-        for name, given in zip(("poses", "weights"), points, strict=True)
-    )
+    poses, weights = points
+    plain = type(poses) is type(weights) is np.ndarray
+    if not (plain and poses.dtype.kind == weights.dtype.kind == "f"):
+        poses, weights = _numbers(what, "poses", poses), _numbers(what, "weights", weights)
     if weights.ndim != 1 or not weights.size or poses.shape != (weights.size, 3):
         raise InputError(
             f"{what} has poses of shape {poses.shape} and weights of shape {weights.shape}, "
@@ -331,16 +331,20 @@ def cloud_of(state: int, offset: int, points: Any) -> Cloud:
     return Cloud(state, offset, np.array(poses, kept, order="F").T, np.array(weights, np.float64))
 
 
-def _numbers(what: str, given: Any) -> NDArray[Any]:
+def _numbers(what: str, name: str, given: Any) -> NDArray[Any]:
     """Return an array of real numbers, else refuse it."""
     if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
-        raise InputError(f"{what} that are masked, but they must be an array of numbers.")
+        raise InputError(
+            f"{what} has {name} that are masked, but they must be an array of numbers."
+        )
     try:
         numbers = np.asarray(given)
     except ValueError:  # ragged
         numbers = np.empty(0, object)
     if numbers.dtype.kind not in "fiu":  # "1.5", True and 1j are no real numbers
-        raise InputError(f"{what} of type {numbers.dtype}, but they must be an array of numbers.")
+        raise InputError(
+            f"{what} has {name} of type {numbers.dtype}, but they must be an array of numbers."
+        )
     return numbers
 
 

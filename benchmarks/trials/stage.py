@@ -109,10 +109,11 @@ class Stage:
         key = (number, run) if run else (number,)
         return np.random.default_rng(np.random.SeedSequence(self.trial.seed, spawn_key=key))
 
-    def collector(self) -> Collector:
-        """Return what keeps its journey, or its track on a whole log."""
+    def collector(self) -> Collector | None:
+        """Return what keeps its journey, or its track on a whole log; None if nothing is asked."""
         if self.scenario.judged is None:
-            return JourneyLog(self.task, self.groups)
+            groups = self.groups
+            return JourneyLog(self.task, groups) if groups else None
         from deqmcl_gym.envs.log import LogEnv  # a trial in a room needs none
 
         assert isinstance(self.room, LogEnv)

@@ -226,7 +226,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         self.before_step = {}
         nothing = np.zeros(2, np.float32)
         info = self._info(episode, nothing, collided=False)
-        return self._seen(info), info
+        return self._seen(episode, info), info
 
     def step(self, action: Singles) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
         """Turn, then drive; stop at the first contact with a wall."""
@@ -242,7 +242,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         info = self._info(episode, command, collided)
         given_up = not (info["planned_count"] or episode.done)
         episode.ended = episode.done or given_up
-        return self._seen(info), reward, episode.done, given_up, info
+        return self._seen(episode, info), reward, episode.done, given_up, info
 
     def place(self, at: Pose, noticed: bool = True) -> None:
         """Put the robot at a free pose; the reward ignores the jump.
@@ -326,8 +326,9 @@ class RoomEnv(gym.Env[Any, Singles]):
             info["building"] = np.int64(self.building)
         return cast("dict[str, Any]", info)
 
-    def _seen(self, info: dict[str, Any]) -> Any:
-        episode = self._episode
+    def _seen(self, episode: Episode, info: dict[str, Any]) -> Any:
+        if self._rules.observation == "scan":
+            return episode.scan.copy()
         covered = episode.progress / episode.course.path.length
         elapsed = episode.step / episode.plan.limit
         goal = episode.course.goal
