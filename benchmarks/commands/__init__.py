@@ -22,8 +22,8 @@ COMMANDS = {
     "check": "check that a localizer obeys the laws the benchmarks rely on",
     "new-localizer": "write a small working localizer to start from",
     "new-map": "write a generated building as a ROS map and as polygons",
-    "speed": "measure speed against NumPy, pymunk, CartPole and peers",
 }
 GONE = {  # said to whoever still types them
+    "speed": "in a clone, python -m benchmarks.studies.speed --out DIR measures it",
     "leaderboard": "deqmcl report A B C --out DIR makes one report of folders of the same worlds",
 }

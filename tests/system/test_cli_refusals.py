@@ -73,9 +73,7 @@ def test_a_bad_command_line_is_refused_in_one_sentence_and_nothing_is_written(
     assert os.listdir() == []
 
 
-@pytest.mark.parametrize(
-    "command", ["paper", "run --localizer mcl", "phase", "sweep quick", "speed"]
-)
+@pytest.mark.parametrize("command", ["paper", "run --localizer mcl", "phase", "sweep quick"])
 @pytest.mark.parametrize("out", ["file", "file/below", "file/far/below"])
 def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(
     tmp_path, refusal, command, out
@@ -152,7 +150,7 @@ def test_a_sweep_that_cannot_be_run_is_refused_before_anything_is_written(
 
 @pytest.mark.parametrize(
     "words",
-    [f"{name} --out" for name in ("sweep", "paper", "run", "phase", "report", "export", "speed")]
+    [f"{name} --out" for name in ("sweep", "paper", "run", "phase", "report", "export")]
     + ["new-localizer", "report"],
 )
 def test_a_name_that_no_file_can_have_is_refused(refusal, words):

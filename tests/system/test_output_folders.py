@@ -14,7 +14,6 @@ WRITERS = {
     "paper": ("paper", "--trials", "1", "--localizers", "dead-reckoning", *FEW, "--jobs", "1"),
     "run": ("run", "--localizer", "dead-reckoning", *FEW),
     "phase": ("phase", "--localizers", "dead-reckoning", *FEW),
-    "speed": ("speed", "--quick"),
     "report": ("report",),
     "export": ("export",),
 }
