@@ -1,4 +1,4 @@
-"""What commands share: arguments, warnings, and the setting of ``paper``, ``run``, ``phase``."""
+"""What commands share: arguments, warnings, and the setting of ``paper`` and ``run``."""
 
 import argparse
 import tomllib

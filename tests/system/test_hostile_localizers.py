@@ -88,12 +88,11 @@ def test_what_a_plug_in_does_to_its_process_changes_no_result_and_ends_with_it(
     assert all(map(gone, numbers))
 
 
-@pytest.mark.parametrize("command", ["run", "phase", "check", "sweep"])
+@pytest.mark.parametrize("command", ["run", "check", "sweep"])
 def test_no_command_ends_with_exit_code_0_because_a_plug_in_does(folder, capfd, command):
     write_hostile(folder, "end", "update")
     given = {
         "run": ("--localizer", NAME, "--out", "out"),
-        "phase": ("--localizers", NAME, "--out", "out"),
         "check": (NAME,),
         "sweep": (write_small(folder, trials=1), "--with", NAME, "--dry-run", "--out", "out"),
     }
@@ -130,13 +129,12 @@ SETUPS = {"import": ("room.py:MINE", "base.toml", "agent.toml"), "make": ("agent
 SETUPS["act"] = SETUPS["make"]
 COMMANDS = {
     "run": ("--localizer", "mcl", "--particles", "10"),
-    "phase": ("--localizers", "mcl", "--particles", "10"),
     "paper": ("--localizers", "mcl", "--trials", "1", "--particles", "10"),
     "sweep": (),  # what is in the file
 }
 # each way to end or hang at each moment; scenarios and commands take turns
 TROUBLES = [
-    (what, when, SETUPS[when][number % len(SETUPS[when])], [*COMMANDS][number % 4])
+    (what, when, SETUPS[when][number % len(SETUPS[when])], [*COMMANDS][number % 3])
     for number, (when, what) in enumerate(itertools.product(SETUPS, FATAL))
 ]
 
