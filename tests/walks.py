@@ -126,14 +126,14 @@ def of_command(name: str) -> set[str]:
 
 def of_a_trial(method: str) -> Walk:
     """Return what one trial enters, without its worker and its store."""
-    from benchmarks.sweeps.suites import sweeps_named
+    from benchmarks.sweeps.suites import sweep_named
     from benchmarks.trials.attempt import attempt
     from benchmarks.trials.plugins import key_of
 
     with tempfile.TemporaryDirectory() as folder:
         cell = Path(folder, "cell.toml")
         cell.write_text(CELL.replace("guided", "paper").replace("deq-mcl", method))
-        (sweep,) = sweeps_named(str(cell)).values()
+        sweep = sweep_named(str(cell))
     (trial,) = sweep.distinct()
     key = key_of(trial)
     with followed() as walk:

@@ -316,51 +316,36 @@ def with_agents(sweep: "Sweep", listed: str | None) -> "Sweep":
     return replace(sweep, agent=None, vary=(*sweep.vary, axis), baseline=baseline)
 
 
-def changed(options: argparse.Namespace, sweeps: Mapping[str, "Sweep"]) -> dict[str, "Sweep"]:
-    """Return the sweeps with the worlds, the root seed and the parameters that are asked for.
+def changed(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
+    """Return a sweep with the worlds, the root seed and the parameters that are asked for.
 
-    A parameter is changed in every sweep that has the localizer, also where the sweep sets or
-    varies it. The method of a limit keeps its own, such as its particles.
+    The method of a limit keeps its own parameters, such as its particles.
 
     Args:
         options: of ``add_trials``, ``add_seed`` and ``add_params``.
-        sweeps: by name.
+        sweep: that is changed.
 
     Raises:
-        InputError: a bad value, or a localizer or parameter that none of them has.
+        InputError: a bad value, or a localizer or parameter that it does not have.
     """
     from benchmarks.setup.changes import Changes
     from deqmcl_gym.validation import integer
 
-    found = dict(sweeps)
-    names = [method.name for sweep in sweeps.values() for method in sweep.localizers]
-    own = params_named(options.param, list(dict.fromkeys(names)))
-    for part, sweep in sweeps.items():
-        trials, seed = sweep.trials, sweep.seed
-        if options.trials is not None:
-            trials = integer("--trials", options.trials, low=1, high=100_000)
-        if options.seed is not None:
-            seed = integer("--seed", options.seed)
-        found[part] = replace(
-            sweep,
-            trials=trials,
-            seed=seed,
-            localizers=tuple(
-                replace(method, params=method.params | own.get(method.name, {}))
-                for method in sweep.localizers
-            ),
-            limits=tuple(
-                replace(
-                    limit,
-                    method=replace(
-                        limit.method,
-                        params=Changes(own.get(limit.method.name, {})) | limit.method.params,
-                    ),
-                )
-                for limit in sweep.limits
-            ),
-        )
-    return found
+    own = params_named(options.param, list(dict.fromkeys(sweep.names)))
+    trials, seed = sweep.trials, sweep.seed
+    if options.trials is not None:
+        trials = integer("--trials", options.trials, low=1, high=100_000)
+    if options.seed is not None:
+        seed = integer("--seed", options.seed)
+    localizers = tuple(
+        replace(method, params=method.params | own.get(method.name, {}))
+        for method in sweep.localizers
+    )
+    limits = []
+    for limit in sweep.limits:
+        params = Changes(own.get(limit.method.name, {})) | limit.method.params
+        limits.append(replace(limit, method=replace(limit.method, params=params)))
+    return replace(sweep, trials=trials, seed=seed, localizers=localizers, limits=tuple(limits))
 
 
 def setting_words(sweep: "Sweep") -> str:

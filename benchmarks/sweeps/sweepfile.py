@@ -73,21 +73,24 @@ def suite_names() -> list[str]:
     return sorted(path.stem for path in _SUITES.glob("*.toml"))
 
 
-def suite_file(what: str, name: str, others: Sequence[str] = ()) -> Path:
+def suite_file(what: str, name: str) -> Path:
     """Return the sweep file of a suite.
 
     Raises:
         InputError: there is none of that name.
     """
     try:
-        return _SUITES / f"{one_of(what, name, (*suite_names(), *others))}.toml"
+        return _SUITES / f"{one_of(what, name, suite_names())}.toml"
     except InputError as error:
         if Path(name).exists():
             raise InputError(
                 f"{what} is the file {name}: the name of a sweep file must end in .toml, so save "
                 "it under such a name."
             ) from None
-        raise InputError(f"{str(error).rstrip('.')}, or a file that ends in .toml.") from None
+        raise InputError(
+            f"{str(error).rstrip('.')}, or a file that ends in .toml; docs/reports of the "
+            "repository has those of its reports."
+        ) from None
 
 
 def sweep_of(
