@@ -21,7 +21,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.execution.apart import where_safe
     from benchmarks.studies.phase.command import METHODS, run_phase
 
     named = options.localizers
@@ -31,4 +30,4 @@ def run(options: argparse.Namespace) -> str:
     title = f"The queue as theta phase: scenario {sweep.scenario}, {shared.setting_words(sweep)}"
     trials, out, command = sweep.distinct(), options.out.absolute(), options.words
     with doing("running and drawing a lap of each localizer"):
-        return where_safe(trials, run_phase, trials, options.fields, out, title, command)
+        return run_phase(trials, options.fields, out, title, command)
