@@ -29,9 +29,10 @@ from deqmcl_gym.validation import InputError, in_words, one_of
 from localizers.digests import file_digest, loaded_digest, module_digest
 
 _MODULE = "_localizer_"  # begins the name of a module that is a file of its own
+_LOADERS = (__file__, str(importlib.__file__), "<frozen importlib")  # of code, in a traceback
 _MISSING = (
-    ": install it, put its folder on PYTHONPATH, or give path/to/file.py:NAME; a file stands alone,"
-    " so make it and what it imports beside it a package"
+    "install it, put its folder on PYTHONPATH, or give path/to/file.py:NAME; a file stands alone, "
+    "so make it and what it imports beside it a package"
 )
 
 
@@ -46,6 +47,7 @@ class Kind:
         call: how one is made of what a name leads to.
         verbs: its methods, with their arguments.
         holds: type of what a name leads to, if that is the thing itself.
+        own: how one's own is named.
         gone: names that there were; what to use instead. Folders may hold them.
         added: registered in this process, by name.
         received: names of those that came from the process that sends the trials.
@@ -57,6 +59,7 @@ class Kind:
     call: str = ""
     verbs: tuple[str, ...] = ()
     holds: type | None = None
+    own: str = "path/to/file.py:NAME or package.module:NAME"
     gone: Mapping[str, str] = field(default_factory=dict)
     added: dict[str, Any] = field(default_factory=dict)
     received: set[str] = field(default_factory=set)
@@ -137,8 +140,7 @@ class Kind:
         try:
             reference = self.installed()[one_of(self.word, name, self.names())]
         except InputError as error:
-            own = "your own as path/to/file.py:NAME or package.module:NAME"
-            raise InputError(f"{str(error).rstrip('.')}, or {own}.") from None
+            raise InputError(f"{str(error).rstrip('.')}, or your own as {self.own}.") from None
         if " and " in reference:
             raise InputError(
                 f"the {self.word} name {name!r} is offered by several installed packages, "
@@ -185,10 +187,11 @@ class Kind:
                 "path/to/file.py:NAME."
             )
         module = self._module(name, place)
-        found = _called(f"{named} cannot be imported", place, _attribute, named, module, attribute)
+        asked = (_attribute, named, module, place, attribute)
+        found = _called(f"{named} cannot be imported", place, *asked)
         if not (callable(found) if self.holds is None else isinstance(found, self.holds)):
-            must = f"a class or a function for {self.call}" if self.holds is None else "one"
-            raise InputError(f"{named} is of type {type(found).__name__}, but must be {must}.")
+            must = self.holds.__name__ if self.holds else f"class or a function for {self.call}"
+            raise InputError(f"{named} is of type {type(found).__name__}, but must be a {must}.")
         return found
 
     def parameters(self, name: str) -> tuple[str, ...] | None:
@@ -361,8 +364,8 @@ def raised(error: BaseException, file: str | None = None) -> str:
     if isinstance(error, SyntaxError):  # they say where
         return words
     frames = traceback.extract_tb(error.__traceback__)
-    others = [frame for frame in frames if frame.filename != __file__]
-    own = [frame for frame in others if frame.filename == file] or others
+    theirs = [frame for frame in frames if not frame.filename.startswith(_LOADERS)]
+    own = [frame for frame in theirs if frame.filename == file] or theirs
     return f"{words} ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else words
 
 
@@ -388,8 +391,10 @@ def _called(
     except BaseException as error:
         if isinstance(error, InputError) or is_ctrl_c(error):
             raise
-        hint = _MISSING if isinstance(error, ModuleNotFoundError) else ""
-        raise InputError(f"{what}: its own code raised {raised(error, place)}{hint}.") from error
+        words = raised(error, place)
+        missing = isinstance(error, ModuleNotFoundError)
+        words = f"{words}: {_MISSING}" if missing else f"its own code raised {words}"
+        raise InputError(f"{what}: {words}.") from error
 
 
 def _run(path: str, source: bytes) -> ModuleType:
@@ -419,13 +424,13 @@ def _source(path: Path, named: str) -> bytes:
         raise InputError(f"{named} cannot be read: {path}: {error.strerror}{hint}.") from None
 
 
-def _attribute(named: str, module: ModuleType, attribute: str) -> Any:
+def _attribute(named: str, module: ModuleType, place: str, attribute: str) -> Any:
     try:
         return reduce(getattr, attribute.split("."), module)
     except AttributeError:
         own = [name for name, value in vars(module).items() if _is_of(module, value)]
         raise InputError(
-            f"{named} does not exist: {module.__file__} has no {attribute!r}"
+            f"{named} does not exist: {place} has no {attribute!r}"
             f"{_nearest(attribute, own)}; it defines {', '.join(own) or 'nothing'}."
         ) from None
 

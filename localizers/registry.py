@@ -48,8 +48,27 @@ LOCALIZER = Kind(
         "deq-mcl-rejuvenated": "use deq-mcl-fresh.",
     },
 )
-names, parameters, resolve = LOCALIZER.names, LOCALIZER.parameters, LOCALIZER.resolve
 register, registered = LOCALIZER.register, LOCALIZER.registered
+
+
+def names() -> tuple[str, ...]:
+    """Names of the localizers that are built in, registered or installed; none is loaded."""
+    return LOCALIZER.names()
+
+
+def resolve(name: str) -> Factory:
+    """Return the factory that a name leads to; see ``Kind.resolve``. It runs a plug-in's code.
+
+    Raises:
+        InputError: there is no such name, its code cannot be imported, or it is no factory.
+    """
+    factory: Factory = LOCALIZER.resolve(name)
+    return factory
+
+
+def parameters(name: str) -> tuple[str, ...] | None:
+    """Names of a localizer's parameters; None if its factory takes any."""
+    return LOCALIZER.parameters(name)
 
 
 def make(name: str, robot: RobotModel, **params: Any) -> Localizer:

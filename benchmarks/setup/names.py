@@ -34,6 +34,7 @@ SCENARIO = Kind(
     builtin={**SCENARIOS, **dict.fromkeys(_OF_LOGS)},
     group="deqmcl.scenarios",
     holds=Scenario,
+    own="room.toml or file.py:NAME",
 )
 _KEYS = ("words", "base", "env", "assumed", "prior", "agent", "buildings", "thresholds")
 _DEEPEST = 8  # files, each the base of the next

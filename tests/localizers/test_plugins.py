@@ -10,15 +10,18 @@ from types import ModuleType
 
 import pytest
 from deqmcl_command import python
+from refusals import refused
 
 import localizers
+from benchmarks.setup.names import AGENT
 from benchmarks.trials.attempt import attempt
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
-from localizers.naming import registry
-from localizers.naming.digests import UNREAD
-from localizers.naming.registry import unreadable
+from localizers import kinds
+from localizers.digests import UNREAD
+from localizers.methods.deq_mcl import mcl
+from localizers.registry import LOCALIZER
 from localizers.template import MyLocalizer
 
 BUILT_IN = localizers.names()
@@ -205,7 +208,7 @@ def test_an_entry_point_is_listed_last_and_loaded_only_when_used(robot, module, 
     assert not [name for name in sys.modules if name.partition(".")[0] == "pack"]
     assert type(localizers.make("theirs", robot)).__name__ == "Mine"
     assert "pack.raises" not in sys.modules
-    assert localizers.resolve("mcl") is registry.mcl  # the built-in one goes first
+    assert localizers.resolve("mcl") is mcl  # the built-in one goes first
     assert "its own code raised ArithmeticError: no luck (raises.py, line 2)" in refusal("broken")
 
 
@@ -223,58 +226,36 @@ def test_an_entry_point_of_two_packages_is_refused_unless_they_agree(module, ins
     localizers.resolve("same")
 
 
-MALFORMED = (  # what importlib.metadata makes of them differs with the version of Python
-    b"[deqmcl.localizers]\nno equals sign\n",
-    b"[deqmcl.localizers]\nmine = pack.good:Mine\nno equals sign\n",
-    b"[deqmcl.localizers]\n = pack.good:Mine\n",
-    b"[deqmcl.localizers\nmine = pack.good:Mine\n",
-    b"no section\n",
-    b"[console_scripts]\nrun\n",
-    b"\xff\xfe\0",
-)
+MALFORMED = (b"[deqmcl.localizers]\nno equals sign\n = pack.good:Mine\n", b"no section\n", b"\xff")
 
 
 @pytest.mark.parametrize("text", MALFORMED)
-def test_malformed_entry_points_of_one_package_hide_no_other_and_are_named(
-    module, install, tmp_path, text
-):
+def test_malformed_entry_points_of_one_package_hide_no_other(module, install, tmp_path, text):
     install("theirs = pack.good:Mine")
     install("", "malformed")
     (tmp_path / "site-malformed" / "malformed-1.0.dist-info" / "entry_points.txt").write_bytes(text)
+    (tmp_path / "site-malformed" / "nameless.dist-info").mkdir()
     assert localizers.names()[-1] == "theirs"
     localizers.resolve("theirs")
-    said = refusal("dec-mcl")
-    named = "(the entry points of malformed cannot be read)" in said
-    assert named == (unreadable() == ["malformed"])
 
 
-def test_a_package_without_a_name_hides_no_other(module, install, tmp_path):
-    install("theirs = pack.good:Mine")
-    for metadata in (None, b"\xff\xfe\0", b""):
-        info = tmp_path / "site-other" / f"x{metadata!r:.3}.dist-info"
-        info.mkdir()
-        if metadata is not None:
-            (info / "METADATA").write_bytes(metadata)
-    assert localizers.names()[-1] == "theirs"
+def test_installed_packages_are_looked_through_once(monkeypatch):
+    localizers.names()
+    monkeypatch.setattr(kinds, "distributions", None)
+    assert localizers.names() == BUILT_IN
+    AGENT.names()
 
 
-@pytest.mark.parametrize("text", ["", "class Other:\n    pass\n\n", "def _other(robot): ...\n"])
-def test_a_file_with_one_localizer_is_completed_by_its_name_without_being_run(tmp_path, text):
+@pytest.mark.parametrize("other", ["", "class Other:\n    pass\n\n", "def _other(robot): ...\n"])
+def test_a_file_with_one_localizer_means_that(tmp_path, robot, other):
     file = tmp_path / "one.py"
-    one = "class One:\n    def reset(self, p, a, r): ...\n    def update(self, r, a, p): ...\n"
-    file.write_text(f"{text}{one}\nraise SystemExit(1)\n")
-    assert registry.complete(str(file)) == f"{file}:One"
+    file.write_text(
+        f"from localizers.template import MyLocalizer\n{other}\nclass One(MyLocalizer): ...\n"
+    )
+    assert LOCALIZER.complete(str(file)) == f"{file}:One"
+    assert type(localizers.make(str(file), robot)).__name__ == "One"
     for name in ("mcl", "pack.good:Mine", f"{file}:One", "never-heard-of"):
-        assert registry.complete(name) == name
-
-
-def test_methods_that_are_inherited_from_another_file_count_where_no_class_has_its_own(tmp_path):
-    file = tmp_path / "one.py"
-    text = "from localizers.template import MyLocalizer\n\nclass Error(Exception): pass\n"
-    file.write_text(f"{text}class One(MyLocalizer): pass\n")
-    assert registry.complete(str(file)) == f"{file}:One"
-    file.write_text(f"{text}class Two(MyLocalizer):\n    def reset(self, p, a, r): ...\n")
-    assert registry.complete(str(file)) == f"{file}:Two"
+        assert LOCALIZER.complete(name) == name
 
 
 STARTING = """
@@ -306,19 +287,17 @@ def test_a_file_whose_own_processes_cannot_import_it_is_told_to_be_a_package(tmp
 def test_a_file_that_imports_one_beside_it_is_told_to_be_a_package(tmp_path):
     (tmp_path / "helper.py").write_text("")
     (tmp_path / "bad.py").write_text("import helper\n")
-    assert "so make bad and helper a package." in refusal(f"{tmp_path}/bad.py:Mine")
+    assert "No module named 'helper' (bad.py, line 1)" in refusal(f"{tmp_path}/bad.py:Mine")
 
 
 @pytest.mark.parametrize(
     ("name", "words"),
     [
         ("dec-mcl", ["did you mean 'deq-mcl'?", "package.module:NAME", "path/to/file.py:NAME"]),
-        ("no_such_pack:Mine", ["no module is named 'no_such_pack'", "PYTHONPATH"]),
-        ("pack.goood:Mine", ["no module is named 'pack.goood' (did you mean 'good'?)"]),
-        ("pack.good.deep:Mine", ["no module is named 'pack.good.deep'"]),
+        ("no_such_pack:Mine", ["No module named 'no_such_pack': install it", "PYTHONPATH"]),
+        ("pack.good.deep:Mine", ["No module named 'pack.good.deep'"]),
         ("pack.good:Mien", ["pack.good has no 'Mien' (did you mean 'Mine'?)", "OnlyRobot"]),
-        ("pack.good:number", ["is an int", "must be a class or a function"]),
-        ("pack.good:NoRobot", ["takes no robot", "factory(robot"]),
+        ("pack.good:number", ["is of type int", "must be a class or a function for NAME(robot"]),
         ("pack.good:", ["must be package.module:NAME"]),
         (":Mine", ["must be package.module:NAME"]),
         ("pack.good:Mine()", ["must be package.module:NAME"]),
@@ -327,8 +306,8 @@ def test_a_file_that_imports_one_beside_it_is_told_to_be_a_package(tmp_path):
         ("far/good.py:Mine", ["No such file"]),
         ("./:Mine", ["is a folder"]),
         ("pack/good.py", ["has Mine, OnlyRobot, NoRobot", "as in pack/good.py:Mine"]),
-        ("pack/raises.py", ["has no class with reset and update", "as in pack/raises.py:NAME"]),
-        ("pack/torn.py", ["cannot be parsed as Python: invalid syntax (torn.py, line 2)"]),
+        ("pack/raises.py", ["its own code raised ArithmeticError: no luck (raises.py, line 2)"]),
+        ("pack/torn.py", ["SyntaxError: invalid syntax (torn.py, line 2)."]),
         ("pack/gone.py", ["No such file"]),
     ],
 )
@@ -341,16 +320,15 @@ def test_what_cannot_be_resolved_is_said_in_one_sentence(module, name, words):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("def (:\n", "bad.py, line 1: "),
+        ("def (:\n", "(bad.py, line 1)."),
         ("x = '\0'\n", "null"),
-        ("import no_such_dependency\n", "its own code raised ModuleNotFoundError: No module named"),
+        (
+            "import no_such_dependency\n",
+            "ModuleNotFoundError: No module named 'no_such_dependency' (",
+        ),
         ("\n\nx = 1 / 0\n", "ZeroDivisionError: division by zero (bad.py, line 3)."),
         ("def __getattr__(name):\n    1 / 0\n", "ZeroDivisionError: division by zero (bad.py"),
         ("import sys\nsys.exit('bye')\n", "SystemExit: bye (bad.py, line 2)."),
-        (
-            "from deqmcl_gym.validation import InputError as E\nraise E('mine.')",
-            "InputError: mine (",
-        ),
         ("", "has no 'Mine'; it defines nothing."),
         ("from localizers import PoseBelief\ndef mines(robot): ...", "defines mines."),
     ],
@@ -364,15 +342,20 @@ def test_bad_code_is_said_in_one_sentence_and_a_file_is_read_again_when_mended(m
 
 
 @pytest.mark.parametrize(
-    ("attribute", "error", "words"),
+    ("attribute", "words"),
     [
-        ("NoUpdate", RuntimeError, "is a NoUpdate without update: a localizer has reset"),
-        ("none", RuntimeError, "is None without reset and update"),
-        ("refuses", ValueError, "not this robot"),  # as the constructor raised it
+        (
+            "NoUpdate",
+            "is of type NoUpdate, without update: one has reset(prior, plan, rng) and upd",
+        ),
+        ("none", "is of type NoneType, without reset and update"),
+        ("refuses", r"its own code raised ValueError: not this robot (mine.py, line "),
+        ("NoRobot", "cannot be made by NAME(robot, **params): its own code raised TypeError"),
+        ("leaves", "its own code raised SystemExit: bye (mine.py, line "),
     ],
 )
-def test_what_is_no_localizer_is_refused_when_it_is_made(robot, file, attribute, error, words):
-    with pytest.raises(error, match=words):
+def test_what_is_no_localizer_is_refused_when_it_is_made(robot, file, attribute, words):
+    with refused(f"{file}:{attribute}", words):
         localizers.make(f"{file}:{attribute}", robot)
 
 
@@ -390,7 +373,7 @@ def test_a_file_is_resolved_again_in_a_spawned_process(file, monkeypatch):
 def test_a_pipe_is_not_waited_for(tmp_path, name):
     os.mkfifo(tmp_path / "pipe.py")
     with pytest.raises(InputError, match="is a named pipe"):
-        localizers.parameters(registry.complete(str(tmp_path / name)))
+        localizers.parameters(LOCALIZER.complete(str(tmp_path / name)))
 
 
 def test_the_digest_of_a_file_changes_with_its_text_alone_wherever_it_lies(file, tmp_path):

@@ -15,7 +15,7 @@ from benchmarks.trials.plugins import guest_of, key_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from localizers.models.scan import LidarScan, Scan
-from localizers.naming.scans import ScanPlugIn
+from localizers.scan_plug_in import ScanPlugIn
 
 MODEL = """
 import numpy as np
@@ -144,7 +144,7 @@ def test_a_model_that_answers_amiss_fails_its_trial_in_a_sentence(tmp_path, answ
 @pytest.mark.parametrize(
     ("kind", "words"),
     [
-        ("away.py", ["away.py cannot be read"]),
+        ("away.py", ["scan model 'away.py' cannot be read"]),
         ("away.py:Same", ["away.py", "No such file"]),
         ("mine.py:Sam", ["has no 'Sam'", "it defines Same"]),
         ("json:loads", ["'json:loads' cannot be made", "TypeError"]),
