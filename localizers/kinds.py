@@ -283,12 +283,9 @@ def _entry_points(path: tuple[str, ...]) -> dict[str, dict[str, str]]:
 def parameters_of(
     factory: Callable[..., Any], given: int = 1, named: Iterable[str] = ()
 ) -> tuple[str, ...] | None:
-    """Names of a factory's parameters beside those that all are given; None if it takes any.
+    """Names of a factory's parameters; None if it takes any.
 
-    Args:
-        factory: class or function.
-        given: how many arguments all are given by position.
-        named: arguments that all are given by name.
+    Beside those that all are given: ``given`` by position, and by name those that are ``named``.
     """
     try:
         listed = list(inspect.signature(factory).parameters.values())
@@ -419,8 +416,7 @@ def _source(path: Path, named: str) -> bytes:
     except UnreadableError as error:
         raise InputError(f"{named} cannot be read: {path} {error}.") from None
     except FileNotFoundError as error:
-        beside = [file.name for file in path.parent.glob("*.py")]
-        hint = _nearest(path.name, beside)
+        hint = _nearest(path.name, [file.name for file in path.parent.glob("*.py")])
         raise InputError(f"{named} cannot be read: {path}: {error.strerror}{hint}.") from None
 
 

@@ -12,7 +12,7 @@ from sweep_command import sweep, write_small
 HOSTILE = Path(__file__).with_name("hostile.py").read_text()
 NAME = "./hostile.py:Hostile"
 FATAL = [("hang", "update"), ("end", "reset"), ("exit", "points"), ("interrupt", "update")]
-HARMLESS = ("leave", "spoil", "thread", "fork", "child")
+HARMLESS = ("leave", "spoil", "child")
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
@@ -69,7 +69,7 @@ def test_what_a_plug_in_does_to_its_process_changes_no_result_and_ends_with_it(
     assert small_sweep(folder, Path("out")) == 0
     assert trials_in(folder) == unspoilt
     if what == "child":
-        command = Path(f"/proc/{(folder / 'started').read_text().split()[0]}/cmdline")
+        command = Path(f"/proc/{(folder / 'started').read_text().strip()}/cmdline")
         until = time.monotonic() + 5
         while command.exists() and command.read_bytes() and time.monotonic() < until:
             time.sleep(0.02)
@@ -98,7 +98,7 @@ def write_setup(folder):
     [
         ("exit", "import", ("run", "--localizer", "hostile.py")),
         ("recurse", "import", ("sweep", "small.toml")),
-        ("allocate", "make", ("sweep", "small.toml")),
+        ("recurse", "make", ("sweep", "small.toml")),
         ("exit", "import", ("paper", "--scenario", "room.py:MINE", "--trials", "1")),
         ("close", "import", ("run", "--localizer", "mcl", "--scenario", "base.toml")),
         ("exit", "import", ("phase", "--scenario", "agent.toml")),
