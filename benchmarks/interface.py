@@ -37,7 +37,7 @@ from benchmarks.trials.stage import Stage
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError, integer, one_of, shown
 from localizers import Belief, registered
-from localizers.naming.registry import Factory
+from localizers.registry import Factory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

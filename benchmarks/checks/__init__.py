@@ -3,8 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeVar
 
-from benchmarks.execution.apart import apart
-from benchmarks.execution.processes import TimedOutError, WorkerDiedError
+from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
 from localizers.checks.laws import Verdict
 from localizers.checks.subject import LawBrokenError
 from localizers.naming.plugins import is_ctrl_c, raised
@@ -37,6 +36,12 @@ def tried(
 def asked(foreign: bool, timeout: float, function: Callable[..., Any], *given: object) -> Any:
     """Call a function, in another process if it runs code from elsewhere."""
     return apart(function, *given, timeout=timeout) if foreign else function(*given)
+
+
+def apart(function: Callable[..., Any], *given: object, timeout: float) -> Any:
+    """Call a function in a process of its own."""
+    with Processes(1, timeout=timeout, guest_of=lambda *_: "a guest") as process:
+        return process.submit(function, *given).result()
 
 
 def require(holds: bool, otherwise: str) -> None:

@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from benchmarks.checks import asked, require, tried
-from benchmarks.setup.assumed import is_code
 from benchmarks.setup.changes import Changes
 from benchmarks.setup.names import absolute_scenario
 from benchmarks.trials.spec import Trial
@@ -18,7 +17,7 @@ from localizers import UniformPrior, absolute_name
 from localizers.checks.laws import Verdict
 from localizers.checks.randomness import global_states
 from localizers.models.scan import Scan, ScanModel
-from localizers.naming.scans import complete_scan, scan_name
+from localizers.scan_plug_in import SCAN_MODEL, is_code, scan_name
 
 WORLDS = ("sharp", "lost")  # the first that a model does not refuse is the one it is tried in
 FREE, ANYWHERE = 200, 100  # poses that a scan is held against; the last on and around the map
@@ -177,7 +176,7 @@ def verdicts(name: str, scenario: str | None = None, *, timeout: float = 60.0) -
         InputError: there is no such scan model, or it refuses every world.
     """
     foreign = is_code(name)
-    kind = absolute_name(complete_scan(name)) if foreign else name
+    kind = absolute_name(SCAN_MODEL.complete(name)) if foreign else name
     worlds = WORLDS if scenario is None else (absolute_scenario(scenario),)
     scans = asked(foreign, timeout, _world_of, kind, worlds)
     yield from tried(LAWS, scans, scan_name(kind), foreign=foreign, timeout=timeout)

@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> str:
     from localizers.checks.laws import LAWS
     from localizers.checks.run import examined
     from localizers.checks.subject import robot_on
-    from localizers.naming.registry import complete
+    from localizers.registry import LOCALIZER
 
     if options.agent or options.scan:
         if options.map is not None:
@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> str:
             "--scenario is for agents and scan models: give --agent or --scan, or --map for a "
             "localizer."
         )
-    name = complete(options.name)
+    name = LOCALIZER.complete(options.name)
     robot = None if options.map is None else robot_on(GridMap.load(options.map))
     with doing(f"loading {name}"):
         examination = examined(name, robot, timeout=options.timeout)

@@ -41,8 +41,8 @@ def run(options: argparse.Namespace) -> str:
 
 def _parameters(name: str) -> str:
     """Return a localizer's parameters; a plug-in that cannot be loaded must not spoil the list."""
-    from benchmarks.execution.apart import parameters
     from deqmcl_gym.validation import one_line
+    from localizers import parameters
 
     try:
         known = parameters(name)

@@ -200,11 +200,10 @@ def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, d
     Raises:
         InputError: another form, an unknown localizer or parameter, or one given twice.
     """
-    from benchmarks.execution.apart import parameters
     from benchmarks.setup.changes import OF_LOCALIZERS, Changes
     from deqmcl_gym.validation import InputError, one_of
-    from localizers import absolute_name
-    from localizers.naming.registry import complete
+    from localizers import absolute_name, parameters
+    from localizers.registry import LOCALIZER
 
     as_given = {absolute_name(name): name for name in localizers}
     found: dict[str, dict[str, Any]] = {}
@@ -215,7 +214,7 @@ def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, d
             raise InputError(
                 f"--param is {word!r}, but must be NAME.KEY=VALUE, as mcl-map.start_draws=20."
             )
-        name = complete(given)
+        name = LOCALIZER.complete(given)
         name = as_given.get(absolute_name(name), name)
         one_of("localizer in --param", name, localizers)
         known = parameters(name)
@@ -259,13 +258,12 @@ def setting_sweep(
     Raises:
         InputError: something of it is refused; nothing was run or written.
     """
-    from benchmarks.execution.apart import parameters
     from benchmarks.setup.changes import Changes, Named
     from benchmarks.sweeps.running import check
     from benchmarks.sweeps.suites import paper_sweep
     from benchmarks.trials.spec import Method
     from deqmcl_gym.validation import InputError, integer
-    from localizers import names
+    from localizers import names, parameters
 
     if not localizers:
         raise InputError(f"no localizer is named: allowed values: {', '.join(names())}.")
@@ -359,6 +357,6 @@ def localizers_named(listed: str) -> tuple[str, ...]:
     Raises:
         InputError: a file holds none or several, or cannot be read.
     """
-    from localizers.naming.registry import complete
+    from localizers.registry import LOCALIZER
 
-    return tuple(complete(name) for part in listed.split(",") if (name := part.strip()))
+    return tuple(LOCALIZER.complete(name) for part in listed.split(",") if (name := part.strip()))

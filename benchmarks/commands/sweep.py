@@ -80,10 +80,7 @@ def run(options: argparse.Namespace) -> str:
 
     if options.executor == "process":
         prepare()  # while this process loads what it needs
-    from benchmarks.execution.apart import answered_within
-
-    with answered_within(options.timeout):
-        return _swept(options)
+    return _swept(options)
 
 
 def stopping(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
@@ -120,7 +117,6 @@ _NO_SHARD = (
 
 
 def _swept(options: argparse.Namespace) -> str:
-    from benchmarks.execution.apart import parameters
     from benchmarks.execution.engines import Where
     from benchmarks.pictures.viewing import check_folder
     from benchmarks.report import decisions
@@ -140,6 +136,7 @@ def _swept(options: argparse.Namespace) -> str:
     )
     from benchmarks.sweeps.suites import sweep_named
     from benchmarks.sweeps.verifying import adopt
+    from localizers import parameters
 
     added = [name for listed in options.added for name in shared.localizers_named(listed)]
     how = Options(

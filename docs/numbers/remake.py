@@ -26,7 +26,6 @@ from msgspec.structs import replace
 from benchmarks.commands import paper as paper_command
 from benchmarks.commands import shared
 from benchmarks.commands import sweep as sweep_command
-from benchmarks.execution.apart import provenance
 from benchmarks.execution.engines import Where, available_cpus
 from benchmarks.sweeps import manifest, suites
 from benchmarks.sweeps.design import Sweep
@@ -36,6 +35,7 @@ from benchmarks.sweeps.verifying import compare_again, parts_of, sample
 from benchmarks.tables.csv_files import results_csv
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.attempt import Outcome
+from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import code_digest
 from benchmarks.trials.scoring import Record
 from benchmarks.trials.spec import Trial
@@ -173,7 +173,7 @@ def verified(name: str, sweep: Sweep, where: Where) -> tuple[str, int]:
         return f"had error {kept[trial]['error']} and has {found.record.scores[0]['error']}"
 
     chosen = {trial: trials[trial] for trial in kept}
-    differing = compare_again(chosen, provenance(sweep.cells()), where, difference)
+    differing = compare_again(chosen, provenance_of(sweep.cells()), where, difference)
     for trial in kept:
         if trial in differing:
             own = trials[trial]
