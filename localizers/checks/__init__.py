@@ -1,19 +1,228 @@
 """Whether a localizer keeps the laws that the benchmarks rely on: ``check_localizer(name)``.
 
-The command ``deqmcl check NAME`` prints the same; ``parametrize_with_laws`` makes it pytest tests.
+``deqmcl check NAME`` prints the same; ``parametrize_with_laws`` makes a pytest test of each law.
+A localizer is loaded and run in this process, where a debugger sees it and Ctrl-C ends it.
 """
 
-from localizers.checks.laws import LAWS, Law, Verdict
-from localizers.checks.run import Report, check_localizer, parametrize_with_laws
-from localizers.checks.subject import LawBrokenError, LawSkippedError
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
+
+import numpy as np
+
+from deqmcl_gym.validation import one_of
+from localizers.checks.laws import LAWS
+from localizers.checks.process import changes_since, process_state, process_state_kept
+from localizers.checks.subject import (
+    LawBrokenError,
+    LawSkippedError,
+    Subject,
+    default_robot,
+    random_drive,
+)
+from localizers.models.robot import RobotModel
+from localizers.naming.plugins import absolute_name, raised
+from localizers.naming.registry import Factory, is_registered, parameters_of, resolve
+
+if TYPE_CHECKING:
+    import pytest
 
 __all__ = [
     "LAWS",
-    "Law",
+    "Examination",
     "LawBrokenError",
     "LawSkippedError",
+    "Laws",
     "Report",
     "Verdict",
     "check_localizer",
+    "default_robot",
+    "examination_of",
+    "name_of",
     "parametrize_with_laws",
 ]
+
+_MAY_BE_ADDED_TO = ("the filters of warnings", "os.environ", "sys.path")  # by an import
+
+T = TypeVar("T")
+Law = Callable[[T], str | None]
+Laws = Mapping[Law[T], Law[T] | None]  # each with the one that must hold before it is tried
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The verdict on one law.
+
+    Attributes:
+        law: its name.
+        status: "ok", "FAILED" or "skipped".
+        note: the reason, or a remark; may be empty.
+        error: what was raised, if it failed.
+    """
+
+    law: str
+    status: Literal["ok", "FAILED", "skipped"]
+    note: str = ""
+    error: Exception | None = field(default=None, compare=False)
+
+    def __str__(self) -> str:
+        return f"{self.status:<8} {self.law}{': ' if self.note else ''}{self.note}"
+
+
+@dataclass(frozen=True)
+class Report:
+    """The verdicts on all laws.
+
+    Attributes:
+        name: of what was checked.
+        verdicts: one per law, in their order.
+    """
+
+    name: str
+    verdicts: tuple[Verdict, ...]
+
+    @property
+    def passed(self) -> bool:
+        """Whether no law failed."""
+        return not self.failed
+
+    @property
+    def failed(self) -> tuple[Verdict, ...]:
+        """Verdicts of the laws that failed."""
+        return tuple(verdict for verdict in self.verdicts if verdict.status == "FAILED")
+
+    def __str__(self) -> str:
+        return "\n".join([f"{self.name}:", *map(str, self.verdicts)])
+
+
+@dataclass(frozen=True)
+class Examination(Generic[T]):
+    """Tries laws on a subject, each at most once and after the one that it needs.
+
+    Attributes:
+        laws: in the order in which they are tried.
+        subject: what they are about.
+        file: that the subject is written in: where it raised an exception is told as a line of it.
+    """
+
+    laws: Laws[T]
+    subject: T
+    file: str | None
+    _tried: dict[Law[T], Verdict] = field(default_factory=dict, init=False)
+
+    def __iter__(self) -> Iterator[Verdict]:
+        return map(self.verdict, self.laws)
+
+    def verdict(self, law: Law[T]) -> Verdict:
+        """Try a law; skipped if one that it needs, or that this one needs, is broken."""
+        if law not in self._tried:
+            self._tried[law] = self._skipped(law) or self._verdict(law)
+        return self._tried[law]
+
+    def _skipped(self, law: Law[T]) -> Verdict | None:
+        need = self.laws[law]
+        while need is not None:
+            if self.verdict(need).status == "FAILED":
+                return Verdict(name_of(law), "skipped", f"it fails {name_of(need)!r}")
+            need = self.laws[need]
+        return None
+
+    def _verdict(self, law: Law[T]) -> Verdict:
+        name = name_of(law)
+        try:
+            with process_state_kept():
+                return Verdict(name, "ok", law(self.subject) or "")
+        except LawSkippedError as reason:
+            return Verdict(name, "skipped", str(reason))
+        except LawBrokenError as reason:
+            return Verdict(name, "FAILED", str(reason), reason)
+        except Exception as error:
+            return Verdict(name, "FAILED", f"it raised {raised(error, self.file)}", error)
+
+
+def name_of(law: Callable[..., object]) -> str:
+    """Return the name of a law, such as "same rng same result"."""
+    return law.__name__.replace("_", " ")
+
+
+def check_localizer(
+    localizer: str | Factory, robot: RobotModel | None = None, **params: Any
+) -> Report:
+    """Try a localizer against all ``LAWS``; its own exceptions become verdicts.
+
+    Args:
+        localizer: a name (see ``localizers.resolve``), or a factory itself.
+        robot: to make it for; by default eight beams in a small room.
+        params: given to the factory.
+
+    Raises:
+        InputError: the name cannot be resolved, or a parameter is unknown.
+    """
+    examination = examination_of(localizer, robot, **params)
+    return Report(examination.subject.name, tuple(examination))
+
+
+def examination_of(
+    localizer: str | Factory, robot: RobotModel | None = None, **params: Any
+) -> Examination[Subject]:
+    """Return the examination of a localizer; arguments as of ``check_localizer``."""
+    before, robot = process_state(), default_robot() if robot is None else robot
+    if isinstance(localizer, str):
+        name, factory = localizer, resolve(localizer)
+        sent = factory if is_registered(name) else absolute_name(name)
+    else:
+        name, factory, sent = getattr(localizer, "__name__", repr(localizer)), localizer, localizer
+    imported = [what for what in changes_since(before) if what not in _MAY_BE_ADDED_TO]
+    known = parameters_of(factory)
+    for param in params:
+        if known is not None:
+            one_of(f"parameter of localizer {name!r}", param, known)
+    drive = random_drive(robot, np.random.default_rng(0))
+    subject = Subject(
+        name=name, factory=factory, params=params, robot=robot, drive=drive, sent=sent,
+        imported=imported,
+    )  # fmt: skip
+    return Examination(LAWS, subject, subject.file)
+
+
+def parametrize_with_laws(
+    localizer: str | Factory,
+    robot: RobotModel | None = None,
+    *,
+    expected_failures: Mapping[str, str] | None = None,
+    **params: Any,
+) -> "pytest.MarkDecorator":
+    """Return a pytest decorator that gives a test each law in turn, as ``law``.
+
+    ``@parametrize_with_laws(MyLocalizer)`` above ``def test_it_keeps(law): law()``.
+
+    Args:
+        localizer, robot, params: as of ``check_localizer``.
+        expected_failures: reasons by name of the law; a law that is kept after all then fails.
+
+    Raises:
+        InputError: an expected failure is of no law; else as ``check_localizer``.
+    """
+    import pytest
+
+    expected, names = expected_failures or {}, {name_of(law): law for law in LAWS}
+    for name in expected:
+        one_of("law", name, names)
+    examination = examination_of(localizer, robot, **params)
+    cases = []
+    for name, law in names.items():
+        reason = expected.get(name)
+        marks = [pytest.mark.xfail(reason=reason, strict=True)] if reason is not None else []
+        cases.append(pytest.param(partial(_hold, examination, law), id=name, marks=marks))
+    return pytest.mark.parametrize("law", cases)
+
+
+def _hold(examination: Examination[Subject], law: Law[Subject]) -> None:
+    import pytest
+
+    verdict = examination.verdict(law)
+    if verdict.status == "skipped":
+        pytest.skip(verdict.note)
+    if verdict.error is not None:
+        raise verdict.error

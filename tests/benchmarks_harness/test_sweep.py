@@ -318,4 +318,4 @@ def test_what_holds_a_whole_sweep_a_cloud_or_all_laws_is_shown_on_a_line(tmp_pat
     assert repr(belief) == "<ParticleBelief of 15 particles at steps 0 to 4>"
     assert repr(swept(tmp_path, ("mcl",))) == "<Results of 't': 2 of 2 trials finished, 0 failed>"
     verdict = Verdict("finite", "FAILED", "a weight is nan")
-    assert repr(Report("mine", (verdict,))) == "<mine: 1 of 1 laws failed>"
+    assert str(Report("mine", (verdict,))) == "mine:\nFAILED   finite: a weight is nan"
