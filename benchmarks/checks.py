@@ -24,7 +24,7 @@ from deqmcl_gym.numerics.types import Reals, Singles
 from deqmcl_gym.validation import InputError
 from localizers import Belief, UniformPrior, absolute_name, make
 from localizers.api import Points
-from localizers.checks import Examination, LawBrokenError, Laws
+from localizers.checks import LawBrokenError, Laws, Report
 from localizers.checks.process import no_global_rng
 from localizers.models.scan import Scan, ScanModel
 from localizers.naming.scans import complete_scan
@@ -50,8 +50,8 @@ _TRIAL: dict[str, Any] = {
 Answer = tuple[Reals, Reals | None]
 
 
-def check_agent(name: str, scenario: str | None = None) -> "Examination[Drive]":
-    """Return the examination of an agent, whose verdicts it yields.
+def check_agent(name: str, scenario: str | None = None) -> "Report[Drive]":
+    """Return the verdicts of all laws on an agent.
 
     Args:
         name: see ``make_agent``; ``file.py`` is its only agent.
@@ -63,11 +63,11 @@ def check_agent(name: str, scenario: str | None = None) -> "Examination[Drive]":
     agent = absolute_agent(Named(name))
     worlds = DRIVEN_IN if scenario is None else (absolute_scenario(scenario),)
     world = _accepting(worlds, lambda world: next(Drive(agent, world).moments()))
-    return Examination(AGENT_LAWS, Drive(agent, world), agent.name.rpartition(":")[0])
+    return Report(name, AGENT_LAWS, Drive(agent, world), agent.name.rpartition(":")[0])
 
 
-def check_scan(name: str, scenario: str | None = None) -> "Examination[Scans]":
-    """Return the examination of a scan model, whose verdicts it yields.
+def check_scan(name: str, scenario: str | None = None) -> "Report[Scans]":
+    """Return the verdicts of all laws on a scan model.
 
     Args:
         name: of a built-in kind, or ``file.py:NAME`` as in ``assumed.scan.kind``.
@@ -80,7 +80,7 @@ def check_scan(name: str, scenario: str | None = None) -> "Examination[Scans]":
     kind = absolute_name(complete_scan(name)) if is_code(name) else name
     worlds = SCANNED_IN if scenario is None else (absolute_scenario(scenario),)
     world = _accepting(worlds, lambda world: Scans(kind, world).model())
-    return Examination(SCAN_LAWS, Scans(kind, world), kind.rpartition(":")[0])
+    return Report(name, SCAN_LAWS, Scans(kind, world), kind.rpartition(":")[0])
 
 
 def _accepting(worlds: Sequence[str], begin: Callable[[str], object]) -> str:

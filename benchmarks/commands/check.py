@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from benchmarks.console import doing
 
 if TYPE_CHECKING:  # loaded when needed
-    from localizers.checks import Examination
+    from localizers.checks import Report
 
 
 class LawsBrokenError(RuntimeError):
@@ -45,13 +45,12 @@ def run(options: argparse.Namespace) -> str:
     from localizers.checks import name_of
 
     with doing(f"loading {options.name}"):
-        kind, examination = _examination(options)
-    verdicts = []
-    for law in examination.laws:
+        kind, report = _report(options)
+    for law in report.laws:
         with doing(f"trying the law {name_of(law)!r}"):
-            verdicts.append(examination.verdict(law))
-        print(verdicts[-1], flush=True)
-    failed = [verdict for verdict in verdicts if verdict.status == "FAILED"]
+            verdict = report.verdict(law)
+        print(verdict, flush=True)
+    verdicts, failed = report.verdicts, report.failed
     if failed:
         named = ", ".join(repr(verdict.law) for verdict in failed)
         at_once = kind == "localizers" and options.map is None and failed[0] in verdicts[:2]
@@ -65,10 +64,10 @@ def run(options: argparse.Namespace) -> str:
     )
 
 
-def _examination(options: argparse.Namespace) -> "tuple[str, Examination[Any]]":
+def _report(options: argparse.Namespace) -> "tuple[str, Report[Any]]":
     from deqmcl_gym.maps import GridMap
     from deqmcl_gym.validation import InputError
-    from localizers.checks import examination_of
+    from localizers.checks import check_localizer
     from localizers.checks.subject import robot_on
     from localizers.naming.registry import complete
 
@@ -85,4 +84,4 @@ def _examination(options: argparse.Namespace) -> "tuple[str, Examination[Any]]":
             "localizer."
         )
     robot = None if options.map is None else robot_on(GridMap.load(options.map))
-    return "localizers", examination_of(complete(options.name), robot)
+    return "localizers", check_localizer(complete(options.name), robot)

@@ -4,7 +4,7 @@
 A localizer is loaded and run in this process, where a debugger sees it and Ctrl-C ends it.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
@@ -13,7 +13,7 @@ import numpy as np
 
 from deqmcl_gym.validation import one_of
 from localizers.checks.laws import LAWS
-from localizers.checks.process import changes_since, process_state, process_state_kept
+from localizers.checks.process import process_state_kept
 from localizers.checks.subject import (
     LawBrokenError,
     LawSkippedError,
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "LAWS",
-    "Examination",
     "LawBrokenError",
     "LawSkippedError",
     "Laws",
@@ -38,12 +37,9 @@ __all__ = [
     "Verdict",
     "check_localizer",
     "default_robot",
-    "examination_of",
     "name_of",
     "parametrize_with_laws",
 ]
-
-_MAY_BE_ADDED_TO = ("the filters of warnings", "os.environ", "sys.path")  # by an import
 
 T = TypeVar("T")
 Law = Callable[[T], str | None]
@@ -71,65 +67,52 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class Report:
-    """The verdicts on all laws.
+class Report(Generic[T]):
+    """The verdicts on all laws; each law is tried when it is asked for, after those it needs.
 
     Attributes:
-        name: of what was checked.
-        verdicts: one per law, in their order.
+        name: of what is checked.
+        laws: in the order in which they are tried.
+        subject: what they are about.
+        file: that the subject is written in: where it raised an exception is told as a line of it.
     """
 
     name: str
-    verdicts: tuple[Verdict, ...]
+    laws: Laws[T]
+    subject: T
+    file: str | None = None
+    _tried: dict[Law[T], Verdict] = field(default_factory=dict, init=False, repr=False)
 
     @property
-    def passed(self) -> bool:
-        """Whether no law failed."""
-        return not self.failed
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """One per law, in their order."""
+        return tuple(map(self.verdict, self.laws))
 
     @property
     def failed(self) -> tuple[Verdict, ...]:
         """Verdicts of the laws that failed."""
         return tuple(verdict for verdict in self.verdicts if verdict.status == "FAILED")
 
+    @property
+    def passed(self) -> bool:
+        """Whether no law failed."""
+        return not self.failed
+
     def __str__(self) -> str:
         return "\n".join([f"{self.name}:", *map(str, self.verdicts)])
 
-
-@dataclass(frozen=True)
-class Examination(Generic[T]):
-    """Tries laws on a subject, each at most once and after the one that it needs.
-
-    Attributes:
-        laws: in the order in which they are tried.
-        subject: what they are about.
-        file: that the subject is written in: where it raised an exception is told as a line of it.
-    """
-
-    laws: Laws[T]
-    subject: T
-    file: str | None
-    _tried: dict[Law[T], Verdict] = field(default_factory=dict, init=False)
-
-    def __iter__(self) -> Iterator[Verdict]:
-        return map(self.verdict, self.laws)
-
     def verdict(self, law: Law[T]) -> Verdict:
-        """Try a law; skipped if one that it needs, or that this one needs, is broken."""
+        """Try a law, unless one that it needs is broken; the process is put back as it was."""
         if law not in self._tried:
-            self._tried[law] = self._skipped(law) or self._verdict(law)
+            self._tried[law] = self._verdict(law)
         return self._tried[law]
 
-    def _skipped(self, law: Law[T]) -> Verdict | None:
-        need = self.laws[law]
+    def _verdict(self, law: Law[T]) -> Verdict:
+        name, need = name_of(law), self.laws[law]
         while need is not None:
             if self.verdict(need).status == "FAILED":
-                return Verdict(name_of(law), "skipped", f"it fails {name_of(need)!r}")
+                return Verdict(name, "skipped", f"it fails {name_of(need)!r}")
             need = self.laws[need]
-        return None
-
-    def _verdict(self, law: Law[T]) -> Verdict:
-        name = name_of(law)
         try:
             with process_state_kept():
                 return Verdict(name, "ok", law(self.subject) or "")
@@ -148,8 +131,8 @@ def name_of(law: Callable[..., object]) -> str:
 
 def check_localizer(
     localizer: str | Factory, robot: RobotModel | None = None, **params: Any
-) -> Report:
-    """Try a localizer against all ``LAWS``; its own exceptions become verdicts.
+) -> Report[Subject]:
+    """Return the verdicts of all ``LAWS`` on a localizer; its own exceptions become verdicts.
 
     Args:
         localizer: a name (see ``localizers.resolve``), or a factory itself.
@@ -159,31 +142,21 @@ def check_localizer(
     Raises:
         InputError: the name cannot be resolved, or a parameter is unknown.
     """
-    examination = examination_of(localizer, robot, **params)
-    return Report(examination.subject.name, tuple(examination))
-
-
-def examination_of(
-    localizer: str | Factory, robot: RobotModel | None = None, **params: Any
-) -> Examination[Subject]:
-    """Return the examination of a localizer; arguments as of ``check_localizer``."""
-    before, robot = process_state(), default_robot() if robot is None else robot
+    robot = default_robot() if robot is None else robot
     if isinstance(localizer, str):
         name, factory = localizer, resolve(localizer)
         sent = factory if is_registered(name) else absolute_name(name)
     else:
         name, factory, sent = getattr(localizer, "__name__", repr(localizer)), localizer, localizer
-    imported = [what for what in changes_since(before) if what not in _MAY_BE_ADDED_TO]
     known = parameters_of(factory)
     for param in params:
         if known is not None:
             one_of(f"parameter of localizer {name!r}", param, known)
     drive = random_drive(robot, np.random.default_rng(0))
     subject = Subject(
-        name=name, factory=factory, params=params, robot=robot, drive=drive, sent=sent,
-        imported=imported,
-    )  # fmt: skip
-    return Examination(LAWS, subject, subject.file)
+        name=name, factory=factory, params=params, robot=robot, drive=drive, sent=sent
+    )
+    return Report(name, LAWS, subject, subject.file)
 
 
 def parametrize_with_laws(
@@ -209,19 +182,19 @@ def parametrize_with_laws(
     expected, names = expected_failures or {}, {name_of(law): law for law in LAWS}
     for name in expected:
         one_of("law", name, names)
-    examination = examination_of(localizer, robot, **params)
+    report = check_localizer(localizer, robot, **params)
     cases = []
     for name, law in names.items():
         reason = expected.get(name)
         marks = [pytest.mark.xfail(reason=reason, strict=True)] if reason is not None else []
-        cases.append(pytest.param(partial(_hold, examination, law), id=name, marks=marks))
+        cases.append(pytest.param(partial(_hold, report, law), id=name, marks=marks))
     return pytest.mark.parametrize("law", cases)
 
 
-def _hold(examination: Examination[Subject], law: Law[Subject]) -> None:
+def _hold(report: Report[Subject], law: Law[Subject]) -> None:
     import pytest
 
-    verdict = examination.verdict(law)
+    verdict = report.verdict(law)
     if verdict.status == "skipped":
         pytest.skip(verdict.note)
     if verdict.error is not None:

@@ -57,11 +57,11 @@ def changes_since(before: Mapping[str, Any]) -> list[str]:
 
 
 @contextmanager
-def process_state_kept() -> Iterator[dict[str, Any]]:
-    """Put the global state of this process back after a block, which is given it."""
+def process_state_kept() -> Iterator[None]:
+    """Put the global state of this process back after a block."""
     before = process_state()
     try:
-        yield before
+        yield
     finally:
         for name in changes_since(before):
             _STATES[name][1](before[name])
@@ -93,7 +93,7 @@ def _rng_states() -> bytes:
 
 
 def running() -> set[str]:
-    """Name the threads of this process, and those that it started as far as /proc shows them."""
+    """Name this process's threads and, as far as /proc shows them, the processes it started."""
     names = {f"the thread {thread.name!r}" for thread in threading.enumerate()}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):  # it is gone

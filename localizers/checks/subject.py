@@ -134,21 +134,20 @@ def _free_pose(robot: RobotModel, rng: np.random.Generator) -> Floats:
 
 def _free_step(
     robot: RobotModel, pose: Floats, stride: float, rng: np.random.Generator
-) -> tuple[tuple[float, float], Floats]:
-    """Draw a step that touches no wall; a turn on the spot if there is none.
+) -> tuple[Floats, Floats]:
+    """Draw a step that touches no wall, (d, φ), and where it ends; a turn on the spot if none.
 
     As long as there is room the heading stays about 0.
     """
-    sd = np.linspace(0.1, 2.0, _TRIES)
-    for distance, spread in zip(
-        (*rng.uniform(0.5, 1.0, _TRIES - 1) * stride, 0.0), sd, strict=True
-    ):
-        turn = rng.normal(-0.5 * pose[2], spread)
-        heading = pose[2] + turn
-        ahead = pose + np.array([distance * np.cos(heading), distance * np.sin(heading), turn])
-        if distance == 0.0 or not robot.floor_plan.collides(pose[None], ahead[None], robot.radius):
-            break
-    return (float(distance), float(turn)), ahead
+    distances = np.append(rng.uniform(0.5, 1.0, _TRIES - 1) * stride, 0.0)
+    turns = rng.normal(-0.5 * pose[2], np.linspace(0.1, 2.0, _TRIES))
+    headings = pose[2] + turns
+    moves = [distances * np.cos(headings), distances * np.sin(headings), turns]
+    ends = pose + np.column_stack(moves)
+    starts = np.broadcast_to(pose, ends.shape)
+    touches = robot.floor_plan.collides(starts, ends, robot.radius) & (distances > 0)
+    first = touches.argmin()
+    return np.array([distances[first], turns[first]]), ends[first]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,7 +161,6 @@ class Subject:
         robot: what it is made for.
         drive: along which it is run.
         sent: how another process finds it: a name to resolve, or the factory itself.
-        imported: parts of the state of this process that its import has changed.
     """
 
     name: str
@@ -171,7 +169,6 @@ class Subject:
     robot: RobotModel
     drive: Drive
     sent: str | Factory | None = None
-    imported: Sequence[str] = ()
 
     @property
     def file(self) -> str | None:

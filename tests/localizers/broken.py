@@ -101,14 +101,6 @@ class TakesTheSecondForTheTurn(MyLocalizer):
         return super().update(ranges, action[:2], plan[:, :2])
 
 
-def IncrementsOfThree(robot):  # noqa: N802
-    """As if it were built in, which plug-ins that run in rooms alone may do."""
-    return TakesTheSecondForTheTurn(robot)
-
-
-IncrementsOfThree.__module__ = "localizers.methods.mine"
-
-
 class GlobalRngUntouched(MyLocalizer):
     """Seeds the global generator, for results that repeat."""
 
