@@ -14,8 +14,7 @@ from test_links import ROOT
 
 from benchmarks.setup.names import scenario
 from localizers import UniformPrior, make, source_digest
-from localizers.checks import check_localizer
-from localizers.checks.subject import default_robot
+from localizers.checks import check_localizer, default_robot
 
 EXAMPLES = ROOT / "docs" / "examples"
 QUICK = ("custom_room.py", "doors.py")
