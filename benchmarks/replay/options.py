@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.setup import changes
+from benchmarks.setup import documents
 from benchmarks.setup.changes import NOTHING, Changes, file_names
 from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise, shows_noise
 from benchmarks.setup.names import absolute_assumed, scenario
@@ -321,9 +321,9 @@ def _replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) ->
 def _prior_of(start: str) -> dict[str, Any] | None:
     """Return a start that is no single pose, as assumptions; None of a pose."""
     if start.endswith(".toml"):
-        given = changes.read(Path(start), "prior")
-        with changes.errors_name(Path(start)):
-            changes.check(given, ["prior"])
+        given = documents.read(Path(start), "prior")
+        with documents.errors_name(Path(start)):
+            documents.check(given, ["prior"])
             return dict(Changes.told("prior", {"prior": given.get("prior", {})}))
     word, _, text = start.partition("=")
     if word not in ("global", "room", "near"):

@@ -8,8 +8,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from benchmarks.setup.changes import NOTHING, Changes, file_digest
+from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.setup.interfaces import TrialEnv
+from benchmarks.setup.paths import file_digest
 from benchmarks.setup.priors import Gaussian
 from benchmarks.setup.scenario import Scenario, Thresholds
 from deqmcl_gym.envs.log import LogEnv, log_of

@@ -7,10 +7,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from benchmarks.setup.assumed import changed
 from benchmarks.setup.changes import NOTHING, Changes, Named, located
 from benchmarks.setup.interfaces import TrialEnv
-from benchmarks.setup.priors import PRIORS, Displaced, Gaussian, Places, Uniform
+from benchmarks.setup.priors import PRIORS, Displaced, Gaussian, Places, Uniform, changed
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps.map import LENGTH, pixel, scaled
 from deqmcl_gym.validation import integer, number, one_of

@@ -13,8 +13,7 @@ from msgspec import Meta, Struct
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import Task, belief_moments, calibration, cloud_of, joined
 from benchmarks.trials.episode import Moment
-from benchmarks.trials.fixes import Fixes, driven
-from benchmarks.trials.journeys import Journey, half_turned, weight_near
+from benchmarks.trials.fixes import Fixes, Journey, driven, half_turned, weight_near
 from benchmarks.trials.scores import (
     JOURNEY_SCORES,
     TRACK_GROUPS,

@@ -15,8 +15,7 @@ import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import Clouds, Task
-from benchmarks.trials.fixes import NEAR, RECOVERED, RECOVERED_STEPS
-from benchmarks.trials.journeys import Journey
+from benchmarks.trials.fixes import NEAR, RECOVERED, RECOVERED_STEPS, Journey
 from benchmarks.trials.metrics import (
     Estimates,
     entropy,

@@ -14,14 +14,15 @@ from typing import Any, Self
 import gymnasium as gym
 import numpy as np
 
-from benchmarks.setup.changes import errors_name, located
+from benchmarks.setup.changes import located
+from benchmarks.setup.documents import errors_name
 from benchmarks.setup.interfaces import Agent, TrialEnv
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.scenario import Scenario
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.collecting import JourneyLog, TrackLog
 from benchmarks.trials.episode import Moment, moments
-from benchmarks.trials.journeys import is_symmetric
+from benchmarks.trials.fixes import is_symmetric
 from benchmarks.trials.map_signals import MapSignals, differs
 from benchmarks.trials.scores import Group, groups_named
 from benchmarks.trials.spec import Trial

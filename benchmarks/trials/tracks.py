@@ -13,8 +13,7 @@ import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import covariance_floor
-from benchmarks.trials.fixes import Fixes
-from benchmarks.trials.journeys import Journey
+from benchmarks.trials.fixes import Fixes, Journey
 from benchmarks.trials.metrics import mean
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import relative

@@ -12,8 +12,16 @@ from benchmarks.setup.changes import Changes
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.trials.collecting import JourneyLog
 from benchmarks.trials.episode import moments
-from benchmarks.trials.fixes import NEAR, RECOVERED_STEPS, Fixes, driven
-from benchmarks.trials.journeys import Journey, half_turned, is_symmetric, weight_near
+from benchmarks.trials.fixes import (
+    NEAR,
+    RECOVERED_STEPS,
+    Fixes,
+    Journey,
+    driven,
+    half_turned,
+    is_symmetric,
+    weight_near,
+)
 from benchmarks.trials.scores import GROUPS, groups_named, scores_of
 from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
