@@ -146,7 +146,7 @@ class Replay:
     @property
     def _start(self) -> str:
         prior = self.scenario.prior
-        if not isinstance(prior, Gaussian):
+        if type(prior) is not Gaussian:
             return f"Start: {prior.where}."
         around = "the reference's first pose"
         if (at := prior.mean or self.log[0].reference) is not None:

@@ -67,27 +67,23 @@ class Gaussian:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Displaced:
+class Displaced(Gaussian):
     """A Gaussian whose mean is wrong by a distance and an angle, as if a person were mistaken.
 
     The direction is drawn, evenly among those that lead to free space, as nobody says that a robot
     stands in a wall; the angle is to the left or to the right.
 
     Attributes:
-        mean, sd_position, sd_heading: as of ``Gaussian``, before the mean is displaced.
         distance: by which the mean is off.
         angle: by which its heading is off, rad.
     """
 
-    mean: tuple[float, float, float] | None = field(default=None, metadata=POSE)
-    sd_position: float = field(default=10.0, metadata=LENGTH)
-    sd_heading: float = 0.1
     distance: float = field(default=0.0, metadata=LENGTH)
     angle: float = 0.0
     may_be_lost = True
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mean", self._right.mean)
+        super().__post_init__()
         number("prior.distance", self.distance, low=0)
         number("prior.angle", self.angle, low=0, high=math.pi)
 
@@ -103,7 +99,7 @@ class Displaced:
         """
         if rng is None:
             raise InputError("the prior is displaced in a direction that is drawn: give rng.")
-        right = self._right.of(room)
+        right = super().of(room)
         x, y, heading = right.mean
         side, ways = rng.random(), 2 * math.pi * rng.random(_DIRECTIONS)
         off = np.column_stack([arrays.cos(ways), arrays.sin(ways)])
@@ -123,11 +119,7 @@ class Displaced:
     def where(self) -> str:
         """Where it is, in words."""
         off = f"wrong by {self.distance:g} and {math.degrees(self.angle):.0f}°"
-        return f"{self._right.where}, {off}"
-
-    @property
-    def _right(self) -> Gaussian:
-        return Gaussian(mean=self.mean, sd_position=self.sd_position, sd_heading=self.sd_heading)
+        return f"{super().where}, {off}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -269,7 +261,7 @@ def changed(part: str, current: T, keys: Any, unit: str, kinds: Mapping[str, Any
     if "kind" in changes:
         given = _kind_of(part, changes.pop("kind"), kinds)
         kind = kinds[given]
-        if not isinstance(current, kind):
+        if type(current) is not kind:
             known = {own.name for own in fields(kind)}
             shared = {name: value for name, value in vars(current).items() if name in known}
             motion = part == "motion"

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.setup.changes import NOTHING, Changes, Named, located
 from benchmarks.setup.interfaces import TrialEnv
-from benchmarks.setup.priors import PRIORS, Displaced, Gaussian, Places, Uniform, changed
+from benchmarks.setup.priors import PRIORS, Gaussian, Places, Uniform, changed
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps.map import LENGTH, pixel, scaled
 from deqmcl_gym.validation import integer, number, one_of
@@ -72,7 +72,7 @@ class Scenario(ABC):
     words: str
     motion: MotionModel = field(default_factory=OdometryMotion)
     scan: BeamDensity | ScanPlugIn = field(default_factory=GaussianUniform)
-    prior: Gaussian | Uniform | Places | Displaced = field(default_factory=Gaussian)
+    prior: Gaussian | Uniform | Places = field(default_factory=Gaussian)
     agent: Named = OPEN_LOOP
     disturbance: tuple[Mapping[str, Any], ...] = ()
     buildings: int = 1
