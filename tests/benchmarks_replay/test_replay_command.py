@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from deqmcl_command import records, stored
 from hall import recorded_in_a_hall, write_lap
 
 from benchmarks.cli import main
@@ -219,10 +220,10 @@ def test_more_runs_are_added_to_those_that_are_there_and_other_settings_are_refu
 ):
     words = (*KNOWN, "--localizers", "dead-reckoning", "--out", "o")
     assert replay(*words, "--seeds", "1") == 0
-    files = {path: path.stat().st_mtime_ns for path in recorded.glob("o/trials/*.json")}
+    before = stored(recorded / "o")["trials.jsonl"]
     assert replay(*words, "--seeds", "2") == 0
-    assert len(list(recorded.glob("o/trials/*.json"))) == 2
-    assert {path: path.stat().st_mtime_ns for path in files} == files
+    assert len(records(recorded / "o")) == 2
+    assert stored(recorded / "o")["trials.jsonl"].startswith(before)
     assert [row["seed"] for row in table("o/trials.csv")] == ["0", "1"]
     assert replay(*words, "--seeds", "2", "--radius", "0.3") == 2
     assert "world.radius was not set and is 0.3" in capsys.readouterr().err

@@ -10,7 +10,7 @@ from benchmarks.studies.speed import command
 from benchmarks.studies.speed.figure import Effort, Job, Published, Side
 
 NAMED = {"speed.csv", "scaling.csv", "speed.md", "scaling.png"}
-FILES = {*NAMED, "written.json"}
+FILES = {*NAMED}
 LEAST = Effort(repeats=1, seconds=0.0)
 TINY = command.Extent(figures=LEAST, scaling=LEAST, largest=100)
 CURVES = command.steps.curves(largest=100)

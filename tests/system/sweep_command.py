@@ -58,10 +58,6 @@ def tables(out):
     return {name: (out / name).read_bytes() for name in TABLES}
 
 
-def trial_files(out):
-    return {path.name: path.read_bytes() for path in (out / "trials").glob("*.json")}
-
-
 def broken(robot, **params):
     """Make no localizer."""
     raise ArithmeticError("broken")

@@ -42,7 +42,7 @@ def test_a_lap_leaves_its_animation_its_curve_its_trace_and_nothing_else(lap):
     assert (done.returncode, done.stderr) == (0, "")
     trace = {"trace.npz", "trajectory_truth.tum", "trajectory_t.tum"}
     named = {"lap.webp", "error.png", "error.csv", *trace}
-    assert set(files(out)) == {*named, "written.json"}
+    assert set(files(out)) == {*named}
     assert all(name in done.stdout for name in named)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from tabulate import tabulate
 
-from benchmarks.files import own_folder, write_part
+from benchmarks.files import own_folder, write_files
 from benchmarks.pictures.figures import require_plots
 from benchmarks.studies.phase.cycles import Cycles, PlaceFields, cycles_of, perfect_cycles
 from benchmarks.tables.text import csv_text, fixed
@@ -70,7 +70,7 @@ def run_phase(
             f"the scenario {trials[0].scenario} has no lap, along which place fields lie: choose "
             "one that has."
         )
-    own_folder(out, "phase")
+    own_folder(out, "cycles.csv")
     path, unit = room.course.path, room.floor_plan.unit
     places = PlaceFields.along(path, fields, path.arc(room.course.start[:2]), unit)
     lag, most = trials[0].lag, 2 * len(room.course.actions)  # a driver gives up after two laps
@@ -91,7 +91,7 @@ def run_phase(
         "phase.png": phase_figure(cycles, places, room.floor_plan, title),
         "phase.md": page.encode(),
     }
-    write_part(out, "phase", contents)
+    write_files(out, contents)
     written = f"Written to {out}: {', '.join(contents)}."
     return f"{title}\n\n{_table(cycles, places, 'simple')}\n\n{written}"
 

@@ -9,7 +9,7 @@ from typing import TypeVar
 from tabulate import tabulate
 from tqdm import tqdm
 
-from benchmarks.files import own_folder, write_part
+from benchmarks.files import own_folder, write_files
 from benchmarks.studies.speed import rays, steps, worlds
 from benchmarks.studies.speed.figure import Effort, Measured, digits, figures_table, measured
 from benchmarks.tables.text import csv_text
@@ -42,7 +42,7 @@ QUICK = Extent(figures=Effort(11, seconds=0.06), scaling=Effort(3, seconds=0.01)
 
 def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str]) -> str:
     """Measure, write the files; return what to print."""
-    own_folder(out, "speed")
+    own_folder(out, "speed.csv")
     rows, reasons = _measured(extent.figures, peers=peers)
     chosen = steps.curves(largest=extent.largest)
     seen = list(_progress(steps.scaled(chosen, extent.scaling), len(chosen), "scaling"))
@@ -55,7 +55,7 @@ def run_speed(out: Path, *, extent: Extent, peers: bool, command: Sequence[str])
     else:
         reasons += ["No picture: run pip install 'deqmcl-gym[plots]'."]
     files["speed.md"] = _page(rows, reasons, seen, "scaling.png" in files, command).encode()
-    write_part(out, "speed", files)
+    write_files(out, files)
     written = f"Written to {out}: {', '.join(files)}."
     return "\n\n".join([figures_table(rows, "simple"), _HOW, *reasons, written])
 
