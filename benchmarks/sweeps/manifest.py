@@ -99,7 +99,7 @@ def of_sweep(sweep: Sweep, command: Sequence[str]) -> Manifest:
     return Manifest(
         schema=SCHEMA,
         identity=_identity(sweep.canonical(), now),
-        parameters={str(name): own and list(own) for name, own in taken.items()},
+        parameters={str(n): None if own is None else list(own) for n, own in taken.items()},
         command=list(command),
         environment=environment(),
         cpu=_cpu_model(),
