@@ -23,7 +23,7 @@ from benchmarks.trials.attempt import Outcome, attempt
 from benchmarks.trials.plugins import guest_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
-from localizers.naming.registry import is_registered
+from localizers.registry import LOCALIZER
 
 TRIES = 3  # of a trial whose worker dies
 _LOOK_SECONDS = 2
@@ -128,7 +128,7 @@ class Where:
 
 def _refuse_unknown(executor: Executor, trials: Iterable[Trial]) -> None:
     """Refuse a localizer that is registered here, but not where its trials run."""
-    asked = {(t.localizer, guest_of(t)): t for t in trials if is_registered(t.localizer)}
+    asked = {(t.localizer, guest_of(t)): t for t in trials if LOCALIZER.is_registered(t.localizer)}
     for trial in asked.values():
         with contextlib.suppress(RuntimeError):  # the process died: its trials will tell
             if not executor.submit(knows, trial).result():

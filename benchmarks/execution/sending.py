@@ -13,13 +13,13 @@ from typing import Any
 from benchmarks.execution.processes import Processes
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words
-from localizers.naming.digests import OURS
-from localizers.naming.registry import is_registered, receive, resolve
+from localizers.digests import OURS
+from localizers.registry import LOCALIZER
 
 
 def knows(trial: Trial) -> bool:
     """Whether a trial's localizer is registered where this is called."""
-    return is_registered(trial.localizer)
+    return LOCALIZER.is_registered(trial.localizer)
 
 
 class Sending(Executor):
@@ -39,7 +39,7 @@ class Sending(Executor):
             InputError: the localizer is registered here only, and cannot be sent.
         """
         trial, *rest = args
-        if not is_registered(name := trial.localizer):
+        if not LOCALIZER.is_registered(name := trial.localizer):
             return self._processes.submit(fn, *args, **kwargs)
         if name not in self._packed:
             self._packed[name] = b"" if self._is_known(trial) else _packed(name)
@@ -58,7 +58,7 @@ def _packed(name: str) -> bytes:
     """Return a registered localizer as bytes, with the code of its module if that is one's own."""
     import cloudpickle
 
-    factory: Any = resolve(name)
+    factory: Any = LOCALIZER.resolve(name)
     whole = factory
     while isinstance(whole, partial):
         whole = whole.func
@@ -84,6 +84,6 @@ def _packed(name: str) -> bytes:
 
 
 def _with_sent(trial: Trial, packed: bytes, fn: Callable[..., Any], *rest: Any) -> Any:
-    if not is_registered(trial.localizer):
-        receive(trial.localizer, pickle.loads(packed))
+    if not LOCALIZER.is_registered(trial.localizer):
+        LOCALIZER.receive(trial.localizer, pickle.loads(packed))
     return fn(trial, *rest)

@@ -11,15 +11,15 @@ from typing import Any
 from msgspec import Struct, field, to_builtins
 from msgspec.structs import replace
 
-from benchmarks.execution.apart import provenance
 from benchmarks.files import is_empty
 from benchmarks.setup.changes import renamed, spelt
 from benchmarks.sweeps.design import Sweep
+from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Environment, Provenance, environment
 from deqmcl_gym.files import UnreadableError, content_of, json_of, typed, write_text
 from deqmcl_gym.validation import InputError
-from localizers.naming.digests import UNREAD
-from localizers.naming.plugins import Placed
+from localizers.digests import UNREAD
+from localizers.kinds import Placed
 
 NAME = "manifest.json"
 SCHEMA = 4
@@ -95,7 +95,7 @@ class Manifest(Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 def of_sweep(sweep: Sweep, command: Sequence[str]) -> Manifest:
     """Return the manifest that a sweep has if it is run now."""
-    now, taken = provenance(sweep.cells()), {name: sweep.takes(name) for name in sweep.names}
+    now, taken = provenance_of(sweep.cells()), {name: sweep.takes(name) for name in sweep.names}
     return Manifest(
         schema=SCHEMA,
         identity=_identity(sweep.canonical(), now),
