@@ -117,17 +117,18 @@ class Store:
         if self._file is None:
             raise RuntimeError("the store is only read")
         text = _json(content)
-        typed(json_of(text), _Line)
+        line = _line(text)
         self._file.write(text)
         self._file.flush()
-        self._take("", text)
+        self._keep(line, "")
 
     def _take(self, name: str, text: bytes) -> None:
         try:
-            line = _line(text)
+            self._keep(_line(text), name)
         except UnreadableError as error:
             self.rejected[one_line(name)] = str(error)
-            return
+
+    def _keep(self, line: _Line, name: str) -> None:
         before, _ = self._lines.get(line.key, (None, ""))
         if line.record is not None or before is None or before.record is None:
             self._lines[line.key] = line, name
