@@ -203,7 +203,7 @@ class Scans:
     def scan(self, number: int, missing: float = 0.0) -> Scan:
         """Return what the lidar measures at a free pose, with a share of the beams missing."""
         robot, rng = self._stage.robot, np.random.default_rng((1, number))
-        sigma = self._stage.scenario.world.lidar.sigma
+        sigma = self._stage.room.lidar.sigma
         ranges = robot.lidar.ranges(robot.floor_plan, self._poses[:, number : number + 1])[0]
         ranges = np.abs(ranges + sigma * rng.standard_normal(ranges.size))
         ranges[rng.random(ranges.size) < missing] = np.nan

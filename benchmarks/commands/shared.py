@@ -229,13 +229,13 @@ def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, d
 
 def _value(word: str, text: str) -> Any:
     """Return a number, a truth value or a list as TOML has them; other text is a word."""
-    from benchmarks.setup import changes
+    from benchmarks.setup import documents
 
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except ValueError:
         value = text
-    changes.check({word: value}, [word])
+    documents.check({word: value}, [word])
     return value
 
 

@@ -18,9 +18,9 @@ import numpy as np
 from benchmarks.replay.options import NAME, Replay
 from benchmarks.setup.changes import Changes
 from benchmarks.tables.text import percent
+from benchmarks.trials.collecting import TrackLog
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from benchmarks.trials.tracks import TrackLog
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError

@@ -23,7 +23,8 @@ from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.results import results_in
 from benchmarks.tables.text import percent
 from benchmarks.tables.tracks import Row, TrackedRun, tracks_results_csv, tracks_trials_csv
-from benchmarks.trials.tracks import Track, calibration_of_gaussians, track_scores
+from benchmarks.trials.scores import track_scores
+from benchmarks.trials.tracks import Track, calibration_of_gaussians
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Log, Scanner, Trajectory, referenced

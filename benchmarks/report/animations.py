@@ -23,7 +23,7 @@ from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import by_world
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import file_words
-from benchmarks.trials.journeys import JOURNEY_SCORES
+from benchmarks.trials.scores import JOURNEY_SCORES
 from deqmcl_gym.files import UnreadableError, content_of, json_of, typed
 from deqmcl_gym.validation import InputError
 

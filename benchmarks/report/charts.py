@@ -16,8 +16,7 @@ from benchmarks.tables.pairing import lap_errors, profile
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import UNKNOWN, Estimate
 from benchmarks.tables.text import estimated, fixed, p_value, percent
-from benchmarks.trials.journeys import JOURNEY_SCORES, Group, Score
-from benchmarks.trials.metrics import LEVELS
+from benchmarks.trials.scores import JOURNEY_SCORES, LEVELS, Group, Score
 
 WORDS = {  # by group: heading, what its columns mean
     "lost": (

@@ -9,7 +9,7 @@ from benchmarks.tables.deciding import RELATIONS, Decision
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Estimate
 from benchmarks.tables.text import counted, estimated, fixed, interval, percent
-from benchmarks.trials.journeys import Score
+from benchmarks.trials.scores import Score
 
 WITHIN = "95 % at all looks"  # what an interval of a decision is
 BESIDE = {  # by relation: what a method is, and its baseline

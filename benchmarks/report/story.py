@@ -13,7 +13,7 @@ from benchmarks.report.tables import Table
 from benchmarks.sweeps.drawing import Animation, Promise, drawing
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
-from benchmarks.trials.journeys import GROUPS, Group
+from benchmarks.trials.scores import GROUPS, Group
 from deqmcl_gym.validation import InputError, in_words
 
 

@@ -18,7 +18,7 @@ from benchmarks.tables.journeys import JourneyScore
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA
 from benchmarks.tables.text import estimated
-from benchmarks.trials.journeys import JOURNEY_SCORES, Score
+from benchmarks.trials.scores import JOURNEY_SCORES, Score
 
 _CELL = 1.15, 0.72  # inches
 _LEFT, _BETWEEN, _BELOW, _ABOVE = 0.75, 0.18, 0.55, 0.3

@@ -13,7 +13,7 @@ from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import validities
 from benchmarks.tables.stats import Estimate
 from benchmarks.tables.text import estimated, fixed, percent, short_name, state_name
-from benchmarks.trials.metrics import LEVELS
+from benchmarks.trials.scores import LEVELS
 
 _LETTERS = 140  # of a table, across a page
 _NAME = 32  # letters of a method that stand on one line

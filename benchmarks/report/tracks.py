@@ -18,8 +18,7 @@ from benchmarks.tables.stats import Estimate, sample_sd, worlds_to_see
 from benchmarks.tables.text import estimated, p_value, percent
 from benchmarks.tables.tracks import Row, TrackedRun, rows_of, worse
 from benchmarks.trials.fixes import FOUND, NEAR
-from benchmarks.trials.journeys import JOURNEY_SCORES, Score
-from benchmarks.trials.metrics import LEVELS
+from benchmarks.trials.scores import JOURNEY_SCORES, LEVELS, Score
 from benchmarks.trials.tracks import TOLERATED
 from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError

@@ -25,7 +25,7 @@ from benchmarks.tables.text import (
     significant,
 )
 from benchmarks.tables.verdict import BLIND, Verdict
-from benchmarks.trials.journeys import Score
+from benchmarks.trials.scores import Score
 
 
 class Said(NamedTuple):

@@ -11,9 +11,10 @@ from typing import Any
 
 from benchmarks.agents import AGENTS
 from benchmarks.scenarios import SCENARIOS
-from benchmarks.setup import changes
-from benchmarks.setup.changes import Changes, Named, file_digest, from_folder
+from benchmarks.setup import documents
+from benchmarks.setup.changes import Changes, Named
 from benchmarks.setup.interfaces import Agent
+from benchmarks.setup.paths import file_digest, from_folder
 from benchmarks.setup.scenario import Scenario, Thresholds
 from deqmcl_gym.validation import InputError, part
 from localizers import RobotModel, absolute_name
@@ -162,10 +163,10 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
 
 def _read(path: Path, within: tuple[str, ...]) -> Scenario:
     """Read a scenario file; ``within`` are the files that it is a base of, and itself."""
-    given = changes.read(path, "scenario")
-    with changes.errors_name(path):
-        changes.check(given, _KEYS)
-        named = absolute_scenario(changes.text("base", given.get("base", "paper")), path.parent)
+    given = documents.read(path, "scenario")
+    with documents.errors_name(path):
+        documents.check(given, _KEYS)
+        named = absolute_scenario(documents.text("base", given.get("base", "paper")), path.parent)
         base = _scenario(named, within)
         prior = Changes.told("prior", {"prior": given.get("prior", {})})
         assumed = Changes.told("assumed", given.get("assumed", {}))
@@ -175,7 +176,7 @@ def _read(path: Path, within: tuple[str, ...]) -> Scenario:
         own = [base.source, str(content_digest(path)), *map(file_digest, world.files)]
         return replace(
             changed,
-            words=changes.text("words", given.get("words", path.stem)),
+            words=documents.text("words", given.get("words", path.stem)),
             agent=_agent(given.get("agent", {}), base.agent),
             buildings=given.get("buildings", base.buildings),
             thresholds=part("thresholds", Thresholds, given.get("thresholds"), changed.thresholds),

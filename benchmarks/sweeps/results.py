@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.files import is_empty
-from benchmarks.setup import changes
+from benchmarks.setup import changes, documents
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep, cells_of
 from benchmarks.sweeps.manifest import Manifest, differences
@@ -240,7 +240,7 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
         known = made.parameters[name]
         return None if known is None else tuple(known)
 
-    with changes.errors_name(folder / manifest.NAME):
+    with documents.errors_name(folder / manifest.NAME):
         return sweep_of(changes.of_json(made.placed), title="", takes=takes)
 
 

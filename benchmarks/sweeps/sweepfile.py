@@ -6,9 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.setup import changes
-from benchmarks.setup.changes import Changes, Named, from_folder, located
+from benchmarks.setup import changes, documents
+from benchmarks.setup.changes import Changes, Named, located
 from benchmarks.setup.names import absolute, absolute_agent, absolute_assumed, absolute_scenario
+from benchmarks.setup.paths import from_folder, said_from
 from benchmarks.sweeps.design import Axis, Limit, Sweep, Takes, UntilDecided
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
@@ -36,10 +37,10 @@ def read_sweep(path: Path | str, added: Sequence[str] = (), *, above: Sequence[P
         InputError: it cannot be read, is no TOML, or has an unknown key or a bad value.
     """
     path = Path(path)
-    given = changes.read(path, "sweep")
+    given = documents.read(path, "sweep")
     root = (above[0] if above else path).parent
-    with changes.errors_name(path), changes.said_from(root):
-        changes.check(given, ("base", *_KEYS))
+    with documents.errors_name(path), said_from(root):
+        documents.check(given, ("base", *_KEYS))
         files = (*above, Path(os.path.abspath(path)))
         base = _base(given.pop("base"), files) if "base" in given else None
         title = utf8(path.stem).decode()
@@ -57,7 +58,7 @@ def with_localizers(sweep: Sweep, names: Sequence[str]) -> Sweep:
 
 def _base(name: Any, files: Sequence[Path]) -> Sweep:
     """Return the sweep that the last of these files changes."""
-    if changes.text("base", name).endswith(".toml"):
+    if documents.text("base", name).endswith(".toml"):
         path = Path(located(from_folder(files[-1].parent, name)))
         if path in files:
             raise InputError(f"base is {name!r}, which is this file or changes it: name another.")
@@ -111,7 +112,7 @@ def sweep_of(
     Raises:
         InputError: unknown key, wrong type or bad value.
     """
-    changes.check(given, _KEYS)
+    documents.check(given, _KEYS)
     scalars = ("scenario", "lag", "seed", "trials", "filter_seeds", "baseline")
     plain = {k: given[k] for k in scalars if k in given}
     if "scenario" in plain:
@@ -125,7 +126,7 @@ def sweep_of(
     limits = limits if isinstance(limits, list) else [limits]  # [[limit]], or one [limit]
     methods = _list("localizers", given.get("localizers", None if base is None else []))
     said: dict[str, Any] = plain | {
-        "title": changes.text("title", given.get("title", title)),
+        "title": documents.text("title", given.get("title", title)),
         "localizers": tuple(_method(entry, folder) for entry in methods),
         "world": world if folder is None else world.beside(folder),
         "assumed": _assumed(Changes.told("assumed", given.get("assumed", {})), folder),
@@ -159,7 +160,7 @@ def _method(entry: Any, folder: Path | None, what: str = "an entry of localizers
 
 
 def _limit(entry: Any, folder: Path | None) -> Limit:
-    table = changes.table(
+    table = documents.table(
         "limit", entry, "a table [limit] with name, params, of, trials, filter_seeds"
     )
     for key in table:
@@ -175,7 +176,7 @@ def _limit(entry: Any, folder: Path | None) -> Limit:
 def _until_decided(table: Any) -> UntilDecided | None:
     if table is None:
         return None
-    known = changes.table("until_decided", table, "a table like {margin = 0.05}")
+    known = documents.table("until_decided", table, "a table like {margin = 0.05}")
     for key in known:
         one_of("key in until_decided", key, ("margin",))
     return UntilDecided(**known)
@@ -191,12 +192,12 @@ def _params(given: Changes, folder: Path | None) -> Changes:
 
 def _localizer(what: str, value: Any, folder: Path | None) -> str:
     """Return a localizer's name, the path in it absolute; ``file.py`` is its only localizer."""
-    name = changes.text(what, value)
+    name = documents.text(what, value)
     return name if folder is None else absolute(LOCALIZER, name, folder)
 
 
 def _axis(table: Any, folder: Path | None) -> Axis:
-    values = Changes.told("vary", changes.table("vary", table, "a [[vary]] table"))
+    values = Changes.told("vary", documents.table("vary", table, "a [[vary]] table"))
 
     def point(name: str, value: Any) -> Any:
         if name == "disturbance":
@@ -219,7 +220,7 @@ def _axis(table: Any, folder: Path | None) -> Axis:
 
 def _wrappers(what: str, value: Any) -> tuple[Changes, ...]:
     wanted = "a table like {kind = 'kidnap', step = 100}"
-    tables = (changes.table(f"an entry of {what}", one, wanted) for one in _list(what, value))
+    tables = (documents.table(f"an entry of {what}", one, wanted) for one in _list(what, value))
     return tuple(
         Changes({k: _repeated(v) if k == "actions" else v for k, v in table.items()})
         for table in tables

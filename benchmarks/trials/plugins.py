@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 from functools import cache
 
-from benchmarks.setup.changes import file_digest
 from benchmarks.setup.names import (
     AGENT,
     plug_ins_of,
@@ -12,6 +11,7 @@ from benchmarks.setup.names import (
     scenario,
     scenario_digest,
 )
+from benchmarks.setup.paths import file_digest
 from benchmarks.trials.provenance import Provenance, code_digest, versions
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError

@@ -31,7 +31,7 @@ from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scoring import Finished
 from benchmarks.tuning.space import DRAWS, ORDER, Segment, beside, spread, stream
-from benchmarks.tuning.task import ETA, Task
+from benchmarks.tuning.task import ETA, Task, value_of
 from deqmcl_gym.files import UnreadableError, content_of, json_of, write_text
 from deqmcl_gym.validation import InputError
 
@@ -275,7 +275,7 @@ class Searching:
             self._measured[one, segment.number, run] = (
                 None
                 if record is None
-                else Measured(self.task.goal.of(record), milliseconds_per_step([record]))
+                else Measured(value_of(self.task.goal, record), milliseconds_per_step([record]))
             )
 
     def _record(self, one: Changes, segment: Segment, run: int) -> Finished | None:

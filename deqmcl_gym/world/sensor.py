@@ -152,7 +152,8 @@ class LidarSensor:
         seen = np.empty(exact.size, np.float32)
         normals = self._rng.standard_normal(exact.size)
         _report(exact, normals, self._sigma, self._max_range, seen)
-        self._lidar.lose(seen)
+        if self._lidar.loses:
+            self._lidar.lose(seen)
         return seen
 
 

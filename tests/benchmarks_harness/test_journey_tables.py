@@ -17,7 +17,7 @@ from benchmarks.tables.csv_files import results_csv, trials_csv
 from benchmarks.tables.journeys import curve_of, median, median_estimate
 from benchmarks.tables.panels import panels
 from benchmarks.tables.stats import sign_test, wilson
-from benchmarks.trials.journeys import GROUPS
+from benchmarks.trials.scores import GROUPS
 
 NEVER = math.inf
 

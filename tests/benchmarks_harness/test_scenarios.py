@@ -9,6 +9,7 @@ import pytest
 from refusals import refused
 
 from benchmarks.pictures.figures import camera_of
+from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup.names import (
     absolute_scenario,
     make_agent,
@@ -376,7 +377,7 @@ def test_a_scenario_or_agent_that_is_not_there_or_is_none_is_refused(find, name,
 
 
 @pytest.mark.parametrize(
-    "name", [n for n in scenario_names() if n not in ("log", "replay") and not scenario(n).has_goal]
+    "name", [name for name, built_in in SCENARIOS.items() if built_in.world.route is None]
 )
 def test_the_prior_is_centred_on_the_planned_start_not_on_the_truth(name):
     found = scenario(name)

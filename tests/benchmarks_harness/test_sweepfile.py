@@ -225,8 +225,7 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path):
 
 TEXT = 'title = "θ"\nlocalizers = ["mcl"]\ntrials = 3\n'
 REFUSED = {
-    "utf-16": "is UTF-16",
-    "utf-32": "is UTF-32",
+    "utf-16": "is not UTF-8 (byte 0xff in line 1)",
     "utf-16-le": "is not UTF-8 (byte 0xb8 in line 1)",
     "iso-8859-7": "is not UTF-8 (byte 0xe8 in line 1)",
 }
@@ -252,7 +251,7 @@ def test_a_file_is_read_with_or_without_a_mark_and_another_encoding_is_named(
         (b"a = " + b"[" * 10**5, "nested too deeply"),
         (b"world" + b".a" * 5000 + b" = 1", "nested too deeply"),
         (b"a = " + b"1" * 5000, "valid TOML: Exceeds the limit (4300 digits)"),
-        (b"a = 1\0", "zero bytes"),
+        (b"a = 1\0", "is not valid TOML"),
     ],
 )
 def test_what_only_a_machine_would_write_is_refused(tmp_path, content, words):

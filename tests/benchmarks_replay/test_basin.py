@@ -14,7 +14,7 @@ from refusals import refused
 
 from benchmarks.replay.basin import MOSTLY, Question, _boundary
 from benchmarks.setup.names import scenario
-from benchmarks.trials.journeys import WholeRun
+from benchmarks.trials.collecting import WholeRun
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps import GridMap

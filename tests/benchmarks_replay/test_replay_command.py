@@ -18,10 +18,10 @@ from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.panels import panels
 from benchmarks.tables.tracks import rows_of
+from benchmarks.trials.collecting import TrackLog
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.tracks import TrackLog
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap, PolygonMap
 from localizers import PointsBelief

@@ -79,6 +79,14 @@ def test_each_preset_has_an_id_of_its_own_for_one_room_and_for_many(preset):
     assert isinstance(gym.make_vec(name, num_envs=2), RoomVectorEnv)
 
 
+def test_a_world_can_be_given_whole_and_changed_in_part():
+    world = WORLDS_BY_NAME["guided"].changed(lidar={"beams": 5})
+    env = RoomEnv(world=world, noise={"drive": 0.3})
+    assert env.world == world.changed(noise={"drive": 0.3})
+    with pytest.raises(InputError, match="world is 'guided', but must be a World"):
+        RoomEnv(world="guided")
+
+
 @pytest.mark.parametrize(
     ("given", "meant"),
     [("lidr", "lidar"), ("observations", "observation"), ("ends_at_gaol", "ends_at_goal")],
