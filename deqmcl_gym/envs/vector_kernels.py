@@ -50,7 +50,7 @@ class Robots(NamedTuple):
     steps: Indices
 
 
-class Cells(NamedTuple):
+class CellRows(NamedTuple):
     """The cells of s maps, padded to the largest; empty for polygons.
 
     Attributes:
@@ -81,7 +81,7 @@ class GroundRows(NamedTuple):
             drive can have without contact, (s, 3).
         walls: as :func:`sides` returns them, free space to their left, padded, (s, w, 5).
         counts: number of walls, (s,).
-        cells: :class:`Cells`.
+        cells: :class:`CellRows`.
     """
 
     slots: Indices
@@ -129,7 +129,7 @@ class Rules(NamedTuple):
     limit: int
 
 
-class Driver(NamedTuple):
+class DriverNumbers(NamedTuple):
     """The driver of all rooms.
 
     Attributes:
@@ -244,7 +244,7 @@ def plan(
 
     Args:
         robots, grounds, courses: as :func:`step`.
-        driver: :class:`Driver`.
+        driver: :class:`DriverNumbers`.
         rooms: which they are, (k,).
         shown: the next h actions, zero-padded, (n, h, 2).
         counts: number of these, (n,).
@@ -281,7 +281,7 @@ def cast(
     Args:
         poses: rows x, y, θ, (3, k).
         bearings: (B,) rad.
-        cells: :class:`Cells`, as a plain tuple, one for each room.
+        cells: :class:`CellRows`, as a plain tuple, one for each room.
         rooms: (k,).
         out: (B, k).
     """

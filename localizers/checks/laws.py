@@ -8,7 +8,7 @@ import gc
 import math
 import pickle
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from copy import deepcopy
@@ -29,6 +29,7 @@ from localizers.checks.subject import (
     OFFSETS,
     STEPS,
     LawBrokenError,
+    Laws,
     LawSkippedError,
     Snapshot,
     Subject,
@@ -462,9 +463,7 @@ def _require_normalized(run: Sequence[Snapshot]) -> None:
                 raise LawBrokenError(f"the weights of {where} add up to {digits(total)}, not 1")
 
 
-Law = Callable[[Subject], str | None]
-
-LAWS: dict[Law, Law | None] = {  # each with the law that must hold before it is tried
+LAWS: Laws[Subject] = {
     makes_a_localizer: None,
     answers_with_beliefs: makes_a_localizer,
     finite: answers_with_beliefs,

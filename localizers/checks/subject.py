@@ -1,9 +1,9 @@
 """The localizer under check, and the robot and the short random drive that it is tried on."""
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,6 +25,9 @@ _LONGEST = 20.0  # px, of a step: 0.4 m
 
 Snapshot = Mapping[int, tuple[Floats, Floats]]  # poses and weights by offset
 Seed = int | np.random.Generator
+T = TypeVar("T")
+Law = Callable[[T], str | None]
+Laws = Mapping[Law[T], Law[T] | None]  # each with the one that must hold before it is tried
 
 
 class LawBrokenError(Exception):
