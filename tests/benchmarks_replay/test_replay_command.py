@@ -4,9 +4,11 @@ import csv
 import math
 import statistics
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from bags import written
 from deqmcl_command import records, stored
 from hall import recorded_in_a_hall, write_lap
 
@@ -561,7 +563,7 @@ def test_two_scan_topics_of_a_bag_are_played_as_one_scanner(recorded, capsys, tm
     log = logs.read("lap.csv", reference="lap.tum")
     beams = log.scanner.beams
     two = replace(log.scanner, mounts=({"x": 0.0, "beams": 31}, {"x": 0.0, "beams": beams - 31}))
-    logs.write(replace(log, scanner=two), "two.mcap")
+    written(replace(log, scanner=two), Path("two.mcap"))
     words = ("two.mcap", *KNOWN[1:], "--localizers", "mcl", "--seeds", "1")
     both = ("--read", "scan_topic=/scan_1", "--read", "scan_topic=/scan_2")
     assert replay(*words, *both, "--out", "o") == 0
