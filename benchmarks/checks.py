@@ -4,7 +4,7 @@
 ``deqmcl check NAME --scan`` a scan model on scans and poses of a scenario's map.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.setup.changes import Changes, Named
 from benchmarks.setup.interfaces import Agent
 from benchmarks.setup.names import absolute_agent, absolute_scenario, make_agent
-from benchmarks.trials.episode import Moment, moments
+from benchmarks.trials.episode import moments
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.numerics.types import Reals, Singles
@@ -61,7 +61,7 @@ def check_agent(name: str, scenario: str | None = None) -> "Report[Drive]":
     """
     agent = absolute_agent(Named(name))
     worlds = DRIVEN_IN if scenario is None else (absolute_scenario(scenario),)
-    world = _accepting(worlds, lambda world: next(Drive(agent, world).moments()))
+    world = _accepting(worlds, lambda world: Drive(agent, world).watched(0))
     return Report(name, AGENT_LAWS, Drive(agent, world), agent.name.rpartition(":")[0])
 
 
@@ -154,25 +154,16 @@ class Drive:
         """Return what an agent, made anew, answers at each step of one and the same drive."""
         return self.watched().answers
 
-    def watched(self, *, blind: bool = False) -> _Watched:
+    def watched(self, steps: int = STEPS, *, blind: bool = False) -> _Watched:
         """Return an agent, made anew, after the drive; all that a blind one sees is empty."""
-        watched: list[_Watched] = []
-
-        def watch(agent: Agent) -> Agent:
-            watched.append(_Watched(agent, blind))
-            return watched[0]
-
-        for _ in islice(self.moments(watch), STEPS + 1):
-            pass
-        return watched[0]
-
-    def moments(self, watch: Callable[[Agent], Agent] = lambda agent: agent) -> Iterator[Moment]:
-        """Make the agent and drive; yield each step."""
         stage = Stage.of(Trial(scenario=self.scenario, agent=self.agent, **_TRIAL))
-        agent = watch(make_agent(self.agent, stage.robot))
+        agent = _Watched(make_agent(self.agent, stage.robot), blind)
         localizer = make("mcl-map", stage.robot, **stage.trial.params)
         rng, seed = np.random.default_rng(0), stage.trial.world_seed
-        yield from moments(stage.env, agent, localizer, stage.prior, rng, seed=seed)
+        drive = moments(stage.env, agent, localizer, stage.prior, rng, seed=seed)
+        for _ in islice(drive, steps + 1):
+            pass
+        return agent
 
 
 @dataclass(frozen=True)

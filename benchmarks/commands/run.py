@@ -20,7 +20,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--log",
         type=shared.file,
         metavar="FILE",
-        help="also write the lap as a log: .log, .csv, .npz, .bag or .mcap",
+        help="also write the lap as a log: .csv, .csv.gz or .npz",
     )
     shared.add_views(parser)
     shared.add_out(parser)

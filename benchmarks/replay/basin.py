@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tabulate import tabulate
 
-from benchmarks.files import write_part
+from benchmarks.files import write_files
 from benchmarks.pictures import styled
 from benchmarks.pictures.figures import png_of
 from benchmarks.replay.command import methods_of, own_params
@@ -235,7 +235,7 @@ def run_basin(
         }
         if (why := no_report()) is None:
             contents["basin.png"] = heat_maps(question, sweep, basins)
-        files = write_part(out, "basin", contents)
+        files = write_files(out, contents)
     lines = [*_summary(question, basins), "", question.words, ""]
     lines.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
     if why is not None:

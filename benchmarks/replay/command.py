@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.console import doing, warn
-from benchmarks.files import write_part
+from benchmarks.files import write_files
 from benchmarks.replay.options import EVERY, NAME, OFTEN, Replay
 from benchmarks.replay.residuals import Residuals, files_of, residuals_of
 from benchmarks.report.animations import Drawn
@@ -126,7 +126,7 @@ def run_replay(
         said += warn([_misfit(replay, rows)])
         wrong = residuals_of(replay, rows) if residuals else None
         with doing(f"writing the report in {out}"):
-            files = write_part(out, "replay", _contents(replay, rows, results, said, wrong))
+            files = write_files(out, _contents(replay, rows, results, said, wrong))
     apart = [table for panel in results.panels if (table := differences_table(panel))]
     first, *others = tables_of(rows)
     texts = [conclusion(results).text, *accuracy(rows), replay.overview]

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.files import write_part
+from benchmarks.files import own_folder, write_files
 from benchmarks.replay.options import EVERY, NO_ERROR, first_referenced
 from benchmarks.report.tracks import accuracy, shown, tables_of
 from benchmarks.setup.logs import REPLAY, ReplayScenario, check_inside
@@ -212,7 +212,7 @@ def score(
         "results.csv": utf8(tracks_results_csv(every, None)),
         "trials.csv": utf8(tracks_trials_csv(every)),
     }
-    files = write_part(out, "score", contents)
+    files = write_files(own_folder(out, "results.csv"), contents)
     texts = [*accuracy(every), *(one.text("simple") for one in tables_of(every))]
     texts += [_scored_at(yardstick, rows)]
     texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")

@@ -5,7 +5,7 @@
 
 import json
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,7 +15,6 @@ from typing import NamedTuple
 from msgspec import Struct
 
 from benchmarks.console import doing
-from benchmarks.files import as_written
 from benchmarks.pictures.figures import FIGURES
 from benchmarks.pictures.viewing import Views, shown_again
 from benchmarks.sweeps.drawing import STRIDE, Animation, Promise
@@ -55,13 +54,6 @@ class Drawn:
 
     folder: Path
 
-    def lacking(self, keys: Collection[str]) -> str:
-        """Say what a report of these trials would lack; "" if nothing."""
-        shown = {key for entry in self._index.values() for key in entry.trials}
-        if not shown or not shown <= set(keys):
-            return f"{_NONE} ({sorted(shown - set(keys))})"
-        return ", ".join(filter(None, map(self._spoilt, self._index)))
-
     @contextmanager
     def given(self) -> Iterator[Callable[[Animation], Promise]]:
         """As ``drawing`` promises animations, but nothing is started."""
@@ -74,7 +66,7 @@ class Drawn:
         found = []
         for path in sorted(folder.glob("*")):
             words = (words for start, words in FIGURES.items() if path.name.startswith(start))
-            if (told := next(words, None)) and as_written(folder, path.name):
+            if told := next(words, None):
                 found.append(Figure(path.name, content_of(path), *told))
         return found
 
@@ -100,8 +92,6 @@ class Drawn:
         for path in self._pictures(name):
             if not path.exists():
                 return f"{path.name} is gone"
-            if not as_written(self.folder, f"{IMAGES}/{path.name}"):
-                return f"{path.name} was changed"
         return None
 
     def _pictures(self, name: str) -> list[Path]:

@@ -1,19 +1,13 @@
 """Write report.html, the tables, results.md and the pictures that the Markdown needs."""
 
-import json
 import logging
-from contextlib import suppress
-from dataclasses import fields
-from hashlib import sha256
-from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import msgspec
-
 from benchmarks.console import doing
-from benchmarks.files import own_folder, refuse_changed, write_part, written
+from benchmarks.files import own_folder, write_files
+from benchmarks.sweeps.manifest import NAME
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.csv_files import (
     decisions_csv,
@@ -26,7 +20,6 @@ from benchmarks.tables.csv_files import (
 )
 from benchmarks.tables.map_validity import told_apart
 from benchmarks.tables.plan_validity import validities
-from benchmarks.trials.provenance import source_of
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, shown
 
@@ -68,16 +61,18 @@ def write_report(out: Path | str, results: Results, drawn: "Drawn | None" = None
 
     Animations are drawn, unless a folder is given that keeps them. results.csv and trials.csv
     depend on nothing but the trials; timings.csv, the page and results.md also tell times and
-    versions. Without the extra ``report`` there are the tables only. Nothing is written if all is
-    there and would come out the same.
+    versions. Without the extra ``report`` there are the tables only.
 
     Raises:
-        InputError: a file in the folder is in the way that is not ours.
+        InputError: the folder holds files, but neither a sweep nor a report.
     """
     if not isinstance(results, Results):
         raise InputError(f"the results are {shown(results)}: give the folder first, then results.")
     with doing(f"writing the report in {out}"):
-        return _written(Path(out), "report", results, drawn)
+        folder = Path(out)
+        if not (folder / NAME).is_file():
+            own_folder(folder, "results.csv")
+        return _written(folder, results, drawn)
 
 
 def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
@@ -94,36 +89,18 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
                 f"{folder} is of deqmcl replay, which writes its report: run it again, or give "
                 "another --out."
             )
-        refuse_changed(out)
-        return _written(out, "report", results, Drawn(folder))
-    return _written(own_folder(out, "copy"), "copy", results, Drawn(folder))
+    else:
+        own_folder(out, "results.csv")
+    return _written(out, results, Drawn(folder))
 
 
-def _written(out: Path, part: str, results: Results, drawn: "Drawn | None") -> list[Path]:
-    def contents() -> dict[str, bytes]:
-        tables = _tables(results)
-        try:
-            return tables | _told(results, drawn)
-        except Exception:
-            write_part(out, part, tables)  # the numbers, whatever keeps the pictures away
-            raise
-
-    return written(out, part, _source(results, drawn), contents)
-
-
-def _source(results: Results, drawn: "Drawn | None") -> str:
-    """Name all that a report is made of: results, animations, code and libraries."""
-    lacking = drawn.lacking({one.key for one in results.finished}) if drawn else ""
-    digest = sha256(f"{source_of('benchmarks')} {no_report()} {lacking}".encode())
-    for figure in drawn.figures if drawn else ():
-        digest.update(figure.content)
-    for library in ("jinja2", "matplotlib", "opencv-python-headless", "pillow"):
-        with suppress(PackageNotFoundError):
-            digest.update(f"{library} {version(library)}".encode())
-    for part in {f.name: getattr(results, f.name) for f in fields(results)}.items():
-        plain = msgspec.to_builtins(part, str_keys=True, enc_hook=repr)
-        digest.update(json.dumps(plain).encode())
-    return digest.hexdigest()
+def _written(out: Path, results: Results, drawn: "Drawn | None") -> list[Path]:
+    tables = _tables(results)
+    for name in ("decisions.csv", "gaps.csv", "plans.csv", "maps.csv"):
+        if name not in tables:
+            (out / name).unlink(missing_ok=True)
+    files = write_files(out, tables)  # the numbers, whatever keeps the pictures away
+    return files + write_files(out, _told(results, drawn))
 
 
 def _tables(results: Results) -> dict[str, bytes]:

@@ -22,7 +22,7 @@ from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import InputError, integer
 from localizers import GaussianUniform, RobotModel
 from localizers.models.beams import METRE_SIGMA
-from localizers.models.motion_fit import LEAST_STEPS
+from localizers.models.motion import LEAST_STEPS
 from localizers.models.nav2_motion import MotionModel, kind_of, unknown_motion
 
 # arguments of the env that are not a scenario's to give

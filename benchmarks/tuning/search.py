@@ -21,11 +21,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from msgspec import to_builtins
 
-from benchmarks.files import is_empty, locked, refuse_changed
+from benchmarks.files import is_empty
 from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
-from benchmarks.sweeps.store import Store
+from benchmarks.sweeps.store import Store, writing
 from benchmarks.tables.pairing import milliseconds_per_step
 from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Provenance
@@ -249,7 +249,7 @@ class Searching:
             return
         for segment, run in product(segments, range(runs)):
             trial = self.task.trial(NOTHING, segment, run)
-            if why := self.store.failure(self.now.key(trial), trial):
+            if why := self.store.failure(self.now.key(trial)):
                 raise TrialsFailedError(
                     f"the default of {self.task.localizer} failed on the segment at "
                     f"{segment.begins:.1f} s: {why.rstrip('.')}. --retry-failed runs it again."
@@ -316,8 +316,7 @@ def searching(task: Task, out: Path, options: Options) -> Iterator[Searching]:
                 f"{out} holds a search for something else ({'; '.join(apart[:3])}): give a new "
                 "--out, or the same options."
             )
-        refuse_changed(out)
-    with locked((store := Store(out)).out):
+    with writing(out) as store:
         search = Searching(task, store, options, now, state)
         search.save()
         yield search

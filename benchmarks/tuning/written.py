@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from benchmarks.files import write_part
+from benchmarks.files import write_files
 from benchmarks.replay.nav2 import nav2_document
 from benchmarks.report.writing import load, no_report
 from benchmarks.setup.changes import NOTHING, Changes, file_names
@@ -77,7 +77,7 @@ def write(
     if drawn is None:
         load()
         contents["trade-off.png"] = _trade_off(found)
-    files = write_part(out, "tune", contents)
+    files = write_files(out, contents)
     texts = [said, table, _changed(found), weights, why_not]
     texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
     texts.append("" if drawn is None else f"No picture: {drawn}")

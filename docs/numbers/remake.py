@@ -192,7 +192,7 @@ def _made(name: str, report: Report, where: Where) -> Report | None:
         print(f"{name}: its command failed; run make reports again.")
         return None
     took = (time.monotonic() - begun) / 60 * (where.jobs or available_cpus()) / CORES
-    results, by = results_in(folder), manifest.read(folder).made
+    results, by = results_in(folder), manifest.read(folder).identity
     for target, source in report.files.items():
         text = (folder / source).read_text(encoding="utf-8")
         write_text(made.REPORTS / target, with_costs(results) if source == "results.csv" else text)

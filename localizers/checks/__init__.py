@@ -7,7 +7,7 @@ A localizer is loaded and run in this process, where a debugger sees it and Ctrl
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal
 
 import numpy as np
 
@@ -15,9 +15,12 @@ from deqmcl_gym.validation import one_of
 from localizers.checks.laws import LAWS
 from localizers.checks.process import process_state_kept
 from localizers.checks.subject import (
+    Law,
     LawBrokenError,
+    Laws,
     LawSkippedError,
     Subject,
+    T,
     default_robot,
     random_drive,
 )
@@ -40,10 +43,6 @@ __all__ = [
     "name_of",
     "parametrize_with_laws",
 ]
-
-T = TypeVar("T")
-Law = Callable[[T], str | None]
-Laws = Mapping[Law[T], Law[T] | None]  # each with the one that must hold before it is tried
 
 
 @dataclass(frozen=True)

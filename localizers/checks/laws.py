@@ -8,7 +8,7 @@ import gc
 import math
 import pickle
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from copy import deepcopy
@@ -22,18 +22,23 @@ import numpy as np
 from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.numerics.arrays import wrapped
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import SUM_TOLERANCE, InputError, digits
+from deqmcl_gym.validation import InputError
 from localizers.beliefs import mean_pose
 from localizers.checks.process import changes_since, no_global_rng, process_state, running
 from localizers.checks.subject import (
     OFFSETS,
     STEPS,
     LawBrokenError,
+    Laws,
     LawSkippedError,
     Snapshot,
     Subject,
     beliefs,
     first_difference,
+    require_finite,
+    require_normalized,
+    require_same,
+    require_valid,
     size_of,
     snapshot,
     steps,
@@ -65,12 +70,12 @@ def answers_with_beliefs(subject: Subject) -> str:
 
 def finite(subject: Subject) -> None:
     """All poses and weights are finite numbers."""
-    _require_finite(subject.history())
+    require_finite(subject.history())
 
 
 def weights_sum_to_one(subject: Subject) -> None:
     """Weights are 0 or more, with sum 1 within 0.001: who uses them divides by their sum."""
-    _require_normalized(subject.history())
+    require_normalized(subject.history())
 
 
 def whole_turn(subject: Subject) -> None:
@@ -95,7 +100,7 @@ def half_turn(subject: Subject) -> None:
 
 def same_rng_same_result(subject: Subject) -> None:
     """Two new localizers given equal generators believe the same, bit by bit."""
-    _require_same(subject.history(), subject.history(), "two runs with equal rng differ")
+    require_same(subject.history(), subject.history(), "two runs with equal rng differ")
 
 
 def increments_of_three(subject: Subject) -> None:
@@ -106,7 +111,7 @@ def increments_of_three(subject: Subject) -> None:
     plans = [increments(plan) for plan in subject.drive.plans]
     try:
         wide = subject.history(actions=increments(subject.drive.actions), plans=plans)
-        _require_same(wide, subject.history(), "(d, 0, φ) gives another belief than (d, φ)")
+        require_same(wide, subject.history(), "(d, 0, φ) gives another belief than (d, φ)")
     except Exception as error:
         why = error if isinstance(error, LawBrokenError) else raised(error, subject.file)
         raise LawSkippedError(
@@ -191,7 +196,7 @@ def inputs_not_kept(subject: Subject) -> None:
         run.append(snapshot(belief, t))
         for array in given:
             array[...] = np.nan
-    _require_same(
+    require_same(
         run,
         subject.history(),
         "it still reads an array that it was given earlier and that the caller has changed since",
@@ -206,8 +211,8 @@ def outputs_are_fresh(subject: Subject) -> None:
         for array in (array for k in OFFSETS for array in belief.points(k) or ()):
             if array.flags.writeable:
                 array[...] = 1e6
-        _require_same([snapshot(belief, t)], run[-1:], "points returns its own array, not a copy")
-    _require_same(run, subject.history(), "points returns an array that the localizer still uses")
+        require_same([snapshot(belief, t)], run[-1:], "points returns its own array, not a copy")
+    require_same(run, subject.history(), "points returns an array that the localizer still uses")
 
 
 def beliefs_stay(subject: Subject) -> None:
@@ -219,14 +224,14 @@ def beliefs_stay(subject: Subject) -> None:
     for _ in beliefs(localizer, subject.drive, seed=1):
         pass
     again = [snapshot(belief, t) for t, belief in enumerate(kept)]
-    _require_same(again, run, "an earlier belief changed with a later update")
+    require_same(again, run, "an earlier belief changed with a later update")
 
 
 def prior_without_mean(subject: Subject) -> str | None:
     """A prior without a mean, uniform over free space, is accepted or refused by an InputError."""
     prior = UniformPrior(floor_plan=subject.robot.floor_plan)
     try:
-        _require_valid(subject.history(prior=prior))
+        require_valid(subject.history(prior=prior))
     except InputError:
         return "refused"
     return None
@@ -237,13 +242,13 @@ def zero_likelihood(subject: Subject) -> None:
     robot = replace(subject.robot, scan=GaussianUniform(sigma=1e-3, uniform=0.0))
     scans = subject.drive.scans.copy()
     scans[: len(scans) // 2] = 0.0
-    _require_valid(subject.history(subject.made(robot), scans=scans))
+    require_valid(subject.history(subject.made(robot), scans=scans))
 
 
 def max_range_scan(subject: Subject) -> None:
     """Scans whose beams all read max_range are survived."""
     scans = np.full_like(subject.drive.scans, subject.robot.lidar.max_range)
-    _require_valid(subject.history(scans=scans))
+    require_valid(subject.history(scans=scans))
 
 
 def bad_beams(subject: Subject) -> None:
@@ -256,7 +261,7 @@ def bad_beams(subject: Subject) -> None:
     for t, value in enumerate(bad):
         scans[t, 0] = value
         scans[len(bad) + t] = value
-    _require_valid(subject.history(scans=scans))
+    require_valid(subject.history(scans=scans))
 
 
 def huge_actions(subject: Subject) -> str | None:
@@ -269,7 +274,7 @@ def huge_actions(subject: Subject) -> str | None:
             plan[_HALF - t] = huge
         try:
             with np.errstate(all="ignore"):  # an overflow shows in what it returns
-                _require_valid(subject.history(actions=actions, plans=plans))
+                require_valid(subject.history(actions=actions, plans=plans))
         except InputError:
             refused += 1
     return "refused" if refused else None
@@ -283,7 +288,7 @@ def one_particle(subject: Subject) -> str | None:
         made = subject.made(particles=1)
     except InputError:
         return "refused"
-    _require_valid(subject.history(made))
+    require_valid(subject.history(made))
     return None
 
 
@@ -295,13 +300,13 @@ def short_plan(subject: Subject) -> None:
         [plan[:2] for plan in plans],
         [plan[: STEPS - t] for t, plan in enumerate(plans)],
     ):
-        _require_valid(subject.history(plans=shorter))
+        require_valid(subject.history(plans=shorter))
 
 
 def changed_plan(subject: Subject) -> None:
     """A plan that changes, and a command that was not the one planned, are survived."""
     other = [plan + np.array([0.0, 0.05 * (t % 3)]) for t, plan in enumerate(subject.drive.plans)]
-    _require_valid(subject.history(plans=other))
+    require_valid(subject.history(plans=other))
 
 
 def reset_starts_anew(subject: Subject) -> None:
@@ -309,7 +314,7 @@ def reset_starts_anew(subject: Subject) -> None:
     used = subject.made()
     for _ in islice(beliefs(used, subject.drive, seed=1), _HALF):
         pass
-    _require_same(
+    require_same(
         subject.history(used),
         subject.history(),
         "after reset the localizer remembers its previous run",
@@ -320,11 +325,11 @@ def picklable(subject: Subject) -> None:
     """A copy made by pickle continues as the original does, whether new or halfway."""
     expected, drive, original = subject.history(), subject.drive, subject.made()
     copy = pickle.loads(pickle.dumps(original))
-    _require_same(subject.history(copy), expected, "a pickled copy differs")
+    require_same(subject.history(copy), expected, "a pickled copy differs")
     run = [snapshot(b, t) for t, b in enumerate(islice(beliefs(original, drive), _HALF + 1))]
     copy = pickle.loads(pickle.dumps(original))
     run += [snapshot(copy.update(*drive.inputs(t)), t) for t in range(_HALF + 1, STEPS + 1)]
-    _require_same(run, expected, "a copy pickled halfway differs")
+    require_same(run, expected, "a copy pickled halfway differs")
 
 
 def runs_in_a_worker(subject: Subject) -> None:
@@ -344,7 +349,7 @@ def runs_in_a_worker(subject: Subject) -> None:
             raise LawBrokenError("a spawned process ended without an answer") from None
     if isinstance(answer, str):
         raise LawBrokenError(f"in a spawned process: {answer}")
-    _require_same(answer, subject.history(), "a spawned process gives different results")
+    require_same(answer, subject.history(), "a spawned process gives different results")
 
 
 def _history_of(task: bytes) -> list[Snapshot] | str:
@@ -430,41 +435,7 @@ def _require_alike(subject: Subject, other: Sequence[Snapshot], when: str) -> No
             )
 
 
-def _require_same(run: Sequence[Snapshot], other: Sequence[Snapshot], otherwise: str) -> None:
-    where = first_difference(run, other)
-    if where is not None:
-        raise LawBrokenError(f"{otherwise}, first at {where}")
-
-
-def _require_valid(run: Sequence[Snapshot]) -> None:
-    _require_finite(run)
-    _require_normalized(run)
-
-
-def _require_finite(run: Sequence[Snapshot]) -> None:
-    for t, belief in enumerate(run):
-        for offset, points in belief.items():
-            for name, array in zip(("pose", "weight"), points, strict=True):
-                bad = array[~np.isfinite(array)]
-                if bad.size:
-                    raise LawBrokenError(f"a {name} of points({offset}) at step {t} is {bad[0]:g}")
-
-
-def _require_normalized(run: Sequence[Snapshot]) -> None:
-    """Raise unless weights are not negative and of sum 1, as near as the benchmarks require."""
-    for t, belief in enumerate(run):
-        for offset, (_, weights) in belief.items():
-            where = f"points({offset}) at step {t}"
-            if weights.min() < 0:
-                raise LawBrokenError(f"a weight of {where} is {weights.min():g}")
-            total = float(weights.sum(dtype=np.float64))
-            if not abs(total - 1) <= SUM_TOLERANCE:
-                raise LawBrokenError(f"the weights of {where} add up to {digits(total)}, not 1")
-
-
-Law = Callable[[Subject], str | None]
-
-LAWS: dict[Law, Law | None] = {  # each with the law that must hold before it is tried
+LAWS: Laws[Subject] = {
     makes_a_localizer: None,
     answers_with_beliefs: makes_a_localizer,
     finite: answers_with_beliefs,

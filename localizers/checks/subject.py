@@ -1,20 +1,20 @@
 """The localizer under check, and the robot and the short random drive that it is tried on."""
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import SUM_TOLERANCE, digits
 from localizers.api import Belief, Localizer
 from localizers.models.beams import GaussianUniform
 from localizers.models.motion import OdometryMotion
-from localizers.models.prior import GaussianPrior
+from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.models.robot import RobotModel
 from localizers.registry import LOCALIZER, Factory
 
@@ -25,6 +25,9 @@ _LONGEST = 20.0  # px, of a step: 0.4 m
 
 Snapshot = Mapping[int, tuple[Floats, Floats]]  # poses and weights by offset
 Seed = int | np.random.Generator
+T = TypeVar("T")
+Law = Callable[[T], str | None]
+Laws = Mapping[Law[T], Law[T] | None]  # each with the one that must hold before it is tried
 
 
 class LawBrokenError(Exception):
@@ -93,10 +96,7 @@ def random_drive(robot: RobotModel, rng: np.random.Generator) -> Drive:
         actions.append(action)
         poses.append(pose)
     lidar = robot.lidar
-    exact = np.asarray(
-        lidar.ranges(robot.floor_plan, np.array(poses[1 : STEPS + 1]).T),
-        np.float64,
-    )
+    exact = np.asarray(lidar.ranges(robot.floor_plan, np.array(poses[1 : STEPS + 1]).T), float)
     noisy = exact + rng.normal(0.0, 0.01 * stride, exact.shape)
     x, y, heading = poses[0].tolist()
     return Drive(
@@ -118,18 +118,10 @@ def _free_pose(robot: RobotModel, rng: np.random.Generator) -> Floats:
 
     Slightly below 0: it can be written 2π higher, and half a turn from it lies ±π.
     """
-    x0, y0, x1, y1 = robot.floor_plan.bounds
-    for _ in range(_TRIES):
-        poses = rng.uniform((x0, y0, -0.1), (x1, y1, 0.0), (_TRIES, 3))
-        free = robot.floor_plan.free(poses, robot.radius)
-        if free.any():
-            room_ahead = np.where(free, robot.floor_plan.ranges(poses, [0.0])[:, 0], -1.0)
-            pose: Floats = poses[room_ahead.argmax()]
-            return pose
-    raise InputError(
-        f"the robot's radius is {robot.radius:g} {robot.floor_plan.unit}, but a disc that wide "
-        "does not fit into its floor plan: give a smaller radius or another floor plan."
-    )
+    poses = UniformPrior(floor_plan=robot.floor_plan, radius=robot.radius).sample(_TRIES, rng)
+    poses[:, 2] = rng.uniform(-0.1, 0.0, _TRIES)
+    farthest: Floats = poses[robot.floor_plan.ranges(poses, [0.0])[:, 0].argmax()]
+    return farthest
 
 
 def _free_step(
@@ -262,3 +254,38 @@ def first_difference(run: Sequence[Snapshot], other: Sequence[Snapshot]) -> str 
             if len(a) != len(b) or not all(same):
                 return f"points({offset}) of step {t}"
     return None
+
+
+def require_same(run: Sequence[Snapshot], other: Sequence[Snapshot], otherwise: str) -> None:
+    """Raise with ``otherwise`` and where, unless two runs are equal bit by bit."""
+    where = first_difference(run, other)
+    if where is not None:
+        raise LawBrokenError(f"{otherwise}, first at {where}")
+
+
+def require_valid(run: Sequence[Snapshot]) -> None:
+    """Raise unless all that a run says is finite and its weights are normalized."""
+    require_finite(run)
+    require_normalized(run)
+
+
+def require_finite(run: Sequence[Snapshot]) -> None:
+    """Raise unless all poses and weights are finite."""
+    for t, belief in enumerate(run):
+        for offset, points in belief.items():
+            for name, array in zip(("pose", "weight"), points, strict=True):
+                bad = array[~np.isfinite(array)]
+                if bad.size:
+                    raise LawBrokenError(f"a {name} of points({offset}) at step {t} is {bad[0]:g}")
+
+
+def require_normalized(run: Sequence[Snapshot]) -> None:
+    """Raise unless weights are not negative and of sum 1, as near as the benchmarks require."""
+    for t, belief in enumerate(run):
+        for offset, (_, weights) in belief.items():
+            where = f"points({offset}) at step {t}"
+            if weights.min() < 0:
+                raise LawBrokenError(f"a weight of {where} is {weights.min():g}")
+            total = float(weights.sum(dtype=np.float64))
+            if not abs(total - 1) <= SUM_TOLERANCE:
+                raise LawBrokenError(f"the weights of {where} add up to {digits(total)}, not 1")

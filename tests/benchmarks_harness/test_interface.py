@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pandas as pd
 import pytest
-from deqmcl_command import DEQMCL, process
+from deqmcl_command import DEQMCL, process, stored
 
 import benchmarks
 import localizers
@@ -85,9 +85,9 @@ def test_a_folder_is_gone_on_with_and_without_one_nothing_is_left(tmp_path, monk
     (tmp_path / "temporary").mkdir()
     experiment = benchmarks.sweep("paper", localizers=["mcl"], **FEW)
     first = experiment.run(jobs=1, out=tmp_path / "mine", progress=False)
-    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "mine" / "trials").iterdir()}
+    kept = stored(tmp_path / "mine")
     again = experiment.run(jobs=1, out=str(tmp_path / "mine"), progress=False)
-    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    assert stored(tmp_path / "mine") == kept
     pd.testing.assert_frame_equal(first.table, again.table)
     assert not list((tmp_path / "temporary").glob("*/experiment"))
 

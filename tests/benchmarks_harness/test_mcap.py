@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from deqmcl_command import exit_code, files
+from deqmcl_command import exit_code, files, records
 from hall import recorded_in_a_hall
 from mcap.reader import make_reader
 from refusals import refused
@@ -319,7 +319,7 @@ def test_a_sweep_writes_the_runs_that_its_report_animates(tmp_path, monkeypatch,
     shown = json.loads(Path("out/images/laps.json").read_text())
     for place in places:
         for key, own in zip(shown[f"lap-1-{place}"]["trials"], ("mcl", "mcl-map"), strict=True):
-            curve = json.loads(Path(f"out/trials/{key}.json").read_text())
+            curve = records(Path("out"))[key]
             topics = read(Path(f"runs/lap-1-{place}-{own}.mcap"))
             assert len(topics[f"/{own}/cloud"]) == curve["steps_done"] + 1
     assert exit_code(*words) == 2

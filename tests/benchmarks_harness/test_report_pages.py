@@ -75,9 +75,9 @@ def page(report):
     return Page((report[0] / "report.html").read_text(encoding="utf-8"))
 
 
-def test_what_is_returned_is_what_was_written_beside_a_record_of_it(report):
+def test_what_is_returned_is_what_was_written(report):
     out, files = report
-    assert {*files, out / "written.json"} == {path for path in out.rglob("*") if path.is_file()}
+    assert {*files} == {path for path in out.rglob("*") if path.is_file()}
     assert TABLES | {"report.html", "results.md"} <= {path.name for path in files}
 
 
@@ -181,22 +181,23 @@ def test_a_report_that_is_written_anew_has_the_animations_of_the_folder_and_runs
     files = writing.rewrite_report(out, elsewhere, given)
     for path in files:
         assert path.read_bytes() == (out / path.relative_to(elsewhere)).read_bytes()
-    for spoil, why in (
-        (lambda: (out / "images" / "lap.png").write_bytes(b"other"), "lap.png was changed"),
-        (lambda: (out / "images" / "laps.json").write_text("{}"), "the folder has none of these"),
+    for name, content, why in (
+        ("lap.png", None, "lap.png is gone"),
+        ("laps.json", "{}", "the folder has none of these"),
     ):
-        spoil()
+        path = out / "images" / name
+        path.unlink() if content is None else path.write_text(content)
         writing.rewrite_report(out, elsewhere, given)
         assert f"No animation: {why}" in (elsewhere / "report.html").read_text(encoding="utf-8")
 
 
 def test_files_that_are_left_out_are_named_on_the_page_with_the_reason(tmp_path):
-    left_out = {f"trials/{n}.json": "is torn <b>" for n in range(102)}
+    left_out = {f"trials.jsonl, line {n}": "is torn <b>" for n in range(102)}
     writing.write_report(tmp_path, replace(results([]), left_out=left_out))
     for name in ("report.html", "results.md"):
         text = (tmp_path / name).read_text(encoding="utf-8")
         assert "Files left out" in text
-        assert "trials/99.json" in text
+        assert "trials.jsonl, line 99" in text
         assert "… and 2 more" in text
         assert "torn <b>" not in text
 
@@ -224,7 +225,7 @@ def test_without_the_extra_the_tables_are_written_and_the_extra_is_named(tmp_pat
         writing.require_report()
     files = writing.write_report(tmp_path, results(paired(THREE)))
     assert {path.name for path in files} == TABLES
-    assert {path.name for path in tmp_path.iterdir()} == {*TABLES, "written.json"}
+    assert {path.name for path in tmp_path.iterdir()} == TABLES
 
 
 def test_in_print_the_page_is_light_its_parts_are_open_and_its_tables_are_not_cut(report):

@@ -177,7 +177,7 @@ NARROW = PolygonMap(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])
     [
         ({"localizer": "dec-mcl"}, "did you mean 'deq-mcl'"),
         ({"localizer": "mcl", "particels": 3}, "did you mean 'particles'"),
-        ({"localizer": "mcl", "robot": replace(default_robot(), floor_plan=NARROW)}, "is 8 px"),
+        ({"localizer": "mcl", "robot": replace(default_robot(), floor_plan=NARROW)}, "radius is 8"),
     ],
 )
 def test_a_bad_question_is_refused(arguments, words):

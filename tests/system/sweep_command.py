@@ -59,10 +59,6 @@ def tables(out):
     return {name: (out / name).read_bytes() for name in TABLES}
 
 
-def trial_files(out):
-    return {path.name: path.read_bytes() for path in (out / "trials").glob("*.json")}
-
-
 class broken(MyLocalizer):  # noqa: N801
     """Fails in each trial."""
 
