@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.setup.assumed import is_code
 from benchmarks.setup.changes import Changes, Named
 from benchmarks.setup.interfaces import Agent
 from benchmarks.setup.names import absolute_agent, absolute_scenario, make_agent
@@ -27,7 +26,7 @@ from localizers.api import Points
 from localizers.checks import LawBrokenError, Laws, Report
 from localizers.checks.process import no_global_rng
 from localizers.models.scan import Scan, ScanModel
-from localizers.naming.scans import complete_scan
+from localizers.scan_plug_in import SCAN_MODEL, is_code
 
 DRIVEN_IN = ("guided", "driving")  # the first that an agent does not refuse
 SCANNED_IN = ("sharp", "lost")  # the first that a scan model does not refuse
@@ -77,7 +76,7 @@ def check_scan(name: str, scenario: str | None = None) -> "Report[Scans]":
     Raises:
         InputError: there is no such scan model, or it refuses every world.
     """
-    kind = absolute_name(complete_scan(name)) if is_code(name) else name
+    kind = absolute_name(SCAN_MODEL.complete(name)) if is_code(name) else name
     worlds = SCANNED_IN if scenario is None else (absolute_scenario(scenario),)
     world = _accepting(worlds, lambda world: Scans(kind, world).model())
     return Report(name, SCAN_LAWS, Scans(kind, world), kind.rpartition(":")[0])

@@ -29,9 +29,9 @@ from benchmarks.trials.attempt import Outcome, attempt
 from benchmarks.trials.plugins import guest_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
-from localizers.naming.digests import OURS
-from localizers.naming.plugins import safe_path
-from localizers.naming.registry import is_registered, receive, resolve
+from localizers.digests import OURS
+from localizers.naming.own_process import safe_path
+from localizers.registry import LOCALIZER
 
 CONNECT_SECONDS = 10  # how long a scheduler may take to answer
 _CLOSE_SECONDS, _LOOK_SECONDS = 1, 2
@@ -245,7 +245,7 @@ class Where:
 
 def _refuse_unknown(executor: Executor, trials: Iterable[Trial]) -> None:
     """Refuse a localizer that is registered here, but not where its trials run."""
-    asked = {(t.localizer, guest_of(t)): t for t in trials if is_registered(t.localizer)}
+    asked = {(t.localizer, guest_of(t)): t for t in trials if LOCALIZER.is_registered(t.localizer)}
     for trial in asked.values():
         with contextlib.suppress(RuntimeError):  # the process died: its trials will tell
             if not executor.submit(_knows, trial).result():
@@ -257,7 +257,7 @@ def _refuse_unknown(executor: Executor, trials: Iterable[Trial]) -> None:
 
 
 def _knows(trial: Trial) -> bool:
-    return is_registered(trial.localizer)
+    return LOCALIZER.is_registered(trial.localizer)
 
 
 class ThisProcess(Executor):
@@ -301,7 +301,7 @@ class Sending(Executor):
             InputError: the localizer is registered here only, and cannot be sent.
         """
         trial, *rest = args
-        if not is_registered(name := trial.localizer):
+        if not LOCALIZER.is_registered(name := trial.localizer):
             return self._processes.submit(fn, *args, **kwargs)
         if name not in self._packed:
             self._packed[name] = b"" if self._is_known(trial) else _packed(name)
@@ -320,7 +320,7 @@ def _packed(name: str) -> bytes:
     """Return a registered localizer as bytes, with the code of its module if that is one's own."""
     import cloudpickle
 
-    factory: Any = resolve(name)
+    factory: Any = LOCALIZER.resolve(name)
     whole = factory
     while isinstance(whole, partial):
         whole = whole.func
@@ -346,8 +346,8 @@ def _packed(name: str) -> bytes:
 
 
 def _with_sent(trial: Trial, packed: bytes, fn: Callable[..., Any], *rest: Any) -> Any:
-    if not is_registered(trial.localizer):
-        receive(trial.localizer, pickle.loads(packed))
+    if not LOCALIZER.is_registered(trial.localizer):
+        LOCALIZER.receive(trial.localizer, pickle.loads(packed))
     return fn(trial, *rest)
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from benchmarks.execution.starting import CONTEXT, sheltered
 from deqmcl_gym.validation import InputError, in_words
-from localizers.naming.plugins import EndedError, NoAnswerError, OwnProcess, enter
+from localizers.naming.own_process import EndedError, NoAnswerError, OwnProcess, enter
 
 # Seconds a thread gets to end. It may never: a Ctrl-C that comes while futures are waited for can
 # leave one of them locked. Its process is killed by then, and it dies with this one.

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from benchmarks.console import doing, warn
-from benchmarks.execution.apart import parameters, takes
 from benchmarks.files import write_part
 from benchmarks.replay.options import EVERY, NAME, OFTEN, Replay
 from benchmarks.replay.residuals import Residuals, files_of, residuals_of
@@ -29,6 +28,7 @@ from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Scanner, Trajectory
 from deqmcl_gym.validation import InputError, integer
 from localizers import names as localizer_names
+from localizers import parameters
 
 FEW = 0.5  # share of beams within the larger distance below which log and map do not fit
 _LOOKED_AT = 200  # reference poses
@@ -247,7 +247,7 @@ def _tracks(replay: Replay, rows: Sequence[Row]) -> dict[str, bytes]:
 
 def own_params(name: str) -> tuple[str, ...]:
     """Say that a localizer takes no parameter that all have: each is given its own, and no lag."""
-    takes(name)
+    parameters(name)
     return ()
 
 

@@ -15,7 +15,6 @@ from typing import NamedTuple
 from msgspec import Struct
 
 from benchmarks.console import doing
-from benchmarks.execution.apart import where_safe
 from benchmarks.files import as_written
 from benchmarks.pictures.figures import FIGURES
 from benchmarks.pictures.viewing import Views, shown_again
@@ -165,7 +164,7 @@ def write_laps(results: Results, folder: Path) -> str:
             path = folder / f"{animation.name}-{own}.mcap"
             with doing(f"writing {path}"):
                 views = Views(mcap=path.absolute())
-                where_safe([trial], shown_again, [trial], views)
+                shown_again([trial], views)
             names.append(path.name)
     if not names:
         return "No MCAP: the report animates nothing."

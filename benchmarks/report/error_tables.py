@@ -19,7 +19,7 @@ from benchmarks.tables.text import (
     state_name,
 )
 from benchmarks.trials.spec import Method
-from localizers.naming.registry import is_plug_in
+from localizers.registry import LOCALIZER
 
 
 def verdict_table(panel: Panel) -> Table:
@@ -48,7 +48,7 @@ def verdict_table(panel: Panel) -> Table:
         header,
         lines,
         strong=[(line, column) for line in best for column in (0, 1)],
-        own=[line for line, row in enumerate(rows) if is_plug_in(row.method.name)],
+        own=[line for line, row in enumerate(rows) if LOCALIZER.is_plug_in(row.method.name)],
     )
 
 
@@ -97,7 +97,7 @@ def marked_label(panel: Panel, row: Comparison) -> str:
     label = panel.labels[row.method]
     if row.is_baseline:
         return f"{label} (baseline)"
-    return f"{label} (plug-in)" if is_plug_in(row.method.name) else label
+    return f"{label} (plug-in)" if LOCALIZER.is_plug_in(row.method.name) else label
 
 
 def glance_table(panels: Sequence[Panel]) -> Table:

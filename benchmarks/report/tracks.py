@@ -10,7 +10,7 @@ from benchmarks.report.svg import INK, Look, Looks, Picture, canvas, picture
 from benchmarks.report.tables import Table, nees_words
 from benchmarks.report.words import rounded
 from benchmarks.setup.logs import LogScenario
-from benchmarks.setup.names import plug_ins_of, scenario
+from benchmarks.setup.names import scenario
 from benchmarks.tables.comparison import Comparison
 from benchmarks.tables.pairing import differences
 from benchmarks.tables.panels import Panel
@@ -57,7 +57,7 @@ def shown(panel: Panel) -> tuple[list[Row], Map | None]:
     if any(record.track is None for own in records.values() for record in own):
         return [], None
     try:
-        found = None if plug_ins_of(name) else scenario(name).changed(panel.setting.world)
+        found = scenario(name).changed(panel.setting.world)
         if not isinstance(found, LogScenario):
             return [], None
         log, floor_plan = found.recording()

@@ -7,8 +7,7 @@ from typing import Any, TypeVar
 from deqmcl_gym.maps.map import pixel, scaled
 from deqmcl_gym.validation import InputError, one_of
 from localizers.models.nav2_motion import unknown_motion
-from localizers.naming.plugins import is_file, is_reference
-from localizers.naming.scans import ScanPlugIn
+from localizers.scan_plug_in import ScanPlugIn, is_code
 
 T = TypeVar("T")
 
@@ -46,11 +45,6 @@ def changed(part: str, current: T, keys: Any, unit: str, kinds: Mapping[str, Any
     for key in changes:
         one_of("assumption", f"{part}.{key}", _names(part, current))
     return replace(current, **changes)  # type: ignore[type-var]
-
-
-def is_code(kind: object) -> bool:
-    """Whether a kind of scan model says where its code is."""
-    return isinstance(kind, str) and (is_file(kind) or is_reference(kind))
 
 
 def _kind(part: str, given: Any, kinds: Mapping[str, Any]) -> str:

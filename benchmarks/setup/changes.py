@@ -20,8 +20,8 @@ from typing import Any, Self
 
 from deqmcl_gym.files import UnreadableError, content_of, yaml_of
 from deqmcl_gym.validation import InputError, one_of, shown
-from localizers.naming.digests import content_digest
-from localizers.naming.plugins import Placed
+from localizers.digests import content_digest
+from localizers.kinds import Placed
 
 _LARGEST = 1e100  # magnitude of a number: charts take no larger ones
 

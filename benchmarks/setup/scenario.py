@@ -19,7 +19,7 @@ from deqmcl_gym.world.presets import WORLDS
 from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
 from localizers.models.beams import BEAM_MODELS, BeamDensity
 from localizers.models.nav2_motion import MOTION_MODELS, MotionModel
-from localizers.naming.scans import ScanPlugIn
+from localizers.scan_plug_in import ScanPlugIn
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +69,7 @@ class Scenario:
             without a seed or seeds of its own.
         thresholds: of the scores.
         source: digest of the files that it was read from; "" if built-in.
+        code: names of the plug-ins that it and its bases are.
     """
 
     words: str
@@ -81,6 +82,7 @@ class Scenario:
     buildings: int = 1
     thresholds: Thresholds = field(default_factory=Thresholds)
     source: str = ""
+    code: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         integer("buildings", self.buildings, low=1)

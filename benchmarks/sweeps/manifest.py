@@ -11,16 +11,16 @@ from typing import Any
 
 from msgspec import Struct, field, to_builtins
 
-from benchmarks.execution.apart import provenance
 from benchmarks.files import is_empty, refuse_changed
 from benchmarks.setup.changes import renamed, spelt
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.store import SCHEMA
+from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Environment, Provenance, environment
 from deqmcl_gym.files import UnreadableError, content_of, json_of, typed, write_text
 from deqmcl_gym.validation import InputError
-from localizers.naming.digests import UNREAD
-from localizers.naming.plugins import Placed
+from localizers.digests import UNREAD
+from localizers.kinds import Placed
 
 NAME = "manifest.json"
 
@@ -109,7 +109,7 @@ def of_sweep(sweep: Sweep, command: Sequence[str]) -> Manifest:
     """Return the manifest that a sweep has if it is run now."""
     return Manifest(
         sweep=sweep.canonical(),
-        made=provenance(sweep.cells()),
+        made=provenance_of(sweep.cells()),
         parameters={name: sweep.takes(name) for name in sweep.names},
         command=command,
         environment=environment(),

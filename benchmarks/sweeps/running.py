@@ -16,7 +16,6 @@ from typing import Any
 from tqdm.auto import tqdm
 
 from benchmarks.console import FailedWarning, beside, doing
-from benchmarks.execution.apart import check_methods, check_settings
 from benchmarks.execution.engines import Where, outcomes
 from benchmarks.files import locked
 from benchmarks.sweeps import manifest
@@ -35,6 +34,7 @@ from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import check_methods, check_settings
 from deqmcl_gym.validation import InputError, one_line, shown
 
 MANY = 100_000  # trials; more are run only with --yes

@@ -6,17 +6,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.execution.apart import takes
 from benchmarks.setup import changes
 from benchmarks.setup.changes import Changes, Named, from_folder, located
-from benchmarks.setup.names import absolute_agent, absolute_assumed, absolute_scenario
+from benchmarks.setup.names import absolute, absolute_agent, absolute_assumed, absolute_scenario
 from benchmarks.sweeps.design import Axis, Limit, Sweep, Takes, UntilDecided
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, integer, one_of
-from localizers import absolute_name
-from localizers.naming.plugins import is_file
-from localizers.naming.registry import complete
+from localizers import absolute_name, parameters
+from localizers.registry import LOCALIZER
 
 _KEYS = (
     *("title", "scenario", "lag", "seed", "trials", "filter_seeds"),
@@ -73,28 +71,31 @@ def suite_names() -> list[str]:
     return sorted(path.stem for path in _SUITES.glob("*.toml"))
 
 
-def suite_file(what: str, name: str, others: Sequence[str] = ()) -> Path:
+def suite_file(what: str, name: str) -> Path:
     """Return the sweep file of a suite.
 
     Raises:
         InputError: there is none of that name.
     """
     try:
-        return _SUITES / f"{one_of(what, name, (*suite_names(), *others))}.toml"
+        return _SUITES / f"{one_of(what, name, suite_names())}.toml"
     except InputError as error:
         if Path(name).exists():
             raise InputError(
                 f"{what} is the file {name}: the name of a sweep file must end in .toml, so save "
                 "it under such a name."
             ) from None
-        raise InputError(f"{str(error).rstrip('.')}, or a file that ends in .toml.") from None
+        raise InputError(
+            f"{str(error).rstrip('.')}, or a file that ends in .toml; docs/reports of the "
+            "repository has those of its reports."
+        ) from None
 
 
 def sweep_of(
     given: Mapping[str, Any],
     *,
     title: str,
-    takes: Takes = takes,
+    takes: Takes = parameters,
     folder: Path | None = None,
     base: Sweep | None = None,
 ) -> Sweep:
@@ -191,14 +192,7 @@ def _params(given: Changes, folder: Path | None) -> Changes:
 def _localizer(what: str, value: Any, folder: Path | None) -> str:
     """Return a localizer's name, the path in it absolute; ``file.py`` is its only localizer."""
     name = changes.text(what, value)
-    if folder is None:
-        return name
-    if is_file(name):
-        return complete(from_folder(folder, name))
-    if name == absolute_name(name):  # a name without a path, or with an absolute one
-        return name
-    path, colon, attribute = name.rpartition(":")
-    return from_folder(folder, path) + colon + attribute
+    return name if folder is None else absolute(LOCALIZER, name, folder)
 
 
 def _axis(table: Any, folder: Path | None) -> Axis:

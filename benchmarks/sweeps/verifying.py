@@ -13,7 +13,6 @@ from typing import Any
 
 import msgspec
 
-from benchmarks.execution.apart import provenance
 from benchmarks.execution.engines import Where, outcomes
 from benchmarks.files import locked
 from benchmarks.sweeps import manifest
@@ -22,6 +21,7 @@ from benchmarks.sweeps.results import recorded_sweep
 from benchmarks.sweeps.running import counted
 from benchmarks.sweeps.store import Store
 from benchmarks.trials.attempt import Outcome
+from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Provenance, environment
 from benchmarks.trials.scoring import LATER, SCORE_NAMES, Finished, Record
 from benchmarks.trials.spec import Trial
@@ -54,7 +54,7 @@ def verify(folder: Path, where: Where, share: float = SHARE) -> str:
     made = manifest.read(folder)
     with locked(folder):
         sweep, store = recorded_sweep(folder, made), Store(folder, reading=True)
-        now = provenance(sweep.cells())
+        now = provenance_of(sweep.cells())
         trials = {made.made.key(trial): trial for trial in sweep.distinct()}
         records = {
             key: record for key, trial in trials.items() if (record := store.get(key, trial))

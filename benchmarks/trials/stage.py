@@ -2,11 +2,11 @@
 
 import contextlib
 import inspect
-import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
@@ -28,7 +28,6 @@ from benchmarks.trials.trace import Collector, Trace, trace_of
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.validation import InputError, one_of
 from localizers import Prior, RobotModel, make
-from localizers.naming.plugins import is_ctrl_c
 
 DISTURBANCES = MappingProxyType(
     {"kidnap": Kidnap, "dropout": BeamDropout, "plan-change": PlanChange}
@@ -168,14 +167,32 @@ class Stage:
         """Let the localizer look at its parameters, before anything is run or written.
 
         Raises:
-            InputError: it refuses them. Any other trouble of a plug-in is left to the trial.
+            InputError: it refuses them, or a plug-in cannot be made.
         """
-        try:
-            with contextlib.chdir(os.curdir):  # comes back, wherever a localizer goes
-                make(self.trial.localizer, self.robot, **located(self.trial.params))
-        except BaseException as error:
-            if isinstance(error, InputError) or is_ctrl_c(error):
-                raise
+        make(self.trial.localizer, self.robot, **located(self.trial.params))
+
+
+def check_settings(trials: Iterable[Trial]) -> None:
+    """Build the world of each trial, what its filters assume, and its agent.
+
+    Raises:
+        InputError: something of it is refused, or a plug-in fails at it.
+    """
+    for trial in trials:
+        Stage.of(trial).check()
+
+
+def check_methods(trials: Iterable[Trial]) -> None:
+    """Let the localizer of each trial look at its parameters; see ``Stage.check_params``.
+
+    Raises:
+        InputError: one refuses them.
+    """
+    for _, own in groupby(trials, lambda t: (t.scenario, t.world, t.assumed, t.disturbance)):
+        first, *others = own
+        stage = Stage.of(first)
+        for trial in (first, *others):
+            replace(stage, trial=trial).check_params()
 
 
 def _errors_name(scenario_name: str) -> AbstractContextManager[None]:

@@ -21,13 +21,13 @@ from typing import Any, NamedTuple
 import numpy as np
 from msgspec import to_builtins
 
-from benchmarks.execution.apart import provenance
 from benchmarks.files import is_empty, locked, refuse_changed
 from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
 from benchmarks.sweeps.store import Store
 from benchmarks.tables.pairing import milliseconds_per_step
+from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scoring import Finished
 from benchmarks.tuning.space import DRAWS, ORDER, Segment, beside, spread, stream
@@ -306,7 +306,7 @@ def searching(task: Task, out: Path, options: Options) -> Iterator[Searching]:
         InputError: the folder is of something else, or in use.
     """
     first = {one.world["log"]: one for one in task.segments}
-    now = provenance([task.trial(NOTHING, one, 0) for one in first.values()])
+    now = provenance_of([task.trial(NOTHING, one, 0) for one in first.values()])
     ours = json.loads(json.dumps({"search": task.identity, **to_builtins(now)}))
     state = {"identity": ours, "rounds": []}
     if not is_empty(out):

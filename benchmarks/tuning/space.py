@@ -11,7 +11,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from benchmarks.execution.apart import parameters
 from benchmarks.replay.options import Replay
 from benchmarks.setup import changes
 from benchmarks.setup.changes import NOTHING, Changes
@@ -19,6 +18,7 @@ from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, boolean, integer, number, one_of, shown
+from localizers import parameters
 
 Value = float | int | str | bool
 ASSUMED = ("motion", "scan")  # parts of what the filters assume; all else is the localizer's own

@@ -9,17 +9,15 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from benchmarks.execution.apart import check_methods, check_settings, checked_apart
 from benchmarks.replay.options import NAME
 from benchmarks.setup.changes import NOTHING, Changes
-from benchmarks.trials.plugins import guest_of
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.stage import Stage
+from benchmarks.trials.stage import Stage, check_methods, check_settings
 from benchmarks.tuning.space import ASSUMED, Segment, Space
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
-from localizers.naming.plugins import is_ctrl_c
+from localizers.kinds import is_ctrl_c
 
 ETA = 3  # of candidates, one of so many goes on
 
@@ -161,11 +159,7 @@ class Task:
             check_methods([self.trial(one, self.segments[0], 0) for one in (NOTHING, *ends)])
         except InputError as error:
             raise InputError(f"the default, or an end of a range, is refused: {error}") from None
-        guest = self.trial(NOTHING, self.training[0], 0)
-        if guest_of(guest):
-            checked_apart(_check_score, guest, self.score)
-        else:
-            _check_score(guest, self.score)
+        _check_score(self.trial(NOTHING, self.training[0], 0), self.score)
 
     @property
     def identity(self) -> dict[str, Any]:

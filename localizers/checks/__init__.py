@@ -24,9 +24,9 @@ from localizers.checks.subject import (
     default_robot,
     random_drive,
 )
+from localizers.kinds import absolute_name, parameters_of, raised
 from localizers.models.robot import RobotModel
-from localizers.naming.plugins import absolute_name, raised
-from localizers.naming.registry import Factory, is_registered, parameters_of, resolve
+from localizers.registry import LOCALIZER, Factory, resolve
 
 if TYPE_CHECKING:
     import pytest
@@ -144,7 +144,7 @@ def check_localizer(
     robot = default_robot() if robot is None else robot
     if isinstance(localizer, str):
         name, factory = localizer, resolve(localizer)
-        sent = factory if is_registered(name) else absolute_name(name)
+        sent = factory if LOCALIZER.is_registered(name) else absolute_name(name)
     else:
         name, factory, sent = getattr(localizer, "__name__", repr(localizer)), localizer, localizer
     known = parameters_of(factory)

@@ -43,11 +43,11 @@ from localizers.checks.subject import (
     snapshot,
     steps,
 )
+from localizers.kinds import parameters_of, raised
 from localizers.models.beams import GaussianUniform
 from localizers.models.motion import increments
 from localizers.models.prior import GaussianPrior, UniformPrior
-from localizers.naming.plugins import raised
-from localizers.naming.registry import parameters_of, resolve
+from localizers.registry import resolve
 
 _HALF = STEPS // 2
 _GRACE = 1.0  # s that threads and processes may take to end

@@ -16,7 +16,7 @@ from localizers.models.beams import GaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.models.robot import RobotModel
-from localizers.naming.registry import Factory, made_by
+from localizers.registry import LOCALIZER, Factory
 
 STEPS = 12
 OFFSETS = range(-STEPS, STEPS + 1)
@@ -171,7 +171,9 @@ class Subject:
     def made(self, robot: RobotModel | None = None, **params: Any) -> Localizer:
         """Make a new localizer, with other parameters or for another robot if given."""
         robot = self.robot if robot is None else robot
-        return made_by(self.factory, self.name, robot, **(dict(self.params) | params))
+        made: Localizer = self.factory(robot, **(dict(self.params) | params))
+        LOCALIZER.checked(self.name, made)
+        return made
 
     def history(
         self, localizer: Localizer | None = None, *, seed: Seed = 0, **changes: Any

@@ -111,7 +111,6 @@ def test_a_run_is_a_trial_step_by_step_with_a_picture_of_each():
     [
         ({"of": "quik"}, "unknown suite or scenario 'quik': did you mean 'quick'?"),
         ({"trails": 3}, "unknown field of a sweep 'trails': did you mean 'trials'?"),
-        ({"of": "study"}, "study has several suites: name one of study-assumed"),
         ({"localizers": [3]}, "the localizer is 3, but must be a name, a class or a function"),
         ({"localizers": [lambda robot: Still(robot)]}, "with a name"),  # noqa: PLW0108
         ({"localizers": [Still, type("Still", (Still,), {})]}, "two localizers are called Still"),

@@ -294,7 +294,7 @@ def test_a_file_that_is_edited_leads_to_its_plug_ins_of_now(tmp_path):
     path = tmp_path / "room.toml"
     for agent in ("one.py:Mine", "two.py:Mine"):
         path.write_text(f'agent = "{agent}"')
-        assert plug_ins_of(f"{path}") == (f"{tmp_path}/{agent}",)
+        assert plug_ins_of(scenario(f"{path}")) == (f"{tmp_path}/{agent}",)
 
 
 def test_a_relative_name_is_made_absolute_and_others_stay(room, monkeypatch):
@@ -366,7 +366,7 @@ agent = partial(make_agent, robot=None)
         (scenario, "gone.py:ROOM", ["the scenario", "gone.py", "No such file"]),
         (scenario, "math:pi", ["the scenario 'math:pi' is of type float", "a Scenario"]),
         (agent, "open-lop", ["'open-loop'?", "file.py:NAME"]),
-        (agent, "math:pi", ["'math:pi'", "float", "plan_at_reset", "act"]),
+        (agent, "math:pi", ["'math:pi'", "float", "NAME(robot"]),
         (agent, "math:sqrt", ["'math:sqrt'", "raised TypeError"]),
     ],
 )

@@ -11,7 +11,7 @@ from refusals import refused
 from benchmarks.setup.changes import Changes, located
 from benchmarks.sweeps.design import MOST
 from benchmarks.sweeps.running import check
-from benchmarks.sweeps.suites import SUITES, sweeps_named
+from benchmarks.sweeps.suites import SUITES, sweep_named
 from benchmarks.sweeps.sweepfile import read_sweep, with_localizers
 from benchmarks.trials.plugins import key_of, provenance_of
 from deqmcl_gym.validation import InputError
@@ -272,9 +272,9 @@ def test_a_sweep_of_more_trials_than_a_folder_can_hold_is_counted_and_refused(tm
 
 def test_a_misspelt_suite_or_localizer_added_to_one_is_refused_with_the_nearest():
     with refused("'quik': did you mean 'quick'?", ".toml"):
-        sweeps_named("quik")
+        sweep_named("quik")
     with pytest.raises(InputError, match=r"'dec-mcl': did you mean 'deq-mcl'\?") as caught:
-        sweeps_named("quick", ["dec-mcl"])
+        sweep_named("quick", ["dec-mcl"])
     assert "toml" not in str(caught.value)
 
 
@@ -282,7 +282,7 @@ def test_a_sweep_file_of_another_ending_is_told_how_it_must_end(tmp_path):
     (tmp_path / "mine.conf").write_text('localizers = ["mcl"]')
     for name in (f"{tmp_path}/mine.conf", "/dev/stdin"):
         with refused(f"is the file {name}", "must end in .toml"):
-            sweeps_named(name)
+            sweep_named(name)
 
 
 def test_a_cost_map_is_found_beside_the_sweep_file_and_its_content_names_the_result(tmp_path):

@@ -64,6 +64,14 @@ def test_a_script_of_the_gallery_runs(script, monkeypatch):
 
 
 @pytest.mark.slow
+def test_theta_phase_prints_the_table_of_its_page():
+    rows = run("theta_phase.py").splitlines()[1:]
+    page = (ROOT / "docs" / "phase.md").read_text().replace("`", "").replace("none", "n/a")
+    assert len(rows) == 5
+    assert [row for row in rows if row not in page] == []
+
+
+@pytest.mark.slow
 def test_ppo_trains_and_draws_its_curve(tmp_path):
     pytest.importorskip("stable_baselines3")
     said = run("ppo.py", "--steps", 1024, "--curve", tmp_path / "ppo.svg")

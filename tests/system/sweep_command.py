@@ -8,6 +8,7 @@ import pytest
 from deqmcl_command import exit_code
 
 from benchmarks.report import writing
+from localizers.template import MyLocalizer
 
 SMALL = """
 title = "small"
@@ -62,9 +63,14 @@ def trial_files(out):
     return {path.name: path.read_bytes() for path in (out / "trials").glob("*.json")}
 
 
-def broken(robot, **params):
-    """Make no localizer."""
-    raise ArithmeticError("broken")
+class broken(MyLocalizer):  # noqa: N801
+    """Fails in each trial."""
+
+    def __init__(self, robot, **params):
+        pass
+
+    def reset(self, prior, plan, rng):
+        raise ArithmeticError("broken")
 
 
 def in_threads():

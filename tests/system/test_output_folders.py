@@ -13,8 +13,6 @@ WRITERS = {
     "sweep": ("sweep", "quick", "--jobs", "1"),
     "paper": ("paper", "--trials", "1", "--localizers", "dead-reckoning", *FEW, "--jobs", "1"),
     "run": ("run", "--localizer", "dead-reckoning", *FEW),
-    "phase": ("phase", "--localizers", "dead-reckoning", *FEW),
-    "speed": ("speed", "--quick"),
     "report": ("report",),
     "export": ("export",),
 }

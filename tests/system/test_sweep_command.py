@@ -4,7 +4,6 @@ import json
 import re
 import shutil
 from collections import Counter
-from dataclasses import replace
 
 import pytest
 from deqmcl_command import exit_code, files, lines
@@ -12,7 +11,7 @@ from sweep_command import sweep, tables, trial_files, write_small
 
 from benchmarks.report import writing
 from benchmarks.sweeps import dry_run, manifest
-from benchmarks.sweeps.suites import FAMILIES, SUITES
+from benchmarks.sweeps.suites import SUITES
 from benchmarks.sweeps.sweepfile import read_sweep, sweep_of
 
 
@@ -99,26 +98,11 @@ def test_a_folder_of_fewer_worlds_goes_on_whatever_the_title_is_now(tmp_path, ra
     assert json.loads((out / "manifest.json").read_text())["identity"]["sweep"]["title"] == "larger"
 
 
-@pytest.mark.parametrize(
-    "name", ["quick", "beta", "sensor", "disturbed", "plan-sensor", "study-plan"]
-)
+@pytest.mark.parametrize("name", ["quick", "headline", "noise", "disturbed", "plan-sensor"])
 def test_a_sweep_can_be_told_from_its_manifest(tmp_path, name):
     sweep = SUITES[name]
     text = json.dumps(manifest.of_sweep(sweep, []).identity["sweep"], allow_nan=False)
     assert sweep_of(json.loads(text), title="") == sweep
-
-
-def test_a_family_writes_each_of_its_suites_into_a_folder_of_its_name(
-    tmp_path, monkeypatch, capsys
-):
-    monkeypatch.setitem(FAMILIES, "both", ("quick", "paper"))
-    small = replace(SUITES["quick"], localizers=SUITES["quick"].localizers[-1:], trials=1)
-    monkeypatch.setattr("benchmarks.sweeps.suites.SUITES", {"quick": small, "paper": small})
-    assert sweep("both", tmp_path / "out") == 0
-    said = capsys.readouterr().out
-    for name in FAMILIES["both"]:
-        assert str(tmp_path / "out" / name) in said
-        assert len(trial_files(tmp_path / "out" / name)) == 1
 
 
 def test_combinations_that_are_the_same_are_said_and_run_once(tmp_path, capsys, ran):

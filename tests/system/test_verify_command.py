@@ -158,7 +158,7 @@ def test_a_folder_without_trials_or_with_an_edited_manifest_is_refused(copy, ref
 
 
 def test_a_sample_has_the_first_world_of_each_setting_and_method_and_one_in_a_hundred_by_digest():
-    sweep = SUITES["beta"]
+    sweep = SUITES["noise"]
     trials = {trial.key(""): trial for trial in sweep.distinct()}
     drawn = [set(verifying.sample(trials, code)) for code in ("a", "b")]
     first = {trial.key("") for trial in sweep.cells()}

@@ -9,12 +9,17 @@ import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics.types import Floats, Singles
-from deqmcl_gym.validation import InputError, number, one_of
+from deqmcl_gym.validation import number
+from localizers.kinds import Kind, absolute_name, raised
 from localizers.models.scan import Scan, ScanModel
-from localizers.naming.plugins import absolute_name, is_ctrl_c, load, raised
-from localizers.naming.registry import arguments_of, complete
 
-_VERB = "log_likelihood"
+SCAN_MODEL = Kind(
+    word="scan model",
+    builtin={},  # those of single beams are ``BEAM_MODELS``
+    group="deqmcl.scan_models",
+    call="NAME(floor_plan=…, lidar=…, **params)",
+    verbs=("log_likelihood(states, scan)",),
+)
 _OF_BEAMS = ("log_likelihood", "density", "least_density", "hit_moments")
 _BLOCK = 8192  # poses that a model is asked for at once, at most
 
@@ -22,11 +27,11 @@ _BLOCK = 8192  # poses that a model is asked for at once, at most
 @final
 @dataclass(frozen=True, kw_only=True)
 class ScanPlugIn:
-    """A scan model by the place of its code, which runs when the model is made.
+    """A scan model by the place of its code.
 
     Attributes:
-        kind: ``path/to/file.py:NAME`` or ``package.module:NAME``, what makes a ``ScanModel`` by
-            ``NAME(floor_plan=…, lidar=…, **params)``. ``file.py`` is its only scan model.
+        kind: name, as ``path/to/file.py:NAME``, of what makes a ``ScanModel`` by
+            ``NAME(floor_plan=…, lidar=…, **params)``.
         power: p(o | x, m)^power, in (0, 1]; 1 is the model itself.
         params: parameters of it.
     """
@@ -36,7 +41,7 @@ class ScanPlugIn:
     params: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "kind", absolute_name(complete_scan(self.kind)))
+        object.__setattr__(self, "kind", absolute_name(SCAN_MODEL.complete(self.kind)))
         number("scan.power", self.power, low=0, high=1, above=True)
 
     def __str__(self) -> str:
@@ -63,25 +68,7 @@ class ScanPlugIn:
         Raises:
             InputError: there is none of that name, it refuses its parameters, or is no scan model.
         """
-        factory = load(self.kind, self.kind, "scan model")
-        known = arguments_of(factory) if callable(factory) else ()
-        for name in self.params:
-            if known is not None:
-                one_of(f"parameter of scan model {self}", name, {*known} - {"floor_plan", "lidar"})
-        try:
-            model = factory(floor_plan=floor_plan, lidar=lidar, **self.params)
-        except BaseException as error:  # whatever a plug-in raises
-            if isinstance(error, InputError) or is_ctrl_c(error):
-                raise
-            raise InputError(
-                f"the scan model {self} cannot be made by NAME(floor_plan=…, lidar=…): its own "
-                f"code raised {raised(error, _file_of(self.kind))}."
-            ) from error
-        if not callable(getattr(model, _VERB, None)):
-            raise InputError(
-                f"the scan model {self} is of type {type(model).__name__}, without {_VERB}: a scan "
-                f"model has {_VERB}(states, scan)."
-            )
+        model = SCAN_MODEL.make(self.kind, self.params, floor_plan=floor_plan, lidar=lidar)
         return CheckedScan(model, self.kind, self.power)
 
 
@@ -135,13 +122,11 @@ class CheckedScan:
         return self.power * found
 
 
-def complete_scan(kind: str) -> str:
-    """Return ``file.py:NAME`` for a ``file.py`` that holds one scan model, else the name as it is.
-
-    Raises:
-        InputError: the file holds none or several, or cannot be read.
-    """
-    return complete(kind, "scan model", (_VERB,))
+def is_code(kind: object) -> bool:
+    """Whether a kind of scan model says where its code is."""
+    if not isinstance(kind, str):
+        return False
+    return ":" in kind or kind.endswith(".py") or kind in SCAN_MODEL.installed()
 
 
 def scan_name(kind: str) -> str:
