@@ -22,7 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="also write the lap as a log: .csv, .csv.gz or .npz",
     )
-    shared.add_views(parser)
+    shared.add_mcap(parser)
     shared.add_out(parser)
 
 
@@ -32,11 +32,11 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.pictures.lap import run_lap
     from localizers.naming.registry import complete
 
-    views = shared.views_of(options)
+    mcap = shared.mcap_of(options)
     named = (complete(options.localizer),)
     own = shared.params_named(options.param, named)
     sweep = shared.setting_sweep(options, named, own=own, agent=options.agent)
     trials = sweep.distinct()
     log = None if options.log is None else options.log.absolute()
     with doing(f"running and drawing a lap of {trials[0].localizer}"):
-        return where_safe(trials, run_lap, *trials, options.out.absolute(), log, views)
+        return where_safe(trials, run_lap, *trials, options.out.absolute(), log, mcap)
