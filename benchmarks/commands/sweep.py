@@ -118,7 +118,7 @@ _NO_SHARD = (
 
 def _swept(options: argparse.Namespace) -> str:
     from benchmarks.execution.engines import Where
-    from benchmarks.pictures.viewing import check_folder
+    from benchmarks.pictures.messages import check_folder
     from benchmarks.report import decisions
     from benchmarks.report.animations import write_laps
     from benchmarks.report.words import conclusion

@@ -16,7 +16,7 @@ from msgspec import Struct
 
 from benchmarks.console import doing
 from benchmarks.pictures.figures import FIGURES
-from benchmarks.pictures.viewing import Views, shown_again
+from benchmarks.pictures.messages import shown_again
 from benchmarks.sweeps.drawing import STRIDE, Animation, Promise
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.comparison import Comparison
@@ -153,8 +153,7 @@ def write_laps(results: Results, folder: Path) -> str:
         for own, trial in zip(file_words(animation.labels), animation.trials, strict=True):
             path = folder / f"{animation.name}-{own}.mcap"
             with doing(f"writing {path}"):
-                views = Views(mcap=path.absolute())
-                shown_again([trial], views)
+                shown_again([trial], path.absolute())
             names.append(path.name)
     if not names:
         return "No MCAP: the report animates nothing."
