@@ -125,9 +125,8 @@ def _swept(options: argparse.Namespace) -> str:
     from benchmarks.execution.apart import parameters
     from benchmarks.execution.engines import Where
     from benchmarks.pictures.viewing import check_folder
-    from benchmarks.report import decisions
     from benchmarks.report.animations import write_laps
-    from benchmarks.report.words import conclusion
+    from benchmarks.report.verdict import conclusion
     from benchmarks.report.writing import no_report, write_report
     from benchmarks.sweeps.dry_run import dry_run
     from benchmarks.sweeps.manifest import of_sweep, taken_over
@@ -183,8 +182,7 @@ def _swept(options: argparse.Namespace) -> str:
             results = running.results()
             files = write_report(out / part, results)
             laps = "" if options.mcap is None else write_laps(results, options.mcap / part)
-        lines = [summary(sweep, results, out / part, files), conclusion(results).text]
-        lines += [decisions.summary(results.panels), laps]
+        lines = [summary(sweep, results, out / part, files), conclusion(results), laps]
         texts.append("\n".join(filter(None, lines)))
         if results.failures or how.shard is None:
             failed += filter(None, [incomplete_sentence(results)])

@@ -8,7 +8,6 @@ from hashlib import sha256
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -29,9 +28,6 @@ from benchmarks.tables.plan_validity import validities
 from benchmarks.trials.provenance import source_of
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, shown
-
-if TYPE_CHECKING:
-    from benchmarks.report.animations import Drawn
 
 
 def no_report() -> str | None:
@@ -60,13 +56,15 @@ def load() -> None:
     if no_report() is None:
         # it warns of a home that it cannot write to
         logging.getLogger("matplotlib").setLevel(logging.ERROR)
-        from benchmarks.report import pages  # noqa: F401
+        import matplotlib.figure  # noqa: F401
+
+        from benchmarks.report import page  # noqa: F401
 
 
-def write_report(out: Path | str, results: Results, drawn: "Drawn | None" = None) -> list[Path]:
+def write_report(out: Path | str, results: Results, *, draw: bool = True) -> list[Path]:
     """Write the tables, report.html, results.md and images/ of a sweep; return the files.
 
-    Animations are drawn, unless a folder is given that keeps them. results.csv and trials.csv
+    Films that the folder has not are drawn, unless ``draw`` is false. results.csv and trials.csv
     depend on nothing but the trials; timings.csv, the page and results.md also tell times and
     versions. Without the extra ``report`` there are the tables only. Nothing is written if all is
     there and would come out the same.
@@ -77,7 +75,7 @@ def write_report(out: Path | str, results: Results, drawn: "Drawn | None" = None
     if not isinstance(results, Results):
         raise InputError(f"the results are {shown(results)}: give the folder first, then results.")
     with doing(f"writing the report in {out}"):
-        return _written(Path(out), "report", results, drawn)
+        return _written(Path(out), Path(out), "report", results, draw=draw)
 
 
 def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
@@ -86,8 +84,6 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
     Raises:
         InputError: ``out`` cannot be written to, or holds what is not ours.
     """
-    from benchmarks.report.animations import Drawn
-
     if out.exists() and out.samefile(folder):
         if any(record.track is not None for record in results.records):
             raise InputError(
@@ -95,29 +91,37 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
                 "another --out."
             )
         refuse_changed(out)
-        return _written(out, "report", results, Drawn(folder))
-    return _written(own_folder(out, "copy"), "copy", results, Drawn(folder))
+        return _written(out, folder, "report", results)
+    return _written(own_folder(out, "copy"), folder, "copy", results)
 
 
-def _written(out: Path, part: str, results: Results, drawn: "Drawn | None") -> list[Path]:
+def _written(
+    out: Path, folder: Path, part: str, results: Results, *, draw: bool = False
+) -> list[Path]:
+    """Write a report with the films and figures of a folder."""
+
     def contents() -> dict[str, bytes]:
         tables = _tables(results)
+        if no_report() is not None:
+            return tables
         try:
-            return tables | _told(results, drawn)
+            load()
+            from benchmarks.report.page import page_files
+
+            return tables | page_files(results, folder, draw=draw)
         except Exception:
             write_part(out, part, tables)  # the numbers, whatever keeps the pictures away
             raise
 
-    return written(out, part, _source(results, drawn), contents)
+    return written(out, part, _source(results, folder, draw=draw), contents)
 
 
-def _source(results: Results, drawn: "Drawn | None") -> str:
-    """Name all that a report is made of: results, animations, code and libraries."""
-    lacking = drawn.lacking({one.key for one in results.finished}) if drawn else ""
-    digest = sha256(f"{source_of('benchmarks')} {no_report()} {lacking}".encode())
-    for figure in drawn.figures if drawn else ():
-        digest.update(figure.content)
-    for library in ("jinja2", "matplotlib", "opencv-python-headless", "pillow"):
+def _source(results: Results, folder: Path, *, draw: bool) -> str:
+    """Name all that a report is made of: results, pictures, code and libraries."""
+    pictures = sorted({*folder.glob("images/lap-*"), *folder.glob("figures/*")})
+    told = [path.name for path in pictures if not draw or path.parent.name == "figures"]
+    digest = sha256(f"{source_of('benchmarks')} {no_report()} {told}".encode())
+    for library in ("jinja2", "matplotlib", "opencv-python-headless", "pandas", "pillow"):
         with suppress(PackageNotFoundError):
             digest.update(f"{library} {version(library)}".encode())
     for part in {f.name: getattr(results, f.name) for f in fields(results)}.items():
@@ -142,18 +146,3 @@ def _tables(results: Results) -> dict[str, bytes]:
     if apart := told_apart(compared):
         tables["maps.csv"] = maps_csv(apart)
     return {name: utf8(text) for name, text in tables.items()}
-
-
-def _told(results: Results, drawn: "Drawn | None") -> dict[str, bytes]:
-    """Return the page, the Markdown and its pictures; nothing without what draws them."""
-    if no_report() is not None:
-        return {}
-    load()
-    from benchmarks.report.animations import IMAGES
-    from benchmarks.report.pages import html, images, markdown
-    from benchmarks.report.story import story_of
-
-    story = story_of(results, drawn)
-    told = {"results.md": markdown(story, IMAGES), "report.html": html(story)}
-    pictures = {f"{IMAGES}/{name}": content for name, content in images(story).items()}
-    return {name: utf8(text) for name, text in told.items()} | pictures
