@@ -73,6 +73,12 @@ class PanelFrames:
         return self.title.removeprefix("scenario ")
 
     @property
+    def agents(self) -> list[str]:
+        """Who drives, in a word each; none if that is the scenario's own agent only."""
+        params = self.rows["params"].map(json.loads)
+        return list(dict.fromkeys(short_name(own["agent"]) for own in params if "agent" in own))
+
+    @property
     def present(self) -> pd.DataFrame:
         """The rows about x[t]."""
         return self.rows[self.rows["offset"] == 0]
