@@ -4,6 +4,7 @@ import re
 
 import pytest
 from report_cases import (
+    STEPS,
     changed,
     finished,
     frames,
@@ -13,6 +14,7 @@ from report_cases import (
     parsed,
     results,
     trials,
+    whole,
     written,
 )
 
@@ -23,6 +25,7 @@ from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.gap import LimitRuns
 from benchmarks.tables.panels import panels
 from benchmarks.tables.text import WORDS
+from benchmarks.trials.journeys import RecordedTrack
 from localizers.naming.registry import GONE
 
 ONE = (0,)
@@ -244,3 +247,33 @@ def test_the_table_names_a_number_of_worlds_for_every_method_that_differs():
     assert re.fullmatch(r"[\d,]+", needed["a (plug-in)"])
     assert re.fullmatch(r"[\d,]+", needed["b (plug-in)"])
     assert needed["mcl (baseline)"] == "–"
+
+
+def on_a_log(errors, coverage, successes=(1.0, 1.0)):
+    """Twelve runs of two methods: their median errors, m, their coverage and successes."""
+    records = []
+    still = [0.0] * (STEPS + 1)
+    for k, name in enumerate(("mcl", "amcl")):
+        track = RecordedTrack(best=(still, still, still), scores={"coverage_95": coverage[k]})
+        for world in range(12):
+            scores = {"success_1m": successes[k], "position_median": errors[k]}
+            one = whole(finished(name, world, 1.0, assumed={"scan.power": 0.1}), scores, 9.0)
+            records.append(changed(one, track=track))
+    return verdict(panel_of(records))
+
+
+def test_on_a_log_successes_then_errors_then_coverage_decide_and_who_is_not_fitted_is_named():
+    unfitted = "amcl has Nav2's defaults, while the motion noise"
+    told = on_a_log((0.2, 0.1), (0.9, 0.9), (0.0, 1.0))
+    assert told.startswith("amcl is best: localized to the end in 100 % of runs")
+    assert unfitted in told
+    told = on_a_log((0.2, 0.1), (0.9, 0.5))
+    assert told.startswith("amcl is nearest to the reference: median position error of a run, mean")
+    assert "amcl 0.100 m, mcl 0.200 m; amcl - mcl: -0.100 m (95 %: −0.100 to −0.100)" in told
+    told = on_a_log((0.2, 0.2), (0.9, 0.5))
+    assert told.startswith(
+        "Neither successes nor errors separate the methods, but the 95 % regions"
+    )
+    assert "90 % of mcl, 50 % of amcl" in told
+    told = on_a_log((0.2, 0.2), (0.9, 0.9))
+    assert told.startswith("No method is better than the baseline, mcl: ")
