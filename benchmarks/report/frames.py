@@ -20,10 +20,10 @@ from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import validities
 from benchmarks.tables.stats import ALPHA
 from benchmarks.tables.text import short_name
-from benchmarks.trials.journeys import Score
+from benchmarks.trials.scores import Score
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method, Setting, Trial
-from localizers.naming.registry import is_plug_in
+from localizers.registry import LOCALIZER
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -258,7 +258,7 @@ _ENDS = ("_low", "_high")
 
 
 def _is_plug_in(method: Method) -> bool:
-    return is_plug_in(method.name) or bool(plug_ins_of_agent(method.agent))
+    return LOCALIZER.is_plug_in(method.name) or bool(plug_ins_of_agent(method.agent))
 
 
 def _read(text: str) -> pd.DataFrame:

@@ -11,7 +11,7 @@ from benchmarks.tables.deciding import Decision, Rule, decide
 from benchmarks.tables.journeys import JourneyScore, Outcomes, aim_of
 from benchmarks.tables.pairing import Runs
 from benchmarks.tables.stats import UNKNOWN, Estimate
-from benchmarks.trials.journeys import Score
+from benchmarks.trials.scores import Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
 from benchmarks.trials.spec import Method
 

@@ -11,7 +11,7 @@ from benchmarks.tables.map_validity import ToldApart
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.plan_validity import Validity
 from benchmarks.tables.text import csv_text
-from benchmarks.trials.journeys import Score
+from benchmarks.trials.scores import Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
 from benchmarks.trials.spec import Method, Setting, Trial
 

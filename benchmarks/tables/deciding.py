@@ -12,7 +12,7 @@ from benchmarks.tables import sequential
 from benchmarks.tables.journeys import Outcomes
 from benchmarks.tables.pairing import Runs, by_world, runs_of
 from benchmarks.tables.stats import ALPHA, UNKNOWN, Estimate
-from benchmarks.trials.journeys import Score
+from benchmarks.trials.scores import Score
 
 FIRST, BLOCK = 20, 10  # worlds before the first look, and between two looks
 

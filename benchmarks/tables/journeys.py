@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.tables import stats
 from benchmarks.tables.pairing import Runs, differences, grouped, over_worlds
 from benchmarks.tables.stats import UNKNOWN, Estimate
-from benchmarks.trials.journeys import JOURNEY_SCORES, Score
+from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Run
 from deqmcl_gym.numerics.types import Floats

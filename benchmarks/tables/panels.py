@@ -17,7 +17,7 @@ from benchmarks.tables.journeys import Outcomes, longest_ways
 from benchmarks.tables.pairing import BASELINE, agree
 from benchmarks.tables.text import short_name, short_names
 from benchmarks.tables.verdict import BLIND, Rivals, Verdict, rivals, verdict
-from benchmarks.trials.journeys import Score
+from benchmarks.trials.scores import Score
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method, Run, Setting, Trial
 

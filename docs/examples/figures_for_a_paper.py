@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 import pandas as pd
 
 from benchmarks.execution.engines import Where
-from benchmarks.files import write_part
+from benchmarks.files import write_files
 from benchmarks.report.frames import frames_of
 from benchmarks.report.latex import latex_files, pdf_files
 from benchmarks.sweeps.design import Axis, Method, Sweep
@@ -36,7 +36,7 @@ with begun(sweep, folder / "results", how, command=["this script"]) as running:
 # To read the results of an earlier sweep, use ``benchmarks.sweeps.results.results_in``. Eight
 # worlds are few: the report says how many a paper needs.
 
-files = write_part(folder / "export", "export", latex_files(results) | pdf_files(results))
+files = write_files(folder / "export", latex_files(results) | pdf_files(results))
 print(*(file.relative_to(folder) for file in files[:6]), sep="\n")
 table = (folder / "export" / "tables.tex").read_text()
 print(table[table.index(r"\begin{tabular}") : table.index(r"\end{table*}")])

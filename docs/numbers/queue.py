@@ -2,7 +2,7 @@
 
 ``python -m docs.numbers.queue FOLDER`` writes docs/reports/queue/{rooms,logs}.csv and
 docs/figures/queue.svg; FOLDER holds the two logs with their maps and references, and
-freiburg-signed.log.gz if it is to be among them. ``--draw`` only draws.
+freiburg-signed.csv.gz if it is to be among them. ``--draw`` only draws.
 """
 
 import argparse
@@ -120,11 +120,10 @@ def logs(folder: Path) -> list[Cell]:
     """The published queue on real logs over its lag, and what mends it at the default lag."""
     cells = []
     for name, (place, power) in LOGS.items():
-        if not (folder / f"{name}.log.gz").exists():
+        log = folder / f"{name}.{'csv' if name == 'freiburg-signed' else 'log'}.gz"
+        if not log.exists():
             continue
-        log, floor_plan, reference = (
-            folder / file for file in (f"{name}.log.gz", f"{place}.yaml", f"{place}.reference.tum")
-        )
+        floor_plan, reference = folder / f"{place}.yaml", folder / f"{place}.reference.tum"
         replay = replay_of(log, floor_plan, reference=reference, scan=f"power={power}")
         setting = {
             "setting": name, "scenario": "replay", "world": replay.world, "assumed": replay.assumed

@@ -16,7 +16,7 @@ from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps import drawing
 from benchmarks.sweeps.results import Failure, Results
 from benchmarks.tables.panels import panels
-from benchmarks.trials.journeys import WholeRun
+from benchmarks.trials.collecting import WholeRun
 from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished
 from benchmarks.trials.spec import Trial
 
