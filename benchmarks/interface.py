@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 import pandas as pd
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from benchmarks.execution.engines import Where
 from benchmarks.pictures.figures import camera_of
 from benchmarks.pictures.film import Camera
-from benchmarks.report.words import conclusion
+from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import write_report
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup.changes import Changes
@@ -30,7 +30,6 @@ from benchmarks.sweeps.results import Results, incomplete_sentence
 from benchmarks.sweeps.running import Options, begun, check
 from benchmarks.sweeps.suites import PAPER_METHODS, SUITES, sweep_named
 from benchmarks.tables.csv_files import results_csv, trials_csv
-from benchmarks.tables.stats import Estimate
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
@@ -165,7 +164,7 @@ class ExperimentResults:
             InputError: there is no such column, or it has no numbers.
         """
         from benchmarks.pictures import styled
-        from benchmarks.report.svg import HOUSE_STYLE, canvas, estimates, looks, picture
+        from benchmarks.report.charts import STYLE, line
 
         table = self.table[self.table["offset"] == offset]
         if table.empty:
@@ -177,21 +176,15 @@ class ExperimentResults:
                     f"there is no column {shown(name)} of numbers: it has {', '.join(numbers)}."
                 )
         others = [name for name in self._varied if name != over and table[name].nunique() > 1]
-        rows_of = (row for _, row in table.iterrows())
-        called = np.array(
-            [", ".join([r["label"], *(f"{own} = {r[own]}" for own in others)]) for r in rows_of]
-        )
-        with styled(HOUSE_STYLE):
-            labels = dict.fromkeys(called.tolist())
-            figure, axes = canvas(6.4, 3.4, legend_of=labels)
-            for label, look in looks(labels).items():
-                rows = table[(called == label) & table[over].notna()].sort_values(over)
-                ends = rows[[value, f"{value}_low", f"{value}_high"]].itertuples(index=False)
-                found = [Estimate(*one) for one in ends]
-                estimates(axes, rows[over].tolist(), found, look, label)
+        named = [
+            ", ".join([row["label"], *(f"{name} = {row[name]}" for name in others)])
+            for _, row in table.iterrows()
+        ]
+        known = table.assign(label=named)[table[over].notna()].sort_values(over, kind="stable")
+        with styled(STYLE):
+            axes = line(known, over, value, f"{value}_low", f"{value}_high")
             axes.set(xlabel=over, ylabel=value)
-            axes.grid(color="#dddddd")
-            return picture(figure, name="plot", title="", caption="", alt="").figure
+            return cast("Figure", axes.figure)
 
     def report(self, out: str | Path) -> Path:
         """Write report.html and all tables into a folder; return the page."""
@@ -199,7 +192,7 @@ class ExperimentResults:
         return Path(out) / "report.html"
 
     def __repr__(self) -> str:
-        lines = [conclusion(self.results).text, incomplete_sentence(self.results)]
+        lines = [conclusion(self.results), incomplete_sentence(self.results)]
         return "\n".join(filter(None, lines))
 
     def _repr_html_(self) -> str:

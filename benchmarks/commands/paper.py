@@ -41,8 +41,7 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.execution.processes import PATIENCE, Processes
     from benchmarks.files import write_files
     from benchmarks.pictures.figures import chosen, paper_figures
-    from benchmarks.report.animations import Drawn
-    from benchmarks.report.words import conclusion
+    from benchmarks.report.verdict import conclusion
     from benchmarks.report.writing import load, write_report
     from benchmarks.sweeps.results import incomplete_sentence, summary
     from benchmarks.sweeps.running import Options, TrialsFailedError, begun
@@ -61,14 +60,14 @@ def run(options: argparse.Namespace) -> str:
             results = running.results()
             drawn = [] if results.failures or results.missing else drawing.result()
             # figures/lap.webp is a lap; three more would be a second of waiting
-            files = write_report(out, results, Drawn(out)) + drawn
+            files = write_report(out, results, draw=False) + drawn
             if lacking := incomplete_sentence(results):
                 print(summary(sweep, results, out, files))
                 raise TrialsFailedError(lacking)
         write_files(out, {"table.md": _table(sweep, results, "github").encode()})
     named = ", ".join(str(file.relative_to(out)) for file in files if file.parent.name != "images")
     table = _table(sweep, results, "simple")
-    return f"{table}\n{conclusion(results).text}\n\nWritten to {out}: table.md, {named}."
+    return f"{table}\n{conclusion(results)}\n\nWritten to {out}: table.md, {named}."
 
 
 def _table(sweep: "Sweep", results: "Results", style: str) -> str:

@@ -21,7 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.report.words import conclusion, progress
+    from benchmarks.report.verdict import conclusion, progress
     from benchmarks.report.writing import require_report, rewrite_report
     from benchmarks.sweeps.results import left_out_lines, pooled, results_in
     from deqmcl_gym.validation import InputError
@@ -36,4 +36,4 @@ def run(options: argparse.Namespace) -> str:
     written = [path.relative_to(out) for path in rewrite_report(folder, out, results)]
     names = [str(path) for path in written if len(path.parts) == 1]
     said = f"{progress(results)}\nWritten to {out}: {', '.join(names)} and their images."
-    return f"{said}\n{conclusion(results).text}"
+    return f"{said}\n{conclusion(results)}"

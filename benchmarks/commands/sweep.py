@@ -119,9 +119,8 @@ _NO_SHARD = (
 def _swept(options: argparse.Namespace) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.pictures.messages import check_folder
-    from benchmarks.report import decisions
     from benchmarks.report.animations import write_laps
-    from benchmarks.report.words import conclusion
+    from benchmarks.report.verdict import conclusion
     from benchmarks.report.writing import no_report, write_report
     from benchmarks.sweeps.dry_run import dry_run
     from benchmarks.sweeps.manifest import of_sweep, taken_over
@@ -172,8 +171,7 @@ def _swept(options: argparse.Namespace) -> str:
         results = running.results()
         files = write_report(out, results)
         laps = "" if options.mcap is None else write_laps(results, options.mcap)
-    lines = [summary(sweep, results, out, files), conclusion(results).text]
-    lines += [decisions.summary(results.panels), laps]
+    lines = [summary(sweep, results, out, files), conclusion(results), laps]
     if (why := no_report()) is not None:
         lines.append(f"\nTables only: {why}")
     text = "\n".join(filter(None, lines))

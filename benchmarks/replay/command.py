@@ -11,9 +11,9 @@ from benchmarks.console import doing, warn
 from benchmarks.files import write_files
 from benchmarks.replay.options import EVERY, NAME, OFTEN, Replay
 from benchmarks.replay.residuals import Residuals, files_of, residuals_of
-from benchmarks.report.animations import Drawn
+from benchmarks.report.frames import frames_of
 from benchmarks.report.tracks import accuracy, differences_table, tables_of
-from benchmarks.report.words import conclusion
+from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import load, no_report
 from benchmarks.setup.changes import NOTHING, Changes, file_names
 from benchmarks.sweeps.design import Sweep
@@ -127,9 +127,9 @@ def run_replay(
         wrong = residuals_of(replay, rows) if residuals else None
         with doing(f"writing the report in {out}"):
             files = write_files(out, _contents(replay, rows, results, said, wrong))
-    apart = [table for panel in results.panels if (table := differences_table(panel))]
+    apart = [table for panel in frames_of(results) if (table := differences_table(panel))]
     first, *others = tables_of(rows)
-    texts = [conclusion(results).text, *accuracy(rows), replay.overview]
+    texts = [conclusion(results), *accuracy(rows), replay.overview]
     texts += [] if wrong is None else [wrong.said]
     texts += [*(one.text("simple") for one in (first, *apart, *others)), *replay.facts]
     names = ", ".join(path.name for path in files if path.parent == out)
@@ -222,14 +222,14 @@ def _contents(
         contents |= files_of(wrong, drawn=no_report() is None)
     if no_report() is None and results.panels:
         load()
-        from benchmarks.report.pages import html
-        from benchmarks.report.story import story_of
+        from benchmarks.report.page import Part, page_files
 
-        notes = [*accuracy(rows), replay.overview, _WORLDS, *replay.facts]
-        story = story_of(results, Drawn(Path()), notes=notes, warnings=warnings)
-        if wrong is not None:
-            story.sections[0].blocks.append(wrong.block)
-        contents["report.html"] = utf8(html(story))
+        notes = [*accuracy(rows), replay.overview, _WORLDS]
+        more = [] if wrong is None else [Part(*wrong.part)]
+        page = page_files(
+            results, Path(), notes=notes, warnings=warnings, facts=replay.facts, more=more
+        )
+        contents["report.html"] = page["report.html"]
     return contents
 
 

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pandas as pd
 
 from benchmarks.pictures import styled
 from benchmarks.replay.map_places import HIT, LEAST_POSES, THROUGH, Place, Scans, places_of
 from benchmarks.replay.options import Replay
-from benchmarks.report.story import Block
-from benchmarks.report.svg import HOUSE_STYLE, INK, LOOKS, Picture, canvas, picture
+from benchmarks.report.charts import INK, STYLE, Chart
 from benchmarks.report.tables import Table
-from benchmarks.report.tracks import draw_map
+from benchmarks.report.tracks import map_axes
 from benchmarks.tables.text import csv_text, percent
 from benchmarks.tables.tracks import Row, TrackedRun
 from deqmcl_gym.files import utf8
@@ -22,7 +22,7 @@ HEADING = "Where is the map wrong?"
 PICTURE, TABLE = "residuals.png", "residuals.csv"
 _LISTED = 12  # places in the page; so many have their number in the picture
 _NUMBERS = ("x", "y", "width", "height")
-_COLORS = {HIT: "red", THROUGH: "blue"}
+_COLORS = {HIT: "C3", THROUGH: "C0"}
 _MARKS = {HIT: "s", THROUGH: "D"}
 _WIDTH = 6.4  # inches
 
@@ -99,68 +99,42 @@ class Residuals:
             "Share: of the beams that reach its cells, those that contradict the map. Poses: at "
             "least 0.5 m apart." + (f" The {rest} smaller places are in {TABLE}." if rest else "")
         )
-        return Table(caption, header, lines)
+        return Table(caption, pd.DataFrame(lines, columns=header))
 
     @cached_property
-    def picture(self) -> Picture:
+    def chart(self) -> Chart:
         """The map in grey, with the cells of all places."""
-        x0, y0, x1, y1 = self.floor_plan.bounds
-        height = min(9.0, (_WIDTH - 0.77) * (y1 - y0) / (x1 - x0) + 0.62)
-        kinds = [kind for kind in (HIT, THROUGH) if any(p.kind == kind for p in self.places)]
-        poses = "poses of the scans"
-        figure, axes = canvas(_WIDTH, height, legend_of=(*kinds, poses))
-        draw_map(self.floor_plan, axes)
+        axes = map_axes(self.floor_plan, _WIDTH)
         x, y = self.scans.poses[self.scans.used, :2].T
-        axes.plot(x, y, ".", color=INK, alpha=0.35, markersize=1.2, label=poses)
-        box = axes.get_position()
-        per_length = 72 * min(
-            _WIDTH * box.width / (x1 - x0), figure.get_figheight() * box.height / (y1 - y0)
-        )
+        axes.plot(x, y, ".", color=INK, alpha=0.35, ms=1.2, label="poses of the scans")
+        x0, y0, x1, y1 = self.floor_plan.bounds
         lattice = self.scans.evidence.lattice
-        colors = {look.name: look.color for look in LOOKS}
-        for kind in kinds:
-            cells = np.concatenate([place.at for place in self.places if place.kind == kind])
-            axes.plot(
-                *lattice.centres(cells).T,
-                _MARKS[kind],
-                color=colors[_COLORS[kind]],
-                markersize=max(lattice.cell * per_length, 2.2),
-                markeredgewidth=0,
-            )
-            axes.plot([], [], _MARKS[kind], color=colors[_COLORS[kind]], label=kind)
+        size = max(lattice.cell * 72 * (_WIDTH - 0.8) / max(x1 - x0, y1 - y0), 2.2)
+        for kind, color in _COLORS.items():
+            if cells := [place.at for place in self.places if place.kind == kind]:
+                at = lattice.centres(np.concatenate(cells)).T
+                axes.plot(*at, _MARKS[kind], color=color, ms=size, mew=0, label=kind)
         for number, place in enumerate(self.places[:_LISTED], 1):
             axes.annotate(
                 str(number), (place.x, place.y), (5, 5), textcoords="offset points", size=8
             )
-        unit = self.floor_plan.unit
-        axes.set(
-            xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel=f"x, {unit}", ylabel=f"y, {unit}"
-        )
-        axes.grid(visible=False)
-        return picture(
-            figure,
-            name="residuals",
-            title=HEADING,
-            caption=f"Numbers: the {min(len(self.places), _LISTED)} largest places, as in the "
-            "table."
-            if self.places
-            else "No place was found.",
-            alt="The map, with the cells that were hit in free space or seen through",
+        axes.figure.legend(loc="outside lower center", ncols=3, frameon=False)
+        listed = min(len(self.places), _LISTED)
+        caption = f"Numbers: the {listed} largest places, as in the table."
+        return Chart(
+            "residuals", HEADING, caption if listed else "No place was found.", axes.figure
         )
 
     @property
-    def block(self) -> Block:
-        """What the page shows."""
-        return Block(
-            heading=HEADING,
-            note=f"{self.said} A place counts if beams from {LEAST_POSES} poses or more, at least "
+    def part(self) -> tuple[str, str, list[Table], list[Chart]]:
+        """What the page shows: heading, how to read it, table, picture."""
+        note = (
+            f"{self.said} A place counts if beams from {LEAST_POSES} poses or more, at least "
             "0.5 m apart, read clearly less (hit in free space) or more (seen through) than the "
-            "map says, and no more beams agree with it. Unknown cells say nothing.",
-            tables=[self.table] if self.table else [],
-            pictures=[self.picture],
-            folded=False,
-            small=False,
+            "map says, and no more beams agree with it. Unknown cells say nothing."
         )
+        with styled(STYLE):
+            return HEADING, note, [self.table] if self.table else [], [self.chart]
 
 
 def residuals_of(replay: Replay, rows: Sequence[Row]) -> Residuals | None:
@@ -176,6 +150,6 @@ def files_of(found: Residuals, *, drawn: bool) -> Mapping[str, bytes]:
     """Return residuals.csv and, if it can be ``drawn``, residuals.png, by name."""
     files = {TABLE: utf8(found.csv)}
     if drawn:
-        with styled(HOUSE_STYLE):
-            files[PICTURE] = found.picture.png
+        with styled(STYLE):
+            files[PICTURE] = found.chart.drawn("png", dpi=200)
     return files

@@ -16,6 +16,7 @@ import numpy as np
 
 from benchmarks.files import own_folder, write_files
 from benchmarks.replay.options import EVERY, NO_ERROR, first_referenced
+from benchmarks.report.frames import frames_of
 from benchmarks.report.tracks import accuracy, shown, tables_of
 from benchmarks.setup.logs import REPLAY, ReplayScenario, check_inside
 from benchmarks.setup.names import scenario
@@ -95,7 +96,7 @@ class Yardstick:
         Raises:
             InputError: it is another folder, or its log or map is not there any more.
         """
-        panel = next(iter(results_in(folder).panels), None)
+        panel = next(iter(frames_of(results_in(folder))), None)
         rows, floor_plan = ([], None) if panel is None else shown(panel)
         if panel is None or not rows:
             raise InputError(

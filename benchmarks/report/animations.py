@@ -1,42 +1,26 @@
-"""Best, median and worst trial as animations: drawn by the sweep, or kept in the folder.
+"""Best, median and worst trial as films: those that the folder has, or drawn anew."""
 
-``deqmcl report`` takes only what the folder has: it runs nothing that somebody else's folder names.
-"""
-
-import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from msgspec import Struct
+import pandas as pd
 
 from benchmarks.console import doing
 from benchmarks.pictures.figures import FIGURES
 from benchmarks.pictures.messages import shown_again
-from benchmarks.sweeps.drawing import STRIDE, Animation, Promise
+from benchmarks.report.frames import PanelFrames, frames_of
+from benchmarks.sweeps.drawing import STRIDE, Animation, drawing
 from benchmarks.sweeps.results import Results
-from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.pairing import by_world
-from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import file_words
-from benchmarks.trials.scores import JOURNEY_SCORES
-from deqmcl_gym.files import UnreadableError, content_of, json_of, typed
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.files import content_of
+from deqmcl_gym.validation import InputError, in_words
 
-ANIMATED = 1  # panels with animations: they are what makes a page large
-IMAGES, INDEX = "images", "laps.json"
-_NONE = "the folder has none of these trials"
-_LOCALIZED = JOURNEY_SCORES["metres_to_localize"]
-
-
-class _Entry(Struct):
-    """An animation in the index: the keys of its trials."""
-
-    trials: list[str]
+IMAGES = "images"
+_LOCALIZED = "metres_to_localize"
 
 
 class Figure(NamedTuple):
@@ -48,97 +32,76 @@ class Figure(NamedTuple):
     caption: str
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """Takes the pictures that a sweep has drawn in its folder, if they are of the same trials."""
-
-    folder: Path
-
-    @contextmanager
-    def given(self) -> Iterator[Callable[[Animation], Promise]]:
-        """As ``drawing`` promises animations, but nothing is started."""
-        yield lambda shown: lambda: self._of(shown)
-
-    @cached_property
-    def figures(self) -> list[Figure]:
-        """The paper's figures, if ``deqmcl paper`` has drawn them in the folder."""
-        folder = self.folder / "figures"
-        found = []
-        for path in sorted(folder.glob("*")):
-            words = (words for start, words in FIGURES.items() if path.name.startswith(start))
-            if told := next(words, None):
-                found.append(Figure(path.name, content_of(path), *told))
-        return found
-
-    @cached_property
-    def _index(self) -> dict[str, _Entry]:
-        try:
-            content = content_of(self.folder / IMAGES / INDEX)
-            return typed(json_of(content), dict[str, _Entry])
-        except (FileNotFoundError, UnreadableError):
-            return {}
-
-    def _of(self, shown: Animation) -> Animation:
-        entry = self._index.get(shown.name)
-        if entry is None or entry.trials != list(shown.keys):
-            raise InputError(f"{_NONE}; `deqmcl sweep` draws them.")
-        if why := self._spoilt(shown.name):
-            raise InputError(f"{why}; `deqmcl sweep` draws it again.")
-        webp, png = (content_of(path) for path in self._pictures(shown.name))
-        return replace(shown, webp=webp, png=png)
-
-    def _spoilt(self, name: str) -> str | None:
-        """Say what is wrong with the pictures of an animation."""
-        for path in self._pictures(name):
-            if not path.exists():
-                return f"{path.name} is gone"
-        return None
-
-    def _pictures(self, name: str) -> list[Path]:
-        return [self.folder / IMAGES / f"{name}.{ending}" for ending in ("webp", "png")]
+def paper_figures(folder: Path) -> list[Figure]:
+    """Return the paper's figures, if ``deqmcl paper`` has drawn them in the folder."""
+    return [
+        Figure(path.name, content_of(path), *words)
+        for path in sorted((folder / "figures").glob("*"))
+        if (words := next((w for start, w in FIGURES.items() if path.name.startswith(start)), None))
+    ]
 
 
-def animation_files(shown: Sequence[Animation]) -> dict[str, bytes]:
-    """Return the pictures of animations by file name, and the index that ``Drawn`` reads."""
-    if not shown:
-        return {}
-    index = {one.name: {"trials": list(one.keys)} for one in shown}
-    pictures = {f"{one.name}.webp": one.webp for one in shown}
-    pictures |= {f"{one.name}.png": one.png for one in shown}
-    return pictures | {INDEX: (json.dumps(index, indent=2) + "\n").encode()}
+@contextmanager
+def films(
+    panels: Sequence[PanelFrames], folder: Path, *, draw: bool
+) -> Iterator[Callable[[], tuple[list[Animation], str]]]:
+    """Begin to draw the films of the first panel that the folder has not, if that is asked for.
 
-
-def animations_of(panel: Panel) -> list[Animation]:
-    """Choose the best, median and worst world of the panel's focus, beside its baseline.
-
-    Nothing is drawn yet: see ``drawing``.
+    What is yielded returns the films, and why there are none.
     """
-    focus = _focus(panel.present)
+    chosen = films_of(panels[0]) if panels else []
+    there = [one for one in chosen if _of(one, folder) is not None]
+    if len(there) == len(chosen) or not draw:
+        yield lambda: ([f for one in there if (f := _of(one, folder))], _lacking(chosen, there))
+        return
+    with drawing() as promised:
+        promises = [promised(one) for one in chosen]
+
+        def wait() -> tuple[list[Animation], str]:
+            try:
+                return [promise() for promise in promises], ""
+            except InputError as error:
+                return [], str(error)
+            except Exception as error:  # a plug-in that is gone is no reason to say nothing
+                return [], f"its trials could not be run again ({in_words(error)})"
+
+        yield wait
+
+
+def films_of(panel: PanelFrames) -> list[Animation]:
+    """Choose the best, median and worst world of what is in focus, beside its baseline."""
     whole_log = any(record.track for own in panel.records.values() for record in own)
-    if focus is None or whole_log:  # which is too long, and has its own pictures
+    rows = panel.present
+    if rows.empty or whole_log:  # which is too long, and has its own pictures
         return []
-    ranked, what = _ranked(panel, focus)
-    places = {"Best": ranked[0], "Median": ranked[(len(ranked) - 1) // 2], "Worst": ranked[-1]}
-    shown = dict.fromkeys((focus.baseline, focus.method))
+    focus = _focus(rows)
+    name, what = ("error", "error")
+    if _LOCALIZED in rows and pd.notna(focus[_LOCALIZED]):
+        name, what = _LOCALIZED, "metres to localize"
+    own = panel.trials[(panel.trials["offset"] == 0) & (panel.trials["label"] == focus["label"])]
+    ranked = own.groupby("trial")[name].mean().dropna().sort_values(kind="stable")
+    if ranked.empty:
+        return []
+    places = {"Best": 0, "Median": (len(ranked) - 1) // 2, "Worst": len(ranked) - 1}
     chosen = []
-    for place, (value, world) in list(places.items())[: 1 if len(ranked) == 1 else None]:
+    for place, n in list(places.items())[: 1 if len(ranked) == 1 else None]:
+        world, value = int(ranked.index[n]), ranked.iloc[n]
         first = {
-            method: record
-            for method in shown
-            for record in reversed(panel.records[method])
+            label: record
+            for label in dict.fromkeys((focus["reference"], focus["label"]))
+            for record in reversed(panel.records[label])
             if record.trial.trial == world
         }
-        labels = tuple(panel.labels[method] for method in first)
+        reached = f"{value:.1f}" if math.isfinite(value) else "never"
         chosen.append(
             Animation(
-                name=f"lap-{panel.number}-{place.lower()}",
+                name=f"lap-{panel.number}-{place.lower()}-{world}",
                 title=f"{place} of {len(ranked)} worlds",
-                caption=f"World {world}, {' and '.join(labels)}: {what} of "
-                f"{panel.labels[focus.method]} {value:.1f}. Every {STRIDE}th step; orange: "
-                "present, pink: past, light blue: future; at the end the ways of truth and best "
-                "cluster.",
+                caption=f"World {world}, {' and '.join(first)}: {what} of {focus['label']} "
+                f"{reached}. Every {STRIDE}th step; orange: present, pink: past, light blue: "
+                "future; at the end the ways of truth and best cluster.",
                 trials=tuple(record.trial for record in first.values()),
-                labels=labels,
+                labels=tuple(first),
                 keys=tuple(record.key for record in first.values()),
             )
         )
@@ -146,12 +109,11 @@ def animations_of(panel: Panel) -> list[Animation]:
 
 
 def write_laps(results: Results, folder: Path) -> str:
-    """Run the trials that a report animates again, and write each as an MCAP file; say which."""
-    shown = [one for panel in results.panels[:ANIMATED] for one in animations_of(panel)]
+    """Run the trials that a report shows again, and write each as an MCAP file; say which."""
     names = []
-    for animation in shown:
-        for own, trial in zip(file_words(animation.labels), animation.trials, strict=True):
-            path = folder / f"{animation.name}-{own}.mcap"
+    for film in [film for panel in frames_of(results)[:1] for film in films_of(panel)]:
+        for own, trial in zip(file_words(film.labels), film.trials, strict=True):
+            path = folder / f"{film.name.rpartition('-')[0]}-{own}.mcap"  # without the world
             with doing(f"writing {path}"):
                 shown_again([trial], path.absolute())
             names.append(path.name)
@@ -160,27 +122,30 @@ def write_laps(results: Results, folder: Path) -> str:
     return f"MCAP in {folder}: {', '.join(names)}."
 
 
-def _ranked(panel: Panel, focus: Comparison) -> tuple[list[tuple[float, int]], str]:
-    """Return the worlds of a method by its error, or by the metres until it is localized."""
-    worlds, what = focus.errors, "error"
-    if _LOCALIZED.name in focus.journey:
-        own = panel.whole[focus.method].restricted(_LOCALIZED)
-        worlds, what = by_world(own), "metres to localize"
-    there = {record.trial.trial for record in panel.records[focus.method]}
-    ranked = [(value, world) for world, value in worlds.items() if not math.isnan(value)]
-    return sorted(one for one in ranked if one[1] in there), what
-
-
-def _focus(rows: Sequence[Comparison]) -> Comparison | None:
+def _focus(rows: pd.DataFrame) -> pd.Series:
     """What is shown beside its baseline.
 
     Of lost robots what is localized earliest; else DEQ-MCL if it was run; else what differs most
     from its baseline; else the baseline.
     """
-    found = [row for row in rows if _LOCALIZED.name in row.journey and not row.is_baseline]
-    earliest = sorted(found, key=lambda row: row.journey[_LOCALIZED.name].restricted)
-    named = [row for row in rows if row.method.name == "deq-mcl"]
-    others = [row for row in rows if not math.isnan(row.diff.mean)]
-    ranked = sorted(others, key=lambda row: -abs(row.diff.mean))
-    candidates = [*earliest, *named, *ranked, *rows]
-    return candidates[0] if candidates else None
+    others = rows[~rows["is_baseline"]]
+    if _LOCALIZED in rows and others[f"{_LOCALIZED}_restricted"].notna().any():
+        return others.sort_values(f"{_LOCALIZED}_restricted", kind="stable").iloc[0]
+    named = rows[rows["method"] == "deq-mcl"]
+    apart = others[others["diff"].notna()]
+    apart = apart.iloc[(-apart["diff"].abs()).argsort(kind="stable")]
+    return pd.concat([named, apart, rows]).iloc[0]
+
+
+def _of(film: Animation, folder: Path) -> Animation | None:
+    """Return a film with its pictures; None if the folder has not both."""
+    moving, still = (folder / IMAGES / f"{film.name}.{ending}" for ending in ("webp", "png"))
+    if not moving.is_file() or not still.is_file():
+        return None
+    return replace(film, webp=content_of(moving), png=content_of(still))
+
+
+def _lacking(chosen: Sequence[Animation], there: Sequence[Animation]) -> str:
+    if there or not chosen:
+        return ""
+    return "the folder has none of these worlds; `deqmcl sweep` draws them."

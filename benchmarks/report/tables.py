@@ -1,172 +1,361 @@
-"""Tables of words: what the beliefs are worth."""
+"""Tables of a panel: frames of words, which pandas writes as HTML, Markdown, text and LaTeX."""
 
 import math
-from collections.abc import Callable, Collection, Sequence
-from typing import NamedTuple
+import re
+from collections.abc import Callable, Collection, Iterable, Sequence
+from html import escape
+from typing import Any, NamedTuple
 
-from tabulate import tabulate
+import numpy as np
+import pandas as pd
 
-from benchmarks.report.words import where
-from benchmarks.tables.auroc import Auroc
-from benchmarks.tables.map_validity import QUESTIONS, WRONG, told_apart
-from benchmarks.tables.panels import Panel
-from benchmarks.tables.plan_validity import validities
+from benchmarks.report.frames import PanelFrames, each
+from benchmarks.report.verdict import WITHIN, rounded
+from benchmarks.sweeps.results import Results
+from benchmarks.tables import stats
+from benchmarks.tables.map_validity import QUESTIONS, WRONG
 from benchmarks.tables.stats import Estimate
-from benchmarks.tables.text import estimated, fixed, percent, short_name, state_name
-from benchmarks.trials.scores import LEVELS
+from benchmarks.tables.text import estimated, fixed, p_value, percent, significant, state_name
+from benchmarks.trials.scores import LEVELS, Group, Score
 
-_LETTERS = 140  # of a table, across a page
-_NAME = 32  # letters of a method that stand on one line
+_MARKED = {
+    "better": "▼",
+    "worse": "▲",
+    "inconclusive": "○",
+    "open": "○",
+    "equivalent": "=",
+    "equal": "=",
+}
+_LISTED = 100  # files left out
+WORDS = {  # by group of scores of whole runs: heading, what its columns mean
+    "lost": (
+        "Localized",
+        "Of the best cluster. Localized to the end: within that distance and angle of the truth in "
+        "every step of the last 25 % of the run. Metres to localize: driven until it stays within "
+        "1 m and 30° to the end; never: half of the runs or more do not. False commitment: "
+        "quality above 0.5 while more than 2 m off, in a step of the last 25 %; beside it, as a "
+        "share of all steps.",
+    ),
+    "ambiguity": (
+        "Two places that fit",
+        "A half turn gives the same map, so that scans fit two poses. Weight within 1 m and 30° of "
+        "each, on average over the last 25 % of a run; the smaller of the two as a share of both: "
+        "½ is undecided, 0 has picked one.",
+    ),
+    "recovery": (
+        "Found again",
+        "After the kidnap. Recovered: the best cluster is within 0.45 m of the truth for 20 steps "
+        "in a row. Metres to recover: driven from the kidnap until these steps begin.",
+    ),
+    "log": (
+        "Against the reference",
+        "Of the best cluster, at the records that have a reference: mean over runs of the median.",
+    ),
+    "driving": (
+        "Arrived",
+        "Arrived: ends within 0.5 m of the goal, without contact. SPL: success weighted by path "
+        "length, shortest / max(driven, shortest) of runs that arrive, 0 of others. Contacts: "
+        "steps that a wall stopped. Clearance: least distance of the robot's rim to a wall.",
+    ),
+}
+_TESTS = (
+    " Difference to the baseline: on the same worlds; where it never happens, metres count as the "
+    "longest way driven in that world. p: sign test over worlds for shares, signed-rank test for "
+    "metres, corrected by Holm's method for all tests of this section. Intervals: 95 %."
+)
+
+
+Columns = dict[str, Iterable[Any]]
 
 
 class Table(NamedTuple):
-    """Cells with what they are of; the first one of a line names it.
+    """A frame of words with what it shows; the first column names a line.
 
     Attributes:
-        caption, header, lines: words.
+        caption, frame: the words.
         strong: cells in bold, by line and column.
-        own: lines of plug-ins, which are the reader's own methods.
-        words: whether its cells are words, which begin at the left.
     """
 
     caption: str
-    header: list[str]
-    lines: list[list[str]]
+    frame: pd.DataFrame
     strong: Collection[tuple[int, int]] = ()
-    own: Collection[int] = ()
-    words: bool = False
+
+    def written(self, words: Callable[[str], str] = str, strong: str = "{}") -> pd.DataFrame:
+        """Return the cells in a markup language: ``words`` escapes, ``strong`` is bold."""
+        frame = self.frame.astype(str).map(words).rename(columns=words)
+        for line, column in self.strong:
+            frame.iloc[line, column] = strong.format(frame.iloc[line, column])
+        return frame
 
     @property
-    def looks(self) -> str:
-        """How a page shows it: wide if its cells do not fit side by side on one line each."""
-        most = [max(map(len, column)) for column in zip(*self.lines, strict=True)]
-        shown = {
-            "words": self.words,
-            "wide": not self.words and sum(most) + 3 * len(most) > _LETTERS,
-            "named": self.header[0] == "method" and most and most[0] <= _NAME,
+    def html(self) -> str:
+        """As HTML; an interval is never broken."""
+        with pd.option_context("display.max_colwidth", None):
+            cells = self.written(html_cell, "<strong>{}</strong>")
+            return cells.to_html(index=False, escape=False, border=0)
+
+    def text(
+        self, style: str = "simple", words: Callable[[str], str] = str, strong: str = "{}"
+    ) -> str:
+        """As text, in a format of tabulate."""
+        align = ("left", *["right"] * (self.frame.shape[1] - 1))
+        frame = self.written(words, strong)
+        return frame.to_markdown(index=False, tablefmt=style, disable_numparse=True, colalign=align)
+
+    def latex(self, escaped: Callable[[str], str]) -> str:
+        """As a tabular of booktabs."""
+        frame = self.written(escaped, r"\textbf{{{}}}")
+        return frame.to_latex(index=False, column_format="l" + "r" * (frame.shape[1] - 1))
+
+
+def parted(cell: str) -> tuple[str, str]:
+    """Return a number and the interval or SD behind it; "" if there is none."""
+    found = re.fullmatch(r"([+−\d][^()]*?) (\([^()]*\))", cell)
+    return (found[1], found[2]) if found else (cell, "")
+
+
+def html_cell(text: str) -> str:
+    """Return a cell as HTML."""
+    value, ends = parted(text)
+    if value[:1] in "+−0123456789":  # a number and its unit stay together
+        value = value.replace(" ", "\u00a0")
+    return f"{escape(value)} <span>{escape(ends)}</span>" if ends else escape(value)
+
+
+def values(
+    frame: pd.DataFrame, name: str, form: str = ".2f", unit: str = "", scale: float = 1
+) -> list[str]:
+    """Return means of a column with the intervals of name_low and name_high, as words."""
+    none = pd.Series(np.nan, frame.index)
+    ends = [frame.get(f"{name}{end}", none).astype(float) * scale for end in ("", "_low", "_high")]
+    return [estimated(Estimate(*one), form, unit) for one in zip(*ends, strict=True)]
+
+
+def verdict_table(panel: PanelFrames) -> Table:
+    """The methods, the best first, and how they compare with the baseline."""
+    rows, aim, unit = panel.ranked, panel.aim, panel.unit
+    columns: Columns = {"method": map(_marked_label, each(rows))}
+    error = {f"error e, {unit} (SD)": map(_spread, rows["error"], rows["error_sd"])}
+    if panel.margin is not None:
+        name, points = ("error", "%") if aim is None else (aim.words, "points")
+        apart = values(rows, "decided", "+.1f", f" {points}", 100)
+        bounded = np.isfinite(rows["decided_low"] + rows["decided_high"])
+        columns |= {
+            f"difference to the baseline ({WITHIN})": [
+                "baseline" if base else one if ends else one.partition(" (")[0]
+                for one, base, ends in zip(apart, rows["is_baseline"], bounded, strict=True)
+            ],
+            "verdict": rows["relation"],
+            "after worlds": ["–" if math.isnan(n) else f"{n:.0f}" for n in rows["decided_worlds"]],
         }
-        return " ".join(name for name, so in shown.items() if so)
-
-    def text(self, style: str, words: Callable[[str], str] = str, strong: str = "{}") -> str:
-        """Return it without its caption in a format of tabulate; cells: see ``marked_up``."""
-        return tabulate(
-            self.marked_up(words, strong),
-            self.header,
-            tablefmt=style,
-            disable_numparse=True,
-            colalign=("left", *["left" if self.words else "right"] * (len(self.header) - 1)),
+        columns |= error if aim is None else {name: [percent(v) for v in rows["score"]]}
+    elif aim is None:
+        columns |= error
+        columns |= {
+            "difference to the baseline (95 %)": _apart(rows, "diff"),
+            "verdict": rows["relation"],
+            "wins": [_percent(v) for v in rows["win_rate"]],
+            "p, Holm": [_p(v) for v in rows["p_holm"]],
+            "lost runs (95 %)": [
+                f"{percent(row.lost_rate)} of {row.runs} "
+                f"({100 * row.lost_low:.0f} to {100 * row.lost_high:.0f})"
+                for row in each(rows)
+            ],
+        }
+        columns |= _worlds_needed(panel, rows)
+    else:
+        columns |= _score_columns(rows, aim) | {"verdict": rows["relation"]} | error
+        columns["difference of e (95 %)"] = _apart(rows, "diff")
+    columns |= {
+        "ms per step (ratio)": [
+            f"{fixed(row.ms_per_step)} ({significant(row.cost, 2)} ×)" for row in each(rows)
+        ],
+        "worlds": rows["worlds"],
+    }
+    best = [n for n, order in enumerate(rows["order"]) if order == rows["order"].iloc[0]]
+    at = panel.thresholds
+    caption = "The best first and in bold, compared with the baseline on the same worlds. "
+    if panel.margin is not None:
+        caption += (
+            "All intervals of the sweep, at all looks, hold together with 95 %; each method's own "
+            "score is of the worlds that it needed. "
         )
-
-    def marked_up(self, words: Callable[[str], str], strong: str) -> list[list[str]]:
-        """Return the lines in a markup language.
-
-        Args:
-            words: gives a cell's words in it.
-            strong: a pattern of bold words, as "**{}**".
-        """
-        return [
-            [
-                strong.format(words(cell)) if (row, column) in self.strong else words(cell)
-                for column, cell in enumerate(line)
-            ]
-            for row, line in enumerate(self.lines)
-        ]
-
-
-def calibration_table(panel: Panel) -> Table:
-    """Calibration of the beliefs at every offset."""
-    header = ["method", "belief about", f"energy score, {panel.unit}"]
-    header += ["inside 50 %", "80 %", "95 %", "NEES (3)", "entropy, nats", "in walls"]
-    lines = []
-    for row in panel.rows:
-        scores = row.scores
-        lines.append(
-            [
-                panel.labels[row.method],
-                state_name(row.offset),
-                fixed(scores["energy_score"].mean),
-                *(estimated(scores[f"coverage_{at}"].percent, ".0f", " %") for at in LEVELS),
-                nees_words(scores["nees"]),
-                fixed(scores["entropy"].mean).replace("-", "−"),
-                percent(scores["wall_share"].mean, 1),
-            ]
+    elif aim is None:
+        caption += (
+            "Error of the belief about the present, x[t]. Better, worse: the interval excludes 0 "
+            f"and p < 0.05. Lost: position error above {at.lost:g} {unit} on average over the last "
+            f"{at.lost_steps} states. "
         )
-    caption = (
-        "Calibration, with 95 % intervals over worlds; n/a: the method's belief has no spread."
+    caption += (
+        "ms per step: the method's own time, median over runs, and its ratio to the baseline's."
     )
-    return Table(caption, header, lines)
+    return Table(caption, _frame(columns), [(n, column) for n in best for column in (0, 1)])
 
 
-def nees_words(found: Estimate) -> str:
-    """A NEES with one decimal; a large one, which is far from 3 anyhow, with three digits."""
-    if not found.mean >= 100:
-        return estimated(found, ".1f")
-    return estimated(Estimate(*(float(f"{value:.3g}") for value in found)), ",.0f")
-
-
-def detection_table(panel: Panel) -> Table | None:
-    """The AUROC of each method; None if no method gives a quality and was far off, not always."""
-    if all(math.isnan(row.detection.auroc.mean) for row in panel.present):
+def journey_table(panel: PanelFrames, group: Group) -> Table | None:
+    """Scores of whole runs; None if the panel has none of this group."""
+    rows = panel.ranked
+    scores = [score for score in group.scores if score.name in rows]
+    if not scores:
         return None
-    far = panel.far
-    lines = []
-    for row in panel.present:
-        found = row.detection
-        worlds = "n/a" if found.far_worlds is None else f"{found.far_worlds} of {row.worlds}"
-        share = percent(found.far_steps, 1)
-        lines.append([panel.labels[row.method], _auroc(found), share, worlds])
+    columns: Columns = {"method": rows["label"]}
+    for score in scores:
+        columns |= _score_columns(rows, score)
+    tested = any(score.tested for score in scores)
+    return Table(WORDS[group.name][1] + (_TESTS if tested else ""), _frame(columns))
+
+
+def glance_table(panels: Sequence[PanelFrames]) -> Table:
+    """What all methods are ranked by, on all settings, with marks, the best in bold."""
+    labels = _all_labels(panels)
+    lines, strong = [], []
+    for n, panel in enumerate(panels):
+        rows, share = panel.ranked, panel.aim is not None
+        marked = {
+            row.label: f"{(percent if share else fixed)(row.score)} {_mark(row, share)}".rstrip()
+            for row in each(rows)
+        }
+        best = rows.loc[rows["order"] == rows["order"].iloc[0], "label"]
+        strong += [(n, 1 + labels.index(label)) for label in best]
+        lines.append([f"{panel.number}. {panel.where}", *(marked.get(one, "–") for one in labels)])
+    aims = [panel.aim.words if panel.aim else "error e of x[t]" for panel in panels]
+    caption = (
+        f"Score: {'; '.join(dict.fromkeys(aims))}; the best of a setting in bold. ▼ smaller than "
+        "the baseline's, ▲ larger (95 % interval excludes 0 and p < 0.05 after Holm's correction; "
+        "where a sweep stops when decided: by more than the margin), ○ inconclusive, = the same."
+    )
+    return Table(caption, pd.DataFrame(lines, columns=["setting", *labels]), strong)
+
+
+def rival_tables(panel: PanelFrames) -> list[Table]:
+    """Every method compared with the paper's, run by run: at x[t], and at x[t-L]."""
+    if panel.margin is not None or panel.present["params"].str.contains('"agent"').any():
+        return []
+    rivals = {0: ("mcl", "mcl-map", "deq-mcl")}
+    if lag := panel.setting.lag:
+        rivals[-lag] = ("mcl-smoother", "mcl-map-smoother", "deq-mcl")
+    tables = []
+    for offset, names in rivals.items():
+        rows = panel.rows[panel.rows["offset"] == offset]
+        against = [label for n in names for label in rows.loc[rows["method"] == n, "label"]]
+        runs = panel.trials[panel.trials["offset"] == offset].pivot(
+            index=["trial", "filter_seed"], columns="label", values="error"
+        )
+        if not against or len(rows) < 2:
+            continue
+        columns: Columns = {
+            "method": rows["label"],
+            f"error e of {state_name(offset)}": map(fixed, rows["error"]),
+        }
+        for rival in against:
+            apart = runs.sub(runs[rival], axis=0).groupby("trial").mean()
+            columns[f"difference to {rival}"] = [
+                "–"
+                if label == rival
+                else estimated(stats.estimate(apart[label].dropna().to_numpy()), "+.2f")
+                for label in rows["label"]
+            ]
+        caption = (
+            f"Differences of the errors of {state_name(offset)} on the same worlds, with 95 % "
+            "intervals; negative: better."
+        )
+        tables.append(Table(caption, _frame(columns)))
+    return tables
+
+
+def gap_table(panel: PanelFrames) -> Table | None:
+    """The errors on the limits' worlds, each limit before its methods; None if there is none."""
+    rows = panel.gaps
+    if rows.empty:
+        return None
+    columns: Columns = {
+        "method": rows["label"],
+        "belief about": rows["offset"].map(state_name),
+        "error e": map(fixed, rows["error"]),
+        "SD between runs on a world": map(fixed, rows["seed_sd"]),
+        "gap to the limit (95 %)": [
+            "–" if label == f"limit: {limit}" else one
+            for label, limit, one in zip(
+                rows["label"], rows["limit_label"], values(rows, "gap", "+.2f"), strict=True
+            )
+        ],
+        "worlds": rows["worlds"],
+    }
+    caption = (
+        "Error minus the limit's on the same worlds. Below each limit are the methods with its "
+        "target. The limit is what many more particles would give, as far as its own runs agree."
+    )
+    return Table(caption, _frame(columns))
+
+
+def calibration_table(panel: PanelFrames) -> Table:
+    """Calibration of the beliefs at every offset."""
+    rows = panel.rows
+    inside = {f"inside {at} %": values(rows, f"coverage_{at}", ".0f", " %", 100) for at in LEVELS}
+    columns: Columns = {
+        "method": rows["label"],
+        "belief about": rows["offset"].map(state_name),
+        f"energy score, {panel.unit}": map(fixed, rows["energy_score"]),
+        **inside,
+        "NEES (3)": [
+            nees_words(Estimate(*one))
+            for one in rows[["nees", "nees_low", "nees_high"]].itertuples(index=False)
+        ],
+        "entropy, nats": [fixed(value).replace("-", "−") for value in rows["entropy"]],
+        "in walls": [percent(value, 1) for value in rows["wall_share"]],
+    }
+    caption = "With 95 % intervals over worlds; n/a: the method's belief has no spread."
+    return Table(caption, _frame(columns))
+
+
+def nees_words(value: Estimate) -> str:
+    """A NEES with one decimal; a large one, which is far from 3 anyhow, with three digits."""
+    if not value.mean >= 100:
+        return estimated(value, ".1f")
+    return estimated(Estimate(*(float(f"{one:.3g}") for one in value)), ",.0f")
+
+
+def detection_table(panel: PanelFrames) -> Table | None:
+    """The AUROC of each method; None if no method gives a quality and was far off, not always."""
+    rows, far = panel.present, panel.far
+    if rows["auroc"].isna().all():
+        return None
+    columns: Columns = {
+        "method": rows["label"],
+        "AUROC (95 %)": _aurocs(rows),
+        f"steps with {far}": [percent(value, 1) for value in rows["far_steps"]],
+        "in how many worlds": [
+            "n/a" if math.isnan(row.far_worlds) else f"{row.far_worlds:.0f} of {row.worlds}"
+            for row in each(rows)
+        ],
+    }
     caption = (
         f"AUROC of the quality at x[t] against {far}, over all steps of all worlds; 1: every far "
         "step has a smaller quality than every other, ½: no better than chance."
     )
-    header = ["method", "AUROC, 95 % interval", f"steps with {far}", "in how many worlds"]
-    return Table(caption, header, lines)
+    return Table(caption, _frame(columns))
 
 
-def detection_glance(panels: Sequence[Panel]) -> Table | None:
+def detection_glance(panels: Sequence[PanelFrames]) -> Table | None:
     """The AUROC of the methods that give a quality, on all settings; None if there is none."""
-    if not any(map(detection_table, panels)):
+    every = pd.concat([panel.present.assign(number=panel.number) for panel in panels])
+    known = every[every["far_worlds"].notna()]
+    if known["auroc"].isna().all():
         return None
-    found = [{panel.labels[row.method]: row.detection for row in panel.present} for panel in panels]
-    labels = [
-        label
-        for label in all_labels(panels)
-        if any(own[label].far_worlds is not None for own in found if label in own)
-    ]
-    lines = [
-        [
-            numbered(panel),
-            *(fixed(own[label].auroc.mean) if label in own else "–" for label in labels),
-        ]
-        for panel, own in zip(panels, found, strict=True)
-    ]
+    table = known.pivot(index="number", columns="label", values="auroc")
+    columns: Columns = {"setting": [f"{panel.number}. {panel.where}" for panel in panels]}
+    for label in table.columns:
+        columns[str(label)] = [fixed(v) for v in table[label].reindex([p.number for p in panels])]
     far = ", ".join(dict.fromkeys(panel.far for panel in panels))
     caption = (
         f"AUROC of the quality at x[t] against {far}: 1 separates all far steps from the others, "
-        "½ is chance; n/a where no step, or every one, is far off."
+        "½ is chance; n/a where no step, or every one, is far off, or a method gives no quality."
     )
-    return Table(caption, ["setting", *labels], lines)
+    return Table(caption, _frame(columns))
 
 
-def validity_table(panels: Sequence[Panel]) -> Table | None:
+def validity_table(signals: pd.DataFrame) -> Table | None:
     """The AUROC of what filters make of plans; None if none reads plans, or none conflicts."""
-    rows = [row for row in validities(panels) if any(map(_tells, row.signals.values()))]
-    if not rows:
-        return None
-    names = list(dict.fromkeys(name for row in rows for name in row.signals))
-    lines = []
-    for row in rows:
-        first, *_ = row.panels
-        told = {name: own for name, own in row.signals.items() if _tells(own)}
-        scenarios = ", ".join(short_name(panel.setting.scenario) for panel in row.panels)
-        lines.append(
-            [
-                ", ".join([scenarios, *first.title.split(", ")[1:]]),
-                row.label,
-                *(_auroc(told[name]) if name in told else "–" for name in names),
-                percent(next(iter(told.values())).far_steps, 1),
-            ]
-        )
     caption = (
         "AUROC of what a filter makes of a plan against whether the plan, laid from the true pose, "
         "collides. feasible: share of the belief from which it does not; tempering: λ; "
@@ -176,25 +365,11 @@ def validity_table(panels: Sequence[Panel]) -> Table | None:
         "scans. 1: a plan in conflict always has the smaller value; ½: chance. The scenarios of a "
         "line are taken together."
     )
-    header = ["scenarios", "method", *names, "steps in conflict"]
-    return Table(caption, header, lines)
+    return _signal_table(signals, ["scenarios", "label"], "steps in conflict", caption)
 
 
-def told_apart_table(panel: Panel) -> Table | None:
+def told_apart_table(panel: PanelFrames) -> Table | None:
     """The AUROC of what may tell lost robots from wrong maps; None where none is wrong."""
-    rows = []
-    for row in told_apart([panel]):
-        for question, signals in row.answers.items():
-            if told := {name: own for name, own in signals.items() if _tells(own)}:
-                rows.append((panel.labels[row.method], QUESTIONS[question], told))
-    if not rows:
-        return None
-    names = list(dict.fromkeys(name for *_, told in rows for name in told))
-    lines = []
-    for label, question, told in rows:
-        cells = [estimated(told[name].auroc) if name in told else "–" for name in names]
-        share = percent(next(iter(told.values())).far_steps, 1)
-        lines.append([label, question, *cells, share])
     caption = (
         "AUROC of what is seen at the best cluster. lost: it is not within 1 m and 30° of the true "
         f"pose; the map is wrong here: more than {percent(WRONG)} of the returns contradict it "
@@ -205,30 +380,142 @@ def told_apart_table(panel: Panel) -> Table | None:
         "that the plan is about this robot. 1: trouble always has the smaller quality, explained, "
         "beyond_random or trust, or the larger share; ½: chance; below ½: the opposite."
     )
-    return Table(caption, ["method", "question", *names, "steps that are"], lines)
+    maps = panel.maps.replace({"question": QUESTIONS}) if len(panel.maps) else panel.maps
+    return _signal_table(maps, ["label", "question"], "steps that are", caption)
 
 
-def _tells(found: Auroc) -> bool:
-    return not math.isnan(found.auroc.mean)
+def offsets_table(panel: PanelFrames) -> Table:
+    """The errors at every offset."""
+    rows = panel.rows
+    columns: Columns = {
+        "method": rows["label"],
+        "belief about": rows["offset"].map(state_name),
+        "error e (SD)": map(_spread, rows["error"], rows["error_sd"]),
+        "error, common states": map(fixed, rows["error_window"]),
+        f"position RMSE, {panel.unit}": map(fixed, rows["position_rmse"]),
+        "heading RMSE, °": [fixed(math.degrees(value), 1) for value in rows["heading_rmse"]],
+        "difference to the baseline's x[t] (95 %)": _apart(rows, "diff"),
+    }
+    caption = "Errors of the beliefs about the present, the past and the future."
+    return Table(caption, _frame(columns))
 
 
-def _auroc(found: Auroc) -> str:
-    """The AUROC with its interval, or why there is none."""
-    if found.far_worlds is None:
-        return "n/a: gives no quality"
-    if found.far_worlds == 0:
-        return "n/a: no step is far off"
-    if found.far_steps == 1:
-        return "n/a: every step is far off"
-    alone = " (in one world only: no interval)" if math.isnan(found.auroc.low) else ""
-    return estimated(found.auroc) + alone
+def failed_table(results: Results) -> Table | None:
+    """The trials that failed, and why."""
+    lines = [
+        (
+            f"{one.trial.localizer} on {one.trial.scenario}, world {one.trial.trial}, filter seed "
+            f"{one.trial.filter_seed}",
+            one.reason,
+        )
+        for one in results.failures
+    ]
+    caption = "Trials that raised an error; no mean includes them."
+    return Table(caption, pd.DataFrame(lines, columns=["trial", "reason"])) if lines else None
 
 
-def all_labels(panels: Sequence[Panel]) -> list[str]:
-    """What the methods of all panels are called."""
-    return list(dict.fromkeys(label for panel in panels for label in panel.labels.values()))
+def left_out_table(results: Results) -> Table | None:
+    """The files of the folder that are no trials."""
+    listed = list(results.left_out.items())
+    lines = listed[:_LISTED]
+    if len(listed) > _LISTED:
+        lines.append((f"… and {len(listed) - _LISTED:,} more", ""))
+    caption = "Files in the folder that are no trials of this sweep."
+    return Table(caption, pd.DataFrame(lines, columns=["file", "why"])) if lines else None
 
 
-def numbered(panel: Panel) -> str:
-    """The title of a panel in a column of settings, behind its number."""
-    return f"{panel.number}. {where(panel)}"
+def _frame(columns: Columns) -> pd.DataFrame:
+    return pd.DataFrame({name: list(cells) for name, cells in columns.items()}, dtype=str)
+
+
+def _all_labels(panels: Sequence[PanelFrames]) -> list[str]:
+    return list(dict.fromkeys(label for panel in panels for label in panel.present["label"]))
+
+
+def _marked_label(row: Any) -> str:
+    more = " (baseline)" if row.is_baseline else " (plug-in)" if row.plug_in else ""
+    return f"{row.label}{more}"
+
+
+def _mark(row: Any, share: bool) -> str:
+    """▼ smaller than the baseline's, whether that is better or worse."""
+    relation = {"better": "worse", "worse": "better"}.get(row.relation) if share else None
+    return _MARKED.get(relation or row.relation, "")
+
+
+def _spread(mean: float, sd: float) -> str:
+    return f"{fixed(mean)} ({fixed(sd)})"
+
+
+def _apart(rows: pd.DataFrame, name: str, form: str = "+.2f", scale: float = 1) -> list[str]:
+    """Differences to the baseline with their intervals."""
+    cells = values(rows, name, form, scale=scale)
+    return ["baseline" if own else c for own, c in zip(rows["is_baseline"], cells, strict=True)]
+
+
+def _percent(share: float) -> str:
+    return "–" if math.isnan(share) else percent(share)
+
+
+def _p(value: float) -> str:
+    return "–" if math.isnan(value) else p_value(value)
+
+
+def _score_columns(rows: pd.DataFrame, score: Score) -> Columns:
+    """A score of whole runs, and how it compares with the baseline's."""
+    share = score.unit == "share"
+    scale, unit, of = (100, "points", "") if share else (1, score.unit, f" of {score.unit}")
+    digits = {"share": 0, "m": 1, "steps": 1}.get(score.unit, 2)
+    digits = digits if score.digits is None else score.digits
+    cells = values(rows, score.name, f".{digits}f", " %" * share, scale)
+    columns: Columns = {score.words: [c.replace("inf", "never") for c in cells]}
+    if score.tested:
+        apart = _apart(rows, f"{score.name}_diff", f"+.{digits}f", scale)
+        columns |= {
+            f"difference, {unit} (95 %)": apart,
+            f"p{of}, Holm": [_p(value) for value in rows[f"{score.name}_p_holm"]],
+        }
+    return columns
+
+
+def _worlds_needed(panel: PanelFrames, rows: pd.DataFrame) -> Columns:
+    """How many worlds would show a small difference with 80 % power; nothing if none is known."""
+    base = rows.loc[rows["is_baseline"], "error"]
+    small = stats.worth_seeing(base.iloc[0]) if len(base) else math.nan
+    if math.isnan(small) or not (rows["diff_sd"] > 0).any():
+        return {}
+    needed = [
+        rounded(stats.worlds_to_see(small, sd, panel.tests)) if sd > 0 else "–"
+        for sd in rows["diff_sd"]
+    ]
+    return {f"worlds to see {small:g} {panel.unit}": needed}
+
+
+def _aurocs(rows: pd.DataFrame) -> list[str]:
+    """AUROC with their intervals, or why there is none."""
+    cells = values(rows, "auroc")
+    for n, row in enumerate(each(rows)):
+        if math.isnan(row.far_worlds):
+            cells[n] = "n/a: gives no quality"
+        elif row.far_worlds == 0:
+            cells[n] = "n/a: no step is far off"
+        elif row.far_steps == 1:
+            cells[n] = "n/a: every step is far off"
+        elif math.isnan(row.auroc_low):
+            cells[n] += " (one world)"
+    return cells
+
+
+def _signal_table(signals: pd.DataFrame, keys: list[str], steps: str, caption: str) -> Table | None:
+    """AUROC of signals, a column each, by what they are of."""
+    if signals.empty or (known := signals[signals["auroc"].notna()]).empty:
+        return None
+    known = known.assign(cell=_aurocs(known))
+    names = list(dict.fromkeys(known["signal"]))
+    lines = []
+    for of, rows in known.groupby(keys, sort=False):
+        cells = dict(zip(rows["signal"], rows["cell"], strict=True))
+        share = percent(rows["far_steps"].iloc[0], 1)
+        lines.append([*of, *(cells.get(name, "–") for name in names), share])
+    columns = [{"label": "method"}.get(key, key) for key in keys]
+    return Table(caption, pd.DataFrame(lines, columns=[*columns, *names, steps]))

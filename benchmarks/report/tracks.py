@@ -2,27 +2,29 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
+import pandas as pd
 
-from benchmarks.report.svg import INK, Look, Looks, Picture, canvas, picture
-from benchmarks.report.tables import Table, nees_words
-from benchmarks.report.words import rounded
+from benchmarks.report.charts import INK, Chart, canvas, line
+from benchmarks.report.frames import PanelFrames
+from benchmarks.report.tables import Table, nees_words, values
+from benchmarks.report.verdict import rounded
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import scenario
-from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.pairing import differences
-from benchmarks.tables.panels import Panel
-from benchmarks.tables.stats import Estimate, sample_sd, worlds_to_see
-from benchmarks.tables.text import estimated, p_value, percent
+from benchmarks.tables.stats import ALPHA, Estimate, sample_sd, worlds_to_see
+from benchmarks.tables.text import p_value, percent
 from benchmarks.tables.tracks import Row, TrackedRun, rows_of, worse
 from benchmarks.trials.fixes import FOUND, NEAR
-from benchmarks.trials.scores import JOURNEY_SCORES, LEVELS, Score
+from benchmarks.trials.scores import LEVELS
 from benchmarks.trials.tracks import TOLERATED
 from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.drawing import PALE, Drawing, View
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _RESULTS = {
     "within_1m": "within 1 m, 30°",
@@ -46,7 +48,7 @@ _STAMPS = {
 }
 
 
-def shown(panel: Panel) -> tuple[list[Row], Map | None]:
+def shown(panel: PanelFrames) -> tuple[list[Row], Map | None]:
     """Return the runs of each method of a panel, and the map; none if it has no tracks.
 
     None also where log and map are not there any more, or need somebody's code: a folder is read on
@@ -56,16 +58,35 @@ def shown(panel: Panel) -> tuple[list[Row], Map | None]:
     if any(record.track is None for own in records.values() for record in own):
         return [], None
     try:
-        found = scenario(name).changed(panel.setting.world)
-        if not isinstance(found, LogScenario):
+        replayed = scenario(name).changed(panel.setting.world)
+        if not isinstance(replayed, LogScenario):
             return [], None
-        log, floor_plan = found.recording()
+        log, floor_plan = replayed.recording()
     except InputError:
         return [], None
-    failed = {panel.labels[method]: len(own.failed) for method, own in panel.whole.items()}
-    rows = rows_of({panel.labels[method]: own for method, own in records.items()}, failed, log)
+    rows = rows_of(records, {label: len(own) for label, own in panel.failed.items()}, log)
     same = all(len(run.track.best) == len(log) for row in rows for run in row.runs)
     return (rows, floor_plan) if same else ([], None)
+
+
+def parts_of(panel: PanelFrames) -> list[tuple[Any, ...]]:
+    """Return headings, notes, tables and charts of runs on a log; none of other runs."""
+    rows, floor_plan = shown(panel)
+    if floor_plan is None:
+        return []
+    return [
+        ("", "", tables_of(rows)),
+        (
+            "On the map",
+            "Best clusters: the heaviest cell of a histogram of the belief (1 m × 1 m × 30°) and "
+            "its neighbours, the one place that it favours. The cross is where the robot was when "
+            "it was last lost: from there on the estimate is never again within 1 m and 30°.",
+            [],
+            track_charts(panel, rows, floor_plan),
+        ),
+        ("Over the distance driven", "", [], error_charts(panel, rows)),
+        ("APE and RPE", "", evo_tables(rows)),
+    ]
 
 
 def tables_of(rows: Sequence[Row]) -> list[Table]:
@@ -96,10 +117,10 @@ def tables_of(rows: Sequence[Row]) -> list[Table]:
     return [_table(rows, caption, _RESULTS | _TIMED), _table(rows, of_beliefs, beliefs)]
 
 
-def evo_tables(panel: Panel) -> list[Table]:
+def evo_tables(rows: Sequence[Row]) -> list[Table]:
     """APE and RPE of each localizer's median run, as evo computes them."""
     lines = []
-    for row in shown(panel)[0]:
+    for row in rows:
         run = row.middle
         for name, errors in {"APE": run.track.errors, "RPE": run.track.relative}.items():
             if (moved := errors.translation).size:
@@ -112,7 +133,7 @@ def evo_tables(panel: Panel) -> list[Table]:
         "APE without alignment, RPE from record to record, as evo_ape tum and evo_rpe tum compute "
         "them from the trajectories in tracks/."
     )
-    return [Table(caption, header, lines)] if lines else []
+    return [Table(caption, pd.DataFrame(lines, columns=header))] if lines else []
 
 
 def accuracy(rows: Sequence[Row]) -> list[str]:
@@ -138,28 +159,27 @@ def largest(run: TrackedRun) -> float:
     return float(run.track.errors.translation.max())
 
 
-def differences_table(panel: Panel) -> Table | None:
+def differences_table(panel: PanelFrames) -> Table | None:
     """How methods differ from the baseline, and what it takes to show it; None of one method."""
-    scores = [JOURNEY_SCORES[name] for name in ("success_1m", "position_median")]
-    rows = [row for row in panel.present if not row.is_baseline]
-    if not rows or not all(score.name in row.journey for row in panel.present for score in scores):
+    scores = {"success_1m": ("localized to the end, points", "+.0f", 100, "points")}
+    scores["position_median"] = ("position error, median, m", "+.3f", 1, "m")
+    rows = panel.present[~panel.present["is_baseline"]]
+    if rows.empty or not scores.keys() <= set(rows):
         return None
-    header = ["localizer", "pairs", "localized to the end, points", "p, Holm", "runs needed"]
-    header += ["position error, median, m", "p, Holm", "runs needed"]
-    lines = []
-    for row in rows:
-        success, error = (row.journey[score.name] for score in scores)
-        cells = [estimated(success.diff.percent, "+.0f"), p_value(success.p_holm)]
-        cells += [_needed(panel, row, scores[0]), estimated(error.diff, "+.3f")]
-        cells += [p_value(error.p_holm), _needed(panel, row, scores[1])]
-        lines.append([panel.labels[row.method], str(row.paired_worlds), *cells])
-    return Table(
-        f"Difference to {panel.labels[rows[0].baseline]}, over runs of the same seed, with 95 % "
+    columns: dict[str, Sequence[str]] = {
+        "localizer": list(rows["label"]),
+        "pairs": [str(n) for n in rows["paired_worlds"]],
+    }
+    for name, (words, form, scale, unit) in scores.items():
+        columns[words] = values(rows, f"{name}_diff", form, scale=scale)
+        columns[f"p, Holm ({unit})"] = [p_value(p) for p in rows[f"{name}_p_holm"]]
+        columns[f"runs needed ({unit})"] = [_needed(panel, row, name) for _, row in rows.iterrows()]
+    caption = (
+        f"Difference to {rows['reference'].iloc[0]}, over runs of the same seed, with 95 % "
         f"bootstrap intervals. p is corrected by Holm's method for {panel.tests} tests. Runs "
-        "needed: would show a difference of this size with 80 % power.",
-        header,
-        lines,
+        "needed: would show a difference of this size with 80 % power."
     )
+    return Table(caption, pd.DataFrame(columns))
 
 
 def told(run: TrackedRun) -> str:
@@ -182,15 +202,23 @@ def told(run: TrackedRun) -> str:
     )
 
 
-def _needed(panel: Panel, row: Comparison, score: Score) -> str:
+def _needed(panel: PanelFrames, row: pd.Series, score: str) -> str:
     """How many runs would show a difference; – where it is shown, or there is none."""
-    ours, theirs = (panel.whole[method].runs(score) for method in (row.method, row.baseline))
-    apart = differences(ours, theirs)
-    mean, sd = abs(float(apart.mean())) if apart.size else 0.0, sample_sd(apart)
-    if row.journey[score.name].significant or not mean > 0 or math.isnan(sd):
+    runs = panel.trials[panel.trials["offset"] == 0].pivot(
+        index=["trial", "filter_seed"], columns="label", values=score
+    )
+    if score == "success_1m":  # a failed run is no success
+        for label, failed in panel.failed.items():
+            for trial in failed:
+                runs.loc[(trial, 0), label] = 0.0
+    apart = (runs[row["label"]] - runs[row["reference"]]).dropna().groupby("trial").mean()
+    mean, sd = abs(float(apart.mean())) if len(apart) else 0.0, sample_sd(apart.to_numpy())
+    low, high = row[f"{score}_diff_low"], row[f"{score}_diff_high"]
+    shown_already = (low > 0 or high < 0) and row[f"{score}_p_holm"] < ALPHA
+    if shown_already or not mean > 0 or math.isnan(sd):
         return "–"
     needed = worlds_to_see(mean, sd, panel.tests)
-    return "–" if needed <= apart.size else f"about {rounded(needed)}"
+    return "–" if needed <= len(apart) else f"about {rounded(needed)}"
 
 
 def _table(rows: Sequence[Row], caption: str, columns: Mapping[str, str]) -> Table:
@@ -200,7 +228,7 @@ def _table(rows: Sequence[Row], caption: str, columns: Mapping[str, str]) -> Tab
         runs["lost"] = len(row.runs)  # of a failed run it is not known
         cells = [_word(name, row.scores.get(name, math.nan), runs[name]) for name in columns]
         lines.append([row.label, str(row.seeds), *cells])
-    return Table(caption, ["localizer", "runs", *columns.values()], lines)
+    return Table(caption, pd.DataFrame(lines, columns=["localizer", "runs", *columns.values()]))
 
 
 def _word(name: str, value: float, runs: int) -> str:
@@ -220,103 +248,82 @@ def _word(name: str, value: float, runs: int) -> str:
 
 
 _SCALE = 1.0  # of a drawn map: 480 image pixels, about as many as the page shows
-_GREY = 140  # of walls, in the light and in the dark
+_GREY = 140  # of walls
 _UNKNOWN = 50 / (255 - PALE[0])  # opacity per darkness: 50 of 255 for unknown cells, walls whole
 _POINTS = 300  # of a curve
-_LOST = "lost from here on"
 _LEAST = 0.01  # m: where the axis of errors begins
 
 
-def track_charts(panel: Panel, looks: Looks) -> list[Picture]:
+def track_charts(panel: PanelFrames, rows: Sequence[Row], floor_plan: Map) -> list[Chart]:
     """The median run of each localizer on the map, and its worst one if that is another."""
     charts = []
-    rows, floor_plan = shown(panel)
     for number, row in enumerate(rows, 1):
         name = f"trajectory-{panel.number}-{number}"
-        runs = {"Median run": (row.middle, name), "Worst run": (row.worst, f"{name}-worst")}
+        runs = {"median run": (row.middle, name), "worst run": (row.worst, f"{name}-worst")}
         if row.worst is row.middle:
-            runs = {"Median and worst run" if row.seeds > 1 else "The run": (row.middle, name)}
+            runs = {"median and worst run" if row.seeds > 1 else "the run": (row.middle, name)}
         for which, (run, own) in runs.items():
-            assert floor_plan is not None
-            charts.append(_trajectory(row.label, run, which, floor_plan, looks[row.label], own))
+            frame = panel.labelled(
+                pd.DataFrame(run.track.best, columns=["x", "y", "heading"]).assign(label=row.label)
+            )
+            charts.append(_trajectory(f"{row.label}: {which}", frame, run, floor_plan, own))
     return charts
 
 
-def error_charts(panel: Panel, looks: Looks) -> list[Picture]:
-    """Error over the distance driven, a chart per localizer, on one scale."""
-    rows = [row for row in shown(panel)[0] if row.runs[0].track.known.size]
-    tops = [run.track.errors.translation.max() for row in rows for run in row.runs]
-    return [
-        _error_chart(row, looks[row.label], 1.3 * max(*tops, 1.0), f"error-{panel.number}-{number}")
-        for number, row in enumerate(rows, 1)
-    ]
+def error_charts(panel: PanelFrames, rows: Sequence[Row]) -> list[Chart]:
+    """Error over the distance driven."""
+    drawn = []
+    for row in rows:
+        first = row.runs[0].track
+        if (n := first.known.size) == 0:
+            continue
+        at = np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(np.intp))
+        errors = np.array([run.track.errors.translation[at] for run in row.runs])
+        low, middle, high = np.maximum(np.quantile(errors, [0, 0.5, 1], axis=0), _LEAST)
+        curve = {"way": first.way[first.known][at], "low": low, "middle": middle, "high": high}
+        drawn.append(pd.DataFrame({"label": row.label, **curve}))
+    if not drawn:
+        return []
+    axes = line(panel.labelled(pd.concat(drawn)), "way", "middle", "low", "high", band=True, lw=1)
+    axes.axhline(NEAR[FOUND][0], color=INK, lw=0.8, ls=":")
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.set(ylim=(_LEAST, None), xlim=(0, None), xlabel="driven, m", ylabel="position error, m")
+    caption = "Line: median over runs; band: least to largest; dotted: 1 m."
+    return [Chart(f"error-{panel.number}", "Error over the distance", caption, axes.figure)]
 
 
 def _trajectory(
-    label: str, run: TrackedRun, which: str, floor_plan: Map, look: Look, name: str
-) -> Picture:
+    title: str, best: pd.DataFrame, run: TrackedRun, floor_plan: Map, name: str
+) -> Chart:
     """One run of a localizer on the map, the reference, and where it was lost for good."""
-    track = run.track
+    track, log = run.track, run.track.log
+    axes = map_axes(floor_plan)
+    if log.reference is not None and track.known.size:
+        x, y, _ = log.reference[track.known].T
+        axes.plot(x, y, color=INK, alpha=0.35, lw=2.5, label="reference")
+    line(best, "x", "y", axes=axes, marker="", lw=1)
+    if log.reference is not None and track.lost is not None:
+        x, y, _ = log.reference[track.lost[0]]
+        axes.plot(x, y, "X", color=INK, ms=9, mew=0)
+    return Chart(name, title, f"Seed {run.seed}: {told(run)}", axes.figure)
+
+
+def map_axes(floor_plan: Map, width: float = 4.8) -> "Axes":
+    """Return axes with a map: its walls grey, its unknown or solid areas paler."""
     x0, y0, x1, y1 = floor_plan.bounds
-    width = 4.8
-    height = min(9.0, (width - 0.77) * (y1 - y0) / (x1 - x0) + 0.62)
-    lost = track.lost
-    figure, axes = canvas(width, height, legend_of=(label, "reference", *([_LOST] if lost else [])))
-    draw_map(floor_plan, axes)
-    if track.log.reference is not None and track.known.size:
-        x, y, _ = track.log.reference[track.known].T
-        axes.plot(x, y, color=INK, alpha=0.35, linewidth=2.5, label="reference")
-    x, y, _ = track.best.T
-    axes.plot(x, y, color=look.color, linewidth=1.0, label=label)
-    if track.log.reference is not None and lost is not None:
-        x, y, _ = track.log.reference[lost[0]]
-        axes.plot(x, y, "X", color=INK, markersize=9, markeredgewidth=0, label=_LOST)
-    unit = floor_plan.unit
-    axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel=f"x, {unit}", ylabel=f"y, {unit}")
-    axes.grid(visible=False)
-    return picture(
-        figure,
-        name=name,
-        title=f"{label}: {which.lower()}",
-        caption=f"Seed {run.seed}: {told(run)}",
-        alt=f"{which} of {label} on the map",
-    )
-
-
-def _error_chart(row: Row, look: Look, top: float, name: str) -> Picture:
-    first = row.runs[0].track
-    way = first.way[first.known]
-    n = len(way)
-    at = np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(np.intp))
-    errors = np.array([run.track.errors.translation[at] for run in row.runs])
-    figure, axes = canvas(3.2, 2.3, top=0.28)
-    low, middle, high = np.maximum(np.quantile(errors, [0, 0.5, 1], axis=0), _LEAST)
-    axes.fill_between(way[at], low, high, color=look.color, alpha=0.25, lw=0)
-    axes.plot(way[at], middle, color=look.color, linewidth=1.0)
-    axes.axhline(NEAR[FOUND][0], color=INK, linewidth=0.8, linestyle=":")
-    axes.set_yscale("log")
-    axes.yaxis.set_major_formatter("{x:g}")
-    axes.set(ylim=(_LEAST, top), xlim=(0, None), xlabel="driven, m", ylabel="position error, m")
-    axes.set_title(row.label, loc="left")
-    return picture(
-        figure,
-        name=name,
-        title=f"Error over distance: {row.label}",
-        caption="",
-        alt=f"Position error of {row.label} over the distance driven",
-    )
-
-
-def draw_map(floor_plan: Map, axes: Axes) -> None:
-    """Draw a map's walls, and its unknown or solid areas paler; free space is transparent."""
+    axes = canvas(width, min(9.0, (width - 0.77) * (y1 - y0) / (x1 - x0) + 0.62))
     view = View(floor_plan, _SCALE)
     darkness = 255.0 - Drawing(view).image[:, :, 0]
     image = np.full((*darkness.shape, 4), _GREY, np.uint8)
     image[:, :, 3] = np.minimum(np.rint(_UNKNOWN * darkness), 255)
-    (width, height), margin = view.size, view.margin
-    x0, _, _, y1 = floor_plan.bounds
-    columns, rows = np.array((-margin, width - margin)), np.array((margin - height, margin))
+    (wide, high), margin = view.size, view.margin
+    columns, rows = np.array((-margin, wide - margin)), np.array((margin - high, margin))
     left, right = x0 + columns / view.per_length
-    low, high = y1 + rows / view.per_length
+    low, top = y1 + rows / view.per_length
     # not thinned again: walls would be lost
-    axes.imshow(image, extent=(left, right, low, high), interpolation="none")
+    axes.imshow(image, extent=(left, right, low, top), interpolation="none")
+    unit = floor_plan.unit
+    axes.set(xlim=(x0, x1), ylim=(y0, y1), aspect="equal", xlabel=f"x, {unit}", ylabel=f"y, {unit}")
+    axes.grid(visible=False)
+    return axes

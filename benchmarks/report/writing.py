@@ -3,7 +3,6 @@
 import logging
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from benchmarks.console import doing
 from benchmarks.files import own_folder, write_files
@@ -22,9 +21,6 @@ from benchmarks.tables.map_validity import told_apart
 from benchmarks.tables.plan_validity import validities
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, shown
-
-if TYPE_CHECKING:
-    from benchmarks.report.animations import Drawn
 
 
 def no_report() -> str | None:
@@ -53,13 +49,15 @@ def load() -> None:
     if no_report() is None:
         # it warns of a home that it cannot write to
         logging.getLogger("matplotlib").setLevel(logging.ERROR)
-        from benchmarks.report import pages  # noqa: F401
+        import matplotlib.figure  # noqa: F401
+
+        from benchmarks.report import page  # noqa: F401
 
 
-def write_report(out: Path | str, results: Results, drawn: "Drawn | None" = None) -> list[Path]:
+def write_report(out: Path | str, results: Results, *, draw: bool = True) -> list[Path]:
     """Write the tables, report.html, results.md and images/ of a sweep; return the files.
 
-    Animations are drawn, unless a folder is given that keeps them. results.csv and trials.csv
+    Films that the folder has not are drawn, unless ``draw`` is false. results.csv and trials.csv
     depend on nothing but the trials; timings.csv, the page and results.md also tell times and
     versions. Without the extra ``report`` there are the tables only.
 
@@ -72,7 +70,7 @@ def write_report(out: Path | str, results: Results, drawn: "Drawn | None" = None
         folder = Path(out)
         if not (folder / NAME).is_file():
             own_folder(folder, "results.csv")
-        return _written(folder, results, drawn)
+        return _written(folder, folder, results, draw=draw)
 
 
 def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
@@ -81,8 +79,6 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
     Raises:
         InputError: ``out`` cannot be written to, or holds what is not ours.
     """
-    from benchmarks.report.animations import Drawn
-
     if out.exists() and out.samefile(folder):
         if any(record.track is not None for record in results.records):
             raise InputError(
@@ -91,16 +87,26 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
             )
     else:
         own_folder(out, "results.csv")
-    return _written(out, results, Drawn(folder))
+    return _written(out, folder, results, draw=False)
 
 
-def _written(out: Path, results: Results, drawn: "Drawn | None") -> list[Path]:
+def _written(out: Path, folder: Path, results: Results, *, draw: bool) -> list[Path]:
+    """Write a report with the films and figures of a folder."""
     tables = _tables(results)
     for name in ("decisions.csv", "gaps.csv", "plans.csv", "maps.csv"):
         if name not in tables:
             (out / name).unlink(missing_ok=True)
     files = write_files(out, tables)  # the numbers, whatever keeps the pictures away
-    return files + write_files(out, _told(results, drawn))
+    if no_report() is not None:
+        return files
+    load()
+    from benchmarks.report.page import page_files
+
+    pages = page_files(results, folder, draw=draw)
+    for path in (out / "images").glob("lap-*"):  # of worlds that are not shown any more
+        if f"images/{path.name}" not in pages:
+            path.unlink()
+    return files + write_files(out, pages)
 
 
 def _tables(results: Results) -> dict[str, bytes]:
@@ -119,18 +125,3 @@ def _tables(results: Results) -> dict[str, bytes]:
     if apart := told_apart(compared):
         tables["maps.csv"] = maps_csv(apart)
     return {name: utf8(text) for name, text in tables.items()}
-
-
-def _told(results: Results, drawn: "Drawn | None") -> dict[str, bytes]:
-    """Return the page, the Markdown and its pictures; nothing without what draws them."""
-    if no_report() is not None:
-        return {}
-    load()
-    from benchmarks.report.animations import IMAGES
-    from benchmarks.report.pages import html, images, markdown
-    from benchmarks.report.story import story_of
-
-    story = story_of(results, drawn)
-    told = {"results.md": markdown(story, IMAGES), "report.html": html(story)}
-    pictures = {f"{IMAGES}/{name}": content for name, content in images(story).items()}
-    return {name: utf8(text) for name, text in told.items()} | pictures

@@ -384,22 +384,22 @@ def _trade_off(found: Found) -> bytes:
     from matplotlib.ticker import LogLocator, NullLocator
 
     from benchmarks.pictures import styled
-    from benchmarks.report.svg import HOUSE_STYLE, LOOKS, canvas, picture
+    from benchmarks.report.charts import STYLE, Chart, canvas
 
     goal, last = found.task.goal, len(found.task.training)
     factor, unit = (100, "%") if goal.unit == "share" else (1, goal.unit)
     known = [one for one in found.tried if math.isfinite(one.value) and one.ms > 0]
     parts = {
-        "dropped on fewer segments": ([o for o in known if o.segments < last], LOOKS[6], 12),
-        "on all training segments": ([o for o in known if o.segments == last], LOOKS[0], 24),
-        "default": ([o for o in known if o.values == NOTHING], LOOKS[5], 70),
-        "winner": ([o for o in known if o is found.best], LOOKS[2], 70),
+        "dropped on fewer segments": ([o for o in known if o.segments < last], "0.6", 12),
+        "on all training segments": ([o for o in known if o.segments == last], "C0", 24),
+        "default": ([o for o in known if o.values == NOTHING], "C3", 70),
+        "winner": ([o for o in known if o is found.best], "C2", 70),
     }
-    with styled(HOUSE_STYLE):
-        figure, axes = canvas(6.4, 3.8, left=0.8, legend_of=parts)
-        for label, (own, look, size) in parts.items():
+    with styled(STYLE):
+        axes = canvas(6.4, 3.8)
+        for label, (own, color, size) in parts.items():
             x, y = [one.ms for one in own], [factor * one.value for one in own]
-            axes.scatter(x, y, s=size, c=look.color, marker=look.mark, label=label, linewidths=0)
+            axes.scatter(x, y, s=size, c=color, label=label, linewidths=0)
         axes.set_xscale("log")
         if in_metres := goal.unit == "m" and all(one.value > 0 for one in known):
             axes.set_yscale("log")
@@ -412,4 +412,5 @@ def _trade_off(found: Found) -> bytes:
         words = goal.words.replace("share of records ", "")
         axes.set(xlabel="ms per step", ylabel=f"{words}, {unit}")
         caption = "Score and time of the candidates, on training segments."
-        return picture(figure, name="trade-off", title=caption, caption=caption, alt=caption).png
+        axes.legend(frameon=False)
+        return Chart("trade-off", caption, caption, axes.figure).drawn("png", dpi=200)

@@ -12,7 +12,7 @@ from sphinx.ext.napoleon import docstring
 from sphinx.util.typing import stringify_annotation
 
 import deqmcl_gym
-from benchmarks.report.pages import parted
+from benchmarks.report.tables import parted
 
 project = "deqmcl-gym"
 author = copyright = "the deqmcl-gym authors"  # noqa: A001 - Sphinx' name for it

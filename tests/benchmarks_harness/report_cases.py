@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as changed
 
-from benchmarks.report import story
+from benchmarks.report import animations
+from benchmarks.report.frames import frames_of
 from benchmarks.report.writing import write_report
 from benchmarks.setup.changes import Changes
 from benchmarks.setup.scenario import Thresholds
@@ -87,10 +88,26 @@ def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl",
     )
 
 
+def frames(records, **how):
+    """Panels of these records, as frames."""
+    return frames_of(results(records, **how))
+
+
+def panel_of(records, **how):
+    """The only panel of these records."""
+    (panel,) = frames(list(records), **how)
+    return panel
+
+
+def lines_of(table):
+    """The cells of a table, line by line."""
+    return table.frame.astype(str).to_numpy().tolist()
+
+
 def written(out, given, laps=()):
     """Write the report of results, with these animations (whose pictures they have)."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(story, "animations_of", lambda panel: [*laps])
+        patch.setattr(animations, "films_of", lambda panel: [*laps])
         patch.setattr(drawing, "drawn", copy.copy)  # they have their pictures
         return write_report(out, given)
 

@@ -6,9 +6,10 @@ from collections import defaultdict
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from report_cases import finished, parsed
+from report_cases import finished, lines_of, parsed, results
 
-from benchmarks.report.error_tables import offsets_table, verdict_table
+from benchmarks.report.frames import frames_of
+from benchmarks.report.tables import offsets_table, verdict_table
 from benchmarks.tables.csv_files import results_csv
 from benchmarks.tables.panels import panels
 from benchmarks.tables.stats import holm
@@ -106,22 +107,24 @@ def test_the_tables_have_the_digits_of_results_csv(given_sweep):
     found = panels(*given_sweep)
     lines = parsed(results_csv(found))
     present = iter([line for line in lines if line["offset"] == "0"])
+    shown = frames_of(results(given_sweep[0], baseline=given_sweep[1]))
     by_error = []
-    for panel in found:
-        own = [next(present) for _ in panel.present]
-        by_error += [own[panel.present.index(row)] for row in panel.ranked]
-    shown = [line for panel in found for line in verdict_table(panel).lines]
-    for line, told in zip(by_error, shown, strict=True):
-        assert told[1].startswith(f"{float(line['error']):.2f} (")
+    for panel in shown:
+        own = [next(present) for _ in range(len(panel.present))]
+        by_error += [own[list(panel.present.index).index(n)] for n in panel.ranked.index]
+    first = [told for panel in shown for told in verdict_table(panel).frame.to_dict("records")]
+    for line, told in zip(by_error, first, strict=True):
+        assert told["error e, px (SD)"].startswith(f"{float(line['error']):.2f} (")
+        apart = told["difference to the baseline (95 %)"]
         if line["p_holm"]:
-            assert told[2].startswith(f"{float(line['diff']):+.2f}".replace("-", "−"))
-            assert told[4] == f"{float(line['p_holm']):.2g}"
+            assert apart.startswith(f"{float(line['diff']):+.2f}".replace("-", "−"))
+            assert told["p, Holm"] == f"{float(line['p_holm']):.2g}"
         else:
-            assert told[2:5] in (["baseline", "–", "–"], ["n/a"] * 3)
+            assert (apart, told["p, Holm"]) in (("baseline", "–"), ("n/a", "–"))
         share = 100 * float(line["lost_rate"])
-        assert told[5].startswith(f"{share:.0f} % of {line['runs']} (")
-        assert told[7] == line["worlds"]
-    every = [line for panel in found for line in offsets_table(panel).lines]
+        assert told["lost runs (95 %)"].startswith(f"{share:.0f} % of {line['runs']} (")
+        assert told["worlds"] == line["worlds"]
+    every = [line for panel in shown for line in lines_of(offsets_table(panel))]
     for line, told in zip(lines, every, strict=True):
         difference = f"{float(line['diff']):+.2f}".replace("-", "−") if line["diff"] else None
         assert told[6].startswith(difference or ("baseline", "n/a"))

@@ -6,12 +6,11 @@ from itertools import product
 
 import numpy as np
 import pytest
-from report_cases import changed, comparisons, finished
+from report_cases import changed, comparisons, finished, lines_of, panel_of
 
 from benchmarks.report.tables import detection_glance, detection_table
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.auroc import auroc_of, rated_steps
-from benchmarks.tables.panels import panels
 from benchmarks.trials.scoring import ErrorCurve
 
 NEAR, AWAY = 1.0, 60.0  # errors on either side of 50 px
@@ -148,22 +147,22 @@ def reported(methods):
 
 def test_the_table_says_the_auroc_or_why_there_is_none():
     records = reported(["rated", "never", "always", "blind"])
-    (panel,) = panels(records)
+    panel = panel_of(records)
     table = detection_table(panel)
-    assert table.header[2] == "steps with e > 50 px"
-    assert table.lines == [
+    assert list(table.frame)[2] == "steps with e > 50 px"
+    assert lines_of(table) == [
         ["rated", "1.00 (1.00 to 1.00)", "50.0 %", "3 of 3"],
         ["never", "n/a: no step is far off", "0.0 %", "0 of 3"],
         ["always", "n/a: every step is far off", "100.0 %", "3 of 3"],
         ["blind", "n/a: gives no quality", "n/a", "n/a"],
     ]
     glance = detection_glance([panel])
-    assert glance.header == ["setting", "rated", "never", "always"]
-    assert glance.lines == [["1. paper", "1.00", "n/a", "n/a"]]
+    assert list(glance.frame) == ["setting", "rated", "never", "always"]
+    assert lines_of(glance) == [["1. paper", "1.00", "n/a", "n/a"]]
 
 
 def test_the_report_has_no_table_where_no_method_has_an_auroc():
-    (panel,) = panels(reported(["never", "blind"]))
+    panel = panel_of(reported(["never", "blind"]))
     assert detection_table(panel) is None
     assert detection_glance([panel]) is None
 

@@ -4,14 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from report_cases import changed, finished, parsed, trial_of, whole
+from report_cases import changed, finished, frames, lines_of, panel_of, parsed, trial_of, whole
 from test_store import TRIAL, record_of
 
-from benchmarks.report.animations import animations_of
-from benchmarks.report.charts import WORDS, journey_charts, journey_table
-from benchmarks.report.error_tables import glance_table, verdict_table
-from benchmarks.report.svg import looks
-from benchmarks.report.words import findings, power_hint, runner_up, spoken
+from benchmarks.report.animations import films_of
+from benchmarks.report.panel_charts import journey_charts
+from benchmarks.report.tables import WORDS, glance_table, journey_table, verdict_table
+from benchmarks.report.verdict import verdict
 from benchmarks.sweeps.store import writing
 from benchmarks.tables.csv_files import results_csv, trials_csv
 from benchmarks.tables.journeys import curve_of, median, median_estimate
@@ -125,20 +124,29 @@ def test_the_csv_files_have_the_columns_of_what_was_scored_and_no_others():
 
 
 def tables_of(panel):
-    shown = ((group.name, journey_table(panel, group)) for group in GROUPS)
-    return [(name, table) for name, table in shown if table]
+    found = ((group.name, journey_table(panel, group)) for group in GROUPS)
+    return [(name, table) for name, table in found if table]
+
+
+def shown():
+    failures = [(trial, "boom") for trial in FAILED]
+    return panel_of([*BLIND, *AWARE], baseline="mcl-map", failures=failures)
 
 
 def test_the_report_has_a_table_and_a_curve_of_what_was_scored():
-    panel = compared()
+    panel = shown()
     ((group, table),) = tables_of(panel)
     assert WORDS[group][0] == "Localized"
-    assert [line[0] for line in table.lines] == ["mcl-plan", "mcl-map"]  # the largest share first
-    assert table.lines[1][1:5] == ["50 % (15 % to 85 %)", "baseline", "–", "never"]
-    (chart,) = journey_charts(panel, looks(panel.labels.values()))
-    assert chart.alt.endswith("At the end: mcl-map 50 %, mcl-plan 75 %.")
-    (plain,) = panels([finished("mcl", 0, 1.0)])
-    assert tables_of(plain) == journey_charts(plain, {}) == []
+    lines = lines_of(table)
+    assert [line[0] for line in lines] == ["mcl-plan", "mcl-map"]  # the largest share first
+    assert lines[1][1:5] == ["50 % (15 to 85)", "baseline", "–", "never"]
+    (chart,) = journey_charts(panel)
+    blind, aware = chart.figure.axes[0].lines
+    assert (blind.get_label(), aware.get_label()) == ("mcl-map", "mcl-plan")
+    assert blind.get_xydata().tolist() == [[0, 0], [4, 25], [8, 50], [10, 50]]
+    assert aware.get_ydata()[-1] == 75  # the failed run is not localized
+    plain = panel_of([finished("mcl", 0, 1.0)])
+    assert tables_of(plain) == journey_charts(plain) == []
 
 
 WORLDS = 12
@@ -158,27 +166,22 @@ def test_the_verdict_is_about_what_the_runs_are_about_not_about_the_error(score,
     # the errors rank them the other way round
     records = [*sought("mcl", 2, 1.0, score), *sought("amcl", 6, 3.0, score)]
     records += sought("mcl-plan", 11, 9.0, score)
-    (panel,) = panels(records)
-    rows = parsed(results_csv([panel]))
+    panel = panel_of(records)
+    rows = parsed(results_csv(panels(records)))
     best, following = rows[2], rows[1]
     low, mean, high = (
         round(100 * float(best[f"{score}_diff{end}"])) for end in ("_low", "", "_high")
     )
     ends = [round(100 * one) for one in wilson(11 / 12, 12)]
-    assert spoken(panel).text == (
+    assert verdict(panel) == (
         f"mcl-plan is best: {done} in 92 % of runs (95 %: "
         f"{ends[0]} to {ends[1]}), {mean} points above mcl (95 %: {low} to {high}); costs 2.7 × "
         "the time."
     )
-    assert runner_up(panel).startswith("Next is amcl, 50 % of runs: 42 points behind (95 %: ")
     assert float(following[f"{score}_p_holm"]) > 0.05
-    methods = [line[0] for line in verdict_table(panel).lines]
-    assert methods == ["mcl-plan", "amcl", "mcl (baseline)"]
-    better, doubtful, _ = findings(panel)
-    often = f"{done.capitalize()} more often than mcl"
-    assert better == f"{often}: mcl-plan."
-    assert doubtful == f"{often}, but not confirmed by the sign test: amcl."
-    assert power_hint(panel) == ""
+    table = verdict_table(panel).frame
+    assert list(table["method"]) == ["mcl-plan", "amcl", "mcl (baseline)"]
+    assert list(table["verdict"]) == ["better", "inconclusive", "baseline"]
 
 
 NOT_CONFIRMED = {
@@ -189,9 +192,8 @@ NOT_CONFIRMED = {
         "mcl": 6,
         "amcl": 6,
     },
-    "No method is confirmed to be better than mcl: it is recovered in 50 % of runs. Largest "
-    "share: amcl, recovered in 67 % of runs (95 %: 39 to 86), 17 points above (95 %: 0 to 42); "
-    "p = 1.": {
+    "No method is confirmed to be better than mcl, recovered in 50 % of runs: first is amcl, "
+    "recovered in 67 % of runs (95 %: 39 to 86), 17 points above mcl (95 %: 0 to 42), p = 1.": {
         "mcl": 6,
         "amcl": 8,
     },
@@ -201,27 +203,24 @@ NOT_CONFIRMED = {
 @pytest.mark.parametrize("expected", NOT_CONFIRMED)
 def test_a_share_that_is_not_confirmed_to_be_larger_is_not_called_best(expected):
     shares = NOT_CONFIRMED[expected]
-    (panel,) = panels(
-        [run for name in shares for run in sought(name, shares[name], score="recovered")]
-    )
-    assert spoken(panel).text == expected
+    runs = [run for name in shares for run in sought(name, shares[name], score="recovered")]
+    assert verdict(panel_of(runs)) == expected
 
 
 def test_a_glance_at_settings_shows_shares_beside_errors():
     plain = [
         finished(name, world, 2.0, scenario="sharp") for name in ("mcl", "amcl") for world in (0, 1)
     ]
-    glance = glance_table(panels([*sought("mcl", 2), *sought("amcl", 11), *plain]))
-    assert [line[1:] for line in glance.lines] == [["17 %", "92 % ▲"], ["2.00", "2.00 ○"]]
-    assert "Share of runs, the largest of a setting in bold: localized to the end" in glance.caption
-    assert "Error e of x[t], the smallest" in glance.caption
+    glance = glance_table(frames([*sought("mcl", 2), *sought("amcl", 11), *plain]))
+    assert [line[1:] for line in lines_of(glance)] == [["17 %", "92 % ▲"], ["2.00", "2.00 ="]]
+    assert glance.caption.startswith("Score: localized to the end (1 m, 30°); error e of x[t]; ")
     assert list(glance.strong) == [(0, 2), (1, 1), (1, 2)]
 
 
 def test_lost_robots_are_shown_by_when_they_were_localized():
-    best, median_one, worst = animations_of(compared())
-    shown = [[(t.localizer, t.trial) for t in lap.trials] for lap in (best, median_one, worst)]
-    assert shown == [[("mcl-map", world), ("mcl-plan", world)] for world in (0, 1, 2)]
+    best, median_one, worst = films_of(shown())
+    laps = [[(t.localizer, t.trial) for t in lap.trials] for lap in (best, median_one, worst)]
+    assert laps == [[("mcl-map", world), ("mcl-plan", world)] for world in (0, 1, 2)]
     assert "metres to localize of mcl-plan 2.0" in best.caption
 
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from report_cases import STEPS, changed, finished
+from report_cases import STEPS, changed, finished, panel_of
 
 from benchmarks.report.tables import told_apart_table
 from benchmarks.setup.changes import Changes
@@ -98,8 +98,8 @@ def test_each_question_is_of_its_own_steps_and_a_signal_has_its_natural_order():
     shares = {q: row.answers[q]["quality"].far_steps for q in QUESTIONS}
     assert shares == {"lost": 0.5, "wrong": 0.5, "wrong_localized": 0.5, "which": 2 / 3}
     assert maps_csv([row]).count("\n") == 1 + len(QUESTIONS) * len(SIGNALS)
-    table = told_apart_table(panels(records)[0])
-    assert [line[1] for line in table.lines] == list(QUESTIONS.values())
+    table = told_apart_table(panel_of(records))
+    assert list(table.frame["question"]) == list(QUESTIONS.values())
 
 
 def test_the_trust_in_a_plan_is_a_signal_of_those_who_doubt_it():
@@ -110,11 +110,11 @@ def test_the_trust_in_a_plan_is_a_signal_of_those_who_doubt_it():
     theirs = [changed(one, plan=plan | {"trusted": [None] * STEPS}) for one in theirs]
     assert told_apart(panels(ours))[0].answers["lost"]["trusted"].auroc.mean == 1.0
     assert "trusted" not in told_apart(panels(theirs))[0].answers["lost"]
-    assert "trusted" in told_apart_table(panels(ours)[0]).header
+    assert "trusted" in told_apart_table(panel_of(ours)).frame
 
 
 def test_a_sweep_on_worlds_that_are_their_map_has_no_table():
-    assert told_apart_table(panels([finished("mcl", 0, 1.0)])[0]) is None
+    assert told_apart_table(panel_of([finished("mcl", 0, 1.0)])) is None
 
 
 def test_signals_have_a_value_for_each_step():

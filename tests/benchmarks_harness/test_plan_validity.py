@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from fake_episode import TASK
-from report_cases import changed, finished
+from report_cases import changed, finished, lines_of, results
 
+from benchmarks.report.frames import validity_frame
 from benchmarks.report.tables import validity_table
 from benchmarks.tables.csv_files import plans_csv
 from benchmarks.tables.panels import panels
@@ -64,8 +65,8 @@ def test_steps_of_scenarios_are_taken_together_by_world():
     told = (row.label, found.auroc.mean, found.far_steps, found.far_worlds)
     assert told == ("mcl-plan", 0.5, 1 / 3, 2)
     assert [panel.setting.scenario for panel in row.panels] == ["guided", "guided-stale"]
-    table = validity_table(panels(records))
-    assert table.lines[0][:2] == ["guided, guided-stale", "mcl-plan"]
+    table = validity_table(validity_frame(results(records)))
+    assert lines_of(table)[0][:2] == ["guided, guided-stale", "mcl-plan"]
     assert plans_csv([row]).count("\n") == 1 + len(row.signals)
 
 
@@ -97,8 +98,10 @@ def test_recent_evidence_is_the_mean_of_the_steps_so_far_at_most_twenty():
 
 
 def test_a_sweep_without_plans_or_without_conflict_has_no_table():
-    assert validity_table(panels([finished("mcl", 0, 1.0)])) is None
-    assert validity_table(panels([run(0, [0.0], [0.5], scenario="guided")])) is None
+    assert validity_table(validity_frame(results([finished("mcl", 0, 1.0)]))) is None
+    assert (
+        validity_table(validity_frame(results([run(0, [0.0], [0.5], scenario="guided")]))) is None
+    )
 
 
 def test_readings_of_plans_have_all_columns_and_a_value_for_each_step():

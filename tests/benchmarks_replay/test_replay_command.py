@@ -11,6 +11,7 @@ import pytest
 from bags import written
 from deqmcl_command import records, stored
 from hall import recorded_in_a_hall, write_lap
+from report_cases import lines_of, panel_of
 
 from benchmarks.cli import main
 from benchmarks.replay.command import methods_of
@@ -326,7 +327,7 @@ def test_a_plug_in_that_fails_ends_with_3_and_the_others_are_kept(recorded, caps
 
 def test_lost_runs_are_counted_among_those_that_ended():
     (first, _) = tables_of([row_of([50.0] * 3, [50.0] * 3, failed=2)])
-    cells = dict(zip(first.header, first.lines[0], strict=True))
+    cells = first.frame.iloc[0]
     assert cells["lost"] == "2 of 2"
     assert cells["localized to the end"] == "0 of 4"
 
@@ -359,7 +360,7 @@ def test_differences_that_many_runs_show_are_confirmed_and_others_say_what_it_ta
     assert far.significant
     assert far.diff.mean == pytest.approx(0.1, abs=0.01)
     assert not same.significant
-    lines = differences_table(panel).lines
+    lines = lines_of(differences_table(panel_of(records)))
     assert [line[-1] == "–" for line in lines] == [True, False]
     assert all(line[2] == "+0 (0 to 0)" for line in lines)  # all are localized
 

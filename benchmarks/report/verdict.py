@@ -1,0 +1,260 @@
+"""Who is best: one sentence a panel, and one on all that was run."""
+
+import json
+import math
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import pandas as pd
+
+from benchmarks.report.frames import PanelFrames, each, frames_of
+from benchmarks.sweeps.results import Results
+from benchmarks.tables import stats
+from benchmarks.tables.deciding import RELATIONS
+from benchmarks.tables.stats import ALPHA, Estimate
+from benchmarks.tables.text import interval, p_value, percent, short_name, significant
+from benchmarks.tables.verdict import BLIND
+
+WITHIN = "95 % at all looks"  # what an interval of a decided comparison is
+_COVERAGE_APART = 0.1  # difference of shares inside a region that is told
+
+Row = Any  # of a frame, as ``itertuples`` gives it
+
+
+def conclusion(results: Results) -> str:
+    """Return the verdict on all that was run; of several settings, who is best in how many."""
+    panels = frames_of(results)
+    parts = [verdict(panels[0]) if len(panels) == 1 else _of_several(panels, results)]
+    return " ".join(filter(None, [*parts, decided(panels)]))
+
+
+def verdict(panel: PanelFrames) -> str:
+    """Return the verdict on a panel; where the plan alone is best, on its filters, too."""
+    ranked = panel.ranked
+    if ranked["score"].isna().all():
+        return "No error is known." if any(panel.records.values()) else "No trial is finished."
+    winner = _winner(ranked)
+    said = [_sentence(panel, ranked)]
+    if winner.relation != "better":
+        said = [_on_a_log(panel) or said[0]]
+    elif winner.method == BLIND and len(filters := ranked[ranked["method"] != BLIND]):
+        said.append(f"Of the methods that use scans: {_sentence(panel, filters)}")
+    said += [
+        f"{label} has Nav2's defaults, while the motion noise and the power of the scans that the "
+        "others assume are fitted to this log: deqmcl tune fits it, too."
+        for label in _unfitted(panel)
+    ]
+    said += [
+        f"Plug-in {row.label}: {_reached(panel, row)}, {row.relation}."
+        for row in each(ranked[ranked["plug_in"]])
+        if row.relation != "baseline" and row.label != winner.label
+    ]
+    return " ".join(said)
+
+
+def progress(results: Results) -> str:
+    """Say how far a sweep has come."""
+    done = results.planned - len(results.failures) - results.missing
+    said = f"{done} of {results.planned} trials finished"
+    if results.failures:
+        said += f", {len(results.failures)} failed"
+    if results.missing:
+        said += f", {results.missing} not run yet: this report is partial"
+    return said + "."
+
+
+def baseline_of(panels: Sequence[PanelFrames], results: Results) -> str:
+    """Return what the methods are compared with, by its label if it has one only."""
+    names = {
+        label for p in panels for label in p.present.loc[~p.present["is_baseline"], "reference"]
+    }
+    return names.pop() if len(names) == 1 else short_name(results.baseline)
+
+
+def decided(panels: Sequence[PanelFrames]) -> str:
+    """Say how many comparisons are decided, and after how many worlds; "" if that was not asked."""
+    rows = pd.concat([p.present for p in panels]) if panels else pd.DataFrame({"decision": []})
+    rows = rows[rows["decision"].notna()]
+    margin = next((panel.margin for panel in panels if panel.margin is not None), None)
+    if margin is None or rows.empty:
+        return ""
+    counts = rows["decision"].value_counts()
+    kinds = ", ".join(f"{counts[kind]} {kind}" for kind in RELATIONS if kind in counts)
+    worlds = sorted(rows.loc[rows["decision"] != "open", "decided_worlds"])
+    half = f", half of the decisions within {worlds[(len(worlds) - 1) // 2]:.0f} worlds"
+    return (
+        f"Comparisons with the baseline: {kinds}{half if worlds else ''}. Better or worse: by more "
+        f"than the margin of {100 * margin:g} %; equivalent: by less."
+    )
+
+
+def rounded(worlds: int) -> str:
+    """A count of worlds or runs with two significant digits, as it is known no better."""
+    return f"{int(float(f'{worlds:.2g}')):,}" if worlds <= 100_000 else "more than 100,000"
+
+
+def _of_several(panels: Sequence[PanelFrames], results: Results) -> str:
+    known = [(p, r) for p in panels if not (r := p.ranked)["score"].isna().all()]
+    if not known:
+        return "No trial is finished."
+    n, baseline = len(known), baseline_of(panels, results)
+    if all(ranked["is_baseline"].all() for _, ranked in known):
+        ends = sorted(known, key=lambda one: one[1]["order"].iloc[0])
+        told = [f"{_brief(p, _winner(r))} in {p.where}" for p, r in (ends[0], ends[-1])]
+        return f"{n} settings, nothing to compare in them: {' to '.join(told)}."
+    winners = [_winner(ranked) for _, ranked in known]
+    best = Counter(row.label for row in winners if row.relation == "better")
+    others = ", ".join(f"{label} in {count}" for label, count in best.most_common()[1:])
+    open_ = n - best.total()
+    none = f"in {open_} no method is confirmed to be better than {baseline}" if open_ else ""
+    if best:
+        leader, most = best.most_common(1)[0]
+        more = "; ".join(filter(None, (others, none)))
+        said = f"{leader} is best in {most} of {n} settings{': ' * bool(more)}{more}."
+    else:
+        said = f"In none of {n} settings is a method confirmed to be better than {baseline}."
+    plug_ins = Counter(
+        (row.label, row.relation)
+        for (_, ranked), winner in zip(known, winners, strict=True)
+        for row in each(ranked[ranked["plug_in"]])
+        if row.relation != "baseline" and row.label != winner.label
+    )
+    told = [f"Plug-in {label}: {what} in {k} of {n}." for (label, what), k in plug_ins.items()]
+    return " ".join([said, *told])
+
+
+def _winner(ranked: pd.DataFrame) -> Row:
+    """The first of those that are better than their baseline; where none is, the first."""
+    better = ranked[ranked["relation"] == "better"]
+    return next(each(better if len(better) else ranked))
+
+
+def _sentence(panel: PanelFrames, ranked: pd.DataFrame) -> str:
+    first, row = next(each(ranked)), _winner(ranked)
+    reached = _reached(panel, row)
+    if row.relation == "better":
+        aside = f"{first.label} has {_brief(panel, first)}, which is not confirmed"
+        return (
+            f"{row.label} is best: {reached}, {_ahead(panel, row)}"
+            + (f"; costs {significant(row.cost, 2)} × the time" if _is_priced(row) else "")
+            + (f" ({aside})." if first.label != row.label else ".")
+        )
+    if ranked["is_baseline"].all():
+        return f"{row.label} alone, nothing to compare it with: {reached}."
+    if row.is_baseline:
+        return f"No method is better than the baseline, {row.label}: {reached}."
+    ahead = f"first is {row.label}, {reached}, {_ahead(panel, row)}"
+    if row.relation == "not compared":
+        return f"Too few worlds to compare methods: first is {row.label}, {reached}."
+    reference = row.reference
+    if isinstance(row.decision, str):
+        return f"No method is shown to be better than {reference}: {ahead}."
+    base = next(one for one in each(panel.ranked) if one.label == reference)
+    return (
+        f"No method is confirmed to be better than {reference}, {_brief(panel, base)}: {ahead}, "
+        f"{_doubt(row, panel.tests)}."
+    )
+
+
+def _is_priced(row: Row) -> bool:
+    return not math.isnan(row.cost) and bool(row.same_driver)
+
+
+def _brief(panel: PanelFrames, row: Row) -> str:
+    if panel.aim is None:
+        return f"{significant(row.score)} {panel.unit}"
+    return f"{done(panel)} in {percent(row.score)} of runs"
+
+
+def done(panel: PanelFrames) -> str:
+    """What a run that succeeds is, without how that is measured."""
+    assert panel.aim is not None
+    return panel.aim.words.partition(" (")[0]
+
+
+def _reached(panel: PanelFrames, row: Row) -> str:
+    """The error, or the share of runs that succeed with its interval."""
+    if panel.aim is None:
+        return _brief(panel, row)
+    ends = interval(Estimate(row.score, row.score_low, row.score_high).percent, ".0f")
+    return f"{_brief(panel, row)} (95 %: {ends})"
+
+
+def _ahead(panel: PanelFrames, row: Row) -> str:
+    """By how much a method is better than its baseline, with the interval."""
+    unit, side = ("%", "below") if panel.aim is None else ("points", "above")
+    own, within, after = Estimate(row.apart, row.apart_low, row.apart_high), "95 %", ""
+    if isinstance(row.decision, str):
+        own = Estimate(row.decided, row.decided_low, row.decided_high)
+        word = "open" if row.decision == "open" else "decided"
+        within, after = WITHIN, f", {word} after {row.decided_worlds:.0f} worlds"
+    elif panel.aim is None:
+        own = Estimate(row.relative, row.relative_low, row.relative_high)
+        after = f", smaller in {row.win_rate * row.paired_worlds:g} of {row.paired_worlds} worlds"
+    if panel.aim is None:
+        own = Estimate(-own.mean, -own.high, -own.low)
+    own = own.percent
+    form = ".0f" if abs(own.mean) >= 10 or panel.aim else ".1f"
+    ends = f" ({within}: {interval(own, form)})" if abs(own.low) + abs(own.high) < 1e9 else ""
+    return f"{own.mean:{form}}".replace("-", "−") + f" {unit} {side} {row.reference}{ends}{after}"
+
+
+def _doubt(row: Row, tests: int) -> str:
+    """Why what comes first is not confirmed."""
+    if stats.least_p(row.paired_worlds, tests) < ALPHA:
+        return f"p = {p_value(row.p)}"
+    return (
+        f"p < {ALPHA:g} needs {stats.least_worlds(tests)} worlds with the tests of this section "
+        f"({tests})"
+    )
+
+
+def _on_a_log(panel: PanelFrames) -> str:
+    """The verdict on whole logs where the share of successes separates no methods.
+
+    By their errors, else by how often their 95 % regions hold the reference; "" if neither does.
+    """
+    score, rows = "position_median", panel.present
+    if score not in rows:
+        return ""
+    rows = rows.sort_values(score)
+    low, high = rows[f"{score}_diff_low"], rows[f"{score}_diff_high"]
+    clear = rows[((low > 0) | (high < 0)) & (rows[f"{score}_p_holm"] < ALPHA)]
+    if len(clear):
+        near = next(each(clear))
+        apart = Estimate(*(getattr(near, f"{score}_diff{end}") for end in ("", "_low", "_high")))
+        first = near.label if apart.mean < 0 else near.reference
+        errors = rows[["label", score]].itertuples(index=False)
+        listed = ", ".join(f"{label} {error:.3f} m" for label, error in errors)
+        return (
+            f"{first} is nearest to the reference: median position error of a run, mean over runs: "
+            f"{listed}; {near.label} - {near.reference}: {apart.mean:+.3f} m (95 %: "
+            f"{interval(apart, '+.3f')}), p (Holm) "
+            f"{p_value(getattr(near, f'{score}_p_holm'))}. The share of runs that are localized to "
+            "the end separates no methods."
+        )
+    held = {}
+    for label, records in panel.records.items():
+        found = [one.track.scores.get("coverage_95") for one in records if one.track is not None]
+        if known := [share for share in found if share is not None]:
+            held[label] = sum(known) / len(known)
+    if len(held) < 2 or max(held.values()) - min(held.values()) < _COVERAGE_APART:
+        return ""
+    listed = ", ".join(f"{percent(share)} of {label}" for label, share in held.items())
+    return (
+        "Neither successes nor errors separate the methods, but the 95 % regions do: they hold the "
+        f"reference in {listed}."
+    )
+
+
+def _unfitted(panel: PanelFrames) -> list[str]:
+    """Methods with default assumptions beside others that are fitted to the log."""
+    rows = panel.present
+    waits = [
+        row.label
+        for row in each(rows)
+        if row.method == "amcl" and "alpha1" not in json.loads(row.params)
+    ]
+    fitted = "scan.power" in panel.setting.assumed and len(rows) > len(waits)
+    return waits[:1] if fitted else []
