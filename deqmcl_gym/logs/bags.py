@@ -139,11 +139,7 @@ class Bag:
 
 
 def require_rosbags() -> None:
-    """Check that ``rosbags`` is installed.
-
-    Raises:
-        InputError: it is not installed.
-    """
+    """Check that ``rosbags`` is installed."""
     try:
         import rosbags.highlevel  # noqa: F401
     except ModuleNotFoundError:

@@ -223,9 +223,6 @@ def read_carmen(
         scan_topic: one of ``SCANS``; None takes the one in the file.
         max_gap, reference_tolerance: of the true poses in it; see ``referenced``.
         field_of_view: of FLASER's scanner, rad.
-
-    Raises:
-        InputError: there is no scan, a choice of two kinds, or no usable record.
     """
     if field_of_view is not None:
         number("field_of_view", field_of_view, low=0, above=True, high=2 * math.pi)

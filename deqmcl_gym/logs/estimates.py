@@ -137,9 +137,6 @@ def _read_topic(path: Path, topic: str | None) -> tuple[Floats, Floats | None]:
     Returns:
         Rows t, x, y, θ by the messages' headers, (n, 4), NaN where they are; and the covariances of
         (x, y, θ), (n, 3, 3), NaN where a message has zeros instead, None if the type has none.
-
-    Raises:
-        InputError: the bag cannot be read, or the topic is missing or has to be chosen.
     """
     with opened([path]) as bag:
         chosen = _chosen(bag, topic)

@@ -78,11 +78,7 @@ class Scanner(Lidar):
 
     @classmethod
     def of_json(cls, what: str, text: str) -> "Scanner":
-        """Return the scanner that :attr:`json` describes; ``what`` names the text in messages.
-
-        Raises:
-            InputError: the text is not JSON, or has an unknown name or a bad value.
-        """
+        """Return the scanner that :attr:`json` describes; ``what`` names the text in messages."""
         try:
             values = json.loads(text)
         except (ValueError, RecursionError):

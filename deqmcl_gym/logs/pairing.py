@@ -28,9 +28,6 @@ def paired(scanned: Mapping[str, Log], source: str, max_apart: float = MAX_APART
         scanned: the log of each lidar, by its topic; its scanner has mounts.
         source: of the log.
         max_apart: of the stamps of a record's scans, s.
-
-    Raises:
-        InputError: no scans are so close together, or the scanners do not make one.
     """
     slowest = min(scanned, key=lambda topic: len(scanned[topic]))
     base = scanned[slowest]

@@ -112,9 +112,6 @@ class RawRecords:
 
         The scanner has the usual beams and limits of the scans, and is made by
         ``scanner_of(beams, frame, fan)``; scans with other angles are resampled.
-
-        Raises:
-            InputError: no record is sound.
         """
         times, poses = np.array(self.times), np.array(self.odometry).reshape(-1, 3)
         kept, remarks = np.arange(times.size), []

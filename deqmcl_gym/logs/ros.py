@@ -72,10 +72,6 @@ def read_bag(
     A scan's time is that of its header; its odometry is interpolated between the two messages
     around it. Transforms give the mounting of the scanner, which may hang upside down. Scans of
     several topics are ``paired``.
-
-    Raises:
-        InputError: the bag is missing or damaged, a topic is missing or has to be chosen, the
-            scanner is tilted, or no record is usable.
     """
     asked = _scan_topics(scan_topic)
     if max_apart is not None:
@@ -254,9 +250,6 @@ class _Messages:
         """Return the robot's frame and its odometry, judged.
 
         From the topic, or from transforms if there is none or what it says is of no use.
-
-        Raises:
-            InputError: there is none, or it has to be chosen.
         """
         (topic, scans), *_ = self.scanned.items()
         frames = self.transforms.of(topic)

@@ -110,9 +110,6 @@ class Frames:
 
         These are the transforms from ``odometry_frame``; None: from ``odom``, whatever stands
         before a slash, or those that move and have the scanner above them.
-
-        Raises:
-            InputError: there are none, or several frames move so.
         """
         if odometry_frame is not None:
             parents = {parent for parent, _ in self.edges}
@@ -159,9 +156,6 @@ class Frames:
         """Return where the scanner of a frame is mounted on the robot, seen from above.
 
         By the mean of transforms that rock, as on springs; their spread is told.
-
-        Raises:
-            InputError: the scanner is tilted.
         """
         scanner = self._known(frame)
         chain, spread = self._chain(self._known(base), scanner)
@@ -273,11 +267,7 @@ def _turned_back(quaternions: Floats, mean: Floats) -> Floats:
 
 
 def only_frame(frames: Iterable[str], where: str) -> str:
-    """Return the only one of some frames.
-
-    Raises:
-        InputError: there are several; ``where`` says in what.
-    """
+    """Return the only one of some frames."""
     first, *others = sorted(frames)
     if others:
         said = ", ".join([first, *others])

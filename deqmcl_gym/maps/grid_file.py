@@ -60,9 +60,6 @@ def image_with_place(path: str | os.PathLike[str]) -> tuple[NDArray[Any], dict[s
 
     Args:
         path: of that yaml file, or of an image alone, of which nothing is said: {}.
-
-    Raises:
-        InputError: a file is missing or damaged, or has a bad value.
     """
     given = Path(os.path.abspath(os.path.expanduser(path)))
     of_map = given.suffix in (".yaml", ".yml")

@@ -109,11 +109,7 @@ class Clutter:
         boolean("clutter.keep_route", self.keep_route)
 
     def drawn(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> list[Floats]:
-        """Draw it: convex polygons, counterclockwise, (c, 2) each.
-
-        Raises:
-            InputError: there is not enough room.
-        """
+        """Draw it: convex polygons, counterclockwise, (c, 2) each."""
         things = self._each(floor_plan, way, rng)
         if self.share is None:
             return list(islice(things, self.number))
@@ -243,11 +239,7 @@ class ChangedWalls:
             )
 
     def drawn(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> Changes:
-        """Draw what is changed.
-
-        Raises:
-            InputError: there are no inner walls, or not so many can be changed.
-        """
+        """Draw what is changed."""
         self.check(floor_plan)
         walls, _, _ = inner_walls(floor_plan)
         cleared, filled, changed = [np.empty((0, 4, 2))], list[Floats](), 0.0
@@ -360,11 +352,7 @@ class Glass:
         inner_walls(floor_plan)
 
     def drawn(self, floor_plan: Map, rng: np.random.Generator) -> Floats:
-        """Draw which walls are glass: boxes, (k, 4, 2).
-
-        Raises:
-            InputError: there are no inner walls.
-        """
+        """Draw which walls are glass: boxes, (k, 4, 2)."""
         walls, _, _ = inner_walls(floor_plan)
         order = rng.permutation(len(walls))
         lengths = np.array([walls[k].length for k in order])

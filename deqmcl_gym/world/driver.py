@@ -136,10 +136,6 @@ class GuidedPlan:
             course: the path.
             horizon: actions shown ahead.
             begun: step of the episode after which it begins.
-
-        Raises:
-            InputError: a bad horizon, or even without noise the driver meets a wall or does not
-                come round.
         """
         lap, limit = world.lap, min(begun + _LAPS * len(course.actions), MAX_STEPS)
         end, near = once_round(course.path.length, world.robot.radius), -1.0

@@ -207,11 +207,7 @@ class Episode(Body):
     """
 
     def __init__(self, rules: RoomRules, walls: Contacts, *, seed: int, number: int) -> None:
-        """Begin the ``number``-th episode after seeding, and take its first scan.
-
-        Raises:
-            InputError: no drawn start is free, or no route was found.
-        """
+        """Begin the ``number``-th episode after seeding, and take its first scan."""
         self._rules = rules
         self._seed, self._number = seed, number
         begun = Beginning.drawn(rules, seed, number)
@@ -245,9 +241,6 @@ class Episode(Body):
         Args:
             pose: (x, y, θ).
             noticed: whether a driver notices and replans; otherwise its plan stays as it is.
-
-        Raises:
-            InputError: a driver on a route is already at its goal there.
         """
         journeys, goal, onwards = self.there.journeys, self.course.goal, None
         if isinstance(self.plan, GuidedPlan):

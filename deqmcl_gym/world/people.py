@@ -60,11 +60,7 @@ class Crowd:
     def __init__(
         self, people: People, floor_plan: Map, robot: Point, body: float, rng: np.random.Generator
     ) -> None:
-        """Draw who walks where; nobody begins within 1 m (50 px) of the robot's rim.
-
-        Raises:
-            InputError: there is no room for them.
-        """
+        """Draw who walks where; nobody begins within 1 m (50 px) of the robot's rim."""
         self.radius, px = people.radius, pixel(floor_plan.unit)
         starts = _free(people, floor_plan, robot, people.radius + body + _LEAST * px, rng)
         self._ground, self._least, self._rng = floor_plan, _LEAST * px, rng

@@ -53,9 +53,6 @@ class Reality:
             world: as configured.
             course, plan: made on the map.
             streams: of the episode.
-
-        Raises:
-            InputError: there is no room for it.
         """
         ground, clutter, walls = world.floor_plan, world.clutter, world.changed_walls
         changes, things = Changes(np.empty((0, 4, 2)), []), list[Floats]()
@@ -123,12 +120,7 @@ class Beginning:
 
     @classmethod
     def drawn(cls, rules: RoomRules, seed: int, number: int) -> "Beginning":
-        """Draw the ``number``-th episode after seeding.
-
-        Raises:
-            InputError: no drawn start is free, no route was found, or there is no room for what
-                is not on the map.
-        """
+        """Draw the ``number``-th episode after seeding."""
         course, plan = rules.begun(seed, number)
         streams = partial(episode_stream, seed, number)
         reality = Reality.drawn(rules.world, course, plan, streams)

@@ -58,11 +58,7 @@ class Commands:
         )
 
     def checked(self, action: Any) -> RoomActions:
-        """Return an action as a fresh array, (2,) float32, or longer by the heads.
-
-        Raises:
-            InputError: anything but so many real numbers in the space.
-        """
+        """Return an action as a fresh array, (2,) float32, or longer by the heads."""
         command = _as_float32(action)
         if command is not None and command.shape == self.space.shape:
             given = command.tolist()
@@ -74,9 +70,6 @@ class Commands:
         """Return one action for each room as a fresh array, (n, 2) float32.
 
         Actions of rooms that are ``resting`` (n,) are ignored, but must be numbers.
-
-        Raises:
-            InputError: the shape is wrong, or an action is outside the space.
         """
         commands = _as_float32(actions)
         if commands is None or commands.shape != (resting.size, 2):
@@ -94,11 +87,7 @@ class Commands:
         return commands
 
     def checked_plan(self, what: str, actions: ArrayLike) -> RoomActions:
-        """Return actions as a fresh array, (k, 2) float32; [] has none.
-
-        Raises:
-            InputError: wrong shape, NaN, or an action outside the space.
-        """
+        """Return actions as a fresh array, (k, 2) float32; [] has none."""
         plan = validation.actions(what, actions)
         for row in plan:
             self.checked(row)
@@ -204,11 +193,7 @@ class RoomRules:
         observation: str = "scan",
         **parts: Any,
     ) -> "RoomRules":
-        """Return the rules that the environment's arguments describe.
-
-        Raises:
-            InputError: an unknown argument or key, a bad value, or a lap that cannot be driven.
-        """
+        """Return the rules that the environment's arguments describe."""
         check_arguments(parts, _ARGUMENTS)
         offices = offices_of(given := parts.get("floor_plan"))
         if offices is not None:
@@ -256,11 +241,7 @@ class RoomRules:
         return self.plan_for(self.course)
 
     def begun(self, seed: int, number: int) -> tuple[Course, Plan]:
-        """Return course and plan of the ``number``-th episode after seeding.
-
-        Raises:
-            InputError: no route was found.
-        """
+        """Return course and plan of the ``number``-th episode after seeding."""
         if self.journeys is None:
             return self.course, self.plan
         course = self.journeys.drawn(seed, number)
@@ -352,20 +333,12 @@ class RoomRules:
         return arc
 
     def start(self, course: Course, seed: int, number: int) -> Pose:
-        """Return the true start of the ``number``-th episode after seeding, heading in [-π, π).
-
-        Raises:
-            InputError: no drawn start is free.
-        """
+        """Return the true start of the ``number``-th episode after seeding, heading in [-π, π)."""
         x, y, heading = self._drawn_start(course, seed, number)
         return x, y, heading if -np.pi <= heading < np.pi else wrapped(heading)
 
     def elsewhere(self, course: Course, rng: np.random.Generator) -> Pose:
-        """Draw a free pose: anywhere for a lap; for a route, as its start is drawn.
-
-        Raises:
-            InputError: no free pose was found.
-        """
+        """Draw a free pose: anywhere for a lap; for a route, as its start is drawn."""
         if self.journeys is not None and course.goal is not None:
             return self.journeys.elsewhere(course.goal, rng)
         x0, y0, x1, y1 = self.world.floor_plan.bounds
@@ -392,11 +365,7 @@ class RoomRules:
 
     @cached_property
     def view(self) -> "View":
-        """How the map is seen in pictures.
-
-        Raises:
-            InputError: the room is too large for a picture.
-        """
+        """How the map is seen in pictures."""
         from deqmcl_gym.world.drawing import View
 
         return View(self.world.floor_plan)
