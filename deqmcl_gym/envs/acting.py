@@ -185,7 +185,7 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         floor_plan, noise = self.floor_plan, self.world.noise
         lidar = LidarSensor(floor_plan.local.caster, floor_plan.datum, self.lidar, sensor)
         sds = float(noise.drive), float(noise.turn), float(noise.drift)
-        self._body = Body(pose, Physics(self._walls, (x, y)), lidar, sds, motion)
+        self._body = Body(pose, Physics(self._walls, self.world, (x, y)), lidar, sds, motion)
         self._scan = self._body.scan
         self._belief = self._localizer.reset(prior, NO_PLAN, own)
         self.steps, self._ended = 0, False

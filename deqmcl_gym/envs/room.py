@@ -311,7 +311,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         return self._begun is None and self._rules.journeys is None
 
     def _info(self, episode: Episode, command: Singles, collided: bool) -> dict[str, Any]:
-        planned, count = episode.plan.after(episode)
+        planned, count = episode.plan.after(episode.underway)
         info: RoomInfo = {
             "planned_actions": planned,
             "planned_count": np.int64(count),

@@ -344,3 +344,26 @@ def _ahead(
         return gap, np.inf
     end = x + dx, y + dy
     return gap, 0.0 if gap < 0.0 else first_contact((x, y), end, reach, frame, radius)
+
+
+@compiled
+def report(
+    rooms: Indices,
+    exact: Singles,
+    normals: Floats,
+    at: Indices,
+    sigma: float,
+    max_range: float,
+    out: Singles,
+) -> None:
+    """Fill in scans as ``LidarSensor`` reports them, (n, B), of ``rooms`` (k,).
+
+    ``exact`` is (B, k). Each uses the next row of its normal numbers, (n, rows, B).
+    """
+    for i in range(rooms.size):
+        room = rooms[i]
+        row = at[room]
+        at[room] = row + 1
+        for beam in range(out.shape[1]):
+            seen = exact[beam, i] + sigma * normals[room, row, beam]
+            out[room, beam] = min(max(seen, 0.0), max_range)

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,24 +19,20 @@ from deqmcl_gym.world.path_kernels import once_round, roll_out
 NO_PLAN = np.empty((0, 2), np.float32)  # of one who shows nothing of what is to come
 
 
-class Underway(Protocol):
-    """The state of an episode that a plan depends on."""
+class Underway(NamedTuple):
+    """The state of an episode that a plan depends on.
 
-    @property
-    def step(self) -> int:
-        """Steps carried out."""
+    Attributes:
+        step: steps carried out.
+        pose: the true pose (x, y, θ).
+        arc: arc length at which the robot is on the path.
+        way: distance along the path since reset; the shorter way round if the robot was carried.
+    """
 
-    @property
-    def pose(self) -> Pose:
-        """The true pose (x, y, θ)."""
-
-    @property
-    def arc(self) -> float:
-        """Arc length at which the robot is on the path."""
-
-    @property
-    def way(self) -> float:
-        """Distance along the path since reset; the shorter way round if the robot was carried."""
+    step: int
+    pose: Pose
+    arc: float
+    way: float
 
 
 @dataclass(frozen=True)
