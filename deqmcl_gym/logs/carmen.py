@@ -14,7 +14,6 @@ logs that former versions wrote have ``PARAM deqmcl_scanner``, with all digits o
 
 import math
 import re
-import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -30,7 +29,7 @@ from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecords, usable
 from deqmcl_gym.logs.scans import Fan
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.validation import InputError, LogWarning, number, one_of
+from deqmcl_gym.validation import InputError, number, one_of, tell
 
 SCANS = ("FLASER", "ROBOTLASER1", "RAWLASER1")
 SICK_RANGE = 79.0  # m: an LMS in its 80 m mode reports 81.83 or 81.91 where nothing is in range
@@ -138,7 +137,7 @@ class _Messages:
             unknown = np.full(len(table), np.nan)
             judged = JudgedOdometry.of(table[:, 0], unknown, table[:, 1:], self.unit)
             for remark in judged.remarks:
-                warnings.warn(f"{records.source}: {remark}.", LogWarning, stacklevel=3)
+                tell(f"{records.source}: {remark}.")
             return records.with_odometry(self.raw_lines, judged)
         elif kind == "FLASER":
             told = math.radians(self._param("laser_front_laser_fov", math.nan))
@@ -152,12 +151,10 @@ class _Messages:
             ]
             sizes = Counter(map(len, records.ranges))
             if field_of_view is None and (beams := sizes.most_common(1)[0][0]) not in _SICK:
-                warnings.warn(
+                tell(
                     f"{records.source}: FLASER lines do not say their angles: {beams} beams are "
                     "taken as those of a SICK LMS, from -90° to 90°; for another lidar give "
-                    "field_of_view in rad, as 4.712 for 270°.",
-                    LogWarning,
-                    stacklevel=3,
+                    "field_of_view in rad, as 4.712 for 270°."
                 )
         return records
 
@@ -235,7 +232,7 @@ def read_carmen(
     log = records.log(lambda beams, _, fan: messages.scanner(beams, kind, fan), unit=messages.unit)
     if messages.others:
         left_out = ", ".join(f"{count:,} {kind}" for kind, count in messages.others.most_common())
-        warnings.warn(f"{name}: left out messages of other kinds: {left_out}.", LogWarning, 2)
+        tell(f"{name}: left out messages of other kinds: {left_out}.")
     return with_own_reference(log, messages.truth, max_gap, reference_tolerance)
 
 

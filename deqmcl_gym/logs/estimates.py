@@ -8,7 +8,6 @@ CSV: a header with ``time,x,y,heading`` (s, m, rad) and, if known, the covarianc
 """
 
 import math
-import warnings
 from collections import Counter
 from os import PathLike
 from pathlib import Path
@@ -24,7 +23,7 @@ from deqmcl_gym.logs.ros import warn_of_frames
 from deqmcl_gym.logs.trajectory import Trajectory, clock_words, tum_rows
 from deqmcl_gym.logs.transforms import MAP_FRAME, ODOMETRY, PoseRows, Transforms
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError, LogWarning
+from deqmcl_gym.validation import InputError, tell
 
 _POSE = ("time", "x", "y", "heading")
 _UPPER = ("var_x", "cov_xy", "cov_x_heading", "var_y", "cov_y_heading", "var_heading")
@@ -232,6 +231,6 @@ def _sound(
     kept = kept[in_order(rows[kept, 0], late)]
     if lost := n - len(kept):
         said = f"{source}: {lost:,} of {n:,} poses are left out: unreadable, not finite or late."
-        warnings.warn(said, LogWarning, stacklevel=3)
+        tell(said)
     spread = None if covariances is None else covariances[kept]
     return Trajectory(rows[kept, 0], rows[kept, 1:], source, spread)

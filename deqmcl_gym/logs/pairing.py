@@ -1,7 +1,6 @@
 """Scans of several lidars, each with stamps and a rate of its own, paired as records of one log."""
 
 import math
-import warnings
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,7 +11,7 @@ from deqmcl_gym.logs.log import Log, Scanner, said_of_skipped
 from deqmcl_gym.logs.motion import relative
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Indices, Singles
-from deqmcl_gym.validation import InputError, LogWarning
+from deqmcl_gym.validation import InputError, tell
 
 MAX_APART = 0.1  # s
 
@@ -120,12 +119,10 @@ def _tell(
     """Warn of records left out, and of scans that are in no record."""
     if lost:
         said = said_of_skipped(lost, len(kept))
-        warnings.warn(f"{source}: {said}.", LogWarning, stacklevel=3)
+        tell(f"{source}: {said}.")
     for topic, log in scanned.items():
         if topic != slowest and (unused := len(log) - len(kept)):
-            warnings.warn(
+            tell(
                 f"{source}: {unused:,} of {len(log):,} scans of {topic} are in no record: "
-                f"records are those of {slowest}, which has the fewest scans.",
-                LogWarning,
-                stacklevel=3,
+                f"records are those of {slowest}, which has the fewest scans."
             )

@@ -2,7 +2,6 @@
 
 import bisect
 import math
-import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,7 +25,7 @@ from deqmcl_gym.logs.scans import (
     no_return_codes,
 )
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
-from deqmcl_gym.validation import LARGEST, InputError, LogWarning
+from deqmcl_gym.validation import LARGEST, InputError, tell
 
 UNREADABLE = "unreadable"
 OTHER_FRAME = "with a scan of another frame"
@@ -164,7 +163,7 @@ class RawRecords:
 
     def _tell(self, remarks: Sequence[str | None]) -> None:
         for remark in filter(None, remarks):
-            warnings.warn(f"{self.source}: {remark}.", LogWarning, stacklevel=4)
+            tell(f"{self.source}: {remark}.")
 
     def _seen(
         self, kept: Indices, frame: str, scanner_of: Callable[[int, str, Fan | None], Scanner]
@@ -189,7 +188,7 @@ class RawRecords:
         known = int(np.isfinite(poses[:, 0]).sum())
         if bad := sum(len(self.references[index]) > 0 for index in kept) - known:
             said = f"{bad:,} reference poses left out: not finite or beyond {LARGEST:g}"
-            warnings.warn(f"{self.source}: {said}.", LogWarning, stacklevel=3)
+            tell(f"{self.source}: {said}.")
         return poses if known else None
 
     def _without(self, kept: Indices, sound: Bools, reason: str) -> Indices:
@@ -207,11 +206,9 @@ def doubled(times: Sequence[float]) -> list[int]:
 def warn_of_few(log: Log, reference: str) -> None:
     """Warn if a log has a reference at few of its records."""
     if log.reference is not None and log.referenced.size < _FEW * len(log):
-        warnings.warn(
+        tell(
             f"the reference {reference} has a pose for only {log.referenced.size:,} of "
-            f"{len(log):,} records of {log.source}.",
-            LogWarning,
-            stacklevel=3,
+            f"{len(log):,} records of {log.source}."
         )
 
 

@@ -3,7 +3,6 @@
 Transforms between the frames of a robot give the scanner's mounting and, if need be, the odometry.
 """
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -37,7 +36,7 @@ from deqmcl_gym.logs.transforms import (
     frame_name,
     only_frame,
 )
-from deqmcl_gym.validation import InputError, LogWarning, integer, number, one_of, shown
+from deqmcl_gym.validation import InputError, integer, number, one_of, shown, tell
 
 UNIT_TOPIC, REFERENCE_TOPIC = "/deqmcl_unit", "/reference"
 _ROBOT = "base_link"
@@ -112,12 +111,10 @@ def _scan_topics(given: str | Sequence[str] | None) -> Sequence[str | None]:
 def warn_of_frames(name: str, topic: str | None, frames: set[str]) -> None:
     """Warn of poses that are not in the map's frame, as the headers of their messages say."""
     if other := sorted(frames - {"", MAP_FRAME}):
-        warnings.warn(
+        tell(
             f"the poses of {topic} in {name} are in frame {' and '.join(other)}, but are taken as "
             f"poses in {MAP_FRAME}: what lies between the frames, such as the drift of odometry, "
-            f"counts as error, so give a topic of poses in {MAP_FRAME}.",
-            LogWarning,
-            stacklevel=3,
+            f"counts as error, so give a topic of poses in {MAP_FRAME}."
         )
 
 
@@ -288,7 +285,7 @@ class _Messages:
         return base, self._judged(rows, "the transforms", told)
 
     def _tell(self, remark: str) -> None:
-        warnings.warn(f"{self.name}: {remark}.", LogWarning, stacklevel=4)
+        tell(f"{self.name}: {remark}.")
 
     def _doubt(self, moved: PoseRows) -> str | None:
         """Say why poses on a topic of odometry may be none; None if they look like it."""

@@ -1,7 +1,6 @@
 """Trajectories in the TUM format, and interpolation of their poses at the times of a log."""
 
 import math
-import warnings
 from collections import Counter
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -19,7 +18,7 @@ from deqmcl_gym.logs.raw_records import NOT_FINITE, UNREADABLE, in_order, usable
 from deqmcl_gym.maps.map import PIXELS
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
-from deqmcl_gym.validation import LARGEST, InputError, LogWarning, array, number, real, shown
+from deqmcl_gym.validation import LARGEST, InputError, array, number, real, shown, tell
 
 MAX_GAP = 2.0  # m
 TOLERANCE = 0.02  # s, at most, and half the usual time between two records
@@ -78,12 +77,10 @@ class Trajectory:
         wrong |= (np.diagonal(found[known], axis1=1, axis2=2) == 0).any(axis=1)
         found[np.flatnonzero(known)[wrong]] = np.nan
         if wrong.any():
-            warnings.warn(
+            tell(
                 f"{self.source}: {int(wrong.sum()):,} of {wrong.size:,} covariances count as "
                 "unknown: they are not symmetric with eigenvalues of 0 or more, or have a variance "
-                "of 0.",
-                LogWarning,
-                stacklevel=4,
+                "of 0."
             )
         return found
 
@@ -152,11 +149,9 @@ def _upright(quaternions: Floats, source: str) -> Floats:
     remedy = "they are read with qw first"
     if not first:
         remedy = "give poses of the robot's base with z up, if these are a camera's, with z ahead"
-    warnings.warn(
+    tell(
         f"{source}: with quaternions as qx qy qz qw, its poses are tilted by up to {tilt:.0f}°: "
-        f"{remedy}.",
-        LogWarning,
-        stacklevel=4,
+        f"{remedy}."
     )
     return quaternions[:, [1, 2, 3, 0]] if first else quaternions
 
@@ -186,7 +181,7 @@ def _sound(rows: Floats, source: str, damage: Counter[str]) -> Trajectory:
     rows = rows[in_order(rows[:, 0], damage)]
     if damage:
         said = said_of_skipped(damage, len(rows))
-        warnings.warn(f"reference {source}: {said}.", LogWarning, stacklevel=3)
+        tell(f"reference {source}: {said}.")
     return Trajectory(rows[:, 0], rows[:, 1:], source)
 
 
@@ -284,13 +279,11 @@ def _warn_of_jumps(trajectory: Trajectory, unit: str) -> None:
     if not (at := np.flatnonzero(jumps)).size:
         return
     steps = np.hypot(*np.diff(trajectory.poses[:, :2], axis=0)[at].T)
-    warnings.warn(
+    tell(
         f"the reference {trajectory.source} jumps farther than a robot drives, "
         f"{times_words(at.size)}, first at {trajectory.times[at[0] + 1]:.2f} s, by up to "
         f"{steps.max():.2f} {unit}: what is "
-        "before or after may be wrong, and so are errors there.",
-        LogWarning,
-        stacklevel=4,
+        "before or after may be wrong, and so are errors there."
     )
 
 
@@ -299,11 +292,9 @@ def _warn_of_shared_stamps(trajectory: Trajectory) -> None:
     same = np.diff(trajectory.times) == 0
     moved = (np.diff(trajectory.poses, axis=0) != 0).any(axis=1)
     if (shared := np.mean(same & moved) if same.size else 0.0) > _SHARED:
-        warnings.warn(
+        tell(
             f"{shared:.0%} of the poses of {trajectory.source} have the stamp of the pose before, "
-            "but are other poses: write stamps with all digits.",
-            LogWarning,
-            stacklevel=4,
+            "but are other poses: write stamps with all digits."
         )
 
 
