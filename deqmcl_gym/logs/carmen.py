@@ -74,10 +74,8 @@ class _Messages:
         try:
             if kind == "FLASER":
                 self._front_laser(words)
-            elif kind == "ROBOTLASER1":
-                self._robot_laser(words)
-            elif kind == "RAWLASER1":
-                self._raw_laser(words)
+            elif kind in ("ROBOTLASER1", "RAWLASER1"):
+                self._laser(kind, words)
             elif kind == "ODOM":
                 self.odometry.append([self.lines, *numbers_of([words[6], *words[:3]])])
             elif kind == "PARAM":
@@ -101,24 +99,18 @@ class _Messages:
         ranges, rest = numbers_of(words[1 : 1 + n]), numbers_of(words[1 + n : 8 + n])
         self.scans["FLASER"].add(rest[6], rest[3:6], ranges)
 
-    def _robot_laser(self, words: list[str]) -> None:
+    def _laser(self, kind: str, words: list[str]) -> None:
         n = int(words[7])
-        m = int(words[8 + n])
-        if n < 1 or m < 0 or len(words) - n - m not in (22, 23):
+        m, more = int(words[8 + n]), 11 if kind == "ROBOTLASER1" else 0
+        if n < 1 or m < 0 or len(words) - n - m not in (11 + more, 12 + more):
             raise ValueError("another number of words")
-        ranges = numbers_of(words[8 : 8 + n])
-        rest = numbers_of(words[9 + n + m : 21 + n + m])
-        self.scans["ROBOTLASER1"].add(rest[11], rest[3:6], ranges, _fan(words))
-        self.mounts.append(rest[:6])
-
-    def _raw_laser(self, words: list[str]) -> None:
-        n = int(words[7])
-        m = int(words[8 + n])
-        if n < 1 or m < 0 or len(words) - n - m not in (11, 12):
-            raise ValueError("another number of words")
-        stamp = numbers_of([words[9 + n + m]])[0]
-        self.scans["RAWLASER1"].add(stamp, (0, 0, 0), numbers_of(words[8 : 8 + n]), _fan(words))
-        self.raw_lines.append(self.lines)
+        *poses, stamp = numbers_of(words[9 + n + m : 10 + n + m + more])
+        ranges, fan = numbers_of(words[8 : 8 + n]), _fan(words)
+        self.scans[kind].add(stamp, poses[3:6] or (0, 0, 0), ranges, fan)
+        if poses:
+            self.mounts.append(poses[:6])
+        else:
+            self.raw_lines.append(self.lines)
 
     def records(self, kind: str, field_of_view: float | None) -> RawRecords:
         """Return the records of a kind of scan, with all that other messages say of them.

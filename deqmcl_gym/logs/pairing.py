@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from deqmcl_gym.logs.log import Log, Scanner, said_of_skipped
-from deqmcl_gym.logs.motion import relative
+from deqmcl_gym.logs.motion import nearest_in_time, relative
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, tell
@@ -59,11 +59,7 @@ def paired(scanned: Mapping[str, Log], source: str, max_apart: float = MAX_APART
 
 def _partners(base: Log, other: Log, max_apart: float) -> Indices:
     """Return for each record of ``base`` the scan nearest in time, its own alone; -1 for none."""
-    after = np.clip(np.searchsorted(other.times, base.times), 1, max(len(other) - 1, 1))
-    pair = np.minimum(np.stack([after - 1, after]), len(other) - 1)
-    apart = np.abs(other.times[pair] - base.times)
-    found: Indices = pair[apart.argmin(axis=0), np.arange(len(base))]
-    least = apart.min(axis=0)
+    found, least = nearest_in_time(other.times, base.times)
     found[least > max_apart + 1e-9] = -1
     # of two records with one scan the nearer has it
     order = np.argsort(least, kind="stable")

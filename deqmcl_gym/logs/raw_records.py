@@ -34,6 +34,7 @@ DOUBLED = "doubled"
 NOT_FINITE = f"with a time or pose that is not finite or beyond {LARGEST:g}"
 BACKWARDS = "whose time runs backwards"
 NO_ODOMETRY = "without odometry at that time"
+_EPOCH = 1e6  # s: where most stamps are larger, one of 0 is none
 _FEW = 0.5  # share of records with a reference pose below which a warning is given
 
 
@@ -210,6 +211,12 @@ def warn_of_few(log: Log, reference: str) -> None:
             f"the reference {reference} has a pose for only {log.referenced.size:,} of "
             f"{len(log):,} records of {log.source}."
         )
+
+
+def stamped(rows: Floats) -> Floats:
+    """Return rows t, … (n, k), NaN for a time of 0 before the clock was known."""
+    unknown = (rows[:, 0] == 0) & (len(rows) > 0 and bool(np.median(rows[:, 0]) > _EPOCH))
+    return np.where(unknown[:, None], np.nan, rows)
 
 
 def usable(rows: Floats) -> Bools:

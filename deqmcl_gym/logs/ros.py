@@ -25,7 +25,7 @@ from deqmcl_gym.logs.bags import (
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.odometry import JudgedOdometry, publisher_words, publishers
 from deqmcl_gym.logs.pairing import MAX_APART, paired
-from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecords
+from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecords, stamped
 from deqmcl_gym.logs.scans import Fan
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.logs.transforms import (
@@ -43,7 +43,6 @@ _ROBOT = "base_link"
 _SHORTEST = 1e-12  # square of the length of a quaternion
 _APART, _PARTS = 0.2, 4  # s between stamps of one time that is told, and parts of a log
 _ALIKE = 0.05  # share of an increment
-_EPOCH = 1e6  # s: where most stamps are larger, one of 0 is none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -323,9 +322,7 @@ class _Messages:
 
     def _judged(self, moved: PoseRows, where: str, told: Reading) -> JudgedOdometry:
         """Return odometry, judged, of one publisher; tell what is not as usual."""
-        table, rows = moved.table, moved.poses
-        if np.median(rows[:, 0]) > _EPOCH:
-            rows[rows[:, 0] == 0, 0] = np.nan  # a first message before the clock was known
+        table, rows = moved.table, stamped(moved.poses)
         finite = np.flatnonzero(np.isfinite(rows).all(axis=1))
         own = publishers(rows[finite, 0], rows[finite, 1:], table[finite, 2], self.unit)
         chosen = integer("odometry_publisher", told.odometry_publisher or 1, low=1, high=len(own))

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.files import numbers_of, save, text_of
-from deqmcl_gym.logs.log import Log, said_of_skipped
-from deqmcl_gym.logs.motion import between, composed, heading_of, relative
+from deqmcl_gym.logs.log import Log, ascending_times, said_of_skipped
+from deqmcl_gym.logs.motion import between, composed, heading_of, nearest_in_time, relative
 from deqmcl_gym.logs.odometry import jumps_in, times_words
 from deqmcl_gym.logs.raw_records import NOT_FINITE, UNREADABLE, in_order, usable, warn_of_few
 from deqmcl_gym.maps.map import PIXELS
@@ -46,15 +46,8 @@ class Trajectory:
     covariances: Floats | None = None
 
     def __post_init__(self) -> None:
-        times = array(f"times of {self.source}", self.times, (None,))
+        times = ascending_times(self.source, "pose", self.times)
         poses = array(f"poses of {self.source}", self.poses, (times.size, 3))
-        if not times.size:
-            raise InputError(f"{self.source} has no pose.")
-        if (back := np.diff(times) < 0).any():
-            raise InputError(
-                f"times of {self.source} run backwards after {times[back.argmax()]:.6f} s: give "
-                "poses in the order of their times."
-            )
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "poses", poses)
         if self.covariances is not None:
@@ -108,17 +101,16 @@ def read_tum(path: str | PathLike[str]) -> Trajectory:
     """
     if not isinstance(path, str | PathLike):
         raise InputError(f"the reference is {shown(path)}, but must be the path of a TUM file.")
-    rows, unreadable = tum_rows(Path(path))
-    return _sound(rows, str(path), Counter({UNREADABLE: unreadable} if unreadable else {}))
+    return sound_poses(*tum_rows(Path(path)))
 
 
-def tum_rows(file: Path) -> tuple[Floats, int]:
-    """Return t, x, y, θ of the lines of a TUM file, (n, 4), and how many are none.
+def tum_rows(file: Path) -> tuple[Floats, str, Counter[str]]:
+    """Return t, x, y, θ of the lines of a TUM file, (n, 4), its name, and what else is in it.
 
     NaN is where a number or the quaternion of a line is no pose.
     """
     rows: list[list[float]] = []
-    unreadable = 0
+    damage: Counter[str] = Counter()
     for line in text_of(file).splitlines():
         if not (words := line.replace(",", " ").split()) or words[0].startswith("#"):
             continue
@@ -127,7 +119,7 @@ def tum_rows(file: Path) -> tuple[Floats, int]:
         except ValueError:
             quaternion = []
         if len(quaternion) != 4:
-            unreadable += 1
+            damage[UNREADABLE] += 1
         else:
             rows.append([time, x, y, *quaternion])
     table = np.array(rows).reshape(-1, 7)
@@ -135,7 +127,7 @@ def tum_rows(file: Path) -> tuple[Floats, int]:
     table[known, 3:] = _upright(table[known, 3:], str(file))
     headings = np.full(len(table), np.nan)
     headings[known] = heading_of(table[known, 3:])
-    return np.column_stack([table[:, :3], headings]), unreadable
+    return np.column_stack([table[:, :3], headings]), str(file), damage
 
 
 def _upright(quaternions: Floats, source: str) -> Floats:
@@ -166,23 +158,25 @@ def clock_words(rows: Floats) -> str:
     return ""
 
 
-def _sound(rows: Floats, source: str, damage: Counter[str]) -> Trajectory:
-    """Return the trajectory of the sound rows t, x, y, θ, (n, 4); warn of the others."""
-    given, sound = rows, usable(rows)
+def sound_poses(
+    rows: Floats, source: str, damage: Counter[str], covariances: Floats | None = None
+) -> Trajectory:
+    """Return the trajectory of the sound rows t, x, y, θ, (n, 4), in order; tell of the others."""
+    sound = usable(rows)
     if not sound.all():
         damage[NOT_FINITE] += int((~sound).sum())
-    rows = rows[sound]
-    if not len(rows):
+    kept = np.flatnonzero(sound)
+    if not kept.size:
         why = f" ({said_of_skipped(damage, 0)})" if damage else ""
         raise InputError(
-            f"{source} has no usable reference pose{why}{clock_words(given)}: a TUM trajectory has "
-            "lines of 8 numbers, t x y z qx qy qz qw."
+            f"{source} has no usable pose{why}{clock_words(rows)}: each needs a time and finite x, "
+            "y and heading; a TUM trajectory has lines t x y z qx qy qz qw."
         )
-    rows = rows[in_order(rows[:, 0], damage)]
+    kept = kept[in_order(rows[kept, 0], damage)]
     if damage:
-        said = said_of_skipped(damage, len(rows))
-        tell(f"reference {source}: {said}.")
-    return Trajectory(rows[:, 0], rows[:, 1:], source)
+        tell(f"{source}: {said_of_skipped(damage, kept.size)}.")
+    spread = None if covariances is None else covariances[kept]
+    return Trajectory(rows[kept, 0], rows[kept, 1:], source, spread)
 
 
 def tolerance_of(log: Log, tolerance: float | None = None) -> float:
@@ -226,7 +220,10 @@ def referenced(
     times, poses = trajectory.times, trajectory.poses
     inside = (log.times >= times[0]) & (log.times <= times[-1])
     exact, own = _stamped(log.times, times)
-    moved, close = _moved(log, times, poses, tolerance_of(log, tolerance))
+    nearest, off = nearest_in_time(times, log.times)
+    close = off <= tolerance_of(log, tolerance)
+    then = between(log.times, log.odometry, times[nearest])
+    moved = composed(poses[nearest], relative(then, log.odometry))
     after = np.clip(np.searchsorted(times, log.times), 1, max(times.size - 1, 1))
     before = after - 1
     after = np.minimum(after, times.size - 1)
@@ -258,19 +255,6 @@ def referenced(
     _warn_of_jumps(trajectory, log.unit)
     _warn_of_shared_stamps(trajectory)
     return done
-
-
-def _moved(log: Log, times: Floats, poses: Floats, within: float) -> tuple[Floats, Bools]:
-    """Return the nearest pose for each record, moved by the odometry since, and whether it is near.
-
-    (n, 3), (n,). The odometry between records lies on straight lines.
-    """
-    after = np.clip(np.searchsorted(times, log.times), 1, max(times.size - 1, 1))
-    pair = np.minimum(np.stack([after - 1, after]), times.size - 1)
-    off = np.abs(times[pair] - log.times)
-    nearest = pair[off.argmin(axis=0), np.arange(len(log))]
-    then = between(log.times, log.odometry, times[nearest])
-    return composed(poses[nearest], relative(then, log.odometry)), off.min(axis=0) <= within
 
 
 def _warn_of_jumps(trajectory: Trajectory, unit: str) -> None:
@@ -308,7 +292,7 @@ def with_own_reference(
     given = np.asarray(rows, dtype=np.float64).reshape(-1, 4)
     if not len(given):
         return log
-    return referenced(log, _sound(given, log.source, Counter()), max_gap, tolerance)
+    return referenced(log, sound_poses(given, log.source, Counter()), max_gap, tolerance)
 
 
 def _stamped(records: Floats, times: Floats) -> tuple[Bools, Indices]:
