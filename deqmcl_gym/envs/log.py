@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping, Sequence
 from inspect import signature
 from os import PathLike
-from typing import Any, SupportsFloat, cast
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -29,7 +29,7 @@ from deqmcl_gym.validation import (
 )  # fmt: skip
 from deqmcl_gym.world.differences import map_changed
 from deqmcl_gym.world.presets import WORLDS
-from deqmcl_gym.world.rules import check_options
+from deqmcl_gym.world.rules import StepResult, check_options
 
 PLANS = ("odometry", "reference", "none")
 
@@ -359,7 +359,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         self._step = self._first
         return self._scans[self._step].copy(), self._info(np.zeros(3, np.float32))
 
-    def step(self, action: ArrayLike) -> tuple[Singles, SupportsFloat, bool, bool, dict[str, Any]]:
+    def step(self, action: ArrayLike) -> StepResult:
         """Play the next record."""
         recorded = self.next_action
         self._compare(array("the action (forward, left, turn)", action, (3,)), recorded)

@@ -26,7 +26,6 @@ from deqmcl_gym.world.course import Course
 from deqmcl_gym.world.rules import RoomRules, check_options
 
 Info = dict[str, Any]
-StepResult = tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], Info]
 
 _MODES = {mode.value: mode for mode in AutoresetMode}
 MAX_BYTES = 16 * 2**30  # of all rooms
@@ -156,7 +155,9 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         none = np.zeros_like(chosen)
         return self._seen(), self._info(chosen, nothing, none, none)
 
-    def step(self, actions: RoomActions) -> StepResult:
+    def step(
+        self, actions: RoomActions
+    ) -> tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], Info]:
         """Turn, then drive in each room; where an episode ended, begin the next one.
 
         Raises:

@@ -62,7 +62,7 @@ class Rooms:
         self.scans = np.zeros((number, world.lidar.beams), np.float32)
         self._lap = None if world.route is not None else rules.plan
         self._driver = _driver(rules)
-        self._shown = np.zeros((number, horizon_of(rules), 2), np.float32)
+        self._shown = np.zeros((number, rules.rows, 2), np.float32)
         self._counts = np.zeros(number, np.intp)
         self._every = np.arange(number)
 
@@ -71,7 +71,7 @@ class Rooms:
         """Approximate memory of a room: its random numbers, scan, plan, and map of its own."""
         beams, steps = rules.world.lidar.beams, _steps(rules)
         rows = NormalTable.rows(2, steps), NormalTable.rows(beams, steps + 1)
-        numbers = 2 * rows[0] + beams * (rows[1] + 2) + 4 * horizon_of(rules) + 64
+        numbers = 2 * rows[0] + beams * (rows[1] + 2) + 4 * rules.rows + 64
         return 8 * numbers + (Grounds.bytes_each(rules.world) if _own(rules) else 0)
 
     def plans(self) -> tuple[Singles, Indices]:
@@ -185,14 +185,6 @@ class Rooms:
             way, arc = float(self.progress[room]), float(self._robots.arcs[room])
             underway = Underway(int(self.steps[room]), (x, y, heading), arc, way)
             self._shown[room], self._counts[room] = begun.plan.after(underway)
-
-
-def horizon_of(rules: RoomRules) -> int:
-    """Number of planned actions that each room shows."""
-    if rules.journeys is None:
-        return rules.plan.horizon
-    assert rules.horizon is not None  # or the env has refused
-    return rules.horizon
 
 
 def _own(rules: RoomRules) -> bool:

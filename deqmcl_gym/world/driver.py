@@ -176,12 +176,20 @@ class GuidedPlan:
         path, ground, route = self.course.path, self.world.floor_plan, self.world.route
         if route is None:
             return self._along(path, 1.0, pose, arc, way, most)
-        if isinstance(ground, GridMap) and not path.closed:
-            return self._among_cells(ground, route.clearance, pose, arc, way, most)
+        if isinstance(ground, GridMap) and self.course.goal is not None:
+            cells, goal = ground.cells, self.course.goal
+            body = room_for_noise(pose, cells, self.world.body, route.clearance)
+            done, length = np.empty((most, 2), np.float32), path.length
+            edges, rules = path.edges, self.rules
+            count = steer(pose, arc, way, edges, length, goal, rules, cells, body, done)
+            return done[:count]
         room = float(ground.distance([pose[:2]])[0]) - self.world.body
         body = self.world.body + max(0.0, min(room, route.clearance)) / 2
+        corners = np.vstack([pose[:2], path.corners_from(arc)])  # straight back onto the path
+        apart = (np.diff(corners, axis=0) != 0).any(axis=1)
+        back = Path(corners[np.append(True, apart)], closed=False)
         farthest, clear = np.empty((0, 2), np.float32), -1
-        for onto, begin in ((path, arc), (_back_onto(path, arc, pose), 0.0)):
+        for onto, begin in ((path, arc), (back, 0.0)):
             for share in NEARER:
                 actions = self._along(onto, share, pose, begin, way, most)
                 blocked = _blocked(pose, actions, ground, body)
@@ -190,21 +198,6 @@ class GuidedPlan:
                 if blocked.argmax() > clear:
                     farthest, clear = actions, int(blocked.argmax())
         return farthest
-
-    def _among_cells(
-        self, ground: GridMap, clearance: float, pose: Pose, arc: float, way: float, most: int
-    ) -> RoomActions:
-        """Return the same on a map of cells, in one kernel."""
-        path, goal = self.course.path, self.course.goal
-        assert goal is not None  # of a route
-        body = room_for_noise(pose, ground.cells, self.world.body, clearance)
-        actions = np.empty((most, 2), np.float32)
-        return actions[
-            : steer(
-                pose, arc, way, path.edges, path.length, goal, self.rules, ground.cells, body,
-                actions,
-            )
-        ]  # fmt: skip
 
     def _along(
         self, path: Path, share: float, pose: Pose, arc: float, way: float, most: int
@@ -215,13 +208,6 @@ class GuidedPlan:
 
 
 Plan = FixedPlan | GuidedPlan
-
-
-def _back_onto(path: Path, arc: float, pose: Pose) -> Path:
-    """Return the rest of an open path, and before it the straight way there."""
-    corners = np.vstack([pose[:2], path.corners_from(arc)])
-    apart = (np.diff(corners, axis=0) != 0).any(axis=1)
-    return Path(corners[np.append(True, apart)], closed=False)
 
 
 def _check_drivable(plan: GuidedPlan) -> None:

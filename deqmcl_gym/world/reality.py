@@ -141,7 +141,8 @@ class Beginning:
     @property
     def arc(self) -> float:
         """Arc length at which it begins."""
-        return self.there.first_arc(self.course, self.start[:2])
+        course = self.course
+        return course.path.follow(course.start[:2], self.start[:2], course.arc)[0]
 
 
 def _way(world: World, course: Course, plan: Plan, whole: bool) -> Way:

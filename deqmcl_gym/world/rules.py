@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from operator import le
-from typing import TYPE_CHECKING, Any, NotRequired, TypedDict
+from typing import TYPE_CHECKING, Any, NotRequired, SupportsFloat, TypedDict
 
 import gymnasium as gym
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym import validation
 from deqmcl_gym.maps import Box, Lidar, Offices, PolygonMap
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.types import Bools, Floats, Point, Pose, RoomActions, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Pose, RoomActions, Singles
 from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of, shown
 from deqmcl_gym.world.config import Robot, World, extent_of, offices_of
 from deqmcl_gym.world.course import MAX_STEPS, Course, wrapped
@@ -116,6 +116,9 @@ def _first_outside(commands: RoomActions, low: Singles, high: Singles, resting: 
                 if not low[i] <= commands[room, i] <= high[i]:
                     return room
     return -1
+
+
+StepResult = tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]  # as Gymnasium's envs return
 
 
 class RoomInfo(TypedDict):
@@ -240,6 +243,11 @@ class RoomRules:
         """The plan of the lap, from which ``info`` shows the coming actions."""
         return self.plan_for(self.course)
 
+    @property
+    def rows(self) -> int:
+        """Number of planned actions that are shown; of routes, only with a horizon."""
+        return self.horizon or self.plan.horizon
+
     def begun(self, seed: int, number: int) -> tuple[Course, Plan]:
         """Return course and plan of the ``number``-th episode after seeding."""
         if self.journeys is None:
@@ -287,7 +295,7 @@ class RoomRules:
         scans = scan_space(self.world.lidar)
         if self.observation == "scan":
             return scans
-        actions, shape = self.commands.space, (self.horizon or self.plan.horizon, 1)
+        actions, shape = self.commands.space, (self.rows, 1)
         goal: dict[str, Any] = {}
         if self.world.route is not None:
             goal["goal"] = within(self.extent or self.world.floor_plan.bounds)
@@ -327,14 +335,23 @@ class RoomRules:
             "clock": np.asarray(elapsed, np.float32)[..., None],
         }
 
-    def first_arc(self, course: Course, start: Point) -> float:
-        """Return the arc length at which an episode begins, near that of the course."""
-        arc, _ = course.path.follow(course.start[:2], start, course.arc)
-        return arc
-
     def start(self, course: Course, seed: int, number: int) -> Pose:
         """Return the true start of the ``number``-th episode after seeding, heading in [-π, π)."""
-        x, y, heading = self._drawn_start(course, seed, number)
+        x, y, heading = course.start
+        start = self.world.start
+        if not start.sd_position == start.sd_heading == 0.0:
+            rng = episode_stream(seed, number, Stream.START)
+            sd = np.array([start.sd_position, start.sd_position, start.sd_heading])
+            for _ in range(_START_TRIES):
+                dx, dy, turn = (sd * rng.standard_normal(3)).tolist()
+                if self.world.floor_plan.free([(x + dx, y + dy)], self.world.body)[0]:
+                    break
+            else:
+                raise InputError(
+                    f"none of {_START_TRIES} starts drawn around ({x:g}, {y:g}) is free: give a "
+                    "smaller start.sd_position."
+                )
+            x, y, heading = x + dx, y + dy, heading + turn
         return x, y, heading if -np.pi <= heading < np.pi else wrapped(heading)
 
     def elsewhere(self, course: Course, rng: np.random.Generator) -> Pose:
@@ -369,22 +386,6 @@ class RoomRules:
         from deqmcl_gym.world.drawing import View
 
         return View(self.world.floor_plan)
-
-    def _drawn_start(self, course: Course, seed: int, number: int) -> Pose:
-        start, radius = self.world.start, self.world.body
-        if start.sd_position == start.sd_heading == 0.0:
-            return course.start
-        x, y, heading = course.start
-        rng = episode_stream(seed, number, Stream.START)
-        sd = np.array([start.sd_position, start.sd_position, start.sd_heading])
-        for _ in range(_START_TRIES):
-            dx, dy, turn = (sd * rng.standard_normal(3)).tolist()
-            if self.world.floor_plan.free([(x + dx, y + dy)], radius)[0]:
-                return x + dx, y + dy, heading + turn
-        raise InputError(
-            f"none of {_START_TRIES} starts drawn around ({x:g}, {y:g}) is free: give a smaller "
-            "start.sd_position."
-        )
 
 
 def within(extent: Box) -> gym.spaces.Box:
