@@ -31,7 +31,7 @@ from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError, number, one_of, tell
 
-SCANS = ("FLASER", "ROBOTLASER1", "RAWLASER1")
+SCAN_KINDS = ("FLASER", "ROBOTLASER1", "RAWLASER1")
 SICK_RANGE = 79.0  # m: an LMS in its 80 m mode reports 81.83 or 81.91 where nothing is in range
 _NARROWEST = math.radians(10)  # of a field of view: less is none, or rad
 _SICK = (90, 91, 180, 181, 360, 361)  # numbers of beams of an LMS over 180°
@@ -116,7 +116,7 @@ class _Messages:
         """Return the records of a kind of scan, with all that other messages say of them.
 
         Args:
-            kind: of ``SCANS``.
+            kind: of ``SCAN_KINDS``.
             field_of_view: of FLASER's scanner, rad; None: by PARAM, or that of a SICK LMS.
         """
         records = self.scans[kind]
@@ -209,14 +209,14 @@ def read_carmen(
 
     Args:
         paths: of its files, in order.
-        scan_topic: one of ``SCANS``; None takes the one in the file.
+        scan_topic: one of ``SCAN_KINDS``; None takes the one in the file.
         max_gap, reference_tolerance: of the true poses in it; see ``referenced``.
         field_of_view: of FLASER's scanner, rad.
     """
     if field_of_view is not None:
         number("field_of_view", field_of_view, low=0, above=True, high=2 * math.pi)
     name = names_of(paths)
-    messages = _Messages({kind: RawRecords(name) for kind in SCANS})
+    messages = _Messages({kind: RawRecords(name) for kind in SCAN_KINDS})
     for line in _lines(paths):
         messages.read(line)
     kind = _kind(name, messages, scan_topic)
@@ -240,7 +240,7 @@ def _lines(paths: Sequence[Path]) -> list[str]:
 def _stamped(line: str) -> float | None:
     """Return the time in a message with odometry or a scan, s; None for another."""
     kind, *words = line.split()
-    if kind not in ("ODOM", *SCANS):
+    if kind not in ("ODOM", *SCAN_KINDS):
         return None
     try:
         return numbers_of([words[-3]])[0]
@@ -256,7 +256,7 @@ def _fan(words: Sequence[str]) -> Fan:
 
 def _kind(name: str, messages: _Messages, asked: str | None) -> str:
     if asked is not None:
-        return one_of("kind of scan in a CARMEN log", asked, SCANS)
+        return one_of("kind of scan in a CARMEN log", asked, SCAN_KINDS)
     there = [kind for kind, found in messages.scans.items() if found.times]
     whole = [kind for kind in there if kind != "RAWLASER1"] or there  # raw ones are the same scans
     if len(whole) == 1:
@@ -270,5 +270,5 @@ def _kind(name: str, messages: _Messages, asked: str | None) -> str:
     others = f", but {', '.join(lasers)}, which are not read" if lasers else ""
     raise InputError(
         f"{name} has no scan{damaged}{others}: a CARMEN log has lines that begin with "
-        f"{', '.join(SCANS)}."
+        f"{', '.join(SCAN_KINDS)}."
     )

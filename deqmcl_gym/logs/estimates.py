@@ -15,7 +15,15 @@ from pathlib import Path
 import numpy as np
 
 from deqmcl_gym.files import numbers_of, text_of
-from deqmcl_gym.logs.bags import POSES, TRANSFORMS, Bag, frame_of_header, opened, row_of, seconds_of
+from deqmcl_gym.logs.bags import (
+    POSE_TYPES,
+    TRANSFORMS,
+    Bag,
+    frame_of_header,
+    opened_bag,
+    row_of,
+    seconds_of,
+)
 from deqmcl_gym.logs.motion import composed
 from deqmcl_gym.logs.odometry import JudgedOdometry
 from deqmcl_gym.logs.raw_records import stamped
@@ -139,7 +147,7 @@ def _read_topic(path: Path, topic: str | None) -> tuple[Floats, Floats | None]:
         Rows t, x, y, θ by the messages' headers, (n, 4), NaN where they are; and the covariances of
         (x, y, θ), (n, 3, 3), NaN where a message has zeros instead, None if the type has none.
     """
-    with opened([path]) as bag:
+    with opened_bag([path]) as bag:
         chosen = _chosen(bag, topic)
         if bag.topics.get(chosen) in TRANSFORMS:
             return _composed(bag, chosen), None
@@ -161,7 +169,7 @@ def _chosen(bag: Bag, asked: str | None) -> str:
     if asked is None and _ESTIMATE in bag.topics:
         return _ESTIMATE
     if asked is None:
-        estimates = [kind for kind in POSES if kind != ODOMETRY]
+        estimates = [kind for kind in POSE_TYPES if kind != ODOMETRY]
         if not any(kind in estimates for kind in bag.topics.values()):
             moving = [topic for topic, kind in bag.topics.items() if kind in TRANSFORMS]
             for topic in sorted(moving):
@@ -171,7 +179,7 @@ def _chosen(bag: Bag, asked: str | None) -> str:
             found = bag.topic(estimates, "the topic in FILE:TOPIC", None)
             assert found is not None
             return found
-    found = bag.topic((*POSES, *TRANSFORMS), "the topic in FILE:TOPIC", asked)
+    found = bag.topic((*POSE_TYPES, *TRANSFORMS), "the topic in FILE:TOPIC", asked)
     assert found is not None
     return found
 

@@ -12,13 +12,13 @@ import numpy as np
 
 from deqmcl_gym.files import names_of
 from deqmcl_gym.logs.bags import (
-    POSES,
+    POSE_TYPES,
     SCAN,
     TRANSFORMS,
     Bag,
     Sent,
     frame_of_header,
-    opened,
+    opened_bag,
     row_of,
     seconds_of,
 )
@@ -77,7 +77,7 @@ def read_bag(
         if len(asked) < 2:
             raise InputError("max_apart is given, but pairs the scans of 2 scan topics or more.")
     told = Reading(**reading)
-    with opened(paths) as bag:
+    with opened_bag(paths) as bag:
         scans = [bag.topic((SCAN,), "scan_topic", one) for one in asked]
         odometry = bag.topic(
             (ODOMETRY,), "odometry_topic", told.odometry_topic, beside=scans[0], needed=False
@@ -88,7 +88,7 @@ def read_bag(
             reference = None
         else:
             named = reference_topic or REFERENCE_TOPIC
-            reference = bag.topic(tuple(POSES), "reference_topic", named)
+            reference = bag.topic(tuple(POSE_TYPES), "reference_topic", named)
         messages = _Messages(names_of(paths), [one for one in scans if one], odometry, reference)
         messages.read(bag)
     warn_of_frames(messages.name, reference, messages.frames)

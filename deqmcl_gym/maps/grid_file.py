@@ -81,7 +81,7 @@ def check_thresholds(free: Any, occupied: Any) -> None:
         )
 
 
-def write(
+def write_map(
     path: str | os.PathLike[str],
     mode: str,
     cells: Occupancy,

@@ -183,7 +183,7 @@ def _is_corridor(seen: Floats) -> bool:
     return bool(lines[longest] >= _OBLONG * lines[across % half].max())
 
 
-class Changes(NamedTuple):
+class WallChanges(NamedTuple):
     """What is changed of a map's walls.
 
     Attributes:
@@ -238,7 +238,7 @@ class ChangedWalls:
                 f"whole cells of {step:g} {floor_plan.unit}: give at least that."
             )
 
-    def drawn(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> Changes:
+    def drawn(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> WallChanges:
         """Draw what is changed."""
         self.check(floor_plan)
         walls, _, _ = inner_walls(floor_plan)
@@ -262,7 +262,7 @@ class ChangedWalls:
                     f"{' or '.join(self.kinds)} beside the robot's way: give a smaller share, or "
                     'let kinds have "removed".'
                 )
-        return Changes(np.vstack(cleared), filled)
+        return WallChanges(np.vstack(cleared), filled)
 
     def _tried(
         self, floor_plan: Map, piece: Piece, rng: np.random.Generator

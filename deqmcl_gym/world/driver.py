@@ -14,7 +14,7 @@ from deqmcl_gym.validation import InputError, integer
 from deqmcl_gym.world.config import Driver, World
 from deqmcl_gym.world.course import MAX_STEPS, Course, Path
 from deqmcl_gym.world.driver_kernels import NEARER, room_for_noise, steer
-from deqmcl_gym.world.path_kernels import once_round, roll_out
+from deqmcl_gym.world.path_kernels import drive_along, once_round
 
 NO_PLAN = np.empty((0, 2), np.float32)  # of one who shows nothing of what is to come
 
@@ -109,7 +109,7 @@ class GuidedPlan:
     Attributes:
         world: in which it drives.
         course: the path to follow.
-        rules: as :func:`deqmcl_gym.world.path_kernels.roll_out` takes them.
+        rules: as :func:`deqmcl_gym.world.path_kernels.drive_along` takes them.
         horizon: h, actions shown ahead.
         limit: the most steps of an episode.
     """
@@ -204,7 +204,7 @@ class GuidedPlan:
     ) -> RoomActions:
         rules = (share * self.rules[0], *self.rules[1:])
         actions = np.empty((most, 2), np.float32)
-        return actions[: roll_out(pose, arc, way, path.edges, path.period, rules, actions)]
+        return actions[: drive_along(pose, arc, way, path.edges, path.period, rules, actions)]
 
 
 Plan = FixedPlan | GuidedPlan

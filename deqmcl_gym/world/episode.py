@@ -14,7 +14,7 @@ from deqmcl_gym.maps.polygons import oriented_edges
 from deqmcl_gym.numerics.types import Floats, Point, Pose
 from deqmcl_gym.world.config import Route, World
 from deqmcl_gym.world.driver import GuidedPlan, Underway
-from deqmcl_gym.world.path_kernels import drawn, judged
+from deqmcl_gym.world.path_kernels import judged_step, noisy_drive
 from deqmcl_gym.world.people import Contacts, Crowded
 from deqmcl_gym.world.reality import Beginning
 from deqmcl_gym.world.rules import RoomRules
@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # OpenCV is only loaded for pictures
 _WALLS = pymunk.ShapeFilter()  # the space has nothing but walls
 
 
-class Cells:
+class CellContacts:
     """The solid cells of a grid; the arithmetic is that of ``GridMap.collides``."""
 
     def __init__(self, floor_plan: GridMap, radius: float) -> None:
@@ -41,7 +41,7 @@ class Cells:
         return self._floor_plan.first_contact(start, end, self._radius)
 
 
-class Walls:
+class WallContacts:
     """The walls of a floor plan in a pymunk space.
 
     Each wall is grown by the disc's radius, so that its centre touches the grown wall where the
@@ -82,9 +82,9 @@ class Walls:
 def contacts_of(world: World) -> Contacts:
     """Return the walls of a world for its robot."""
     if isinstance(world.floor_plan, GridMap):
-        return Cells(world.floor_plan, world.body)
+        return CellContacts(world.floor_plan, world.body)
     assert isinstance(world.floor_plan, PolygonMap)  # the forms of Map
-    return Walls(world.floor_plan, world.body)
+    return WallContacts(world.floor_plan, world.body)
 
 
 class Physics:
@@ -176,7 +176,7 @@ class Body:
         """Turn, then drive, with noise; return whether a wall stopped the robot."""
         physics, heading = self._physics, self.pose[2]
         of_drive, of_turn = self._motion.standard_normal(2).tolist()
-        heading, *drive = drawn(
+        heading, *drive = noisy_drive(
             heading, distance, turn, (of_drive, of_turn), self._noise, physics.reach
         )
         collided = physics.drive(*drive)
@@ -272,7 +272,7 @@ class Episode(Body):
         before = self.pose[:2]
         collided = self.move(distance, turn)
         self.step += 1
-        self.arc, gained, reward, self.done = judged(
+        self.arc, gained, reward, self.done = judged_step(
             (*before, *self.pose[:2]), self.arc, self.progress, collided,
             path.edges, path.period, rules.rewards,
         )  # fmt: skip

@@ -13,7 +13,7 @@ from deqmcl_gym.maps.map import Caster
 from deqmcl_gym.numerics.types import Floats, Point, Pose
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import Course
-from deqmcl_gym.world.differences import Changes, Way
+from deqmcl_gym.world.differences import WallChanges, Way
 from deqmcl_gym.world.driver import GuidedPlan, Plan, points_of
 from deqmcl_gym.world.people import AmongPeople, Crowd
 from deqmcl_gym.world.rules import RoomRules
@@ -55,7 +55,7 @@ class Reality:
             streams: of the episode.
         """
         ground, clutter, walls = world.floor_plan, world.clutter, world.changed_walls
-        changes, things = Changes(np.empty((0, 4, 2)), []), list[Floats]()
+        changes, things = WallChanges(np.empty((0, 4, 2)), []), list[Floats]()
         kept = [part.keep_route for part in (clutter, walls) if part is not None]
         if walls is not None:
             way = _way(world, course, plan, walls.keep_route)
