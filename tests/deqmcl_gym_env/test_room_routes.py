@@ -171,11 +171,6 @@ def test_a_driver_set_down_at_its_goal_is_refused_and_nothing_has_changed():
         )
 
 
-def test_there_is_no_course_before_reset():
-    with pytest.raises(RuntimeError, match=r"call reset\(\) first"):
-        _ = office().course
-
-
 @given(st.lists(st.tuples(*[st.integers(-50, 50)] * 2), min_size=2, max_size=8), st.floats(0, 1))
 def test_an_open_path_is_followed_to_its_end_and_not_round(corners, share):
     corners = np.array([c for i, c in enumerate(corners) if i == 0 or c != corners[i - 1]], float)
@@ -249,20 +244,6 @@ def test_a_route_keeps_its_distance_where_there_is_room():
 def test_places_without_room_are_refused(start, goal, words):
     with pytest.raises(InputError, match=words):
         ROUTES.to(goal).start_at(start)
-
-
-@pytest.mark.parametrize("form", ["grid", "polygons"])
-def test_cells_cost_as_if_the_distance_to_walls_were_known_at_each(form):
-    """It is looked up near walls only; beyond the comfort it costs nothing."""
-    plan, radius, comfort = getattr(Office(seed=2, wings=1), form), 0.3, 0.8
-    found = Routes(plan, radius, comfort)._room
-    x0, y0, _, _ = plan.bounds
-    rows, columns = np.indices(found.shape)
-    centres = np.column_stack([x0 + 0.1 * (columns.ravel() + 0.5), y0 + 0.1 * (rows.ravel() + 0.5)])
-    everywhere = np.minimum(plan.distance(centres), comfort)
-    expected = np.where(plan.free(centres, radius), everywhere, 0.0).reshape(found.shape)
-    np.testing.assert_allclose(found, expected, rtol=1e-6)
-    assert (found == comfort).any()
 
 
 def graph_of(routes):
