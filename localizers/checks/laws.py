@@ -156,7 +156,7 @@ def nothing_left_running(subject: Subject) -> None:
     subject.history()
     gc.collect()
     until = time.monotonic() + _GRACE
-    while left := sorted(running() - before):
+    while left := [name for own, name in running().items() if own not in before]:
         if time.monotonic() > until:
             more = f" and {len(left) - 1} more" if left[1:] else ""
             raise LawBrokenError(f"it leaves {left[0]}{more} running: end what it starts")
