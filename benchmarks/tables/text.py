@@ -107,21 +107,8 @@ def significant(value: float, digits: int = 3) -> str:
     return f"{round(value, places):.{max(places, 0)}f}".replace("-", "−")
 
 
-def capital(sentence: str) -> str:
-    """The sentence with a capital letter."""
-    return sentence[:1].upper() + sentence[1:]
-
-
 def p_value(p: float) -> str:
     """A p-value with two digits."""
     if math.isnan(p):
         return "n/a"
     return "< 0.0001" if p < 1e-4 else f"{p:.2g}"
-
-
-def counted(counts: set[int], one: str) -> str:
-    """From the least to the largest count of a thing."""
-    if not counts:
-        return f"no {one}s"
-    low, high = min(counts), max(counts)
-    return f"{low} to {high} {one}s" if low < high else f"{low} {one}{'s' * (low != 1)}"

@@ -7,17 +7,13 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from operator import attrgetter
 from typing import Any, Self
 
 import numpy as np
+import pandas as pd
 
-from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.journeys import median, value_in
-from benchmarks.tables.pairing import milliseconds_per_step
-from benchmarks.tables.panels import Panel
+from benchmarks.tables.frames import csv_of, milliseconds_per_step, value_in
 from benchmarks.tables.stats import wilson
-from benchmarks.tables.text import csv_text
 from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.journeys import JOURNEY_SCORES, RecordedTrack, scores_of
 from benchmarks.trials.scoring import Finished
@@ -35,7 +31,6 @@ RESULTS = (
 _TRIALS = tuple(name for name in RESULTS if not name.endswith(("_low", "_high")))
 _OF_RUNS = [score for name, score in JOURNEY_SCORES.items() if name in _TRIALS]
 _COMPARED = ("success_1m", "metres_to_localize", "position_median")
-_ENDS = {"diff": "diff.mean", "diff_low": "diff.low", "diff_high": "diff.high", "p_holm": "p_holm"}
 
 
 @dataclass(frozen=True)
@@ -119,7 +114,7 @@ class Row:
             **shares,
             f"success_{FOUND}_low": low,
             f"success_{FOUND}_high": high,
-            "metres_to_localize": median(metres),
+            "metres_to_localize": float(np.median(metres)),
             "ms_per_step": middle(_known([scores["ms_per_step"] for scores in each])),
         }
 
@@ -169,29 +164,32 @@ def recorded(record: Finished) -> RecordedTrack:
     return record.track
 
 
-def tracks_results_csv(rows: Iterable[Row], panel: Panel | None) -> str:
-    """Return results.csv: a line per localizer, its scores, then its differences to the first."""
-    compared = {} if panel is None else {panel.labels[row.method]: row for row in panel.present}
-    further = {f"{score}_{end}": (score, end) for score in _COMPARED for end in _ENDS}
-    lines = (
-        [
-            *(row.label, row.seeds, row.failed),
-            *(row.scores.get(name) for name in RESULTS),
-            *(_compared(compared.get(row.label), *which) for which in further.values()),
-        ]
+def tracks_results_csv(rows: Iterable[Row], compared: pd.DataFrame | None) -> str:
+    """Return results.csv: a line per localizer, its scores, then its differences to the first.
+
+    Args:
+        rows: of the localizers.
+        compared: their ``results_table``; None if they are not compared.
+    """
+    ends = ("diff", "diff_low", "diff_high", "p_holm")
+    further = [f"{score}_{end}" for score in _COMPARED for end in ends]
+    told = [
+        {"localizer": row.label, "seeds": row.seeds, "failed": row.failed} | row.scores
         for row in rows
-    )
-    return csv_text(["localizer", "seeds", "failed", *RESULTS, *further], lines)
+    ]
+    table = pd.DataFrame(told, columns=["localizer", "seeds", "failed", *RESULTS])
+    if compared is None:
+        return csv_of(table.reindex(columns=[*table, *further]))
+    beside = compared[(compared["panel"] == 1) & (compared["offset"] == 0)].set_index("label")
+    return csv_of(table.join(beside.reindex(columns=further), on="localizer"))
 
 
 def tracks_trials_csv(rows: Iterable[Row]) -> str:
     """Return trials.csv: a line per run that came to its end."""
-    lines = (
-        [row.label, run.seed, *(run.scores[name] for name in _TRIALS)]
-        for row in rows
-        for run in row.runs
-    )
-    return csv_text(["localizer", "seed", *_TRIALS], lines)
+    runs = [
+        {"localizer": row.label, "seed": run.seed, **run.scores} for row in rows for run in row.runs
+    ]
+    return csv_of(pd.DataFrame(runs, columns=["localizer", "seed", *_TRIALS]))
 
 
 def _pooled(errors: Sequence[tuple[PoseErrors, Any]]) -> tuple[Floats, Floats]:
@@ -204,9 +202,3 @@ def _pooled(errors: Sequence[tuple[PoseErrors, Any]]) -> tuple[Floats, Floats]:
 
 def _known(values: Sequence[float]) -> Floats:
     return np.array([value for value in values if not math.isnan(value)])
-
-
-def _compared(row: Comparison | None, score: str, end: str) -> Any:
-    if row is None or row.is_baseline or score not in row.journey:
-        return None
-    return attrgetter(_ENDS[end])(row.journey[score])

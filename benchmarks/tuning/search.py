@@ -27,7 +27,7 @@ from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
 from benchmarks.sweeps.store import Store
-from benchmarks.tables.pairing import milliseconds_per_step
+from benchmarks.tables.frames import milliseconds_per_step
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scoring import Finished
 from benchmarks.tuning.space import DRAWS, ORDER, Segment, beside, spread, stream

@@ -8,12 +8,12 @@ from report_cases import results, trials
 
 from benchmarks.agents import AGENTS
 from benchmarks.checks.agent_laws import verdicts
-from benchmarks.report.words import conclusion, overview
+from benchmarks.report.frames import frames_of
+from benchmarks.report.verdict import conclusion
 from benchmarks.setup.changes import Named
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.sweeps.sweepfile import read_sweep, sweep_of
-from benchmarks.tables.comparison import baseline_of
-from benchmarks.tables.panels import panels
+from benchmarks.tables.panels import baseline_of, panels
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Method, Trial
 from benchmarks.trials.stage import Stage
@@ -43,33 +43,32 @@ def test_agents_are_compared_on_the_same_worlds_with_the_same_localizer():
     for localizer, more in (("mcl", 0.0), ("mcl-map", 1.0)):
         records += driven([e + more for e in rising], "still", localizer)
         records += driven([e + more - 5 for e in rising], "/far/mine.py:Seeker", localizer)
-    (panel,) = panels(records, "still")
-    rows = {panel.labels[row.method]: row for row in panel.present}
-    assert list(rows) == [
+    told = results(records, baseline="still")
+    rows = told.table.set_index("label")
+    assert list(rows.index) == [
         "still with mcl", "Seeker with mcl", "still with mcl-map", "Seeker with mcl-map",
     ]  # fmt: skip
-    assert [row.is_baseline for row in rows.values()] == [True, False, True, False]
+    assert list(rows["is_baseline"]) == [True, False, True, False]
     for localizer in ("mcl", "mcl-map"):
-        row = rows[f"Seeker with {localizer}"]
-        assert (row.diff.mean, row.paired_worlds) == (-5.0, 12)
-        assert panel.labels[row.baseline] == f"still with {localizer}"
-    told = results(records, baseline="still")
-    assert conclusion(told).short == "Seeker with mcl is best"
-    assert "2 agents (still, Seeker) with 2 localizers on 1 setting" in overview(told, told.panels)
-    assert "/far" not in conclusion(told).text + overview(told, told.panels)
+        row = rows.loc[f"Seeker with {localizer}"]
+        assert (row["diff"], row.paired_worlds) == (-5.0, 12)
+        assert row.reference == f"still with {localizer}"
+    assert conclusion(told).startswith("Seeker with mcl is best: ")
+    assert frames_of(told)[0].agents == ["still", "Seeker"]
+    assert "/far" not in conclusion(told)
 
 
-def test_the_verdict_tells_who_comes_first_with_each_localizer():
+def test_the_verdict_tells_which_agent_is_best_and_the_table_what_each_is_beside():
     rising = [float(e) for e in range(10, 22)]
     records = []
     for localizer, more in (("mcl", 0.0), ("mcl-map", 1.0)):
         records += driven([e + more for e in rising], "still", localizer)
         records += driven([e + more - 5 for e in rising], "spin", localizer)
-    said = conclusion(results(records, baseline="still"))
-    assert said.short == "spin with mcl is best"
-    # 16.5 - 5 of 16.5: 30 %
-    assert said.more.startswith("Spin with mcl-map has 11.5 px, 30 % below still with mcl-map (95 ")
-    assert said.more.endswith("smaller in 12 of 12 worlds, confirmed.")
+    told = results(records, baseline="still")
+    assert conclusion(told).startswith("spin with mcl is best: 10.5 px, 32 % below still with mcl ")
+    rows = frames_of(told)[0].ranked.set_index("label")
+    assert rows.loc["spin with mcl-map", "reference"] == "still with mcl-map"
+    assert rows.loc["spin with mcl-map", "relation"] == "better"
 
 
 def test_a_baseline_that_is_a_localizer_is_compared_with_those_of_the_same_agent():
@@ -95,9 +94,9 @@ def test_a_number_of_an_agent_that_is_swept_has_a_panel_for_each_value():
 def test_a_report_with_one_method_compares_it_with_nothing():
     records = trials("mcl-map", [3.0, 4.0]) + trials("mcl-map", [5.0, 6.0], scenario="sharp")
     told = results(records)
-    assert conclusion(told).short == "2 settings, nothing to compare in them"
-    assert overview(told, told.panels).endswith("There is nothing to compare.")
-    assert conclusion(results(records[:2])).short == "mcl-map alone, nothing to compare it with"
+    assert conclusion(told).startswith("2 settings, nothing to compare in them: ")
+    alone = conclusion(results(records[:2]))
+    assert alone == "mcl-map alone, nothing to compare it with: 3.50 px."
 
 
 def test_a_sweep_names_agents_and_their_parameters_and_trials_without_one_are_as_before(tmp_path):

@@ -8,12 +8,11 @@ import numpy as np
 import PIL.Image
 import pytest
 from fake_episode import FakeBelief
-from report_cases import finished
+from report_cases import finished, panel_of
 
 from benchmarks.pictures.film import Camera, Film, laid
-from benchmarks.report.animations import animations_of
+from benchmarks.report.animations import films_of
 from benchmarks.sweeps.drawing import Animation, drawing
-from benchmarks.tables.panels import panels
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
@@ -109,16 +108,14 @@ def test_variants_of_one_localizer_are_animated_each_by_its_own_first_trial():
         for i, one in enumerate(FORMS)
         for world in (0, 1)
     ]
-    (panel,) = panels(records)
-    best, *_ = animations_of(panel)
+    best, *_ = films_of(panel_of(records))
     assert shown(best) == [("systematic", 0, 0), ("stratified", 0, 0)]
     assert "mcl-pilots resampler=systematic and mcl-pilots resampler=stratified" in best.caption
 
 
 def test_a_baseline_without_a_trial_on_the_world_is_not_named():
     records = [form("systematic", 1, 1.0), form("stratified", 1, 3.0), form("stratified", 0, 2.0)]
-    (panel,) = panels(records)
-    best, *_ = animations_of(panel)
+    best, *_ = films_of(panel_of(records))
     assert shown(best) == [("stratified", 0, 0)]
     assert best.caption.startswith("World 0, mcl-pilots resampler=stratified: error")
 

@@ -57,11 +57,11 @@ def test_what_was_varied_is_a_column_and_a_line_over_it(results):
     assert results.table["label"].tolist() == ["mcl", "Still", "mcl", "Still"]
     assert sorted(results.trials["particles"].unique()) == [20, 40]
     (axes,) = results.plot("particles").axes
-    drawn = {line.get_label(): line for line in axes.containers}
+    drawn = {line.get_label(): line for line in axes.lines}
     assert list(drawn) == ["mcl", "Still"]
-    for label, container in drawn.items():
+    for label, line in drawn.items():
         rows = results.table[results.table["label"] == label]
-        x, y = container.lines[0].get_data()
+        x, y = line.get_data()
         np.testing.assert_array_equal(x, rows["particles"])
         np.testing.assert_array_equal(y, rows["error"])
 
@@ -157,7 +157,7 @@ def test_numpy_s_numbers_are_numbers_and_each_other_axis_has_a_line_of_its_own()
         (10, 1), (10, 3), (20, 1), (20, 3),
     ]  # fmt: skip
     (axes,) = results.plot("particles").axes
-    assert [line.get_label() for line in axes.containers] == ["mcl, beams = 1", "mcl, beams = 3"]
+    assert [line.get_label() for line in axes.lines] == ["mcl, beams = 1", "mcl, beams = 3"]
 
 
 def test_a_parameter_that_is_called_like_a_column_keeps_its_whole_name():

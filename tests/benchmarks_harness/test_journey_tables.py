@@ -3,49 +3,66 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
-from report_cases import changed, finished, parsed, trial_of, whole
+from report_cases import (
+    changed,
+    finished,
+    frames,
+    lines_of,
+    panel_of,
+    parsed,
+    results_csv,
+    table_of,
+    trial_of,
+    trials_csv,
+    whole,
+)
 from test_store import TRIAL, record_of
 
-from benchmarks.report.animations import animations_of
-from benchmarks.report.charts import WORDS, journey_charts, journey_table
-from benchmarks.report.error_tables import glance_table, verdict_table
-from benchmarks.report.svg import looks
-from benchmarks.report.words import findings, power_hint, runner_up, spoken
+from benchmarks.report.animations import films_of
+from benchmarks.report.panel_charts import journey_charts
+from benchmarks.report.tables import WORDS, glance_table, journey_table, verdict_table
+from benchmarks.report.verdict import verdict
 from benchmarks.sweeps.store import Store
-from benchmarks.tables.csv_files import results_csv, trials_csv
-from benchmarks.tables.journeys import curve_of, median, median_estimate
-from benchmarks.tables.panels import panels
-from benchmarks.tables.stats import sign_test, wilson
+from benchmarks.tables.frames import share_curve
+from benchmarks.tables.stats import median_estimate, sign_test, wilson
 from benchmarks.trials.journeys import GROUPS
 
 NEVER = math.inf
 
 
+def curve_of(runs):
+    """The curve of (world, metres) of each run."""
+    frame = pd.DataFrame(runs, columns=["trial", "metres"])
+    return share_curve(frame.set_index("trial")["metres"])
+
+
 def test_the_curve_of_a_hand_made_case_counts_censored_runs_as_not_localized():
     # two runs on world 2: its half counts as half a world
-    curve = curve_of({0: [1.0], 1: [3.0], 2: [2.0, NEVER], 3: [NEVER]})
-    assert curve.metres.tolist() == [0, 1, 2, 3]
-    assert curve.share.tolist() == [0, 1 / 4, 1.5 / 4, 2.5 / 4]
-    assert (curve.low[-1], curve.high[-1]) == wilson(2.5 / 4, 4)
+    curve = curve_of([(0, 1.0), (1, 3.0), (2, 2.0), (2, NEVER), (3, NEVER)])
+    assert list(curve["metres"]) == [0, 1, 2, 3]
+    assert list(curve["share"]) == [0, 1 / 4, 1.5 / 4, 2.5 / 4]
+    assert tuple(curve[["low", "high"]].iloc[-1]) == wilson(2.5 / 4, 4)
 
 
 def test_the_curve_of_runs_that_are_localized_at_once_begins_at_one():
-    assert curve_of({0: [0.0], 1: [0.0]}).share.tolist() == [1]
-    assert curve_of({0: [NEVER]}).share.tolist() == [0]
+    assert list(curve_of([(0, 0.0), (1, 0.0)])["share"]) == [1]
+    assert list(curve_of([(0, NEVER)])["share"]) == [0]
 
 
-def test_the_median_of_censored_metres_is_infinite_if_half_of_them_are():
-    assert median([1.0, NEVER, 2.0]) == 2
-    assert median([1.0, 2.0]) == 1.5
-    assert median([1.0, NEVER]) == NEVER
+@pytest.mark.parametrize(
+    ("metres", "middle"), [([1.0, NEVER, 2.0], 2), ([1.0, 2.0], 1.5), ([1.0, NEVER], NEVER)]
+)
+def test_the_median_of_censored_metres_is_infinite_if_half_of_them_are(metres, middle):
+    assert median_estimate(np.array(metres)).mean == middle
 
 
 def test_the_interval_of_a_median_is_between_the_40th_and_61st_of_a_hundred():
     # the table of Conover 1999: P(Binomial(100, ½) < 40) = 0.0176, < 41 0.0284
-    assert median_estimate([float(i) for i in range(1, 101)]) == (50.5, 40, 61)
-    assert median_estimate([1.0] * 5 + [NEVER]) == (1, 1, NEVER)
-    assert math.isnan(median_estimate([1.0] * 5).low)  # 2/2⁵ > 5 %
+    assert median_estimate(np.arange(1.0, 101)) == (50.5, 40, 61)
+    assert median_estimate(np.array([1.0] * 5 + [NEVER])) == (1, 1, NEVER)
+    assert math.isnan(median_estimate(np.ones(5)).low)  # 2/2⁵ > 5 %
 
 
 @pytest.mark.parametrize(
@@ -71,49 +88,47 @@ AWARE = [run("mcl-plan", world, metres) for world, metres in enumerate([2.0, 3.0
 FAILED = [trial_of("mcl-plan", 3)]
 
 
-def compared():
-    (panel,) = panels([*BLIND, *AWARE], "mcl-map", failures=FAILED)
-    return panel
+FAILURES = {"baseline": "mcl-map", "failures": [(trial, "boom") for trial in FAILED]}
+ROWS = [*BLIND, *AWARE]
 
 
 def test_metres_are_compared_by_restricted_means_and_a_failed_run_is_not_localized():
-    blind, aware = (row.journey["metres_to_localize"] for row in compared().present)
-    assert blind.value.mean == NEVER  # two of four
-    assert blind.restricted == (4 + 10 + 8 + 10) / 4
-    assert aware.value.mean == 5.5
-    assert aware.restricted == (2 + 3 + 8 + 10) / 4
-    assert aware.diff.mean == (-2 - 7 + 0 + 0) / 4
-    assert math.isnan(blind.diff.mean)
+    rows = table_of(ROWS, **FAILURES)
+    assert list(rows["metres_to_localize"]) == [NEVER, 5.5]  # two of four never do
+    blind, aware = (4 + 10 + 8 + 10) / 4, (2 + 3 + 8 + 10) / 4
+    assert list(rows["metres_to_localize_restricted"]) == [blind, aware]
+    first, second = rows["metres_to_localize_diff"]
+    assert second == (-2 - 7 + 0 + 0) / 4
+    assert math.isnan(first)
 
 
 def test_shares_are_of_all_runs_the_failed_ones_too():
-    blind, aware = (row.journey["success_1m"] for row in compared().present)
-    assert blind.value.mean == 0.5
-    assert aware.value == (0.75, *wilson(0.75, 4))
-    assert (aware.diff.mean, aware.p) == (0.25, 1.0)  # one discordant pair
+    rows = table_of(ROWS, **FAILURES)
+    aware = rows.loc["mcl-plan", 0]
+    assert list(rows["success_1m"]) == [0.5, 0.75]
+    assert (aware.success_1m_low, aware.success_1m_high) == wilson(0.75, 4)
+    assert (aware.success_1m_diff, aware.success_1m_p) == (0.25, 1.0)  # one discordant pair
 
 
 def test_a_run_that_ends_early_is_not_the_better_for_it():
     # it breaks off after 1 m: its metres count as the 10 that the other drove
     broken = run("mcl-plan", 0, NEVER, way=1.0)
-    (panel,) = panels([run("mcl-map", 0, NEVER, way=10.0), broken], "mcl-map")
-    assert panel.present[1].journey["metres_to_localize"].restricted == 10
+    rows = table_of([run("mcl-map", 0, NEVER, way=10.0), broken], baseline="mcl-map")
+    assert rows.loc["mcl-plan", 0].metres_to_localize_restricted == 10
 
 
 def test_all_tests_of_a_panel_are_one_family_of_holm():
     worlds = range(12)
     blind = [run("mcl-map", world, 9.0) for world in worlds]
     aware = [run("mcl-plan", world, 1.0 + 0.1 * world) for world in worlds]
-    (panel,) = panels([*blind, *aware], "mcl-map")
-    row = panel.present[1]
-    metres, success = row.journey["metres_to_localize"], row.journey["success_1m"]
-    assert (row.p, success.p) == (1.0, 1.0)  # the same errors, the same successes
-    assert metres.p == pytest.approx(2 / 2**12)
-    assert metres.p_holm == pytest.approx(3 * 2 / 2**12, rel=1e-5)
+    row = table_of([*blind, *aware], baseline="mcl-map").loc["mcl-plan", 0]
+    assert (row.p, row.success_1m_p) == (1.0, 1.0)  # the same errors, the same successes
+    assert row.metres_to_localize_p == pytest.approx(2 / 2**12, rel=1e-5)
+    assert row.metres_to_localize_p_holm == pytest.approx(3 * 2 / 2**12, rel=1e-5)
 
 
 def test_the_csv_files_have_the_columns_of_what_was_scored_and_no_others():
-    rows = parsed(results_csv([compared()]))
+    rows = parsed(results_csv(ROWS, **FAILURES))
     assert rows[1]["success_1m"] == "0.75"
     assert rows[0]["metres_to_localize"] == "inf"
     assert float(rows[1]["metres_to_localize_diff"]) == -2.25
@@ -125,20 +140,28 @@ def test_the_csv_files_have_the_columns_of_what_was_scored_and_no_others():
 
 
 def tables_of(panel):
-    shown = ((group.name, journey_table(panel, group)) for group in GROUPS)
-    return [(name, table) for name, table in shown if table]
+    found = ((group.name, journey_table(panel, group)) for group in GROUPS)
+    return [(name, table) for name, table in found if table]
+
+
+def shown():
+    return panel_of(ROWS, **FAILURES)
 
 
 def test_the_report_has_a_table_and_a_curve_of_what_was_scored():
-    panel = compared()
+    panel = shown()
     ((group, table),) = tables_of(panel)
     assert WORDS[group][0] == "Localized"
-    assert [line[0] for line in table.lines] == ["mcl-plan", "mcl-map"]  # the largest share first
-    assert table.lines[1][1:5] == ["50 % (15 % to 85 %)", "baseline", "–", "never"]
-    (chart,) = journey_charts(panel, looks(panel.labels.values()))
-    assert chart.alt.endswith("At the end: mcl-map 50 %, mcl-plan 75 %.")
-    (plain,) = panels([finished("mcl", 0, 1.0)])
-    assert tables_of(plain) == journey_charts(plain, {}) == []
+    lines = lines_of(table)
+    assert [line[0] for line in lines] == ["mcl-plan", "mcl-map"]  # the largest share first
+    assert lines[1][1:5] == ["50 % (15 to 85)", "baseline", "–", "never"]
+    (chart,) = journey_charts(panel)
+    blind, aware = chart.figure.axes[0].lines
+    assert (blind.get_label(), aware.get_label()) == ("mcl-map", "mcl-plan")
+    assert blind.get_xydata().tolist() == [[0, 0], [4, 25], [8, 50], [10, 50]]
+    assert aware.get_ydata()[-1] == 75  # the failed run is not localized
+    plain = panel_of([finished("mcl", 0, 1.0)])
+    assert tables_of(plain) == journey_charts(plain) == []
 
 
 WORLDS = 12
@@ -158,27 +181,22 @@ def test_the_verdict_is_about_what_the_runs_are_about_not_about_the_error(score,
     # the errors rank them the other way round
     records = [*sought("mcl", 2, 1.0, score), *sought("amcl", 6, 3.0, score)]
     records += sought("mcl-plan", 11, 9.0, score)
-    (panel,) = panels(records)
-    rows = parsed(results_csv([panel]))
+    panel = panel_of(records)
+    rows = parsed(results_csv(records))
     best, following = rows[2], rows[1]
     low, mean, high = (
         round(100 * float(best[f"{score}_diff{end}"])) for end in ("_low", "", "_high")
     )
     ends = [round(100 * one) for one in wilson(11 / 12, 12)]
-    assert spoken(panel).text == (
+    assert verdict(panel) == (
         f"mcl-plan is best: {done} in 92 % of runs (95 %: "
         f"{ends[0]} to {ends[1]}), {mean} points above mcl (95 %: {low} to {high}); costs 2.7 × "
         "the time."
     )
-    assert runner_up(panel).startswith("Next is amcl, 50 % of runs: 42 points behind (95 %: ")
     assert float(following[f"{score}_p_holm"]) > 0.05
-    methods = [line[0] for line in verdict_table(panel).lines]
-    assert methods == ["mcl-plan", "amcl", "mcl (baseline)"]
-    better, doubtful, _ = findings(panel)
-    often = f"{done.capitalize()} more often than mcl"
-    assert better == f"{often}: mcl-plan."
-    assert doubtful == f"{often}, but not confirmed by the sign test: amcl."
-    assert power_hint(panel) == ""
+    table = verdict_table(panel).frame
+    assert list(table["method"]) == ["mcl-plan", "amcl", "mcl (baseline)"]
+    assert list(table["verdict"]) == ["better", "inconclusive", "baseline"]
 
 
 NOT_CONFIRMED = {
@@ -189,9 +207,8 @@ NOT_CONFIRMED = {
         "mcl": 6,
         "amcl": 6,
     },
-    "No method is confirmed to be better than mcl: it is recovered in 50 % of runs. Largest "
-    "share: amcl, recovered in 67 % of runs (95 %: 39 to 86), 17 points above (95 %: 0 to 42); "
-    "p = 1.": {
+    "No method is confirmed to be better than mcl, recovered in 50 % of runs: first is amcl, "
+    "recovered in 67 % of runs (95 %: 39 to 86), 17 points above mcl (95 %: 0 to 42), p = 1.": {
         "mcl": 6,
         "amcl": 8,
     },
@@ -201,27 +218,24 @@ NOT_CONFIRMED = {
 @pytest.mark.parametrize("expected", NOT_CONFIRMED)
 def test_a_share_that_is_not_confirmed_to_be_larger_is_not_called_best(expected):
     shares = NOT_CONFIRMED[expected]
-    (panel,) = panels(
-        [run for name in shares for run in sought(name, shares[name], score="recovered")]
-    )
-    assert spoken(panel).text == expected
+    runs = [run for name in shares for run in sought(name, shares[name], score="recovered")]
+    assert verdict(panel_of(runs)) == expected
 
 
 def test_a_glance_at_settings_shows_shares_beside_errors():
     plain = [
         finished(name, world, 2.0, scenario="sharp") for name in ("mcl", "amcl") for world in (0, 1)
     ]
-    glance = glance_table(panels([*sought("mcl", 2), *sought("amcl", 11), *plain]))
-    assert [line[1:] for line in glance.lines] == [["17 %", "92 % ▲"], ["2.00", "2.00 ○"]]
-    assert "Share of runs, the largest of a setting in bold: localized to the end" in glance.caption
-    assert "Error e of x[t], the smallest" in glance.caption
+    glance = glance_table(frames([*sought("mcl", 2), *sought("amcl", 11), *plain]))
+    assert [line[1:] for line in lines_of(glance)] == [["17 %", "92 % ▲"], ["2.00", "2.00 ="]]
+    assert glance.caption.startswith("Score: localized to the end (1 m, 30°); error e of x[t]; ")
     assert list(glance.strong) == [(0, 2), (1, 1), (1, 2)]
 
 
 def test_lost_robots_are_shown_by_when_they_were_localized():
-    best, median_one, worst = animations_of(compared())
-    shown = [[(t.localizer, t.trial) for t in lap.trials] for lap in (best, median_one, worst)]
-    assert shown == [[("mcl-map", world), ("mcl-plan", world)] for world in (0, 1, 2)]
+    best, median_one, worst = films_of(shown())
+    laps = [[(t.localizer, t.trial) for t in lap.trials] for lap in (best, median_one, worst)]
+    assert laps == [[("mcl-map", world), ("mcl-plan", world)] for world in (0, 1, 2)]
     assert "metres to localize of mcl-plan 2.0" in best.caption
 
 

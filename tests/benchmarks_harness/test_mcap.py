@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from deqmcl_command import exit_code, files
 from hall import recorded_in_a_hall
@@ -316,12 +317,14 @@ def test_a_sweep_writes_the_runs_that_its_report_animates(tmp_path, monkeypatch,
     names = [f"lap-1-{place}-{own}.mcap" for place in places for own in ("mcl", "mcl-map")]
     assert sorted(path.name for path in Path("runs").iterdir()) == sorted(names)
     assert f"MCAP in runs: {', '.join(names)}." in capsys.readouterr().out
-    shown = json.loads(Path("out/images/laps.json").read_text())
+    trials = pd.read_csv("out/trials.csv")
     for place in places:
-        for key, own in zip(shown[f"lap-1-{place}"]["trials"], ("mcl", "mcl-map"), strict=True):
-            curve = json.loads(Path(f"out/trials/{key}.json").read_text())
+        (film,) = Path("out/images").glob(f"lap-1-{place}-*.webp")
+        world = int(film.stem.rpartition("-")[2])
+        for own in ("mcl", "mcl-map"):
             topics = read(Path(f"runs/lap-1-{place}-{own}.mcap"))
-            assert len(topics[f"/{own}/cloud"]) == curve["steps_done"] + 1
+            (run,) = trials[(trials["method"] == own) & (trials["trial"] == world)].itertuples()
+            assert len(topics[f"/{own}/cloud"]) == run.steps_done + 1
     assert exit_code(*words) == 2
     assert "--mcap is runs, which is there already" in capsys.readouterr().err
 

@@ -5,14 +5,13 @@ import re
 from html import unescape
 
 import pytest
-from report_cases import finished, paired, parsed, results, written
+from report_cases import finished, frames, lines_of, paired, panel_of, parsed, results, written
 
-from benchmarks.report import error_tables, tables
-from benchmarks.tables.panels import panels
+from benchmarks.report import tables
 from benchmarks.trials.scoring import SCORE_NAMES
 
 BASELINE = "mcl-map"  # neither the usual one nor the first
-TABLES = error_tables.verdict_table, tables.calibration_table, error_tables.offsets_table
+TABLES = tables.verdict_table, tables.calibration_table, tables.offsets_table
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +28,9 @@ def reported(tmp_path_factory):
 
 def of_html(text):
     """The cells of each table, line by line."""
-    for table in re.findall("<table[ >].*?</table>", re.sub("</?span>", "", text), re.DOTALL):
+    for table in re.findall(
+        "<table[ >].*?</table>", re.sub("</?(span|strong)>", "", text), re.DOTALL
+    ):
         lines = re.findall("<tr[^>]*>(.*?)</tr>", unescape(table).replace("\u00a0", " "), re.DOTALL)
         yield [re.findall("<t[hd][^>]*>(.*?)</t[hd]>", one) for one in lines]
 
@@ -54,9 +55,9 @@ def test_page_and_markdown_have_the_cells_of_the_tables_whose_numbers_are_those_
     assert {row["baseline"] for row in rows} == {BASELINE}
     assert {row["swept"] for row in rows} == {'{"particles":100}', '{"particles":300}'}
     found = list(tables_of((folder / name).read_text(encoding="utf-8")))
-    for panel in panels(records, BASELINE):
+    for panel in frames(records, baseline=BASELINE):
         for table in (made(panel) for made in TABLES):
-            assert [table.header, *table.lines] in found
+            assert [list(table.frame), *lines_of(table)] in found
 
 
 # by header: the column of results.csv, and how it is written
@@ -74,9 +75,9 @@ COLUMNS = {
 def test_every_column_of_a_table_has_the_score_that_it_names():
     scores = {name: place / 50 for place, name in enumerate(SCORE_NAMES, 1)}
     records = [finished("mcl", world, 3.0, scores=scores) for world in range(2)]
-    (panel,) = panels(records)
+    panel = panel_of(records)
     for table in (made(panel) for made in TABLES[1:]):
-        for header, cell in zip(table.header, table.lines[0], strict=True):
+        for header, cell in table.frame.iloc[0].items():
             if header in COLUMNS:
                 name, factor, form = COLUMNS[header]
                 mean = cell.partition(" (")[0].removesuffix(" %")

@@ -232,7 +232,7 @@ def test_a_folder_goes_on_from_decided_to_all_worlds_and_back(decided, tmp_path,
     assert not (whole / "decisions.csv").exists()
     assert sweep(file, whole, *UNTIL) == 0
     assert lines(whole, "decisions.csv") == lines(out, "decisions.csv")
-    assert "2 comparisons: 1 better, 1 open" in capsys.readouterr().out
+    assert "Comparisons with the baseline: 1 better, 1 open" in capsys.readouterr().out
 
 
 def test_a_margin_is_not_chosen_after_a_look(decided, tmp_path, refusal):

@@ -72,10 +72,10 @@ def test_a_sweep_that_lacks_a_trial_at_its_end_has_not_succeeded(tmp_path, monke
 
 
 def test_what_keeps_the_pictures_away_does_not_keep_the_tables_away(tmp_path, monkeypatch):
-    def undrawn(*_):
+    def undrawn(*_, **__):
         raise RuntimeError("no pictures today")
 
-    monkeypatch.setattr("benchmarks.report.story.story_of", undrawn)
+    monkeypatch.setattr("benchmarks.report.page.page_files", undrawn)
     file, out = write_small(tmp_path, trials=1), tmp_path / "out"
     assert exit_code("sweep", file, "--out", out, "--jobs", "1") == 3
     assert {"results.csv", "trials.csv"} < files(out).keys()
