@@ -224,9 +224,11 @@ def _contents(
         load()
         from benchmarks.report.page import Part, page_files
 
-        notes = [*accuracy(rows), replay.overview, _WORLDS, *replay.facts]
+        notes = [*accuracy(rows), replay.overview, _WORLDS]
         more = [] if wrong is None else [Part(*wrong.part)]
-        page = page_files(results, Path(), notes=notes, warnings=warnings, more=more)
+        page = page_files(
+            results, Path(), notes=notes, warnings=warnings, facts=replay.facts, more=more
+        )
         contents["report.html"] = page["report.html"]
     return contents
 

@@ -69,6 +69,12 @@ def films(
         yield wait
 
 
+def shown_films(results: Results, folder: Path, *, draw: bool) -> list[str]:
+    """Name the films that a report is to have."""
+    chosen = [film for panel in frames_of(results)[:1] for film in films_of(panel)]
+    return [film.name for film in chosen if draw or _of(film, folder) is not None]
+
+
 def films_of(panel: PanelFrames) -> list[Animation]:
     """Choose the best, median and worst world of what is in focus, beside its baseline."""
     whole_log = any(record.track for own in panel.records.values() for record in own)

@@ -210,9 +210,10 @@ def _legend(axes: "Axes") -> None:
         old.remove()
     if not labels:
         return
-    columns = max(1, min(len(labels), _LETTERS // (6 + max(map(len, labels)))))
-    rows = math.ceil(len(labels) / columns)
-    names = [fill(label, _LETTERS) for label in labels]
+    names = [fill(label, _LETTERS - 8) for label in labels]
+    columns = max(1, min(4, len(labels), _LETTERS // (8 + max(map(len, labels)))))
+    lines_of_one = 1 + max(name.count("\n") for name in names)
+    rows = lines_of_one * math.ceil(len(labels) / columns)
     figure.legend(lines, names, loc="outside lower center", ncols=columns, frameon=False)
     if not hasattr(figure, "bare"):
         figure.bare = figure.get_figheight()

@@ -66,6 +66,12 @@ class PanelFrames:
         return self.title.removeprefix("scenario ")
 
     @property
+    def agents(self) -> list[str]:
+        """Who drives, in a word each; none if that is the scenario's own agent only."""
+        params = self.rows["params"].map(json.loads)
+        return list(dict.fromkeys(short_name(own["agent"]) for own in params if "agent" in own))
+
+    @property
     def present(self) -> pd.DataFrame:
         """The rows about x[t]."""
         return self.rows[self.rows["offset"] == 0]
@@ -181,7 +187,6 @@ def _frames(results: Results, panel: Panel, labels: list[str]) -> PanelFrames:
         reference=pd.Categorical(rows["reference"], categories=labels),
         plug_in=[is_plug_in(m.name) or bool(plug_ins_of_agent(m.agent)) for m in told],
         same_driver=[m.agent == panel.baselines[m].agent for m in told],
-        far_worlds=rows["far_worlds"].astype(float),
     )
     tests = ["p", *(f"{score.name}_p" for score in panel.scores if score.tested)]
     cells = cells_of(results.trials)
@@ -222,4 +227,4 @@ def _limited(gaps: pd.DataFrame) -> pd.DataFrame:
 def _far(signals: pd.DataFrame, of: str) -> pd.DataFrame:
     """Return AUROC with far_steps and far_worlds, whatever they are of."""
     names = {f"{of}steps": "far_steps", f"{of}worlds": "far_worlds"}
-    return signals.rename(columns=names).astype({"far_worlds": float})
+    return signals.rename(columns=names)

@@ -81,6 +81,7 @@ def page_files(
     draw: bool = False,
     notes: Sequence[str] = (),
     warnings: Sequence[str] = (),
+    facts: Sequence[str] = (),
     more: Sequence[Part] = (),
 ) -> dict[str, bytes]:
     """Return report.html, results.md and the pictures of the latter by name.
@@ -89,7 +90,7 @@ def page_files(
         results: what it is about.
         folder: whose films and figures are shown, if it has them.
         draw: whether to draw the films that it has not.
-        notes, warnings: further sentences.
+        notes, warnings, facts: further sentences; facts stand below, beside the command.
         more: parts of the first section.
     """
     panels = frames_of(results)
@@ -111,6 +112,7 @@ def page_files(
         "progress": progress(results),
         "baseline": baseline_of(panels, results),
         "methods": [f"{n} ({WORDS[n]})" if n in WORDS else short_name(n) for n in _names(panels)],
+        "agents": list(dict.fromkeys(name for panel in panels for name in panel.agents)),
         "worlds": sorted({int(n) for panel in panels for n in panel.rows["worlds"]}),
         "filter_seeds": len({record.trial.filter_seed for record in results.records}),
         "params": panels[0].shared_params if panels else {},
@@ -118,6 +120,7 @@ def page_files(
         "few": _FEW,
         "notes": notes,
         "warnings": warnings,
+        "facts": facts,
         "glances": glances,
         "swept": swept,
         "sections": sections,

@@ -118,6 +118,8 @@ def parted(cell: str) -> tuple[str, str]:
 def html_cell(text: str) -> str:
     """Return a cell as HTML."""
     value, ends = parted(text)
+    if value[:1] in "+−0123456789":  # a number and its unit stay together
+        value = value.replace(" ", "\u00a0")
     return f"{escape(value)} <span>{escape(ends)}</span>" if ends else escape(value)
 
 
@@ -217,11 +219,11 @@ def glance_table(panels: Sequence[PanelFrames]) -> Table:
         best = rows.loc[rows["order"] == rows["order"].iloc[0], "label"]
         strong += [(n, 1 + labels.index(label)) for label in best]
         lines.append([f"{panel.number}. {panel.where}", *(marked.get(one, "–") for one in labels)])
-    aims = dict.fromkeys(panel.aim.words if panel.aim else "error e of x[t]" for panel in panels)
+    aims = [panel.aim.words if panel.aim else "error e of x[t]" for panel in panels]
     caption = (
-        f"{'; '.join(aims)}; the best of a setting in bold. ▼ smaller than the baseline's, ▲ larger"
-        " (95 % interval excludes 0 and p < 0.05 after Holm's correction; where a sweep stops when "
-        "decided: by more than the margin), ○ inconclusive, = the same."
+        f"Score: {'; '.join(dict.fromkeys(aims))}; the best of a setting in bold. ▼ smaller than "
+        "the baseline's, ▲ larger (95 % interval excludes 0 and p < 0.05 after Holm's correction; "
+        "where a sweep stops when decided: by more than the margin), ○ inconclusive, = the same."
     )
     return Table(caption, pd.DataFrame(lines, columns=["setting", *labels]), strong)
 

@@ -109,9 +109,12 @@ def _written(
 
 def _source(results: Results, folder: Path, *, draw: bool) -> str:
     """Name all that a report is made of: results, pictures, code and libraries."""
-    pictures = sorted({*folder.glob("images/lap-*"), *folder.glob("figures/*")})
-    told = [path.name for path in pictures if not draw or path.parent.name == "figures"]
-    digest = sha256(f"{source_of('benchmarks')} {no_report()} {told}".encode())
+    pictures = sorted(path.name for path in folder.glob("figures/*"))
+    if no_report() is None:
+        from benchmarks.report.animations import shown_films
+
+        pictures += shown_films(results, folder, draw=draw)
+    digest = sha256(f"{source_of('benchmarks')} {no_report()} {pictures}".encode())
     for library in ("jinja2", "matplotlib", "opencv-python-headless", "pandas", "pillow"):
         with suppress(PackageNotFoundError):
             digest.update(f"{library} {version(library)}".encode())

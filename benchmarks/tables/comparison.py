@@ -92,7 +92,7 @@ def results_table(
     scores = dict.fromkeys(score for panel in panels for score in panel.scores)
     journeys = (name for score in scores for name in journey_columns(score))
     table = pd.DataFrame(rows, columns=[*RESULTS, *journeys, *FURTHER]).infer_objects()
-    return table.astype({"far_worlds": "Int64", "decision": object})
+    return table.astype({"decision": object})
 
 
 def _method_rows(panel: Panel, method: Method, members: Members) -> Iterator[dict[str, Any]]:

@@ -25,12 +25,10 @@ METHOD = ("method", "params")
 PANEL = (*SETTING, "swept", *METHOD)
 RUN = ("trial", "filter_seed")
 _COUNTS = (
-    "weight_collapses",
-    "replanned_steps",
-    "infeasible_plans",
-    "skipped_beams",
-    "blind_scans",
-)
+    "steps_done", "scans_used", "weight_collapses", "replanned_steps", "infeasible_plans",
+    "skipped_beams", "blind_scans",
+)  # fmt: skip
+_WHOLE = dict.fromkeys((*_COUNTS, "far_worlds", "conflict_worlds", "worlds"), "Int64")
 INNER = ("way", "failed")  # columns that are not in trials.csv
 
 
@@ -45,8 +43,8 @@ def trials_frame(records: Iterable[Finished], failures: Iterable[Trial] = ()) ->
     rows = [
         run_columns(record.trial)
         | {name: score.get(name) for name in ("offset", *SCORE_NAMES)}
-        | {"steps_done": record.steps_done, "scans_used": record.scans_used}
         | {name: record.events.get(name) for name in _COUNTS}
+        | {"steps_done": record.steps_done, "scans_used": record.scans_used}
         | {one.name: value_in(record, one) for one in whole if score["offset"] == 0}
         | {"way": record.journey.curves["way"][-1] if record.journey else None, "failed": False}
         for record in listed
@@ -61,13 +59,13 @@ def trials_frame(records: Iterable[Finished], failures: Iterable[Trial] = ()) ->
         | {one.name: one.failed for one in known.get(trial.setting, ())}
         for trial in failures
     ]
-    counts = ("steps_done", "scans_used", *_COUNTS)
     names = [one.name for one in whole]
-    columns = [*SETTING, *METHOD, *RUN, "offset", *SCORE_NAMES, *counts, *names, *INNER]
+    columns = [*SETTING, *METHOD, *RUN, "offset", *SCORE_NAMES, *_COUNTS, *names, *INNER]
     frame = pd.DataFrame(rows, columns=columns)
+    frame[[*_COUNTS]] = frame[[*_COUNTS]].apply(pd.to_numeric)
     types = dict.fromkeys((*SCORE_NAMES, *names, "way"), "float64")
     types |= dict.fromkeys(("lag", "seed", *RUN, "offset"), "int64")
-    return frame.astype(types | dict.fromkeys(counts, "Int64") | {"failed": "bool"})
+    return frame.astype(types | {"failed": "bool"})
 
 
 def timings_table(records: Iterable[Finished]) -> pd.DataFrame:
@@ -83,6 +81,7 @@ def timings_table(records: Iterable[Finished]) -> pd.DataFrame:
 def csv_of(table: pd.DataFrame, without: Iterable[str] = ("panel", "panels", "label")) -> str:
     """Return a table as CSV with exact numbers; what is not available is an empty cell."""
     plain = table.drop(columns=[name for name in without if name in table])
+    plain = plain.astype({name: kind for name, kind in _WHOLE.items() if name in plain})
     return plain.to_csv(index=False, lineterminator="\n")
 
 

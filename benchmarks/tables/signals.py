@@ -44,12 +44,12 @@ class Auroc:
     Attributes:
         auroc: with its interval over worlds.
         far_steps: share of steps in trouble, of those that have the number.
-        far_worlds: worlds with such a step; None if no step has the number.
+        far_worlds: worlds with such a step; NaN if no step has the number.
     """
 
     auroc: Estimate = UNKNOWN
     far_steps: float = math.nan
-    far_worlds: int | None = None
+    far_worlds: float = math.nan
 
     def columns(self, steps: str, worlds: str) -> dict[str, Any]:
         """Return it as the columns of a row."""
@@ -79,7 +79,7 @@ def auroc(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Auroc:
         # sums of halves below 2⁵³: exact, in whatever order they are added
         resampled = ((drawn @ wins) * drawn).sum(axis=1)[pairs > 0] / pairs[pairs > 0]
         found = Estimate(found.mean, *map(float, np.quantile(resampled, QUANTILES)))
-    return Auroc(auroc=found, far_steps=float(trouble.mean()), far_worlds=int((far > 0).sum()))
+    return Auroc(auroc=found, far_steps=float(trouble.mean()), far_worlds=float((far > 0).sum()))
 
 
 def in_order(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Floats:
@@ -123,8 +123,7 @@ def plans_table(panels: Iterable[Panel]) -> pd.DataFrame:
                 shared | {"signal": signal} | found.columns("conflict_steps", "conflict_worlds")
                 for signal, found in _of_plans(own).items()
             )
-    table = pd.DataFrame(rows, columns=[*PLANS, "panel", "panels", "label"])
-    return table.astype({"conflict_worlds": "Int64"})
+    return pd.DataFrame(rows, columns=[*PLANS, "panel", "panels", "label"])
 
 
 def maps_table(panels: Iterable[Panel]) -> pd.DataFrame:
@@ -143,7 +142,7 @@ def maps_table(panels: Iterable[Panel]) -> pd.DataFrame:
         for method, records in panel.records.items()
         for (question, signal), found in _of_maps([r for r in records if r.against_map]).items()
     ]
-    return pd.DataFrame(rows, columns=[*MAPS, "panel", "label"]).astype({"worlds": "Int64"})
+    return pd.DataFrame(rows, columns=[*MAPS, "panel", "label"])
 
 
 def _of_plans(records: list[Finished]) -> dict[str, Auroc]:
