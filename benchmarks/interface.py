@@ -27,7 +27,7 @@ from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Axis, Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence
 from benchmarks.sweeps.running import Options, begun, check
-from benchmarks.sweeps.suites import FAMILIES, PAPER_METHODS, SUITES, sweeps_named
+from benchmarks.sweeps.suites import PAPER_METHODS, SUITES, sweep_named
 from benchmarks.tables.comparison import FURTHER, RESULTS
 from benchmarks.tables.frames import INNER, trials_frame
 from benchmarks.trials.episode import Moment
@@ -36,7 +36,7 @@ from benchmarks.trials.stage import Stage
 from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError, integer, one_of, shown
 from localizers import Belief, registered
-from localizers.naming.registry import Factory
+from localizers.registry import Factory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -271,13 +271,12 @@ def _base(of: str | Path | Sweep) -> Sweep:
     """Return the sweep that a name leads to, or that of a scenario."""
     if isinstance(of, Sweep):
         return of
-    if (name := str(of)) in FAMILIES:
-        raise InputError(f"{name} has several suites: name one of {', '.join(FAMILIES[name])}.")
+    name = str(of)
     if name in SCENARIOS and name not in SUITES:
         return Sweep(title=name, scenario=name, localizers=_methods(PAPER_METHODS)[0])
     if not name.endswith(".toml"):
         one_of("suite or scenario", name, {**SUITES, **SCENARIOS})
-    return sweeps_named(name)[""]
+    return sweep_named(name)
 
 
 def _methods(given: Sequence[Any]) -> tuple[tuple[Method, ...], dict[str, Factory]]:

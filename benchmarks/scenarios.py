@@ -12,7 +12,7 @@ from typing import Any
 
 from benchmarks.setup.changes import Changes, Named
 from benchmarks.setup.priors import Gaussian, Uniform
-from benchmarks.setup.scenario import Scenario, Thresholds
+from benchmarks.setup.scenario import RoomScenario, Thresholds
 from deqmcl_gym.world.config import MotionNoise, Start, World
 from deqmcl_gym.world.presets import WORLDS
 from localizers import CensoredGaussianUniform, OdometryMotion
@@ -34,38 +34,41 @@ def _known(world: World) -> dict[str, Any]:
     return {"motion": motion, "scan": scan, "prior": _around(world.start)}
 
 
-def _as(base: Scenario, words: str, agent: str | None = None, **env: Any) -> Scenario:
-    """Another scenario, with another agent or other arguments of its env."""
+def _as(base: RoomScenario, words: str, agent: str | None = None, **parts: Any) -> RoomScenario:
+    """Another scenario, with another agent or other parts of its world."""
     driven = Named(agent) if agent else base.agent
-    return replace(base, words=words, agent=driven, env={**base.env, **env})
+    return replace(base.in_world(Changes(parts)), words=words, agent=driven)
 
 
-_GUIDED = Scenario(
+_GUIDED = RoomScenario(
     words="large motion noise, and a driver who sees the true pose; the filters know the noise",
-    env={"preset": "guided"},
+    world=WORLDS["guided"],
     **_known(WORLDS["guided"]),
 )
 _NOISE = MotionNoise(drive=0.1, turn=0.1, drift=0.1)  # per m
 _FAN = {"beams": 16, "field_of_view": 2 * math.pi, "max_range": 12.0, "sigma": 0.5}
-_BEAM = {"beams": 1, "max_range": 12.0, "sigma": 1.0}
+_BEAM = {"beams": 1, "field_of_view": math.pi / 2, "max_range": 12.0, "sigma": 1.0}
 _START = Start(sd_position=0.1, sd_heading=0.1)
-_LOST = Scenario(
+_LOST = RoomScenario(
     words="16 beams in an office building; a dispatcher's route, and no idea of the start",
-    env={
-        "preset": "paper",
-        "floor_plan": {"office": {"wings": 2, "corridors": 2}},
-        "lidar": _FAN,
-        "robot": {"radius": 0.25},
-        "noise": _NOISE,
-        "lap": {"step": 0.2},
-        "route": {"min_length": 20.0, "max_length": 60.0},
-        "driver": {},
-    },
+    world=WORLDS["paper"],
     motion=OdometryMotion(**vars(_NOISE)),
     scan=_sensor(_FAN["sigma"]),
     prior=Uniform(),
     thresholds=Thresholds(far=1.0, lost=1.0),
     buildings=20,
+).in_world(
+    Changes(
+        {
+            "floor_plan": {"office": {"wings": 2, "corridors": 2}},
+            "lidar": _FAN,
+            "robot.radius": 0.25,
+            "noise": _NOISE,
+            "lap.step": 0.2,
+            "route": {"min_length": 20.0, "max_length": 60.0},
+            "driver": {},
+        }
+    )
 )
 _SYMMETRIC = _as(
     _LOST,
@@ -108,21 +111,21 @@ _WRONG: dict[str, Any] = {
     "people": {"number": 20},
 }
 
-SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
+SCENARIOS: Mapping[str, RoomScenario] = MappingProxyType(
     {
-        "paper": Scenario(
+        "paper": RoomScenario(
             words="one weak beam; the filters assume ten times the true motion noise or more",
-            env={"preset": "paper"},
+            world=WORLDS["paper"],
         ),
-        "matched": Scenario(  # where calibration is judged
+        "matched": RoomScenario(  # where calibration is judged
             words="one weak beam; the filters know the true noise, sensor and start",
-            env={"preset": "matched"},
+            world=WORLDS["matched"],
             **_known(WORLDS["matched"]),
         ),
-        "sharp": Scenario(
+        "sharp": RoomScenario(
             words="nine sharp beams; the filters assume five times the motion noise (drift: twenty "
             "times)",
-            env={"preset": "sharp"},
+            world=WORLDS["sharp"],
             motion=OdometryMotion(drive=0.1, turn=0.1, drift=0.01),
             scan=_sensor(WORLDS["sharp"].lidar.sigma),
         ),

@@ -28,19 +28,15 @@ from deqmcl_gym.validation import InputError
 PREFIX, SUFFIX = ".deqmcl-", ".tmp"  # of the temporary file that an interrupted write leaves
 
 
-def write_bytes(path: Path, content: bytes, *, synced: bool = True) -> None:
-    """Write a file whole or not at all: first to a temporary file beside it, then renamed.
-
-    ``synced``: wait for the disk; a power cut could else leave an empty file.
-    """
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all: first to a temporary file beside it, then renamed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     beside = path.with_name(f"{PREFIX}{secrets.token_hex(4)}{SUFFIX}")
     try:
         with beside.open("xb") as file:  # with the permissions of the umask
             file.write(content)
             file.flush()
-            if synced:
-                os.fsync(file.fileno())
+            os.fsync(file.fileno())  # or a power cut could leave an empty file
         beside.replace(path)
     except BaseException as error:
         with suppress(OSError):
@@ -353,6 +349,6 @@ def _bytes_of(character: str) -> str:
     return "".join(f"\\x{byte:02x}" for byte in content)
 
 
-def write_text(path: Path, text: str, *, synced: bool = True) -> None:
-    """Write a file whole or not at all, see ``write_bytes``."""
-    write_bytes(path, text.encode(), synced=synced)
+def write_text(path: Path, text: str) -> None:
+    """Write a file whole or not at all."""
+    write_bytes(path, text.encode())

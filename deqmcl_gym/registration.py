@@ -12,8 +12,6 @@ import math
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from importlib.abc import Loader, MetaPathFinder
-from importlib.machinery import ModuleSpec, PathFinder
 from types import ModuleType
 from typing import Any
 
@@ -35,15 +33,15 @@ _JOURNEY = {
     "horizon": 50,
 }
 _ROOM = "deqmcl_gym.envs.room:RoomEnv"
-_REGISTRY = "gymnasium.envs.registration"
 
 
 def register() -> None:
     """Register the environments, at once or when Gymnasium is imported."""
-    if _REGISTRY in sys.modules:
-        _register(sys.modules[_REGISTRY])
+    registry = sys.modules.get("gymnasium.envs.registration")
+    if registry is None:
+        sys.meta_path.insert(0, _WhenGymnasiumLoads())
     else:
-        sys.meta_path.insert(0, _Finder())
+        _register(registry)
 
 
 def preset_id(preset: str) -> str:
@@ -92,32 +90,10 @@ def _register_room(registry: ModuleType, name: str, kwargs: dict[str, Any]) -> N
     )
 
 
-class _Finder(MetaPathFinder):
-    """Registers the environments when Gymnasium's registry is first imported."""
+class _WhenGymnasiumLoads:
+    """Registers the environments when Gymnasium, which has its registry then, loads wrappers."""
 
-    def find_spec(
-        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
-    ) -> ModuleSpec | None:
-        if fullname != _REGISTRY:
-            return None
-        sys.meta_path.remove(self)
-        spec = PathFinder.find_spec(fullname, path, target)
-        if spec is not None and spec.loader is not None:
-            spec.loader = _ThenRegister(spec.loader)
-        return spec
-
-
-class _ThenRegister(Loader):
-    """Loads a module with its own loader, then registers the environments."""
-
-    def __init__(self, loader: Loader) -> None:
-        self._loader = loader
-
-    def create_module(self, spec: ModuleSpec) -> ModuleType | None:
-        return self._loader.create_module(spec)
-
-    def exec_module(self, module: ModuleType) -> None:
-        assert module.__spec__ is not None
-        module.__spec__.loader = module.__loader__ = self._loader
-        self._loader.exec_module(module)
-        _register(module)
+    def find_spec(self, name: str, path: Sequence[str] | None, target: object = None) -> None:
+        if name == "gymnasium.wrappers":
+            sys.meta_path.remove(self)
+            register()

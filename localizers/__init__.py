@@ -15,6 +15,7 @@ from localizers.beliefs import (
     quality_of,
 )
 from localizers.inference.hedge import hedged
+from localizers.kinds import absolute_name
 from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform, LatentShare
 from localizers.models.motion import OdometryMotion
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
@@ -27,8 +28,7 @@ from localizers.models.prior import (
     UniformPrior,
 )
 from localizers.models.robot import RobotModel
-from localizers.naming.plugins import absolute_name
-from localizers.naming.registry import (
+from localizers.registry import (
     make,
     names,
     parameters,

@@ -18,7 +18,7 @@ from localizers.models.beams import CensoredGaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.models.robot import RobotModel
-from localizers.naming.registry import make, parameters
+from localizers.registry import make, parameters
 
 OFFICE = {"wings": 1, "corridors": 2}  # 24 m × 26 m
 POWER = 0.1  # the beams of one scan tell as much as 1.6 independent ones

@@ -1,6 +1,7 @@
 """Run the ``deqmcl`` command, as a process or in this one; what it has written."""
 
 import csv
+import json
 import re
 import subprocess
 import sys
@@ -51,3 +52,24 @@ def lines(out, name="trials.csv"):
     """Lines of a CSV file, each by column."""
     with (out / name).open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
+
+
+def stored(out):
+    """The lines of all trials, by file: the same bytes if none was run."""
+    return {path.name: path.read_bytes() for path in sorted(out.glob("trials*.jsonl"))}
+
+
+def records(out):
+    """The record of each finished trial, by key: it depends on nothing but the sweep."""
+    texts = b"".join(stored(out).values()).splitlines(keepends=True)
+    lines = [json.loads(text) for text in texts if text.endswith(b"\n")]
+    return {line["key"]: line["record"] for line in lines if "record" in line}
+
+
+def lose(out, *numbers):
+    """Remove the trials of these lines, by default all; return their keys."""
+    path = out / "trials.jsonl"
+    lines = path.read_text().splitlines(keepends=True)
+    lost = [lines[number] for number in numbers] or lines
+    path.write_text("".join(line for line in lines if line not in lost))
+    return [json.loads(line)["key"] for line in lost]

@@ -1,6 +1,6 @@
-"""How far a run walks: the files of ours whose functions it enters, by a profile hook.
+"""How much there is to hold: files that a run enters, calls of a trial, lines of source and tests.
 
-``python tests/walks.py`` prints the table; ``system/test_walks.py`` holds it below ``LIMITS``. All
+``python tests/walks.py`` prints the table; ``system/test_walks.py`` holds it below the limits. All
 threads and processes of a run count, calls made while a module is being imported do not.
 """
 
@@ -12,6 +12,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import FrameType
 
@@ -19,7 +20,8 @@ ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = "deqmcl_gym", "localizers", "benchmarks"
 OURS = tuple(f"{ROOT / package}{os.sep}" for package in PACKAGES)
 
-LIMITS = {  # the most files that each may enter: lower them with the code
+# All limits fall with the code.
+LIMITS = {  # the most files that each may enter
     "deqmcl paper": 115,
     "a sweep cell": 120,
     "a trial of mcl": 62,
@@ -27,7 +29,9 @@ LIMITS = {  # the most files that each may enter: lower them with the code
     "update of mcl": 17,
     "env.step": 12,
 }
-MOST_FILES = 270  # of source
+MOST_CALLS = 26_000  # of functions of ours, in a trial of mcl
+MOST_FILES = 190  # of source
+MOST_LINES = {"source": 42_000, "tests": 28_000}
 
 COMMANDS = {
     "deqmcl paper": "paper --trials 1 --jobs 1 --localizers mcl --out {out}",
@@ -49,9 +53,10 @@ walks.follow({log!r})
 
 
 class _Hook:
-    """A profile hook that hands on each file of ours when its first function is called."""
+    """A profile hook that counts calls of ours, and hands on each file when one is its first."""
 
     def __init__(self, seen: Callable[[str], object]) -> None:
+        self.calls = 0
         self._seen, self._files = seen, set()
         self._imports = threading.local()
 
@@ -62,7 +67,10 @@ class _Hook:
             self._imports.depth = max(0, depth + (event == "call") - (event == "return"))
         elif event == "call" and depth == 0:
             file = code.co_filename
-            if file not in self._files and file.startswith(OURS):
+            if not file.startswith(OURS):
+                return
+            self.calls += 1
+            if file not in self._files:
                 self._files.add(file)
                 self._seen(os.path.relpath(file, ROOT))
 
@@ -75,15 +83,25 @@ def follow(log: str) -> None:
     sys.setprofile(hook)
 
 
+@dataclass
+class Walk:
+    """What was entered: files, and how many calls of our functions there were."""
+
+    files: set[str] = field(default_factory=set)
+    calls: int = 0
+
+
 @contextlib.contextmanager
-def followed() -> Iterator[set[str]]:
-    """Yield the set of files that this thread enters within the context."""
-    files: set[str] = set()
-    sys.setprofile(_Hook(files.add))
+def followed() -> Iterator[Walk]:
+    """Yield what this thread enters within the context."""
+    walk = Walk()
+    hook = _Hook(walk.files.add)
+    sys.setprofile(hook)
     try:
-        yield files
+        yield walk
     finally:
         sys.setprofile(None)
+        walk.calls = hook.calls
 
 
 def of_command(name: str) -> set[str]:
@@ -106,21 +124,21 @@ def of_command(name: str) -> set[str]:
         return set(log.read_text().split())
 
 
-def of_a_trial(method: str) -> set[str]:
-    """Return the files that one trial enters, without its worker and its store."""
-    from benchmarks.sweeps.suites import sweeps_named
+def of_a_trial(method: str) -> Walk:
+    """Return what one trial enters, without its worker and its store."""
+    from benchmarks.sweeps.suites import sweep_named
     from benchmarks.trials.attempt import attempt
     from benchmarks.trials.plugins import key_of
 
     with tempfile.TemporaryDirectory() as folder:
         cell = Path(folder, "cell.toml")
         cell.write_text(CELL.replace("guided", "paper").replace("deq-mcl", method))
-        (sweep,) = sweeps_named(str(cell)).values()
+        sweep = sweep_named(str(cell))
     (trial,) = sweep.distinct()
     key = key_of(trial)
-    with followed() as files:
+    with followed() as walk:
         assert attempt(trial, key).record
-    return files
+    return walk
 
 
 def of_a_step() -> tuple[set[str], set[str]]:
@@ -142,20 +160,28 @@ def of_a_step() -> tuple[set[str], set[str]]:
             ranges = env.step(plan[k])[0]
         with followed() as updating:
             mcl.update(ranges, plan[k], plan[k + 1 :])
-    return stepping, updating
+    return stepping.files, updating.files
 
 
 def walks() -> dict[str, set[str]]:
     """Return the files that each walk of ``LIMITS`` enters."""
     stepping, updating = of_a_step()
     files = {name: of_command(name) for name in COMMANDS}
-    files |= {f"a trial of {method}": of_a_trial(method) for method in ("mcl", "deq-mcl")}
+    files |= {f"a trial of {method}": of_a_trial(method).files for method in ("mcl", "deq-mcl")}
     return files | {"update of mcl": updating, "env.step": stepping}
 
 
 def source() -> list[Path]:
     """Return the files of source."""
     return sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+
+
+def lines() -> dict[str, int]:
+    """Return how many lines the source and the tests have."""
+    files = {"source": source(), "tests": (ROOT / "tests").rglob("*.py")}
+    return {
+        name: sum(path.read_bytes().count(b"\n") for path in paths) for name, paths in files.items()
+    }
 
 
 def circle() -> list[str]:
@@ -177,5 +203,8 @@ if __name__ == "__main__":
         print(f"{name:20}{len(files):5} files of at most {LIMITS[name]}")
         if sys.argv[1:] == ["--files"]:
             print(*sorted(files), sep="\n")
+    print(f"{'a trial of mcl':20}{of_a_trial('mcl').calls:5} calls of at most {MOST_CALLS}")
     print(f"{'source':20}{len(source()):5} files of at most {MOST_FILES}")
+    for name, count in lines().items():
+        print(f"{name:20}{count:5} lines of at most {MOST_LINES[name]}")
     print(f"import circle: {' → '.join(circle()) or 'none'}")

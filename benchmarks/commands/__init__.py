@@ -18,12 +18,12 @@ COMMANDS = {
     "score": "score what another stack has estimated, with the columns of replay",
     "basin": "find how wrong the start may be, on a log or in a scenario",
     "from-nav2": "turn Nav2's AMCL parameters into a sweep file",
-    "phase": "draw the queue as place fields over the theta phase",
     "check": "check that a localizer obeys the laws the benchmarks rely on",
     "new-localizer": "write a small working localizer to start from",
     "new-map": "write a generated building as a ROS map and as polygons",
-    "speed": "measure speed against NumPy, pymunk, CartPole and peers",
 }
 GONE = {  # said to whoever still types them
+    "phase": "in a clone, docs/examples/theta_phase.py draws the queue as theta phase",
+    "speed": "in a clone, python -m benchmarks.studies.speed --out DIR measures it",
     "leaderboard": "deqmcl report A B C --out DIR makes one report of folders of the same worlds",
 }

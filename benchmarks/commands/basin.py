@@ -47,7 +47,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.execution.apart import answered_within
     from benchmarks.execution.engines import Where
     from benchmarks.replay.basin import Question, basin_sweep, run_basin
     from benchmarks.replay.command import disagreement, gated
@@ -79,25 +78,24 @@ def run(options: argparse.Namespace) -> str:
         scenario, assumed = "log", replay.assumed
         world = Changes({**whole, "segment": segment})
         title = f"Segments of {segment:g} m of {Path(options.log).name}"
-    with answered_within(options.timeout):
-        localizers = shared.localizers_named(options.localizers)
-        with shared.checking():
-            sweep = basin_sweep(
-                question,
-                localizers,
-                title=f"How wrong may the start be? {title}",
-                scenario=scenario,
-                world=world,
-                assumed=assumed,
-                particles=options.particles,
-                own=shared.params_named(options.param, localizers),
-                trials=integer("--trials", options.trials, low=1, high=100_000),
-                seed=integer("--seed", options.seed),
-            )
-            check(sweep)
-        warn([*said, *gated(sweep, options.every)])
-        where = Where(jobs=options.jobs, timeout=options.timeout)
-        return run_basin(question, sweep, options.out, Options(where=where), options.words)
+    localizers = shared.localizers_named(options.localizers)
+    with shared.checking():
+        sweep = basin_sweep(
+            question,
+            localizers,
+            title=f"How wrong may the start be? {title}",
+            scenario=scenario,
+            world=world,
+            assumed=assumed,
+            particles=options.particles,
+            own=shared.params_named(options.param, localizers),
+            trials=integer("--trials", options.trials, low=1, high=100_000),
+            seed=integer("--seed", options.seed),
+        )
+        check(sweep)
+    warn([*said, *gated(sweep, options.every)])
+    where = Where(jobs=options.jobs, timeout=options.timeout)
+    return run_basin(question, sweep, options.out, Options(where=where), options.words)
 
 
 def _replay(options: argparse.Namespace) -> "Replay":

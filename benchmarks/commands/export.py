@@ -21,7 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.files import own_folder, own_subfolder, write_part
+    from benchmarks.files import own_folder, write_files
     from benchmarks.report.writing import load, require_report
     from benchmarks.sweeps.results import results_in
     from deqmcl_gym.validation import InputError
@@ -31,7 +31,7 @@ def run(options: argparse.Namespace) -> str:
     if not results.panels:
         raise InputError(f"{options.folder} has no finished trial: run its sweep first.")
     everything = not (options.latex or options.pdf)
-    out = own_folder(options.out or own_subfolder(options.folder, "export"), "export")
+    out = options.out or options.folder / "export"
     load()
     from benchmarks.report.latex import latex_files, pdf_files
 
@@ -39,6 +39,6 @@ def run(options: argparse.Namespace) -> str:
         contents = latex_files(results) if options.latex or everything else {}
         if options.pdf or everything:
             contents |= pdf_files(results)
-    files = write_part(out, "export", contents)
+    files = write_files(own_folder(out, next(iter(contents))), contents)
     names = [str(path.relative_to(out)) for path in files]
     return f"Written to {out}: {', '.join(names)}."

@@ -19,13 +19,11 @@ def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.agents import AGENTS
     from benchmarks.setup.names import scenario, scenario_names
-    from benchmarks.sweeps.suites import FAMILIES, SUITES, in_words, minutes
+    from benchmarks.sweeps.suites import SUITES
     from localizers import names
 
-    times = {name: in_words(minutes(name)) for name in (*SUITES, *FAMILIES)}
-    suites = [(name, f"{_size(s)}, {times[name]}: {s.title}") for name, s in SUITES.items()]
-    suites += [(name, f"{times[name]}: {', '.join(members)}") for name, members in FAMILIES.items()]
-    shown = f"Suites (deqmcl sweep NAME --out DIR), minutes on two cores\n{_lines(suites)}"
+    suites = [(name, f"{_size(s)}: {s.title}") for name, s in SUITES.items()]
+    shown = f"Suites (deqmcl sweep NAME --out DIR; --dry-run estimates the time)\n{_lines(suites)}"
     if options.suites:
         return shown
     with doing("loading the localizers"):
@@ -43,8 +41,8 @@ def run(options: argparse.Namespace) -> str:
 
 def _parameters(name: str) -> str:
     """Return a localizer's parameters; a plug-in that cannot be loaded must not spoil the list."""
-    from benchmarks.execution.apart import parameters
     from deqmcl_gym.validation import one_line
+    from localizers import parameters
 
     try:
         known = parameters(name)

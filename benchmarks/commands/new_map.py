@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> str:
     with TemporaryDirectory(dir=writable_folder(out)) as folder:
         unfinished = Path(folder)
         office.grid.save(unfinished / "office.yaml")
-        write_text(unfinished / "office.json", polygon_map.text_of(office.polygons))
+        write_text(unfinished / "office.json", polygon_map.polygons_text(office.polygons))
         for path in unfinished.iterdir():
             path.replace(out / path.name)
     _, _, width, height = office.grid.bounds

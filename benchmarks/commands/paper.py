@@ -39,7 +39,7 @@ def run(options: argparse.Namespace) -> str:
     prepare()  # while this process loads what it needs
     from benchmarks.execution.engines import Where
     from benchmarks.execution.processes import PATIENCE, Processes
-    from benchmarks.files import own_subfolder, write_part
+    from benchmarks.files import write_files
     from benchmarks.pictures.figures import chosen, paper_figures
     from benchmarks.report.verdict import conclusion
     from benchmarks.report.writing import load, write_report
@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.sweeps.suites import PAPER_METHODS
 
     out, named = options.out, options.localizers
-    figures = own_subfolder(out, "figures")
+    figures = out / "figures"
     how = Options(where=Where(jobs=options.jobs), retry_failed=True)
     localizers = PAPER_METHODS if named is None else shared.localizers_named(named)
     sweep = shared.setting_sweep(options, localizers, options.trials)
@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> str:
             if lacking := incomplete_sentence(results):
                 print(summary(sweep, results, out, files))
                 raise TrialsFailedError(lacking)
-        write_part(out, "table", {"table.md": _table(sweep, results, "github").encode()})
+        write_files(out, {"table.md": _table(sweep, results, "github").encode()})
     named = ", ".join(str(file.relative_to(out)) for file in files if file.parent.name != "images")
     table = _table(sweep, results, "simple")
     return f"{table}\n{conclusion(results)}\n\nWritten to {out}: table.md, {named}."

@@ -105,7 +105,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.execution.apart import answered_within, where_safe
     from benchmarks.execution.engines import Where
     from benchmarks.pictures.viewing import Views, shown_again
     from benchmarks.replay.calibration import calibrated, judged_alike, uses_scan, with_fitted_beams
@@ -135,38 +134,35 @@ def run(options: argparse.Namespace) -> str:
     if options.fit_beams:
         with doing("fitting the beam model to the first part of the log"):
             replay = with_fitted_beams(replay)
-    with answered_within(options.timeout):
-        localizers = shared.localizers_named(options.localizers)
-        own = shared.params_named(options.param, localizers)
-        if "scan.power" not in replay.assumed:
-            if any(uses_scan(name, own.get(name, {})) for name in localizers):
-                with doing("fitting the power of the scan model to the first part of the log"):
-                    replay = calibrated(replay)
-            else:
-                replay = judged_alike(replay)
-        sweep = replay_sweep(
-            replay,
-            localizers,
-            particles=options.particles,
-            seeds=options.seeds,
-            root=options.seed,
-            shared={} if nav2 is None else {"amcl": nav2.params},
-            own=own,
-        )
-        check(sweep)
-        notes += warn(gated(sweep, options.every))
-        if nav2 is not None:
-            amcl = next((one.params for one in sweep.localizers if one.name == "amcl"), None)
-            notes += warn([*nav2.notes, *([] if amcl is None else nav2.differences(amcl, replay))])
-        how = Options(where=where)
-        text = run_replay(
-            replay, sweep, options.out, how, options.words, notes, residuals=options.residuals
-        )
-        if views == Views():
-            return text
-        first = list(replace(sweep, trials=1).distinct())
-        with doing("playing the first run of each again, to show it"):
-            where_safe(first, shown_again, first, views)
-        return (
-            text if views.mcap is None else f"{text}\n\nMCAP, the first run of each: {options.mcap}"
-        )
+    localizers = shared.localizers_named(options.localizers)
+    own = shared.params_named(options.param, localizers)
+    if "scan.power" not in replay.assumed:
+        if any(uses_scan(name, own.get(name, {})) for name in localizers):
+            with doing("fitting the power of the scan model to the first part of the log"):
+                replay = calibrated(replay)
+        else:
+            replay = judged_alike(replay)
+    sweep = replay_sweep(
+        replay,
+        localizers,
+        particles=options.particles,
+        seeds=options.seeds,
+        root=options.seed,
+        shared={} if nav2 is None else {"amcl": nav2.params},
+        own=own,
+    )
+    check(sweep)
+    notes += warn(gated(sweep, options.every))
+    if nav2 is not None:
+        amcl = next((one.params for one in sweep.localizers if one.name == "amcl"), None)
+        notes += warn([*nav2.notes, *([] if amcl is None else nav2.differences(amcl, replay))])
+    how = Options(where=where)
+    text = run_replay(
+        replay, sweep, options.out, how, options.words, notes, residuals=options.residuals
+    )
+    if views == Views():
+        return text
+    first = list(replace(sweep, trials=1).distinct())
+    with doing("playing the first run of each again, to show it"):
+        shown_again(first, views)
+    return text if views.mcap is None else f"{text}\n\nMCAP, the first run of each: {options.mcap}"

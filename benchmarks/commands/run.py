@@ -20,7 +20,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--log",
         type=shared.file,
         metavar="FILE",
-        help="also write the lap as a log: .log, .csv, .npz, .bag or .mcap",
+        help="also write the lap as a log: .csv, .csv.gz or .npz",
     )
     shared.add_views(parser)
     shared.add_out(parser)
@@ -28,15 +28,14 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.execution.apart import where_safe
     from benchmarks.pictures.lap import run_lap
-    from localizers.naming.registry import complete
+    from localizers.registry import LOCALIZER
 
     views = shared.views_of(options)
-    named = (complete(options.localizer),)
+    named = (LOCALIZER.complete(options.localizer),)
     own = shared.params_named(options.param, named)
     sweep = shared.setting_sweep(options, named, own=own, agent=options.agent)
-    trials = sweep.distinct()
+    (trial,) = sweep.distinct()
     log = None if options.log is None else options.log.absolute()
-    with doing(f"running and drawing a lap of {trials[0].localizer}"):
-        return where_safe(trials, run_lap, *trials, options.out.absolute(), log, views)
+    with doing(f"running and drawing a lap of {trial.localizer}"):
+        return run_lap(trial, options.out.absolute(), log, views)

@@ -1,4 +1,4 @@
-"""What commands share: arguments, warnings, and the setting of ``paper``, ``run``, ``phase``."""
+"""What commands share: arguments, warnings, and the setting of ``paper`` and ``run``."""
 
 import argparse
 import tomllib
@@ -200,11 +200,10 @@ def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, d
     Raises:
         InputError: another form, an unknown localizer or parameter, or one given twice.
     """
-    from benchmarks.execution.apart import parameters
     from benchmarks.setup.changes import OF_LOCALIZERS, Changes
     from deqmcl_gym.validation import InputError, one_of
-    from localizers import absolute_name
-    from localizers.naming.registry import complete
+    from localizers import absolute_name, parameters
+    from localizers.registry import LOCALIZER
 
     as_given = {absolute_name(name): name for name in localizers}
     found: dict[str, dict[str, Any]] = {}
@@ -215,7 +214,7 @@ def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, d
             raise InputError(
                 f"--param is {word!r}, but must be NAME.KEY=VALUE, as mcl-map.start_draws=20."
             )
-        name = complete(given)
+        name = LOCALIZER.complete(given)
         name = as_given.get(absolute_name(name), name)
         one_of("localizer in --param", name, localizers)
         known = parameters(name)
@@ -230,13 +229,13 @@ def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, d
 
 def _value(word: str, text: str) -> Any:
     """Return a number, a truth value or a list as TOML has them; other text is a word."""
-    from benchmarks.setup import changes
+    from benchmarks.setup import documents
 
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except ValueError:
         value = text
-    changes.check({word: value}, [word])
+    documents.check({word: value}, [word])
     return value
 
 
@@ -259,13 +258,12 @@ def setting_sweep(
     Raises:
         InputError: something of it is refused; nothing was run or written.
     """
-    from benchmarks.execution.apart import parameters
     from benchmarks.setup.changes import Changes, Named
     from benchmarks.sweeps.running import check
     from benchmarks.sweeps.suites import paper_sweep
     from benchmarks.trials.spec import Method
     from deqmcl_gym.validation import InputError, integer
-    from localizers import names
+    from localizers import names, parameters
 
     if not localizers:
         raise InputError(f"no localizer is named: allowed values: {', '.join(names())}.")
@@ -316,51 +314,36 @@ def with_agents(sweep: "Sweep", listed: str | None) -> "Sweep":
     return replace(sweep, agent=None, vary=(*sweep.vary, axis), baseline=baseline)
 
 
-def changed(options: argparse.Namespace, sweeps: Mapping[str, "Sweep"]) -> dict[str, "Sweep"]:
-    """Return the sweeps with the worlds, the root seed and the parameters that are asked for.
+def changed(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
+    """Return a sweep with the worlds, the root seed and the parameters that are asked for.
 
-    A parameter is changed in every sweep that has the localizer, also where the sweep sets or
-    varies it. The method of a limit keeps its own, such as its particles.
+    The method of a limit keeps its own parameters, such as its particles.
 
     Args:
         options: of ``add_trials``, ``add_seed`` and ``add_params``.
-        sweeps: by name.
+        sweep: that is changed.
 
     Raises:
-        InputError: a bad value, or a localizer or parameter that none of them has.
+        InputError: a bad value, or a localizer or parameter that it does not have.
     """
     from benchmarks.setup.changes import Changes
     from deqmcl_gym.validation import integer
 
-    found = dict(sweeps)
-    names = [method.name for sweep in sweeps.values() for method in sweep.localizers]
-    own = params_named(options.param, list(dict.fromkeys(names)))
-    for part, sweep in sweeps.items():
-        trials, seed = sweep.trials, sweep.seed
-        if options.trials is not None:
-            trials = integer("--trials", options.trials, low=1, high=100_000)
-        if options.seed is not None:
-            seed = integer("--seed", options.seed)
-        found[part] = replace(
-            sweep,
-            trials=trials,
-            seed=seed,
-            localizers=tuple(
-                replace(method, params=method.params | own.get(method.name, {}))
-                for method in sweep.localizers
-            ),
-            limits=tuple(
-                replace(
-                    limit,
-                    method=replace(
-                        limit.method,
-                        params=Changes(own.get(limit.method.name, {})) | limit.method.params,
-                    ),
-                )
-                for limit in sweep.limits
-            ),
-        )
-    return found
+    own = params_named(options.param, list(dict.fromkeys(sweep.names)))
+    trials, seed = sweep.trials, sweep.seed
+    if options.trials is not None:
+        trials = integer("--trials", options.trials, low=1, high=100_000)
+    if options.seed is not None:
+        seed = integer("--seed", options.seed)
+    localizers = tuple(
+        replace(method, params=method.params | own.get(method.name, {}))
+        for method in sweep.localizers
+    )
+    limits = []
+    for limit in sweep.limits:
+        params = Changes(own.get(limit.method.name, {})) | limit.method.params
+        limits.append(replace(limit, method=replace(limit.method, params=params)))
+    return replace(sweep, trials=trials, seed=seed, localizers=localizers, limits=tuple(limits))
 
 
 def setting_words(sweep: "Sweep") -> str:
@@ -374,6 +357,6 @@ def localizers_named(listed: str) -> tuple[str, ...]:
     Raises:
         InputError: a file holds none or several, or cannot be read.
     """
-    from localizers.naming.registry import complete
+    from localizers.registry import LOCALIZER
 
-    return tuple(complete(name) for part in listed.split(",") if (name := part.strip()))
+    return tuple(LOCALIZER.complete(name) for part in listed.split(",") if (name := part.strip()))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # --help loads nothing heavy
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
-    add("suite", metavar="SUITE|FILE.toml", help="a suite, a family of suites or a sweep file")
+    add("suite", metavar="SUITE|FILE.toml", help="a suite or a sweep file")
     add("--out", type=shared.folder, metavar="DIR", help="output folder (results/SUITE)")
     add(
         "--with",
@@ -80,14 +80,11 @@ def run(options: argparse.Namespace) -> str:
 
     if options.executor == "process":
         prepare()  # while this process loads what it needs
-    from benchmarks.execution.apart import answered_within
-
-    with answered_within(options.timeout):
-        return _swept(options)
+    return _swept(options)
 
 
-def stopping(options: argparse.Namespace, sweeps: "dict[str, Sweep]") -> "dict[str, Sweep]":
-    """Return the sweeps with what the options say of when they stop.
+def stopping(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
+    """Return a sweep with what the options say of when it stops.
 
     Raises:
         InputError: options that do not go together, or a bad value.
@@ -100,9 +97,9 @@ def stopping(options: argparse.Namespace, sweeps: "dict[str, Sweep]") -> "dict[s
     if not options.until_decided:
         if given:
             raise InputError(f"{given[0]} is of --until-decided: give that too.")
-        if options.shard and any(sweep.until_decided for sweep in sweeps.values()):
+        if options.shard and sweep.until_decided:
             raise InputError(_NO_SHARD)
-        return sweeps
+        return sweep
     if options.shard:
         raise InputError(_NO_SHARD)
     if options.trials is not None:
@@ -110,9 +107,7 @@ def stopping(options: argparse.Namespace, sweeps: "dict[str, Sweep]") -> "dict[s
     most = 1000 if options.max_worlds is None else options.max_worlds
     trials = integer("--max-worlds", most, low=1, high=100_000)
     until = UntilDecided() if options.margin is None else UntilDecided(margin=options.margin)
-    return {
-        part: replace(sweep, trials=trials, until_decided=until) for part, sweep in sweeps.items()
-    }
+    return replace(sweep, trials=trials, until_decided=until)
 
 
 _NO_SHARD = (
@@ -122,7 +117,6 @@ _NO_SHARD = (
 
 
 def _swept(options: argparse.Namespace) -> str:
-    from benchmarks.execution.apart import parameters
     from benchmarks.execution.engines import Where
     from benchmarks.pictures.viewing import check_folder
     from benchmarks.report.animations import write_laps
@@ -139,8 +133,9 @@ def _swept(options: argparse.Namespace) -> str:
         refuse_too_many,
         shard_of,
     )
-    from benchmarks.sweeps.suites import sweeps_named
+    from benchmarks.sweeps.suites import sweep_named
     from benchmarks.sweeps.verifying import adopt
+    from localizers import parameters
 
     added = [name for listed in options.added for name in shared.localizers_named(listed)]
     how = Options(
@@ -158,37 +153,30 @@ def _swept(options: argparse.Namespace) -> str:
     if options.mcap is not None:
         check_folder(options.mcap)
     with shared.checking():
-        named = sweeps_named(options.suite, added)
-        driven = {part: shared.with_agents(own, options.agents) for part, own in named.items()}
-        sweeps = stopping(options, shared.changed(options, driven))
+        driven = shared.with_agents(sweep_named(options.suite, added), options.agents)
+        sweep = stopping(options, shared.changed(options, driven))
         for name in added:
             parameters(name)
-        for sweep in sweeps.values():
-            refuse_too_many(sweep, yes=options.yes)
-            check(sweep)
+        refuse_too_many(sweep, yes=options.yes)
+        check(sweep)
     if options.dry_run:
         with doing("measuring trials"):
-            return "\n\n".join(dry_run(sweep, how) for sweep in sweeps.values())
+            return dry_run(sweep, how)
     out = options.out or Path("results") / Path(options.suite).stem
-    texts: list[str] = []
-    failed: list[str] = []
-    for part, sweep in sweeps.items():
-        ours = of_sweep(named_as_in(out / part, sweep), options.words)
-        if options.adopt and (said := adopt(out / part, ours, how.where)):
-            print(said)
-        taken_over(out / part, ours)
-    for part, sweep in sweeps.items():
-        with begun(sweep, out / part, how, command=options.words) as running:
-            results = running.results()
-            files = write_report(out / part, results)
-            laps = "" if options.mcap is None else write_laps(results, options.mcap / part)
-        lines = [summary(sweep, results, out / part, files), conclusion(results), laps]
-        texts.append("\n".join(filter(None, lines)))
-        if results.failures or how.shard is None:
-            failed += filter(None, [incomplete_sentence(results)])
+    ours = of_sweep(named_as_in(out, sweep), options.words)
+    if options.adopt and (said := adopt(out, ours, how.where)):
+        print(said)
+    taken_over(out, ours)
+    with begun(sweep, out, how, command=options.words) as running:
+        results = running.results()
+        files = write_report(out, results)
+        laps = "" if options.mcap is None else write_laps(results, options.mcap)
+    lines = [summary(sweep, results, out, files), conclusion(results), laps]
     if (why := no_report()) is not None:
-        texts.append(f"Tables only: {why}")
-    if failed:
-        print("\n\n".join(texts))
-        raise TrialsFailedError(" ".join(failed))
-    return "\n\n".join(texts)
+        lines.append(f"\nTables only: {why}")
+    text = "\n".join(filter(None, lines))
+    incomplete = incomplete_sentence(results)
+    if incomplete and (results.failures or how.shard is None):
+        print(text)
+        raise TrialsFailedError(incomplete)
+    return text

@@ -74,7 +74,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.execution.apart import answered_within
     from benchmarks.execution.engines import Where
     from benchmarks.replay.nav2 import read_nav2
     from benchmarks.sweeps.running import Options
@@ -100,28 +99,27 @@ def run(options: argparse.Namespace) -> str:
         raise InputError(f"--nav2 is given, but {name} is tuned: leave it out, or tune amcl.")
     nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)
     where = Where(jobs=options.jobs, timeout=options.timeout)
-    with answered_within(options.timeout):
-        task = _task(options, name, nav2)
-        with doing("checking the segments and the ends of all ranges"):
-            task.check()
-        how = Options(where=where, retry_failed=options.retry_failed, progress=False)
-        with searching(task, options.out, how) as search:
-            found = search.found(
-                candidates=options.candidates,
-                budget=None if options.candidates is not None else 60 * budget,
-            )
-            return write(found, options.out, options.words, options.nav2, options.node)
+    task = _task(options, name, nav2)
+    with doing("checking the segments and the ends of all ranges"):
+        task.check()
+    how = Options(where=where, retry_failed=options.retry_failed, progress=False)
+    with searching(task, options.out, how) as search:
+        found = search.found(
+            candidates=options.candidates,
+            budget=None if options.candidates is not None else 60 * budget,
+        )
+        return write(found, options.out, options.words, options.nav2, options.node)
 
 
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":
     """Return what is searched for, of the options."""
-    from benchmarks.execution.apart import parameters
     from benchmarks.replay.nav2 import usual_params
     from benchmarks.replay.options import length_and_angle
     from benchmarks.setup.changes import Changes
     from benchmarks.tuning.space import built_in, read_space, segments_of
     from benchmarks.tuning.task import Task
     from deqmcl_gym.validation import InputError, integer, number
+    from localizers import parameters
     from localizers.methods.family import Shared
 
     seed = integer("--seed", options.seed)

@@ -7,23 +7,26 @@ process: it sends a call, waits for the answer, and starts another process when 
 
 import atexit
 import contextlib
+import multiprocessing
 import os
 import queue
+import signal
 import threading
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future
-from multiprocessing.connection import Connection
+from multiprocessing.connection import Connection, wait
 from multiprocessing.reduction import ForkingPickler
+from pathlib import Path
 from typing import Any
 
-from benchmarks.execution.starting import CONTEXT, sheltered
+from benchmarks.execution.starting import CONTEXT, sheltered, unshelter
 from deqmcl_gym.validation import InputError, in_words
-from localizers.naming.plugins import EndedError, NoAnswerError, OwnProcess, enter
 
 # Seconds a thread gets to end. It may never: a Ctrl-C that comes while futures are waited for can
 # leave one of them locked. Its process is killed by then, and it dies with this one.
 _FAREWELL = 1.0
 _HELD = 8  # guests for whose next call a worker keeps a process
+_OOM_SCORE = "500"  # who is killed first when memory runs out: a worker, not its parent
 PATIENCE = 3600.0  # s that a call of a guest may take if nobody says otherwise
 _Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
@@ -131,8 +134,7 @@ class Processes(Executor):
         with self._lock:
             if self._closed:
                 raise WorkerDiedError("the sweep is being stopped")
-            with sheltered():
-                worker = _Worker()
+            worker = _Worker()
             self._living.add(worker)
         return worker
 
@@ -142,45 +144,77 @@ class Processes(Executor):
         worker.close()
 
 
-class _Worker(OwnProcess):
-    """A process that makes calls."""
+class _Worker:
+    """A process that makes calls, and our end of the line to it."""
 
     def __init__(self) -> None:
-        super().__init__(CONTEXT, work)
+        self._line, there = CONTEXT.Pipe()
+        self._process = CONTEXT.Process(target=work, args=(there,))
+        with sheltered():
+            self._process.start()
+        there.close()  # so that the line breaks when the process dies
         self._ready = False
 
     def returned(self, call: _Call, timeout: float | None) -> Any:
-        """Return what a call returns, or raise what it raised."""
+        """Return what a call returns, or raise what it raised.
+
+        Raises:
+            TimedOutError: there is no answer after ``timeout`` s.
+            WorkerDiedError: the process ended.
+            CannotStartError: it ended before it took a call.
+        """
         try:
             if not self._ready:
-                self.answer(None)  # imports take their time, which is not the call's
+                self._line.recv()  # imports take their time, which is not the call's
                 self._ready = True
-            returned, value = self.answer(timeout, call)
-        except EndedError as error:
-            code = error.code
-            if not self._ready and code is not None and code > 0:
-                raise CannotStartError(
-                    f"a worker process could not start (exit code {code})"
-                ) from None
-            signalled = code is not None and code < 0
-            how = f"by signal {-(code or 0)}" if signalled else f"with exit code {code}"
+            self._line.send(call)
+            if not self._line.poll(timeout):
+                raise TimedOutError(
+                    f"no result within {timeout:g} s: its worker (process {self._process.pid}) was "
+                    "killed"
+                )
+            returned, value = self._line.recv()
+        except (EOFError, OSError):
+            self._process.join(1)
+            code = self._process.exitcode or 0
+            if not self._ready and code > 0:
+                why = f"a worker process could not start (exit code {code})"
+                raise CannotStartError(why) from None
+            how = f"by signal {-code}" if code < 0 else f"with exit code {code}"
             raise WorkerDiedError(f"its worker died {how}") from None
-        except NoAnswerError:
-            pid = self.process.pid
-            raise TimedOutError(
-                f"no result within {timeout:g} s: its worker (process {pid}) was killed"
-            ) from None
         if not returned:
             raise value
         return value
+
+    def kill(self) -> None:
+        """Kill the process, if it still lives, and what it started."""
+        if self._process.pid is not None:
+            _kill_session(self._process.pid)
+            self._process.kill()
+
+    def close(self) -> None:
+        """Kill the process, wait for its end, and close the line."""
+        self.kill()
+        self._process.join()
+        self._line.close()
 
 
 def work(line: Connection) -> None:
     """Be a worker: answer each (function, arguments) with (True, result) or (False, exception).
 
-    It ends when the line breaks, and does not outlive its parent.
+    It leads its own session, prints to stderr, ends when the line breaks, and does not outlive its
+    parent.
     """
-    enter(line)
+    if hasattr(os, "register_at_fork"):  # what a call forks does not answer for it
+        os.register_at_fork(after_in_child=line.close)
+    with contextlib.suppress(AttributeError, OSError):  # not on Windows
+        os.setsid()
+    with contextlib.suppress(OSError):
+        Path("/proc/self/oom_score_adj").write_text(_OOM_SCORE)
+    with contextlib.suppress(OSError):  # stderr is closed
+        os.dup2(2, 1)
+    unshelter()
+    threading.Thread(target=_leave_with_parent, daemon=True).start()
     load()
     with contextlib.suppress(EOFError, OSError):  # the parent has hung up
         line.send("ready")
@@ -192,6 +226,20 @@ def work(line: Connection) -> None:
                 answer = ForkingPickler.dumps((False, _portable(error)))
             line.send_bytes(answer)
     os._exit(0)  # waits for no thread that a plug-in has left
+
+
+def _leave_with_parent() -> None:
+    """Exit at once when the parent is gone, whatever else is running."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        _kill_session(os.getpid())
+        os._exit(1)
+
+
+def _kill_session(leader: int) -> None:
+    with contextlib.suppress(AttributeError, OSError):  # not on Windows; none is left
+        os.killpg(leader, signal.SIGKILL)
 
 
 def load() -> None:

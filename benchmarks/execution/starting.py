@@ -17,9 +17,10 @@ ONE_THREAD = {
     "BLIS_NUM_THREADS": "1",
     "VECLIB_MAXIMUM_THREADS": "1",
 }
-# multiprocessing runs ``python -c``, which would look into the working folder first: until they
-# ``enter``, ``SAFE_PATH`` of localizers.naming.plugins, which would be too heavy to load here
-_ENVIRONMENT = ONE_THREAD | {"PYTHONSAFEPATH": "deqmcl"}
+# multiprocessing runs ``python -c``, which would look into the working folder first; the value,
+# which may be any text, tells ours from the user's
+_SAFE_PATH = {"PYTHONSAFEPATH": "deqmcl"}
+_ENVIRONMENT = ONE_THREAD | _SAFE_PATH
 
 _SOCKET, _SOCKET_NAME = 107, "/pymp-xxxxxxxx/listener-xxxxxxxx"  # bytes of a path; what is appended
 
@@ -75,3 +76,9 @@ def sheltered() -> Iterator[None]:
                 del os.environ[name]
             else:
                 os.environ[name] = value
+
+
+def unshelter() -> None:
+    """Let programs that a worker starts find their modules as ever."""
+    if _SAFE_PATH.items() <= os.environ.items():
+        del os.environ["PYTHONSAFEPATH"]

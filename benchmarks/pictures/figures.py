@@ -5,22 +5,16 @@ Curves are by matplotlib, an optional extra.
 
 import io
 from collections.abc import Mapping, Sequence
-from hashlib import sha256
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import cv2
-import PIL
-
-from benchmarks.files import written
+from benchmarks.files import write_files
 from benchmarks.pictures import styled
 from benchmarks.pictures.film import Camera, png, side_by_side, webp
 from benchmarks.trials.clouds import belief_moments, cloud_of, joined
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.metrics import state_error
-from benchmarks.trials.plugins import keyed
-from benchmarks.trials.provenance import source_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.room import RoomEnv
@@ -117,10 +111,8 @@ def camera_of(stage: Stage, scale: float = 1.6) -> Camera:
 
 
 def paper_figures(shown: Sequence[Trial], folder: Path) -> list[Path]:
-    """Draw the figures of the trials that are ``chosen``, unless they are there."""
-    source = [*keyed(shown), source_of("benchmarks"), cv2.__version__, PIL.__version__]
-    digest = sha256("\n".join(source).encode()).hexdigest()
-    return written(folder, "figures", digest, lambda: figures_of(shown))
+    """Draw the figures of the trials that are ``chosen``."""
+    return write_files(folder, figures_of(shown))
 
 
 def chosen(trials: Sequence[Trial]) -> list[Trial]:

@@ -11,7 +11,8 @@ import PIL.Image
 
 from benchmarks.tables.text import state_name
 from benchmarks.trials.episode import Moment
-from benchmarks.trials.fixes import Fixes, driven, metre
+from benchmarks.trials.fixes import Fixes, driven
+from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals
 from deqmcl_gym.world.drawing import (

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.files import own_folder, write_part
+from benchmarks.files import own_folder, write_files
 from benchmarks.pictures import figures
 from benchmarks.pictures.film import Film, webp
 from benchmarks.pictures.viewing import Views
@@ -41,7 +41,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None, views: Views) -> str:
         check_writable(log)
         if os.path.lexists(log):
             raise InputError(f"{log} exists already: give another --log.")
-    own_folder(out, "run")
+    own_folder(out, "lap.webp")
     stage = Stage.of(trial)
     unit = stage.room.floor_plan.unit
     title = trial.localizer
@@ -65,7 +65,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None, views: Views) -> str:
         } | trajectories(trace)
         if log is not None:
             write(_log(film.moments, stage.room), log)
-        write_part(out, "run", files)
+        write_files(out, files)
     lines = [_line(row, unit) for row in scores(trace, trial.lag, stage.scenario.thresholds)]
     if outside:
         lines.append(

@@ -12,9 +12,9 @@ import numpy as np
 
 from benchmarks.pictures.film import laid
 from benchmarks.trials.episode import Moment
-from benchmarks.trials.fixes import metre
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
+from deqmcl_gym.maps.map import metre
 from deqmcl_gym.maps.polygons import edges_of
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tabulate import tabulate
 
-from benchmarks.files import write_part
+from benchmarks.files import write_files
 from benchmarks.pictures import styled
 from benchmarks.pictures.figures import png_of
 from benchmarks.replay.command import methods_of, own_params
@@ -30,11 +30,13 @@ from benchmarks.sweeps.results import Results, incomplete_sentence
 from benchmarks.sweeps.running import Options, TrialsFailedError, begun
 from benchmarks.tables.stats import wilson
 from benchmarks.tables.text import csv_text, percent, short_names
-from benchmarks.trials.fixes import metre
-from benchmarks.trials.journeys import WholeRun
+from benchmarks.trials.collecting import WholeRun
+from benchmarks.trials.fixes import settled
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.files import utf8
+from deqmcl_gym.maps.clusters import Near
+from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, number
 
@@ -113,9 +115,8 @@ class Question:
     def reached(self, run: WholeRun) -> tuple[float, float] | None:
         """Return the metres and steps until a run is localized for good; None: it never is."""
         off, turned = np.array(run.curves["distance"]), np.array(run.curves["angle"])
-        far = np.flatnonzero((off > self.near[0]) | (turned > self.near[1]))
-        first = int(far[-1]) + 1 if far.size else 0
-        return (run.curves["way"][first], float(first)) if first < off.size else None
+        first = settled(Near(*self.near).holds(off, turned))
+        return None if first is None else (run.curves["way"][first], float(first))
 
     def counts(self, reached: tuple[float, float] | None) -> bool:
         """Whether that is soon enough."""
@@ -234,7 +235,7 @@ def run_basin(
         }
         if (why := no_report()) is None:
             contents["basin.png"] = heat_maps(question, sweep, basins)
-        files = write_part(out, "basin", contents)
+        files = write_files(out, contents)
     lines = [*_summary(question, basins), "", question.words, ""]
     lines.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
     if why is not None:

@@ -15,13 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.execution.apart import where_safe
 from benchmarks.replay.options import NAME, Replay
 from benchmarks.setup.changes import Changes
 from benchmarks.tables.text import percent
+from benchmarks.trials.collecting import TrackLog
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from benchmarks.trials.tracks import TrackLog
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
@@ -194,7 +193,7 @@ def _covered(replay: Replay, power: float, count: int) -> tuple[float, float]:
         seed=_ROOT,
         trial=0,
     )
-    return where_safe([trial], _tracked, trial, count)
+    return _tracked(trial, count)
 
 
 def _tracked(trial: Trial, count: int) -> tuple[float, float]:

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.console import doing, warn
-from benchmarks.execution.apart import parameters, takes
-from benchmarks.files import write_part
+from benchmarks.files import write_files
 from benchmarks.replay.options import EVERY, NAME, OFTEN, Replay
 from benchmarks.replay.residuals import Residuals, files_of, residuals_of
 from benchmarks.report.frames import frames_of
@@ -29,6 +28,7 @@ from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Scanner, Trajectory
 from deqmcl_gym.validation import InputError, integer
 from localizers import names as localizer_names
+from localizers import parameters
 
 FEW = 0.5  # share of beams within the larger distance below which log and map do not fit
 _LOOKED_AT = 200  # reference poses
@@ -126,7 +126,7 @@ def run_replay(
         said += warn([_misfit(replay, rows)])
         wrong = residuals_of(replay, rows) if residuals else None
         with doing(f"writing the report in {out}"):
-            files = write_part(out, "replay", _contents(replay, rows, results, said, wrong))
+            files = write_files(out, _contents(replay, rows, results, said, wrong))
     apart = [table for panel in frames_of(results) if (table := differences_table(panel))]
     first, *others = tables_of(rows)
     texts = [conclusion(results), *accuracy(rows), replay.overview]
@@ -247,7 +247,7 @@ def _tracks(replay: Replay, rows: Sequence[Row]) -> dict[str, bytes]:
 
 def own_params(name: str) -> tuple[str, ...]:
     """Say that a localizer takes no parameter that all have: each is given its own, and no lag."""
-    takes(name)
+    parameters(name)
     return ()
 
 

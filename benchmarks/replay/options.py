@@ -10,17 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.setup import changes
+from benchmarks.setup import documents
 from benchmarks.setup.changes import NOTHING, Changes, file_names
 from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise, shows_noise
 from benchmarks.setup.names import absolute_assumed, scenario
 from benchmarks.setup.priors import Gaussian
-from benchmarks.trials.fixes import metre
 from benchmarks.trials.tracks import absolute
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
 from deqmcl_gym.logs.trajectory import tolerance_of
 from deqmcl_gym.maps import Map
+from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics.types import Floats, Pose
 from deqmcl_gym.validation import InputError, number, pose
 from localizers import OmniMotion, RobotModel
@@ -146,7 +146,7 @@ class Replay:
     @property
     def _start(self) -> str:
         prior = self.scenario.prior
-        if not isinstance(prior, Gaussian):
+        if type(prior) is not Gaussian:
             return f"Start: {prior.where}."
         around = "the reference's first pose"
         if (at := prior.mean or self.log[0].reference) is not None:
@@ -321,9 +321,9 @@ def _replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) ->
 def _prior_of(start: str) -> dict[str, Any] | None:
     """Return a start that is no single pose, as assumptions; None of a pose."""
     if start.endswith(".toml"):
-        given = changes.read(Path(start), "prior")
-        with changes.errors_name(Path(start)):
-            changes.check(given, ["prior"])
+        given = documents.read(Path(start), "prior")
+        with documents.errors_name(Path(start)):
+            documents.check(given, ["prior"])
             return dict(Changes.told("prior", {"prior": given.get("prior", {})}))
     word, _, text = start.partition("=")
     if word not in ("global", "room", "near"):

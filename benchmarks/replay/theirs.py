@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.files import write_part
+from benchmarks.files import own_folder, write_files
 from benchmarks.replay.options import EVERY, NO_ERROR, first_referenced
 from benchmarks.report.frames import frames_of
 from benchmarks.report.tracks import accuracy, shown, tables_of
@@ -24,7 +24,8 @@ from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.results import results_in
 from benchmarks.tables.text import percent
 from benchmarks.tables.tracks import Row, TrackedRun, tracks_results_csv, tracks_trials_csv
-from benchmarks.trials.tracks import Track, calibration_of_gaussians, track_scores
+from benchmarks.trials.scores import track_scores
+from benchmarks.trials.tracks import Track, calibration_of_gaussians
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Log, Scanner, Trajectory, referenced
@@ -212,7 +213,7 @@ def score(
         "results.csv": utf8(tracks_results_csv(every, None)),
         "trials.csv": utf8(tracks_trials_csv(every)),
     }
-    files = write_part(out, "score", contents)
+    files = write_files(own_folder(out, "results.csv"), contents)
     texts = [*accuracy(every), *(one.text("simple") for one in tables_of(every))]
     texts += [_scored_at(yardstick, rows)]
     texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")

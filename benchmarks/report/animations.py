@@ -10,7 +10,6 @@ from typing import NamedTuple
 import pandas as pd
 
 from benchmarks.console import doing
-from benchmarks.execution.apart import where_safe
 from benchmarks.pictures.figures import FIGURES
 from benchmarks.pictures.viewing import Views, shown_again
 from benchmarks.report.frames import PanelFrames, frames_of
@@ -69,12 +68,6 @@ def films(
         yield wait
 
 
-def shown_films(results: Results, folder: Path, *, draw: bool) -> list[str]:
-    """Name the films that a report is to have."""
-    chosen = [film for panel in frames_of(results)[:1] for film in films_of(panel)]
-    return [film.name for film in chosen if draw or _of(film, folder) is not None]
-
-
 def films_of(panel: PanelFrames) -> list[Animation]:
     """Choose the best, median and worst world of what is in focus, beside its baseline."""
     whole_log = any(record.track for own in panel.records.values() for record in own)
@@ -123,7 +116,7 @@ def write_laps(results: Results, folder: Path) -> str:
             path = folder / f"{film.name.rpartition('-')[0]}-{own}.mcap"  # without the world
             with doing(f"writing {path}"):
                 views = Views(mcap=path.absolute())
-                where_safe([trial], shown_again, [trial], views)
+                shown_again([trial], views)
             names.append(path.name)
     if not names:
         return "No MCAP: the report animates nothing."

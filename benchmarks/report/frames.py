@@ -17,10 +17,10 @@ from benchmarks.tables.frames import by_run, cell, cells_of
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA
 from benchmarks.tables.text import short_name
-from benchmarks.trials.journeys import JOURNEY_SCORES, Score
+from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Setting
-from localizers.naming.registry import is_plug_in
+from localizers.registry import LOCALIZER
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,7 +185,7 @@ def _frames(results: Results, panel: Panel, labels: list[str]) -> PanelFrames:
     told = [methods[label] for label in rows["label"]]
     rows = rows.assign(
         reference=pd.Categorical(rows["reference"], categories=labels),
-        plug_in=[is_plug_in(m.name) or bool(plug_ins_of_agent(m.agent)) for m in told],
+        plug_in=[LOCALIZER.is_plug_in(m.name) or bool(plug_ins_of_agent(m.agent)) for m in told],
         same_driver=[m.agent == panel.baselines[m].agent for m in told],
     )
     tests = ["p", *(f"{score.name}_p" for score in panel.scores if score.tested)]

@@ -23,7 +23,7 @@ from benchmarks.sweeps.drawing import Animation
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import BLIND
 from benchmarks.tables.text import WORDS, short_name
-from benchmarks.trials.journeys import GROUPS
+from benchmarks.trials.scores import GROUPS
 from deqmcl_gym.files import command_line, utf8
 
 _PICTURED = 8  # panels with pictures; the tables are of all

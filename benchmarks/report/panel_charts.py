@@ -21,8 +21,7 @@ from benchmarks.tables.frames import lap_errors, profile, share_curve, whole_run
 from benchmarks.tables.panels import disturbance_words, is_number
 from benchmarks.tables.stats import ALPHA, Estimate
 from benchmarks.tables.text import estimated
-from benchmarks.trials.journeys import JOURNEY_SCORES, Score
-from benchmarks.trials.metrics import LEVELS
+from benchmarks.trials.scores import JOURNEY_SCORES, LEVELS, Score
 
 _FAR = 3  # times the baseline's error: differences beyond it would hide all others
 _CURVES = {  # by score: title, what the axis of shares says, caption

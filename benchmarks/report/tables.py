@@ -16,8 +16,7 @@ from benchmarks.tables import stats
 from benchmarks.tables.signals import QUESTIONS, WRONG
 from benchmarks.tables.stats import Estimate
 from benchmarks.tables.text import estimated, fixed, p_value, percent, significant, state_name
-from benchmarks.trials.journeys import Group, Score
-from benchmarks.trials.metrics import LEVELS
+from benchmarks.trials.scores import LEVELS, Group, Score
 
 _MARKED = {
     "better": "▼",

@@ -12,14 +12,13 @@ from benchmarks.report.frames import PanelFrames
 from benchmarks.report.tables import Table, nees_words, values
 from benchmarks.report.verdict import rounded
 from benchmarks.setup.logs import LogScenario
-from benchmarks.setup.names import plug_ins_of, scenario
+from benchmarks.setup.names import scenario
 from benchmarks.tables.frames import paired, whole_runs
 from benchmarks.tables.stats import ALPHA, Estimate, sample_sd, worlds_to_see
 from benchmarks.tables.text import p_value, percent
 from benchmarks.tables.tracks import Row, TrackedRun, rows_of, worse
 from benchmarks.trials.fixes import FOUND, NEAR
-from benchmarks.trials.journeys import JOURNEY_SCORES
-from benchmarks.trials.metrics import LEVELS
+from benchmarks.trials.scores import JOURNEY_SCORES, LEVELS
 from benchmarks.trials.tracks import TOLERATED
 from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
@@ -60,7 +59,7 @@ def shown(panel: PanelFrames) -> tuple[list[Row], Map | None]:
     if any(record.track is None for own in records.values() for record in own):
         return [], None
     try:
-        replayed = None if plug_ins_of(name) else scenario(name).changed(panel.setting.world)
+        replayed = scenario(name).changed(panel.setting.world)
         if not isinstance(replayed, LogScenario):
             return [], None
         log, floor_plan = replayed.recording()

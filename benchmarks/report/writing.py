@@ -1,22 +1,15 @@
 """Write report.html, the tables, results.md and the pictures that the Markdown needs."""
 
-import json
 import logging
-from contextlib import suppress
-from dataclasses import fields
-from hashlib import sha256
-from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
-import msgspec
-
 from benchmarks.console import doing
-from benchmarks.files import own_folder, refuse_changed, write_part, written
+from benchmarks.files import own_folder, write_files
+from benchmarks.sweeps.manifest import NAME
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import INNER, csv_of, timings_table, trials_frame
-from benchmarks.trials.provenance import source_of
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, shown
 
@@ -57,16 +50,18 @@ def write_report(out: Path | str, results: Results, *, draw: bool = True) -> lis
 
     Films that the folder has not are drawn, unless ``draw`` is false. results.csv and trials.csv
     depend on nothing but the trials; timings.csv, the page and results.md also tell times and
-    versions. Without the extra ``report`` there are the tables only. Nothing is written if all is
-    there and would come out the same.
+    versions. Without the extra ``report`` there are the tables only.
 
     Raises:
-        InputError: a file in the folder is in the way that is not ours.
+        InputError: the folder holds files, but neither a sweep nor a report.
     """
     if not isinstance(results, Results):
         raise InputError(f"the results are {shown(results)}: give the folder first, then results.")
     with doing(f"writing the report in {out}"):
-        return _written(Path(out), Path(out), "report", results, draw=draw)
+        folder = Path(out)
+        if not (folder / NAME).is_file():
+            own_folder(folder, "results.csv")
+        return _written(folder, folder, results, draw=draw)
 
 
 def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
@@ -81,47 +76,28 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
                 f"{folder} is of deqmcl replay, which writes its report: run it again, or give "
                 "another --out."
             )
-        refuse_changed(out)
-        return _written(out, folder, "report", results)
-    return _written(own_folder(out, "copy"), folder, "copy", results)
+    else:
+        own_folder(out, "results.csv")
+    return _written(out, folder, results, draw=False)
 
 
-def _written(
-    out: Path, folder: Path, part: str, results: Results, *, draw: bool = False
-) -> list[Path]:
+def _written(out: Path, folder: Path, results: Results, *, draw: bool) -> list[Path]:
     """Write a report with the films and figures of a folder."""
+    tables = _tables(results)
+    for name in ("decisions.csv", "gaps.csv", "plans.csv", "maps.csv"):
+        if name not in tables:
+            (out / name).unlink(missing_ok=True)
+    files = write_files(out, tables)  # the numbers, whatever keeps the pictures away
+    if no_report() is not None:
+        return files
+    load()
+    from benchmarks.report.page import page_files
 
-    def contents() -> dict[str, bytes]:
-        tables = _tables(results)
-        if no_report() is not None:
-            return tables
-        try:
-            load()
-            from benchmarks.report.page import page_files
-
-            return tables | page_files(results, folder, draw=draw)
-        except Exception:
-            write_part(out, part, tables)  # the numbers, whatever keeps the pictures away
-            raise
-
-    return written(out, part, _source(results, folder, draw=draw), contents)
-
-
-def _source(results: Results, folder: Path, *, draw: bool) -> str:
-    """Name all that a report is made of: results, pictures, code and libraries."""
-    pictures = sorted(path.name for path in folder.glob("figures/*"))
-    if no_report() is None:
-        from benchmarks.report.animations import shown_films
-
-        pictures += shown_films(results, folder, draw=draw)
-    digest = sha256(f"{source_of('benchmarks')} {no_report()} {pictures}".encode())
-    for library in ("jinja2", "matplotlib", "opencv-python-headless", "pandas", "pillow"):
-        with suppress(PackageNotFoundError):
-            digest.update(f"{library} {version(library)}".encode())
-    for part in {f.name: getattr(results, f.name) for f in fields(results)}.items():
-        plain = msgspec.to_builtins(part, str_keys=True, enc_hook=repr)
-        digest.update(json.dumps(plain).encode())
-    return digest.hexdigest()
+    pages = page_files(results, folder, draw=draw)
+    for path in (out / "images").glob("lap-*"):  # of worlds that are not shown any more
+        if f"images/{path.name}" not in pages:
+            path.unlink()
+    return files + write_files(out, pages)
 
 
 def _tables(results: Results) -> dict[str, bytes]:

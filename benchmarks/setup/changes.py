@@ -1,131 +1,16 @@
-"""Changes: values by dotted name, as a trial changes its scenario or sets up its localizer.
+"""Changes: values by dotted name, as a trial changes its scenario or sets up its localizer."""
 
-They come from TOML documents, which are read and taken apart here; bad values are refused by name.
-"""
-
-import codecs
-import io
 import json
 import math
-import os
-import tomllib
-import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Any, Self
 
-from deqmcl_gym.files import UnreadableError, content_of, yaml_of
+from benchmarks.setup.documents import table, text
+from benchmarks.setup.paths import from_folder
 from deqmcl_gym.validation import InputError, one_of, shown
-from localizers.naming.digests import content_digest
-from localizers.naming.plugins import Placed
-
-_LARGEST = 1e100  # magnitude of a number: charts take no larger ones
-
-# byte order marks, the longer ones first
-_MARKS = {
-    codecs.BOM_UTF32_LE: "UTF-32",
-    codecs.BOM_UTF32_BE: "UTF-32",
-    codecs.BOM_UTF16_LE: "UTF-16",
-    codecs.BOM_UTF16_BE: "UTF-16",
-}
-
-
-def read(path: Path, what: str) -> dict[str, Any]:
-    """Return the document in the file of a ``what``.
-
-    Raises:
-        InputError: it cannot be read, or is no TOML.
-    """
-    named = f"the {what} file {path}"
-    try:
-        content = content_of(path)
-    except FileNotFoundError:
-        raise InputError(f"{named} is not there: give an existing file.") from None
-    except UnreadableError as error:
-        raise InputError(f"{named} {error}: give another one.") from None
-    document = _decoded(content, named)
-    try:
-        return tomllib.loads(document)
-    except RecursionError:
-        raise InputError(f"{named} is not valid TOML: its values are nested too deeply.") from None
-    except ValueError as error:  # an error of TOML, or a number of thousands of digits
-        raise InputError(f"{named} is not valid TOML: {error}.") from None
-
-
-def _decoded(content: bytes, named: str) -> str:
-    """Return UTF-8 text, with or without a byte order mark, whatever ends its lines.
-
-    Raises:
-        InputError: it is in another encoding.
-    """
-    encoding = next((name for mark, name in _MARKS.items() if content.startswith(mark)), None)
-    if encoding is not None:
-        raise InputError(f"{named} is {encoding}, but must be UTF-8: save it as UTF-8.")
-    try:
-        content.decode()
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        found = f"byte 0x{content[error.start]:02x} in line {line}"
-        raise InputError(f"{named} is not UTF-8 ({found}): save it as UTF-8.") from None
-    if 0 in content:
-        raise InputError(f"{named} holds zero bytes, as UTF-16 does: save it as UTF-8.")
-    return io.TextIOWrapper(io.BytesIO(content), "utf-8-sig").read()
-
-
-@contextmanager
-def errors_name(path: Path) -> Iterator[None]:
-    """Let what is refused in here name the file."""
-    try:
-        yield
-    except RecursionError:
-        raise InputError(f"{path}: its values are nested too deeply.") from None
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None
-
-
-def check(given: Mapping[str, Any], keys: Sequence[str]) -> None:
-    """Refuse an unknown key, and values that cannot name a result: NaN and dates."""
-    for key in given:
-        one_of("key", key, keys)
-    _refuse_nan(given, "")
-
-
-def table(what: str, value: Any, wanted: str) -> Mapping[str, Any]:
-    """Return a table; else say that it must be what is ``wanted``."""
-    if not isinstance(value, Mapping):
-        raise InputError(f"{what} is {value!r}, but must be {wanted}.")
-    return value
-
-
-def text(what: str, value: Any) -> str:
-    """Return a text that is not empty."""
-    if not isinstance(value, str) or not value.strip():
-        raise InputError(f"{what} is {value!r}, but must be text that is not empty.")
-    return value
-
-
-def _refuse_nan(value: Any, at: str) -> None:
-    if isinstance(value, Mapping):
-        for key, inner in value.items():
-            _refuse_nan(inner, f"{at}.{key}" if at else key)
-    elif isinstance(value, list):
-        for inner in value:
-            _refuse_nan(inner, at)
-    elif not isinstance(value, str | bool | int | float):
-        raise InputError(f"{at} is {value}, but must be text, a number, true or false.")
-    elif isinstance(value, str) and any(
-        unicodedata.category(c) in ("Cc", "Cs") and c not in "\t\n\r" for c in value
-    ):
-        raise InputError(f"{at} is {value!a}, but must be text without control characters.")
-    elif isinstance(value, float) and math.isnan(value):
-        raise InputError(f"{at} is nan, but must be a number.")
-    elif isinstance(value, int | float) and _LARGEST < abs(value) < math.inf:
-        raise InputError(f"{at} is {shown(value)}, but must be at most {_LARGEST:g}, or inf.")
-
+from localizers.kinds import Placed
 
 FILES = ("floor_plan", "floor_plan.file", "log", "map", "reference")  # names of a world's files
 OF_LOCALIZERS = ("cost_map",)  # of files that parameters of localizers name
@@ -305,17 +190,6 @@ class Named:
         return {"name": jsonable(self.name), "params": self.params.json()}
 
 
-def file_digest(path: str) -> str:
-    """Digest of a file of a world; that of a map covers its image, that of a folder all its files.
-
-    A missing file has one, too: what reads the file reports it.
-    """
-    digest = sha256()
-    for own in _parts(Path(located(path))):
-        digest.update(f"{own.name}\0{content_digest(own)}\0".encode(errors="surrogateescape"))
-    return digest.hexdigest()
-
-
 def _kept(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return tuple(map(_kept, value))
@@ -359,27 +233,6 @@ def _absolute(folder: Path, value: Any) -> Any:
     return from_folder(folder, value) if isinstance(value, str) else value
 
 
-_ROOT: ContextVar[Path | None] = ContextVar("folder of the sweep file that is read", default=None)
-
-
-@contextmanager
-def said_from(root: Path) -> Iterator[None]:
-    """Let paths that are relative to some folder be ``Placed``, said from this one."""
-    token = _ROOT.set(Path(os.path.abspath(root)))
-    try:
-        yield
-    finally:
-        _ROOT.reset(token)
-
-
-def from_folder(folder: Path, path: str) -> str:
-    """Return a path from a folder as an absolute one; ~ is the home folder."""
-    whole, root = os.path.abspath(folder / os.path.expanduser(path)), _ROOT.get()
-    if root is None or os.path.isabs(os.path.expanduser(path)):
-        return whole
-    return Placed(Path(os.path.relpath(whole, root)).as_posix(), whole)
-
-
 def located(value: Any) -> Any:
     """Return a value of a trial with absolute paths in place of those that are said."""
     if isinstance(value, Changes):
@@ -396,17 +249,3 @@ def renamed(value: Any, names: Mapping[str, str]) -> Any:
     if isinstance(value, list):
         return [renamed(inner, names) for inner in value]
     return names.get(value, value) if isinstance(value, str) else value
-
-
-def _parts(path: Path) -> list[Path]:
-    if os.path.isdir(path):  # a bag of ROS 2, whose files stand side by side
-        whole = path.glob("*") if (path / "metadata.yaml").is_file() else ()
-        return sorted(part for part in whole if part.is_file())
-    if path.suffix.lower() not in (".yaml", ".yml"):
-        return [path]
-    try:
-        said = yaml_of(content_of(path))
-        image = said.get("image") if isinstance(said, dict) else None
-    except (FileNotFoundError, UnreadableError):  # whoever loads the map says so
-        image = None
-    return [path, path.parent / image] if isinstance(image, str) else [path]

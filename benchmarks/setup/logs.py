@@ -8,8 +8,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from benchmarks.setup.changes import NOTHING, Changes, file_digest
+from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.setup.interfaces import TrialEnv
+from benchmarks.setup.paths import file_digest
 from benchmarks.setup.priors import Gaussian
 from benchmarks.setup.scenario import Scenario, Thresholds
 from deqmcl_gym.envs.log import LogEnv, log_of
@@ -21,7 +22,7 @@ from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import InputError, integer
 from localizers import GaussianUniform, RobotModel
 from localizers.models.beams import METRE_SIGMA
-from localizers.models.motion_fit import LEAST_STEPS
+from localizers.models.motion import LEAST_STEPS
 from localizers.models.nav2_motion import MotionModel, kind_of, unknown_motion
 
 # arguments of the env that are not a scenario's to give
@@ -41,6 +42,7 @@ class LogScenario(Scenario):
             instead of ``motion``.
     """
 
+    env: Mapping[str, Any]
     estimated: bool = True
     _names = _ARGUMENTS  # of its env
 
@@ -48,16 +50,6 @@ class LogScenario(Scenario):
     def unit(self) -> str:
         """Of all lengths."""
         return self.recording()[0].unit if {"log", "map"} <= self.env.keys() else "m"
-
-    @property
-    def has_goal(self) -> bool:
-        """False: a log goes where it went."""
-        return False
-
-    @property
-    def may_be_lost(self) -> bool:
-        """Whether no pose is expected of it."""
-        return not isinstance(self.prior, Gaussian)
 
     def room(self) -> LogEnv:
         """Return the log as an env.
@@ -127,8 +119,10 @@ class LogScenario(Scenario):
         if not log.referenced.size:
             raise InputError(f"{log.source} has no reference to score by: name one as reference.")
 
-    def _env_with(self, values: Changes) -> Mapping[str, Any]:
-        return {**self.env, **values.by_part(self._names, "part of a log's world")}
+    def in_world(self, values: Changes) -> Self:
+        """Return this scenario with arguments of its env changed, by dotted name."""
+        env = {**self.env, **values.by_part(self._names, "part of a log's world")}
+        return replace(self, env=env)
 
     def _named(self) -> Mapping[str, Any]:
         """Return the arguments of the env, the log and the map among them."""

@@ -1,19 +1,19 @@
-"""Where a robot may start, as the filters assume it: the priors of scenarios, by kind.
+"""Where a robot may start, as the filters assume it, by kind; and how what they assume is changed.
 
-Lengths are in the map's unit; the defaults are for one in px.
+Each says whether a robot that starts like this ``may_be_lost``: no pose is expected of it. Lengths
+are in the map's unit; the defaults are for one in px.
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from benchmarks.setup.assumed import changed
 from benchmarks.setup.interfaces import TrialEnv
-from deqmcl_gym.maps.map import LENGTH, POSE
+from deqmcl_gym.maps.map import LENGTH, POSE, pixel, scaled
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError, number, one_of, pose
 from localizers import (
@@ -24,7 +24,10 @@ from localizers import (
     Prior,
     UniformPrior,
 )
+from localizers.models.nav2_motion import unknown_motion
+from localizers.scan_plug_in import ScanPlugIn, is_code
 
+T = TypeVar("T")
 _DIRECTIONS = 1024  # that are drawn to find a free one
 
 
@@ -42,6 +45,7 @@ class Gaussian:
     mean: tuple[float, float, float] | None = field(default=None, metadata=POSE)
     sd_position: float = field(default=10.0, metadata=LENGTH)
     sd_heading: float = 0.1
+    may_be_lost = False
 
     def __post_init__(self) -> None:
         if self.mean is not None:
@@ -63,26 +67,23 @@ class Gaussian:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Displaced:
+class Displaced(Gaussian):
     """A Gaussian whose mean is wrong by a distance and an angle, as if a person were mistaken.
 
     The direction is drawn, evenly among those that lead to free space, as nobody says that a robot
     stands in a wall; the angle is to the left or to the right.
 
     Attributes:
-        mean, sd_position, sd_heading: as of ``Gaussian``, before the mean is displaced.
         distance: by which the mean is off.
         angle: by which its heading is off, rad.
     """
 
-    mean: tuple[float, float, float] | None = field(default=None, metadata=POSE)
-    sd_position: float = field(default=10.0, metadata=LENGTH)
-    sd_heading: float = 0.1
     distance: float = field(default=0.0, metadata=LENGTH)
     angle: float = 0.0
+    may_be_lost = True
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "mean", self._right.mean)
+        super().__post_init__()
         number("prior.distance", self.distance, low=0)
         number("prior.angle", self.angle, low=0, high=math.pi)
 
@@ -98,7 +99,7 @@ class Displaced:
         """
         if rng is None:
             raise InputError("the prior is displaced in a direction that is drawn: give rng.")
-        right = self._right.of(room)
+        right = super().of(room)
         x, y, heading = right.mean
         side, ways = rng.random(), 2 * math.pi * rng.random(_DIRECTIONS)
         off = np.column_stack([arrays.cos(ways), arrays.sin(ways)])
@@ -118,11 +119,7 @@ class Displaced:
     def where(self) -> str:
         """Where it is, in words."""
         off = f"wrong by {self.distance:g} and {math.degrees(self.angle):.0f}°"
-        return f"{self._right.where}, {off}"
-
-    @property
-    def _right(self) -> Gaussian:
-        return Gaussian(mean=self.mean, sd_position=self.sd_position, sd_heading=self.sd_heading)
+        return f"{super().where}, {off}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,6 +136,7 @@ class Uniform:
     near: tuple[float, float] | None = field(default=None, metadata=LENGTH)
     within: float | None = field(default=None, metadata=LENGTH)
     beyond: float = field(default=0.0, metadata=LENGTH)
+    may_be_lost = True
 
     def __post_init__(self) -> None:
         if self.polygon is not None and self.near is not None:
@@ -194,6 +192,7 @@ class Places:
     """
 
     places: tuple[Place, ...] = ()
+    may_be_lost = True
 
     def __post_init__(self) -> None:
         if not isinstance(self.places, tuple | list):
@@ -236,3 +235,52 @@ def _place(given: Any) -> Place:
 PRIORS = MappingProxyType(
     {"gaussian": Gaussian, "uniform": Uniform, "places": Places, "displaced": Displaced}
 )
+
+
+def changed(part: str, current: T, keys: Any, unit: str, kinds: Mapping[str, Any]) -> T:
+    """Change values of a part; another kind keeps those that both kinds have.
+
+    Args:
+        part: its name, for refusals.
+        current: the part.
+        keys: new values, by name; ``kind`` is one of ``kinds``, or of a scan model its code.
+        unit: of lengths on the map, in which those of a fresh kind are.
+        kinds: classes of such parts, by name.
+
+    Raises:
+        InputError: unknown name or a bad value.
+    """
+    if not isinstance(keys, Mapping):
+        names = ", ".join(_names(part, current))
+        raise InputError(f"{part} is {keys!r}, but must name a key: {names}.")
+    changes = dict(keys)
+    if part == "scan" and is_code(changes.get("kind")):
+        return ScanPlugIn(kind=changes.pop("kind")).changed(**changes)  # type: ignore[return-value]
+    if isinstance(current, ScanPlugIn) and "kind" not in changes:
+        return current.changed(**changes)  # type: ignore[return-value]
+    if "kind" in changes:
+        given = _kind_of(part, changes.pop("kind"), kinds)
+        kind = kinds[given]
+        if type(current) is not kind:
+            known = {own.name for own in fields(kind)}
+            shared = {name: value for name, value in vars(current).items() if name in known}
+            motion = part == "motion"
+            fresh: Any = unknown_motion(given, unit) if motion else scaled(kind(), pixel(unit))
+            current = replace(fresh, **shared)
+    for key in changes:
+        one_of("assumption", f"{part}.{key}", _names(part, current))
+    return replace(current, **changes)  # type: ignore[type-var]
+
+
+def _kind_of(part: str, given: Any, kinds: Mapping[str, Any]) -> str:
+    try:
+        return one_of(f"kind of {part}", given, kinds)
+    except InputError as error:
+        if part != "scan":
+            raise
+        raise InputError(f"{str(error).rstrip('.')}, or your own as file.py:NAME.") from None
+
+
+def _names(part: str, current: Any) -> list[str]:
+    """Dotted names of what can be changed of a part."""
+    return [f"{part}.{name}" for name in (*(own.name for own in fields(current)), "kind")]

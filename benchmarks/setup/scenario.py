@@ -1,25 +1,23 @@
-"""Scenario: a world, what the filters assume of it, who drives, and when an estimate is far off."""
+"""Scenario: a world, what the filters assume of it, and who drives; so also what is scored."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
-from benchmarks.setup.assumed import changed
 from benchmarks.setup.changes import NOTHING, Changes, Named, located
 from benchmarks.setup.interfaces import TrialEnv
-from benchmarks.setup.priors import PRIORS, Displaced, Gaussian, Places, Uniform
+from benchmarks.setup.priors import PRIORS, Gaussian, Places, Uniform, changed
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps.map import LENGTH, pixel, scaled
 from deqmcl_gym.validation import integer, number, one_of
 from deqmcl_gym.world.config import World, offices_of
-from deqmcl_gym.world.presets import WORLDS
 from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
 from localizers.models.beams import BEAM_MODELS, BeamDensity
 from localizers.models.nav2_motion import MOTION_MODELS, MotionModel
-from localizers.naming.scans import ScanPlugIn
+from localizers.scan_plug_in import ScanPlugIn
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,18 +46,17 @@ _KINDS: Mapping[str, Mapping[str, Any]] = {
     "motion": MOTION_MODELS, "scan": BEAM_MODELS, "prior": PRIORS
 }  # fmt: skip
 _PARTS = tuple(own.name for own in fields(World))
-_ASSUMED = ("motion", "scan", "prior")
+_LENGTHS = ("motion", "scan", "prior", "thresholds")  # what has lengths in the map's unit
 OPEN_LOOP = Named("open-loop")
 AS_WORLD = "world"  # what is assumed is what the world is
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scenario:
-    """A world, what the filters assume of it, and who drives.
+class Scenario(ABC):
+    """What the filters assume of a world, and who drives in it.
 
     Attributes:
         words: what is special about it, one line.
-        env: arguments of ``RoomEnv``: the preset to start from, and changes to its parts.
         motion: p(x_t | x_{t-1}, a_t), as the filters assume it.
         scan: p(o | ô) of a beam, or p(o | x, m) of somebody else, as the filters assume it.
         prior: p(x_0), as the filters assume it.
@@ -69,53 +66,51 @@ class Scenario:
             without a seed or seeds of its own.
         thresholds: of the scores.
         source: digest of the files that it was read from; "" if built-in.
+        code: names of the plug-ins that it and its bases are.
     """
 
     words: str
-    env: Mapping[str, Any]
     motion: MotionModel = field(default_factory=OdometryMotion)
     scan: BeamDensity | ScanPlugIn = field(default_factory=GaussianUniform)
-    prior: Gaussian | Uniform | Places | Displaced = field(default_factory=Gaussian)
+    prior: Gaussian | Uniform | Places = field(default_factory=Gaussian)
     agent: Named = OPEN_LOOP
     disturbance: tuple[Mapping[str, Any], ...] = ()
     buildings: int = 1
     thresholds: Thresholds = field(default_factory=Thresholds)
     source: str = ""
+    code: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         integer("buildings", self.buildings, low=1)
         if isinstance(self.agent, str):
             object.__setattr__(self, "agent", Named(self.agent))
 
-    @cached_property
-    def world(self) -> World:
-        """The world that the env's arguments describe."""
-        parts = {name: value for name, value in self.in_building(0).env.items() if name in _PARTS}
-        return WORLDS[one_of("preset", self.env["preset"], WORLDS)].changed(**parts)
-
     @property
+    @abstractmethod
     def unit(self) -> str:
         """Of all lengths."""
-        return self.world.floor_plan.unit
 
+    @property
+    @abstractmethod
+    def known(self) -> Mapping[str, Any]:
+        """What filters may assume as it is in the world, by dotted name."""
+
+    @abstractmethod
     def room(self) -> TrialEnv:
         """Return the env, set up to run all planned steps."""
-        return RoomEnv(**self.env, ends_at_goal=False)
+
+    @abstractmethod
+    def in_world(self, values: Changes) -> Self:
+        """Return this scenario with its world changed, by dotted name."""
 
     @property
-    def has_goal(self) -> bool:
-        """Whether its robot is to arrive somewhere."""
-        return self.world.route is not None
+    def scores(self) -> frozenset[str]:
+        """Groups of scores of a whole run that it is about, by the parts that it is made of.
 
-    @property
-    def may_be_lost(self) -> bool:
-        """Whether the question is where the robot is: no pose is expected, or the map is wrong.
-
-        A robot that drives on what it believes, on a wrong map, is to arrive.
+        A robot that may be anywhere may be lost; one that is carried off is to be found again.
         """
-        if not isinstance(self.prior, Gaussian):
-            return True
-        return self.world.differs_from_map and self.agent == type(self).agent
+        carried = any(wrapper["kind"] == "kidnap" for wrapper in self.disturbance)
+        return frozenset(["lost"] * self.prior.may_be_lost + ["recovery"] * carried)
 
     @property
     def judged(self) -> int | None:
@@ -124,11 +119,7 @@ class Scenario:
 
     def in_building(self, trial: int) -> Self:
         """Return this scenario in the building of a trial's number."""
-        floor_plan = self.env.get("floor_plan")
-        seeded = _seeded(floor_plan, trial, self.buildings)
-        if seeded is floor_plan:
-            return self
-        return replace(self, env={**self.env, "floor_plan": seeded})
+        return self
 
     def robot_model(self, room: TrialEnv) -> RobotModel:
         """Return what localizers and agents are made for: the room's map and lidar, this noise."""
@@ -152,36 +143,26 @@ class Scenario:
         If lengths are in another unit in the new world, those of this scenario are converted.
 
         Args:
-            world: arguments of ``RoomEnv``: ``{"lidar.beams": 9, "driver": "none"}``.
+            world: parts of the ``World``: ``{"lidar.beams": 9, "driver": "none"}``, or arguments of
+                the ``LogEnv``.
             assumed: ``{"scan.kind": "beam-model", "prior.sd_position": 5.0}``; "world" is what the
                 new world is: ``{"motion": "world", "scan.sigma": "world"}``.
 
         Raises:
             InputError: unknown name or a bad value.
         """
-        moved, values = self, located(Changes(world))
-        if values:
-            moved = replace(self, env=self._env_with(values))
-            factor = pixel(moved.unit) / pixel(self.unit)
-            moved = moved if factor == 1.0 else replace(scaled(self, factor), env=moved.env)
-        groups = moved._told(Changes.told("assumed", assumed)).by_part(_ASSUMED, "assumption")
+        moved = self
+        if values := located(Changes(world)):
+            moved = self.in_world(values)
+            if (factor := pixel(moved.unit) / pixel(self.unit)) != 1.0:
+                own = {name: scaled(getattr(self, name), factor) for name in _LENGTHS}
+                moved = replace(moved, **own)
+        groups = moved._told(Changes.told("assumed", assumed)).by_part(_KINDS, "assumption")
         parts = {
             part: changed(part, getattr(moved, part), keys, moved.unit, _KINDS[part])
             for part, keys in groups.items()
         }
         return replace(moved, **parts)
-
-    @property
-    def known(self) -> Mapping[str, Any]:
-        """What filters may assume as it is in the world, by dotted name."""
-        noise, start = self.world.noise, self.world.start
-        return {
-            "motion.kind": "odometry",
-            **{f"motion.{name}": value for name, value in vars(noise).items()},
-            "scan.sigma": self.world.lidar.sigma,
-            "prior.sd_position": start.sd_position,
-            "prior.sd_heading": start.sd_heading,
-        }
 
     def _told(self, assumed: Changes) -> Changes:
         """Return what is assumed with the world's values in place of the word "world"."""
@@ -194,19 +175,74 @@ class Scenario:
             told |= of_it
         return Changes(told)
 
-    def _env_with(self, values: Changes) -> Mapping[str, Any]:
-        """Return the env's arguments with some changed."""
-        groups = values.by_part((*_PARTS, "horizon"), "part of the world")
-        parts = {name: groups[name] for name in _PARTS if name in groups}
+
+@dataclass(frozen=True, kw_only=True)
+class RoomScenario(Scenario):
+    """Episodes in a room or building.
+
+    Attributes:
+        world: all parts of it; with ``office``, in the building of trial 0.
+        office: the floor plan {"office": {…}} of which trials have buildings of their own; None:
+            that of the world.
+        horizon: number of planned actions shown; None: all.
+    """
+
+    world: World
+    office: Mapping[str, Any] | None = None
+    horizon: int | None = None
+
+    @property
+    def unit(self) -> str:
+        """Of all lengths."""
+        return self.world.floor_plan.unit
+
+    @property
+    def scores(self) -> frozenset[str]:
+        """Groups of scores of a whole run that it is about, by the parts that it is made of.
+
+        A robot that is driven by a wrong map, too, may be lost; any other that knows where it
+        starts is to arrive where its route ends, on a wrong map if it drives on what it believes.
+        """
+        about = super().scores
+        if self.world.differs_from_map and self.agent == OPEN_LOOP:
+            about |= {"lost"}
+        if self.world.route is not None and "lost" not in about:
+            about |= {"driving"}
+        return about
+
+    def room(self) -> TrialEnv:
+        """Return the env, set up to run all planned steps."""
+        return RoomEnv(world=self.world, horizon=self.horizon, ends_at_goal=False)
+
+    def in_building(self, trial: int) -> Self:
+        """Return this scenario in the building of a trial's number."""
+        if self.office is None:
+            return self
+        floor_plan = _seeded(self.office, trial, self.buildings)
+        return replace(self, world=self.world.changed(floor_plan=floor_plan))
+
+    def in_world(self, values: Changes) -> Self:
+        """Return this scenario with parts of its world, or the horizon, changed by dotted name."""
+        parts = values.by_part((*_PARTS, "horizon"), "part of the world")
+        horizon, office = parts.pop("horizon", self.horizon), self.office
         if "floor_plan" in parts:
-            parts["floor_plan"] = _seeded(parts["floor_plan"], 0, self.buildings)
+            given = parts["floor_plan"]
+            parts["floor_plan"] = _seeded(given, 0, self.buildings)
+            office = given if parts["floor_plan"] is not given else None
         world = self.world.changed(**parts)
-        whole = {name: getattr(world, name) or "none" for name in _PARTS}
-        given = groups.get("floor_plan", self.env.get("floor_plan"))
-        if given is not None:
-            whole["floor_plan"] = given  # as it was said: offices differ by trial
-        horizon = {"horizon": groups["horizon"]} if "horizon" in groups else {}
-        return {**self.env, **whole, **horizon}
+        return replace(self, world=world, office=office, horizon=horizon)
+
+    @property
+    def known(self) -> Mapping[str, Any]:
+        """What filters may assume as it is in the world, by dotted name."""
+        noise, start = self.world.noise, self.world.start
+        return {
+            "motion.kind": "odometry",
+            **{f"motion.{name}": value for name, value in vars(noise).items()},
+            "scan.sigma": self.world.lidar.sigma,
+            "prior.sd_position": start.sd_position,
+            "prior.sd_heading": start.sd_heading,
+        }
 
 
 def _seeded(floor_plan: Any, trial: int, buildings: int) -> Any:

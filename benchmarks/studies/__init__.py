@@ -1,1 +1,1 @@
-"""Studies, each with a command of its own: speed, phase, scores of acting, training data."""
+"""Studies of a clone, which are not in the wheel: speed, scores of acting."""

@@ -23,9 +23,9 @@ from benchmarks.agents import AGENTS
 from benchmarks.pictures.film import webp
 from benchmarks.setup.interfaces import Agent
 from benchmarks.tables.stats import wilson
-from benchmarks.trials.fixes import metre
 from deqmcl_gym.envs.acting import ActingEnv, TrackEnv
 from deqmcl_gym.files import write_bytes
+from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics.types import Floats, Singles
 from localizers.tasks import OFFICE, POWER, robot_model
 

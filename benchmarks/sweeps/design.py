@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
-from benchmarks.execution.apart import takes
 from benchmarks.setup.changes import NOTHING, Changes, Named, jsonable
 from benchmarks.setup.names import absolute_agent, absolute_scenario
 from benchmarks.tables.panels import BASELINE
 from benchmarks.trials.spec import Method, Run, Setting, Trial, changes_of
 from deqmcl_gym.validation import InputError, integer, number, one_of
+from localizers import parameters
 
 GROUPS = ("world", "assumed", "params")  # of dotted names; agent.… are the agent's parameters
 SCALARS = ("scenario", "lag", "disturbance", "agent")
@@ -155,7 +155,7 @@ class Sweep:
     baseline: str = ""
     limits: tuple[Limit, ...] = ()
     until_decided: UntilDecided | None = None
-    takes: Takes = field(default=takes, compare=False, repr=False)
+    takes: Takes = field(default=parameters, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         changes_of(self)

@@ -1,6 +1,6 @@
 """Animations of trials, which are run again: that gives the same again."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -8,11 +8,10 @@ from benchmarks.execution.engines import available_cpus
 from benchmarks.execution.processes import Processes
 from benchmarks.pictures.figures import camera_of
 from benchmarks.pictures.film import Film, png, side_by_side, webp
-from benchmarks.trials.plugins import guest_of, key_of
+from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.drawing import Image
 
 STRIDE = 8  # steps per frame
 _MILLISECONDS = 200
@@ -44,43 +43,19 @@ class Animation:
     webp: bytes = b""
     png: bytes = b""
 
-    @property
-    def parts(self) -> "list[Animation]":
-        """The animation of each of its trials alone."""
-        shown = zip(self.trials, self.labels, self.keys, strict=True)
-        return [replace(self, trials=(t,), labels=(n,), keys=(key,)) for t, n, key in shown]
-
 
 Promise = Callable[[], Animation]
 
 
 @contextmanager
 def drawing() -> Iterator[Callable[[Animation], Promise]]:
-    """Start workers that draw what is given: a plug-in that hangs or exits there does no harm.
-
-    Trials of different plug-ins are run apart, as in a sweep.
-    """
-
-    def guest(shown: Animation) -> str:
-        return max(map(guest_of, shown.trials), default="")  # the same of all: else it is in parts
-
-    def promised(shown: Animation) -> Promise:
-        if len(set(map(guest_of, shown.trials))) <= 1:
-            return pool.submit(drawn, shown).result
-        parts = [pool.submit(frames_of, part) for part in shown.parts]
-        return lambda: joined(shown, [row for part in parts for row in part.result()])
-
-    with Processes(available_cpus(), timeout=_PATIENCE, guest_of=guest) as pool:
-        yield promised
+    """Start workers that draw what is given: a plug-in that hangs or exits there does no harm."""
+    with Processes(available_cpus(), timeout=_PATIENCE) as pool:
+        yield lambda shown: pool.submit(drawn, shown).result
 
 
 def drawn(shown: Animation) -> Animation:
-    """Return an animation with its pictures: its trials are run again; see ``frames_of``."""
-    return joined(shown, frames_of(shown))
-
-
-def frames_of(shown: Animation) -> list[list[Image]]:
-    """Return the frames of each of its trials, which are run again.
+    """Return an animation with its pictures: its trials are run again.
 
     Raises:
         InputError: its code is another one by now.
@@ -94,11 +69,6 @@ def frames_of(shown: Animation) -> list[list[Image]]:
         for _ in film.of(stage.moments()):
             pass
         rows.append(film.frames)
-    return rows
-
-
-def joined(shown: Animation, rows: Sequence[Sequence[Image]]) -> Animation:
-    """Return it with its pictures: the frames of its trials, side by side."""
     longest = max(map(len, rows))
     padded = [[*row, *[row[-1]] * (longest - len(row))] for row in rows]  # who ends first waits
     frames = [side_by_side(images) for images in zip(*padded, strict=True)]

@@ -7,11 +7,11 @@ from statistics import fmean
 
 from tabulate import tabulate
 
-from benchmarks.execution.apart import provenance
 from benchmarks.execution.engines import Engine, available_cpus, outcomes
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep, cells_of
 from benchmarks.sweeps.running import Options
+from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.spec import Trial
 
@@ -26,7 +26,7 @@ def dry_run(sweep: Sweep, options: Options) -> str:
     cells = cells_of(trials)
     here = replace(options.where, executor="process", scheduler=None, jobs=1)
     with here.engine(trials) as engine:
-        times = _times([own[0] for own in cells.values()], engine, provenance(sweep.cells()))
+        times = _times([own[0] for own in cells.values()], engine, provenance_of(sweep.cells()))
     words = [own[0].words() for own in cells.values()]
     alike = [part for part in words[0] if len(words) > 1 and all(part in own for own in words)]
     rows = [

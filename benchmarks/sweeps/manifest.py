@@ -4,26 +4,27 @@ import itertools
 import json
 import os
 import platform
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from msgspec import Struct, field, to_builtins
+from msgspec.structs import replace
 
-from benchmarks.execution.apart import provenance
-from benchmarks.files import is_empty, refuse_changed
+from benchmarks.files import is_empty
 from benchmarks.setup.changes import renamed, spelt
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.store import SCHEMA
+from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Environment, Provenance, environment
 from deqmcl_gym.files import UnreadableError, content_of, json_of, typed, write_text
 from deqmcl_gym.validation import InputError
-from localizers.naming.digests import UNREAD
-from localizers.naming.plugins import Placed
+from localizers.digests import UNREAD
+from localizers.kinds import Placed
 
 NAME = "manifest.json"
+SCHEMA = 4
 
+_FREE = ("title", "until_decided")  # parts of a sweep on which no trial depends
 _ABSENT = object()
 _DIGITS = 12  # of a digest
 _SHOWN, _BEFORE = 60, 20  # letters of a long value, and how many of them are the same
@@ -44,54 +45,46 @@ class Verified(Provenance, frozen=True, kw_only=True):
 
     def words(self) -> str:
         """Say under what, and by how many trials."""
-        own = [f"{Path(name).name} {d[:_DIGITS]}" for name, d in self.plug_ins.items()]
-        named = [f"code {self.code[:_DIGITS]}", *map(" ".join, self.libraries.items())]
-        under = ", ".join([*named, *own])
-        return f"verified under {under} on {len(self.keys):,} of {self.of:,} trials"
+        plug_ins = [f"{Path(name).name} {d[:_DIGITS]}" for name, d in self.plug_ins.items()]
+        parts = [f"code {self.code[:_DIGITS]}", *map(" ".join, self.libraries.items()), *plug_ins]
+        return f"verified under {', '.join(parts)} on {len(self.keys):,} of {self.of:,} trials"
 
 
-class _Identity(Provenance, frozen=True, kw_only=True):
-    """What the numbers of a folder depend on, as its manifest has it."""
+class Identity(Provenance, frozen=True, kw_only=True):
+    """Everything that the numbers of a folder depend on; ``sweep`` is ``Sweep.canonical()``."""
 
     sweep: dict[str, Any]
 
 
-class _Content(Struct):
-    """The content of a manifest."""
-
-    schema: int
-    identity: _Identity
-    parameters: dict[str, list[str] | None]
-    command: list[str]
-    environment: Environment
-    verified: list[Verified] = field(default_factory=list)
-    places: dict[str, str] = field(default_factory=dict)
-    margin: float | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Manifest:
+class Manifest(Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Which sweep a folder belongs to; read as data: nothing that it names is loaded.
 
     Attributes:
-        sweep: ``Sweep.canonical()``.
-        made: code, libraries and plug-ins of its trials.
+        schema: of the folder.
+        identity: the sweep, and the code, libraries and plug-ins of its trials.
         parameters: those that each localizer takes; None: any.
         command: the words that started the sweep.
         environment: see ``provenance.environment``.
-        verified: what else may go on with the trials of ``made``, under their keys.
+        cpu: name of the processor.
         places: where the files are that a sweep file named, by the names that it has for them.
         margin: by which comparisons were looked at until they were decided; None: none was.
+        verified: what else may go on with its trials, under their keys.
     """
 
-    sweep: dict[str, Any]
-    made: Provenance
-    parameters: Mapping[str, Sequence[str] | None]
-    command: Sequence[str]
+    schema: int
+    identity: Identity
+    parameters: dict[str, list[str] | None]
+    command: list[str]
     environment: Environment
-    verified: Sequence[Verified] = ()
-    places: Mapping[str, str] = field(default_factory=dict)
+    cpu: str = ""
+    places: dict[str, str] = field(default_factory=dict)
     margin: float | None = None
+    verified: list[Verified] = field(default_factory=list)
+
+    @property
+    def sweep(self) -> dict[str, Any]:
+        """The sweep's ``canonical()``."""
+        return self.identity.sweep
 
     @property
     def placed(self) -> dict[str, Any]:
@@ -99,23 +92,24 @@ class Manifest:
         names = {name: Placed(name, place) for name, place in self.places.items()}
         return renamed(self.sweep, names)  # type: ignore[no-any-return]
 
-    @property
-    def identity(self) -> dict[str, Any]:
-        """Everything that the numbers depend on."""
-        return {"sweep": self.sweep, **to_builtins(self.made)}
-
 
 def of_sweep(sweep: Sweep, command: Sequence[str]) -> Manifest:
     """Return the manifest that a sweep has if it is run now."""
+    now, taken = provenance_of(sweep.cells()), {name: sweep.takes(name) for name in sweep.names}
     return Manifest(
-        sweep=sweep.canonical(),
-        made=provenance(sweep.cells()),
-        parameters={name: sweep.takes(name) for name in sweep.names},
-        command=command,
+        schema=SCHEMA,
+        identity=_identity(sweep.canonical(), now),
+        parameters={str(n): None if own is None else list(own) for n, own in taken.items()},
+        command=list(command),
         environment=environment(),
+        cpu=_cpu_model(),
         places=places(sweep),
         margin=None if sweep.until_decided is None else sweep.until_decided.margin,
     )
+
+
+def _identity(sweep: dict[str, Any], made: Provenance) -> Identity:
+    return Identity(made.code, made.libraries, made.plug_ins, sweep=sweep)
 
 
 def places(sweep: Sweep) -> dict[str, str]:
@@ -132,17 +126,18 @@ def taken_over(folder: Path, ours: Manifest) -> Manifest:
 
     Raises:
         InputError: the folder is not ours, or of another sweep, other code or another plug-in
-            (all differences are listed), or of one that cannot be read; it was looked at with
-            another margin; or a file in it was changed.
+            (all differences are listed), or of one that cannot be read; or it was looked at with
+            another margin.
     """
     if is_empty(folder):
         return ours
     held, made = _compared(folder, ours)
-    if apart := list(differences(held, made.identity)):
-        others = f", or see by deqmcl verify {folder} whether any number differs"
+    if apart := list(differences(_plain(held), _plain(made.identity))):
+        same = not any(differences(held.sweep, made.sweep))
+        others = f", or see by deqmcl verify {folder} whether any number differs" if same else ""
         raise InputError(
             f"{folder} holds results of something else ({'; '.join(apart)}): give a new --out, or "
-            f"restore what was changed{others if held['sweep'] == made.sweep else ''}."
+            f"restore what was changed{others}."
         )
     if ours.margin not in (None, made.margin):
         raise InputError(
@@ -150,13 +145,12 @@ def taken_over(folder: Path, ours: Manifest) -> Manifest:
             f"that is chosen after a look, {100 * ours.margin:g}%, decides nothing: give that of "
             "before, or a new --out."
         )
-    for name, digest in read(folder).made.plug_ins.items():
+    for name, digest in read(folder).identity.plug_ins.items():
         if UNREAD in digest:
             raise InputError(
                 f"{folder} holds results of {name!r}, whose code cannot be read, so nobody knows "
                 "whether it is the same now: give a new --out, or write it into a file.py."
             )
-    refuse_changed(folder)
     return made
 
 
@@ -165,82 +159,70 @@ def is_of_other_code(folder: Path, ours: Manifest) -> bool:
     if is_empty(folder):
         return False
     held, made = _compared(folder, ours)
-    return not any(differences(held["sweep"], made.sweep)) and held != made.identity
+    return not any(differences(held.sweep, made.sweep)) and held != made.identity
 
 
-def _compared(folder: Path, ours: Manifest) -> tuple[dict[str, Any], Manifest]:
+def _compared(folder: Path, ours: Manifest) -> tuple[Identity, Manifest]:
     """Return what a folder is of, as far as ours may not grow from it, and ours as it goes on."""
     theirs = read(folder)
-    made = _under_keys_of(theirs, ours)
-    return _less(theirs.identity, made.identity), made
-
-
-def _under_keys_of(theirs: Manifest, ours: Manifest) -> Manifest:
-    """Return our manifest with the provenance of theirs, if ours was verified to be as good."""
-    now, before = ours.made, theirs.made
+    made, now, before = ours, ours.identity, theirs.identity
     for one in theirs.verified:
         known = {**before.plug_ins, **one.plug_ins}
         same = all(now.plug_ins.get(name) == digest for name, digest in known.items())
         if same and (one.code, one.libraries) == (now.code, now.libraries):
             plug_ins = {**now.plug_ins, **before.plug_ins}
-            made = Provenance(before.code, before.libraries, plug_ins)
-            ours = replace(ours, made=made, environment=theirs.environment)
+            identity = replace(before, plug_ins=plug_ins, sweep=ours.sweep)
+            made = replace(ours, identity=identity, environment=theirs.environment)
             break
     margin = ours.margin if theirs.margin is None else theirs.margin
-    return replace(ours, verified=theirs.verified, margin=margin)
+    made = replace(made, verified=theirs.verified, margin=margin)
+    return _grown(before, made.identity), made
 
 
-def begin(folder: Path, ours: Manifest) -> tuple[Manifest, bool]:
-    """Write the manifest of a new folder, or of one that grows; return it, and whether it is new.
+def _grown(theirs: Identity, ours: Identity) -> Identity:
+    """Return an identity as if it had been asked for our worlds, runs, localizers and title."""
+    held, asked = theirs.sweep, ours.sweep
+    try:
+        more = {
+            name: asked[name] for name in ("trials", "filter_seeds") if asked[name] > held[name]
+        }
+        if {*map(spelt, held["localizers"])} <= {*map(spelt, asked["localizers"])}:
+            more["localizers"] = asked["localizers"]
+            theirs = replace(theirs, plug_ins={**ours.plug_ins, **theirs.plug_ins})
+    except (KeyError, TypeError):  # it is not as we write it
+        return theirs
+    free = {name: own for name, own in asked.items() if name in _FREE}
+    kept = {name: own for name, own in held.items() if name not in _FREE}
+    return replace(theirs, sweep=kept | free | more)
+
+
+def begin(folder: Path, ours: Manifest) -> Manifest:
+    """Write the manifest of a new folder, or of one that grows, and return it.
 
     Raises:
         InputError: see ``taken_over``.
     """
-    ours, new = taken_over(folder, ours), is_empty(folder)
-    here = {name: os.path.relpath(place, folder) for name, place in ours.places.items()}
-    if new or (held := read(folder)).identity != ours.identity or held.places != ours.places:
-        content = {
-            "schema": SCHEMA,
-            "identity": ours.identity,
-            "parameters": ours.parameters,
-            "command": ours.command,
-            "environment": ours.environment,
-            "cpu": cpu_model(),
-            "seeds": seeds(ours.sweep["seed"]),
-        }
-        if here:
-            content["places"] = here
-        if ours.margin is not None:
-            content["margin"] = ours.margin
-        if ours.verified:
-            content["verified"] = to_builtins(ours.verified)
-        write_text(folder / NAME, json.dumps(content, indent=2) + "\n")
-    return ours, new
+    made = taken_over(folder, ours)
+    held = None if is_empty(folder) else read(folder)
+    if held is None or (held.identity, held.places) != (made.identity, made.places):
+        _write(folder, made)
+    return made
 
 
-def append(folder: Path, made: Verified) -> None:
+def append(folder: Path, checked: Verified) -> None:
     """Add to a folder's manifest what was verified."""
-    path = folder / NAME
-    content = json_of(content_of(path))
-    content["verified"] = [*content.get("verified", ()), to_builtins(made)]
-    write_text(path, json.dumps(content, indent=2) + "\n")
+    held = read(folder)
+    _write(folder, replace(held, verified=[*held.verified, checked]))
 
 
-def _less(theirs: Any, ours: dict[str, Any]) -> Any:
-    """Return an identity as if it were ours, but for more worlds or localizers and the title."""
-    try:
-        held, asked = theirs["sweep"], ours["sweep"]
-        more = {"title": asked["title"]} | {
-            name: asked[name] for name in ("trials", "filter_seeds") if asked[name] > held[name]
-        }
-        held = {key: value for key, value in held.items() if key != "until_decided"}
-        more |= {key: asked[key] for key in asked if key == "until_decided"}
-        if {*map(spelt, held["localizers"])} <= {*map(spelt, asked["localizers"])}:
-            more["localizers"] = asked["localizers"]
-            theirs = theirs | {"plug-ins": ours["plug-ins"] | theirs["plug-ins"]}
-        return theirs | {"sweep": held | more}
-    except (KeyError, TypeError):  # it is not as we write it
-        return theirs
+def _write(folder: Path, made: Manifest) -> None:
+    here = {name: os.path.relpath(place, folder) for name, place in made.places.items()}
+    content = _plain(replace(made, places=here))
+    write_text(folder / NAME, json.dumps(content, indent=2) + "\n")
+
+
+def _plain(value: Struct) -> dict[str, Any]:
+    return to_builtins(value, enc_hook=str)  # type: ignore[no-any-return]  # ``Placed``
 
 
 def read(folder: Path) -> Manifest:
@@ -266,39 +248,21 @@ def read(folder: Path) -> Manifest:
             "--out."
         )
     try:
-        known = typed(content, _Content)
+        held = typed(content, Manifest)
     except UnreadableError as error:
         raise InputError(
             f"{path} {error}: it is not of a sweep, or was changed; give a new --out."
         ) from None
-    identity, until = known.identity, known.identity.sweep.get("until_decided")
-    identity.sweep.pop("held_out", None)  # where a seed came from, once; it is ``seed`` itself
-    return Manifest(
-        sweep=identity.sweep,
-        made=Provenance(identity.code, identity.libraries, identity.plug_ins),
-        parameters=known.parameters,
-        command=known.command,
-        environment=known.environment,
-        verified=known.verified,
-        margin=until.get("margin") if isinstance(until, dict) else known.margin,
-        places={n: os.path.abspath(folder / place) for n, place in known.places.items()},
+    held.sweep.pop("held_out", None)  # where a seed came from, once; it is ``seed`` itself
+    until = held.sweep.get("until_decided")
+    return replace(
+        held,
+        margin=until.get("margin") if isinstance(until, dict) else held.margin,
+        places={n: os.path.abspath(folder / place) for n, place in held.places.items()},
     )
 
 
-def seeds(root: int) -> dict[str, Any]:
-    """Return the map from a trial to its random streams, in words."""
-    return {
-        "root": root,
-        "world": "env.reset(seed) of trial i: "
-        "SeedSequence(root, spawn_key=(i, 0)).generate_state(1, uint64)[0] >> 11",
-        "localizer": "run j of trial i: SeedSequence(root, spawn_key=(i, 1, j)), the same for "
-        "every method; in scenario replay: spawn_key=(i,) of run 0, (i, j) of the others",
-        "start": "of a prior that is drawn, run j of trial i: "
-        "SeedSequence(root, spawn_key=(i, 2, j))",
-    }
-
-
-def cpu_model() -> str:
+def _cpu_model() -> str:
     """Return the name of this machine's processor."""
     try:
         for line in Path("/proc/cpuinfo").read_text().splitlines():

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from benchmarks.files import is_empty
-from benchmarks.setup import changes
+from benchmarks.setup import changes, documents
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep, cells_of
 from benchmarks.sweeps.manifest import Manifest, differences
@@ -139,7 +139,7 @@ def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Man
     for key, trial in trials.items():
         if (finished := store.get(key, trial)) is not None:
             records.append(finished)
-        elif (reason := store.failure(key, trial)) is not None:
+        elif (reason := store.failure(key)) is not None:
             failures.append(Failure(trial=trial, reason=reason))
             failed[key] = trial
     asked = {named(trial.canonical()) for trial in trials.values()}
@@ -151,7 +151,7 @@ def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Man
         failures=failures,
         missing=len(missing),
         planned=len(ended) + len(missing),
-        command=list(made.command),
+        command=made.command,
         environment=made.environment,
         verified=[one.words() for one in made.verified],
         left_out=store.rejected | dict(store.left_out(trials.keys(), asked)),
@@ -188,8 +188,8 @@ def results_in(folder: Path | str) -> Results:
     folder = Path(folder)
     made = manifest.read(folder)
     sweep = recorded_sweep(folder, made)
-    trials = {made.made.key(trial): trial for trial in sweep.distinct()}
-    results = collected(sweep, trials, Store(folder, reading=True), made)
+    trials = {made.identity.key(trial): trial for trial in sweep.distinct()}
+    results = collected(sweep, trials, Store(folder), made)
     if results.left_out and results.missing == results.planned:
         name, why = next(iter(results.left_out.items()))
         raise InputError(
@@ -211,11 +211,11 @@ def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
             ``until_decided``.
     """
     each, made = [results_in(one) for one in folders], [manifest.read(one) for one in folders]
-    told: dict[str, Any] = {"code": made[0].made.code}
+    told: dict[str, Any] = {"code": made[0].identity.code}
     failures: dict[str, Failure] = {}
     left_out: dict[str, str] = {}
     for folder, own, other in zip(folders, each, made, strict=True):
-        both = made[0].made.plug_ins.keys() & other.made.plug_ins.keys()
+        both = made[0].identity.plug_ins.keys() & other.identity.plug_ins.keys()
         if apart := next(differences(_worlds(made[0], both), _worlds(other, both)), ""):
             raise InputError(
                 f"{folder} is not comparable with {folders[0]} ({apart}): give folders of the same "
@@ -231,7 +231,7 @@ def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
                 f"{folder} lacks {own.missing} of its {own.planned} trials: finish its sweep first."
             )
         told[str(folder)] = {"command": command_line(own.command)} | own.environment
-        failures |= {other.made.key(one.trial): one for one in own.failures}
+        failures |= {other.identity.key(one.trial): one for one in own.failures}
         left_out |= {f"{folder}/{name}": why for name, why in own.left_out.items()}
     kept = {record.key: record for own in each for record in own.finished}
     records = [kept[key] for key in dict.fromkeys(one.key for own in each for one in own.records)]
@@ -257,8 +257,9 @@ def _worlds(made: Manifest, plug_ins: Collection[str]) -> dict[str, Any]:
     sweep = {name: own for name, own in made.sweep.items() if name not in _COMPARED}
     vary = sweep.get("vary", ())
     axes = [{n: v for n, v in own.items() if not n.startswith("agent")} for own in vary]
-    digests = {name: own for name, own in made.made.plug_ins.items() if name in plug_ins}
-    return made.identity | {"sweep": sweep | {"vary": [*filter(None, axes)]}, "plug-ins": digests}
+    digests = {name: own for name, own in made.identity.plug_ins.items() if name in plug_ins}
+    parts = {"vary": [*filter(None, axes)], "plug-ins": digests, "code": made.identity.code}
+    return sweep | parts | {"libraries": made.identity.libraries}
 
 
 def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
@@ -276,7 +277,7 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
         known = made.parameters[name]
         return None if known is None else tuple(known)
 
-    with changes.errors_name(folder / manifest.NAME):
+    with documents.errors_name(folder / manifest.NAME):
         return sweep_of(changes.of_json(made.placed), title="", takes=takes)
 
 

@@ -16,9 +16,7 @@ from typing import Any
 from tqdm.auto import tqdm
 
 from benchmarks.console import FailedWarning, beside, doing
-from benchmarks.execution.apart import check_methods, check_settings
 from benchmarks.execution.engines import Where, outcomes
-from benchmarks.files import locked
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Manifest
@@ -30,11 +28,12 @@ from benchmarks.sweeps.results import (
     named_as_in,
 )
 from benchmarks.sweeps.stopping import due, rule_of
-from benchmarks.sweeps.store import FOLDERS, Store
+from benchmarks.sweeps.store import Store, writing
 from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import check_methods, check_settings
 from deqmcl_gym.validation import InputError, one_line, shown
 
 MANY = 100_000  # trials; more are run only with --yes
@@ -118,35 +117,11 @@ def begun(
     out = Path(out)
     sweep = named_as_in(out, sweep)
     ours = manifest.of_sweep(sweep, command)
-    made = manifest.taken_over(out, ours)
-    shard = None if options.shard is None else "{}/{}".format(*options.shard)
-    with _gone_if_refused(out), locked((store := Store(out)).out, shard):
-        trials = {made.made.key(trial): trial for trial in sweep.distinct()}
-        store.refuse_obstacles(trials.keys())
-        made, new = manifest.begin(out, ours)
-        if shard is None:  # another one may be writing it
-            for path in store.temporary():
-                path.unlink(missing_ok=True)
-                _say([f"deqmcl: {path} was left by an interrupted write; it is removed."])
-        try:
-            yield Running(sweep, store, trials, options, made, ours.made)
-        except InputError:  # an engine that cannot be had: nothing was run
-            if new and shard is None and not any((out / name).exists() for name in FOLDERS):
-                (out / manifest.NAME).unlink()
-            raise
-
-
-@contextmanager
-def _gone_if_refused(folder: Path) -> Iterator[None]:
-    """Remove a folder that is made here, and empty after a refusal."""
-    there = folder.exists()
-    try:
-        yield
-    except InputError:
-        if not there:
-            with contextlib.suppress(OSError):
-                folder.rmdir()
-        raise
+    manifest.taken_over(out, ours)
+    with writing(out, options.shard) as store:
+        made = manifest.begin(out, ours)
+        trials = {made.identity.key(trial): trial for trial in sweep.distinct()}
+        yield Running(sweep, store, trials, options, made, ours.identity)
 
 
 def check(sweep: Sweep) -> None:
@@ -180,12 +155,8 @@ def run_missing(
     missing = {
         key: trial
         for key, trial in trials.items()
-        if store.get(key, trial) is None
-        and (options.retry_failed or store.failure(key, trial) is None)
+        if store.get(key, trial) is None and (options.retry_failed or store.failure(key) is None)
     }
-    again = {n: why for n, why in store.rejected.items() if not n.startswith("timings/")}
-    _say([f"deqmcl: {store.out / name} {why}; it is run again." for name, why in again.items()])
-    store.rejected.clear()
     if not missing:
         return True
     keys = {now.key(trial): key for key, trial in missing.items()}

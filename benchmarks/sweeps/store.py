@@ -1,11 +1,16 @@
-"""Results on disk: one file per trial, finished or failed, written whole or not at all."""
+"""Trials that ended, as lines of ``trials*.jsonl`` in a folder: appended, read, joined by ``cat``.
 
-import hashlib
+A line is {"key", "trial", "record", "seconds"}, or {"key", "trial", "reason"} of a trial that
+failed. The last record of a key counts, and a reason where there is no record.
+"""
+
 import json
 import os
+import sys
 from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import IO, Annotated, Any
 
 import msgspec
 from msgspec import Meta, Struct
@@ -13,155 +18,202 @@ from msgspec import Meta, Struct
 from benchmarks.trials.scoring import Finished, Record
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.files import (
+    MOST_BYTES,
     UnreadableError,
     content_of,
-    is_temporary,
     json_of,
+    opened,
     typed,
     writable_folder,
-    write_text,
 )
 from deqmcl_gym.validation import InputError, one_line
 
-SCHEMA = 4
+try:
+    import fcntl
+except ImportError:  # Windows has no such locks: there, users must avoid two sweeps in one folder
+    fcntl = None  # type: ignore[assignment]
 
-FOLDERS = ("trials", "timings", "failed")
 
-
-class _Kept(Record, frozen=True, kw_only=True):
-    """A file of trials/."""
-
+class _Line(Struct, frozen=True, kw_only=True):
+    key: str
     trial: dict[str, Any]
+    record: Record | None = None
+    seconds: Annotated[float, Meta(ge=0, le=1e9)] | None = None
+    reason: str | None = None
+
+    def __post_init__(self) -> None:
+        if self.record is None and self.reason is None:
+            raise ValueError("has neither a record nor a reason")
 
 
-class _Timed(Struct, frozen=True):
-    """A file of timings/."""
-
-    seconds: Annotated[float, Meta(ge=0, le=1e9)]
-
-
-class _Failed(Struct, frozen=True):
-    """A file of failed/."""
-
-    trial: dict[str, Any]
-    reason: str
-
-
-K = TypeVar("K", bound=_Kept | _Timed | _Failed)
-_FOLDER: dict[type, str] = dict(zip((_Kept, _Timed, _Failed), FOLDERS, strict=True))
+_DECODER = msgspec.json.Decoder(_Line)
 
 
 class Store:
-    """Trials in a folder, by key; timings apart, as they alone depend on the machine.
-
-    A file carries its schema, its key and a checksum of its content. One that is torn, edited or
-    of something else counts as missing. The checksum finds accidents: who changes a file on purpose
-    can make it anew.
+    """The trials in a folder, by key; a line that is no trial is none.
 
     Attributes:
         out: the folder.
-        rejected: files that were not taken for what they should be, and why.
+        rejected: lines that were not taken, and why.
     """
 
-    def __init__(self, out: Path, *, reading: bool = False) -> None:
-        """Open ``out`` (made if missing), or look at what is there if it is only read.
-
-        Raises:
-            InputError: it is to be written to, and is a file or cannot be.
-        """
-        self.out = out if reading else writable_folder(out)
+    def __init__(self, out: Path, file: IO[bytes] | None = None) -> None:
+        """Read what is there; ``file`` takes what is put."""
+        self.out, self._file = out, file
         self.rejected: dict[str, str] = {}
+        self._lines: dict[str, tuple[_Line, str]] = {}
+        for name, text in _former(out):
+            self._take(name, text)
+        for path in sorted(out.glob("trials*.jsonl")):
+            try:
+                with opened(path) as lines:
+                    for number, text in enumerate(lines, 1):
+                        if text.endswith(b"\n") or _is_line(text):  # else it was torn
+                            self._take(f"{path.name}, line {number}", text)
+            except UnreadableError as error:
+                self.rejected[path.name] = str(error)
 
     def get(self, key: str, trial: Trial) -> Finished | None:
-        """Return a finished trial; None if missing or rejected."""
-        kept = self._read(_Kept, key, trial)
-        if kept is None:
+        """Return a finished trial; None if there is none."""
+        line, _ = self._lines.get(key, (None, ""))
+        if line is None or line.record is None:
             return None
-        timed = self._read(_Timed, key)
-        known = {"trial": trial, "key": key, "seconds": None if timed is None else timed.seconds}
-        return Finished(**(msgspec.structs.asdict(kept) | known))
+        parts = msgspec.structs.asdict(line.record)
+        return Finished(**parts, trial=trial, key=key, seconds=line.seconds)
+
+    def failure(self, key: str) -> str | None:
+        """Return the reason why a trial failed; None if it did not."""
+        line, _ = self._lines.get(key, (None, ""))
+        return None if line is None or line.record is not None else line.reason
 
     def put(self, key: str, trial: Trial, record: Record, seconds: float) -> None:
-        """Keep a finished trial. The timing goes first: a trial that is there is complete.
+        """Keep a finished trial.
 
         Raises:
             ValueError: it is no record, or holds a number that is not finite.
         """
         content = msgspec.to_builtins(record, str_keys=True, enc_hook=float)  # NumPy's numbers
-        self._write(_Timed, key, {"seconds": seconds})
-        self._write(_Kept, key, {"trial": trial.canonical()} | content)
-        self._path(_Failed, key).unlink(missing_ok=True)
-
-    def failure(self, key: str, trial: Trial) -> str | None:
-        """Return the reason why a trial failed; None if it did not."""
-        failed = self._read(_Failed, key, trial)
-        return None if failed is None else failed.reason
+        self._append(
+            {"key": key, "trial": trial.canonical(), "record": content, "seconds": seconds}
+        )
 
     def put_failure(self, key: str, trial: Trial, reason: str) -> None:
         """Keep the reason why a trial failed."""
-        self._write(_Failed, key, {"trial": trial.canonical(), "reason": reason})
-
-    def refuse_obstacles(self, keys: Collection[str]) -> None:
-        """Refuse a folder where something that is no file is in the way of one of ours.
-
-        Raises:
-            InputError: naming it.
-        """
-        for name in FOLDERS:
-            folder = self.out / name
-            if os.path.lexists(folder) and (folder.is_symlink() or not folder.is_dir()):
-                raise InputError(f"{folder} is in the way of a folder of that name: move it away.")
-            for path in folder.glob("*.json"):
-                if path.stem in keys and (path.is_symlink() or not path.is_file()):
-                    raise InputError(f"{path} is in the way of a file of that name: move it away.")
-
-    def temporary(self) -> list[Path]:
-        """Return what interrupted writes have left in the folders of trials, and beside them."""
-        folders = [self.out, *(self.out / name for name in FOLDERS)]
-        return sorted(p for folder in folders for p in folder.glob(".*") if is_temporary(p))
+        self._append({"key": key, "trial": trial.canonical(), "reason": reason})
 
     def left_out(self, keys: Collection[str], asked: Collection[str]) -> Iterator[tuple[str, str]]:
-        """Yield the files that belong to none of these keys, and why.
+        """Yield the lines that belong to none of these keys, and why.
 
         Args:
             keys: of the trials asked for.
             asked: the same trials as ``named``.
         """
-        kinds: tuple[type[_Kept | _Failed], ...] = (_Kept, _Failed)
-        for kind in kinds:
-            for path in sorted((self.out / _FOLDER[kind]).glob("*")):
-                if is_temporary(path) or (path.stem in keys and path.suffix == ".json"):
-                    continue
-                why = "is no file of a trial"
-                if path.suffix == ".json":
-                    try:
-                        same = named(_checked(path, kind, path.stem).trial) in asked
-                        why = f"is of {'other code, libraries or plug-ins' if same else NOT_ASKED}"
-                    except (UnreadableError, FileNotFoundError) as error:
-                        why = str(error)
-                yield one_line(f"{_FOLDER[kind]}/{path.name}"), why
+        for key, (line, name) in self._lines.items():
+            if key not in keys:
+                same = named(line.trial) in asked
+                yield name, f"is of {'other code, libraries or plug-ins' if same else NOT_ASKED}"
 
-    def _path(self, kind: type, key: str) -> Path:
-        return self.out / _FOLDER[kind] / f"{key}.json"
+    def _append(self, content: dict[str, Any]) -> None:
+        if self._file is None:
+            raise RuntimeError("the store is only read")
+        text = _json(content)
+        line = _line(text)
+        self._file.write(text)
+        self._file.flush()
+        self._keep(line, "")
 
-    def _write(self, kind: type, key: str, content: dict[str, Any]) -> None:
-        typed(content, kind)
-        signed = {"schema": SCHEMA, "key": key} | content
-        text = _json(signed | {"checksum": _checksum(signed)})
-        write_text(self._path(kind, key), text, synced=False)  # the checksum tells an empty file
-
-    def _read(self, kind: type[K], key: str, trial: Trial | None = None) -> K | None:
-        path = self._path(kind, key)
+    def _take(self, name: str, text: bytes) -> None:
         try:
-            content = _checked(path, kind, key)
-            if not isinstance(content, _Timed) and trial and content.trial != trial.canonical():
-                raise UnreadableError("is of another trial")
-        except FileNotFoundError:
-            return None
+            self._keep(_line(text), name)
         except UnreadableError as error:
-            self.rejected[f"{_FOLDER[kind]}/{path.name}"] = str(error)
-            return None
-        return content
+            self.rejected[one_line(name)] = str(error)
+
+    def _keep(self, line: _Line, name: str) -> None:
+        before, _ = self._lines.get(line.key, (None, ""))
+        if line.record is not None or before is None or before.record is None:
+            self._lines[line.key] = line, name
+
+
+@contextmanager
+def writing(out: Path, shard: tuple[int, int] | None = None) -> Iterator[Store]:
+    """Open a folder (made if missing) to put trials there; a shard (i, n) has a file of its own.
+
+    The operating system holds the lock of the file, and drops it when the process dies.
+
+    Raises:
+        InputError: the folder cannot be written to, or another process is writing.
+    """
+    name = "trials.jsonl" if shard is None else "trials-{}-of-{}.jsonl".format(*shard)
+    path = writable_folder(out) / name
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path} is in the way of a file of that name: move it away.")
+    with path.open("a+b") as file:
+        if fcntl is not None:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise InputError(
+                    f"another sweep is writing to {path}: wait until it ends, or give another "
+                    "--out."
+                ) from None
+        _mend(file)
+        if shard is None:
+            _convert(out, file)
+        yield Store(out, file)
+
+
+def _mend(file: IO[bytes]) -> None:
+    """End the last line of a file, or drop it if a process that was killed has torn it."""
+    end = file.seek(0, os.SEEK_END)
+    file.seek(max(0, end - MOST_BYTES))
+    last = file.read().rpartition(b"\n")[2]
+    if last and _is_line(last):
+        file.write(b"\n")
+    elif last:
+        file.truncate(end - len(last))
+
+
+def _former(out: Path) -> Iterator[tuple[str, bytes]]:
+    """Yield what 0.2.0 kept in a file a trial, by the file's name, as lines."""
+    for path in sorted([*(out / "trials").glob("*.json"), *(out / "failed").glob("*.json")]):
+        try:
+            held = json_of(content_of(path))
+            line = {"key": held.pop("key"), "trial": held.pop("trial")}
+            if path.parent.name == "failed":
+                line |= {"reason": held.get("reason")}
+            else:
+                record = {name: held[name] for name in held if name not in ("schema", "checksum")}
+                line |= {"record": record, "seconds": _seconds(out / "timings" / path.name)}
+            text = _json(line)
+        except (KeyError, ValueError, FileNotFoundError):
+            text = b""
+        yield f"{path.parent.name}/{path.name}", text
+
+
+def _seconds(path: Path) -> Any:
+    try:
+        return json_of(content_of(path)).get("seconds")
+    except (UnreadableError, FileNotFoundError):
+        return None
+
+
+def _convert(out: Path, file: IO[bytes]) -> None:
+    """Make lines of the files of 0.2.0, and remove these."""
+    lines = {name: text for name, text in _former(out) if _is_line(text)}
+    if not lines:
+        return
+    file.writelines(lines.values())
+    file.flush()
+    os.fsync(file.fileno())
+    for name in lines:
+        (out / name).unlink(missing_ok=True)
+        (out / "timings" / Path(name).name).unlink(missing_ok=True)
+    (out / "written.json").unlink(missing_ok=True)
+    for folder in ("trials", "timings", "failed"):
+        if (out / folder).is_dir() and not any((out / folder).iterdir()):
+            (out / folder).rmdir()
+    words = f"{len(lines):,} trials that had files of their own are lines of {file.name} now"
+    print(f"deqmcl: {words}.", file=sys.stderr)
 
 
 NOT_ASKED = "a trial that this sweep does not have"
@@ -172,29 +224,19 @@ def named(canonical: dict[str, Any]) -> str:
     return json.dumps(canonical, sort_keys=True)
 
 
-def _checked(path: Path, kind: type[K], key: str) -> K:
-    """Return the content of a file if it is whole, ours, and as it was written."""
-    content = json_of(content_of(path))
-    if (schema := content.get("schema")) != SCHEMA:
-        raise UnreadableError(f"has schema {str(schema)[:20]}, not {SCHEMA}")
-    if content.get("key") != key:
-        raise UnreadableError("is of another trial")
-    given = content.pop("checksum", None)
+def _line(text: bytes) -> _Line:
     try:
-        expected = _checksum(content)
-    except ValueError:  # 1e999 is valid JSON
-        raise UnreadableError("holds a number that is infinite") from None
-    if given != expected:
-        raise UnreadableError("was changed after it was written: its checksum does not match")
+        return _DECODER.decode(text)
+    except (msgspec.MsgspecError, RecursionError):  # or a name that is no UTF-8, as Python has it
+        return typed(json_of(text), _Line)
+
+
+def _is_line(text: bytes) -> bool:
     try:
-        return typed(content, kind)
-    except UnreadableError as error:
-        raise UnreadableError(f"{error}, as no trial has") from None
+        return bool(_line(text))
+    except UnreadableError:
+        return False
 
 
-def _checksum(content: dict[str, Any]) -> str:
-    return hashlib.sha256(_json(content).encode()).hexdigest()
-
-
-def _json(value: Any) -> str:
-    return json.dumps(value, allow_nan=False, separators=(",", ":"), sort_keys=True) + "\n"
+def _json(value: dict[str, Any]) -> bytes:
+    return json.dumps(value, allow_nan=False, separators=(",", ":")).encode() + b"\n"

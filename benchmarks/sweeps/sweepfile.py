@@ -6,17 +6,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.execution.apart import takes
-from benchmarks.setup import changes
-from benchmarks.setup.changes import Changes, Named, from_folder, located
-from benchmarks.setup.names import absolute_agent, absolute_assumed, absolute_scenario
+from benchmarks.setup import changes, documents
+from benchmarks.setup.changes import Changes, Named, located
+from benchmarks.setup.names import absolute, absolute_agent, absolute_assumed, absolute_scenario
+from benchmarks.setup.paths import from_folder, said_from
 from benchmarks.sweeps.design import Axis, Limit, Sweep, Takes, UntilDecided
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, integer, one_of
-from localizers import absolute_name
-from localizers.naming.plugins import is_file
-from localizers.naming.registry import complete
+from localizers import absolute_name, parameters
+from localizers.registry import LOCALIZER
 
 _KEYS = (
     *("title", "scenario", "lag", "seed", "trials", "filter_seeds"),
@@ -38,10 +37,10 @@ def read_sweep(path: Path | str, added: Sequence[str] = (), *, above: Sequence[P
         InputError: it cannot be read, is no TOML, or has an unknown key or a bad value.
     """
     path = Path(path)
-    given = changes.read(path, "sweep")
+    given = documents.read(path, "sweep")
     root = (above[0] if above else path).parent
-    with changes.errors_name(path), changes.said_from(root):
-        changes.check(given, ("base", *_KEYS))
+    with documents.errors_name(path), said_from(root):
+        documents.check(given, ("base", *_KEYS))
         files = (*above, Path(os.path.abspath(path)))
         base = _base(given.pop("base"), files) if "base" in given else None
         title = utf8(path.stem).decode()
@@ -59,7 +58,7 @@ def with_localizers(sweep: Sweep, names: Sequence[str]) -> Sweep:
 
 def _base(name: Any, files: Sequence[Path]) -> Sweep:
     """Return the sweep that the last of these files changes."""
-    if changes.text("base", name).endswith(".toml"):
+    if documents.text("base", name).endswith(".toml"):
         path = Path(located(from_folder(files[-1].parent, name)))
         if path in files:
             raise InputError(f"base is {name!r}, which is this file or changes it: name another.")
@@ -73,28 +72,31 @@ def suite_names() -> list[str]:
     return sorted(path.stem for path in _SUITES.glob("*.toml"))
 
 
-def suite_file(what: str, name: str, others: Sequence[str] = ()) -> Path:
+def suite_file(what: str, name: str) -> Path:
     """Return the sweep file of a suite.
 
     Raises:
         InputError: there is none of that name.
     """
     try:
-        return _SUITES / f"{one_of(what, name, (*suite_names(), *others))}.toml"
+        return _SUITES / f"{one_of(what, name, suite_names())}.toml"
     except InputError as error:
         if Path(name).exists():
             raise InputError(
                 f"{what} is the file {name}: the name of a sweep file must end in .toml, so save "
                 "it under such a name."
             ) from None
-        raise InputError(f"{str(error).rstrip('.')}, or a file that ends in .toml.") from None
+        raise InputError(
+            f"{str(error).rstrip('.')}, or a file that ends in .toml; docs/reports of the "
+            "repository has those of its reports."
+        ) from None
 
 
 def sweep_of(
     given: Mapping[str, Any],
     *,
     title: str,
-    takes: Takes = takes,
+    takes: Takes = parameters,
     folder: Path | None = None,
     base: Sweep | None = None,
 ) -> Sweep:
@@ -110,7 +112,7 @@ def sweep_of(
     Raises:
         InputError: unknown key, wrong type or bad value.
     """
-    changes.check(given, _KEYS)
+    documents.check(given, _KEYS)
     scalars = ("scenario", "lag", "seed", "trials", "filter_seeds", "baseline")
     plain = {k: given[k] for k in scalars if k in given}
     if "scenario" in plain:
@@ -124,7 +126,7 @@ def sweep_of(
     limits = limits if isinstance(limits, list) else [limits]  # [[limit]], or one [limit]
     methods = _list("localizers", given.get("localizers", None if base is None else []))
     said: dict[str, Any] = plain | {
-        "title": changes.text("title", given.get("title", title)),
+        "title": documents.text("title", given.get("title", title)),
         "localizers": tuple(_method(entry, folder) for entry in methods),
         "world": world if folder is None else world.beside(folder),
         "assumed": _assumed(Changes.told("assumed", given.get("assumed", {})), folder),
@@ -158,7 +160,7 @@ def _method(entry: Any, folder: Path | None, what: str = "an entry of localizers
 
 
 def _limit(entry: Any, folder: Path | None) -> Limit:
-    table = changes.table(
+    table = documents.table(
         "limit", entry, "a table [limit] with name, params, of, trials, filter_seeds"
     )
     for key in table:
@@ -174,7 +176,7 @@ def _limit(entry: Any, folder: Path | None) -> Limit:
 def _until_decided(table: Any) -> UntilDecided | None:
     if table is None:
         return None
-    known = changes.table("until_decided", table, "a table like {margin = 0.05}")
+    known = documents.table("until_decided", table, "a table like {margin = 0.05}")
     for key in known:
         one_of("key in until_decided", key, ("margin",))
     return UntilDecided(**known)
@@ -190,19 +192,12 @@ def _params(given: Changes, folder: Path | None) -> Changes:
 
 def _localizer(what: str, value: Any, folder: Path | None) -> str:
     """Return a localizer's name, the path in it absolute; ``file.py`` is its only localizer."""
-    name = changes.text(what, value)
-    if folder is None:
-        return name
-    if is_file(name):
-        return complete(from_folder(folder, name))
-    if name == absolute_name(name):  # a name without a path, or with an absolute one
-        return name
-    path, colon, attribute = name.rpartition(":")
-    return from_folder(folder, path) + colon + attribute
+    name = documents.text(what, value)
+    return name if folder is None else absolute(LOCALIZER, name, folder)
 
 
 def _axis(table: Any, folder: Path | None) -> Axis:
-    values = Changes.told("vary", changes.table("vary", table, "a [[vary]] table"))
+    values = Changes.told("vary", documents.table("vary", table, "a [[vary]] table"))
 
     def point(name: str, value: Any) -> Any:
         if name == "disturbance":
@@ -225,7 +220,7 @@ def _axis(table: Any, folder: Path | None) -> Axis:
 
 def _wrappers(what: str, value: Any) -> tuple[Changes, ...]:
     wanted = "a table like {kind = 'kidnap', step = 100}"
-    tables = (changes.table(f"an entry of {what}", one, wanted) for one in _list(what, value))
+    tables = (documents.table(f"an entry of {what}", one, wanted) for one in _list(what, value))
     return tuple(
         Changes({k: _repeated(v) if k == "actions" else v for k, v in table.items()})
         for table in tables

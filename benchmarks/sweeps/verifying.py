@@ -13,15 +13,14 @@ from typing import Any
 
 import msgspec
 
-from benchmarks.execution.apart import provenance
 from benchmarks.execution.engines import Where, outcomes
-from benchmarks.files import locked
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.manifest import Manifest, Verified, differences
 from benchmarks.sweeps.results import recorded_sweep
 from benchmarks.sweeps.running import counted
 from benchmarks.sweeps.store import Store
 from benchmarks.trials.attempt import Outcome
+from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Provenance, environment
 from benchmarks.trials.scoring import LATER, SCORE_NAMES, Finished, Record
 from benchmarks.trials.spec import Trial
@@ -48,30 +47,27 @@ def verify(folder: Path, where: Where, share: float = SHARE) -> str:
         What was found, in a sentence.
 
     Raises:
-        InputError: it is no folder of results, has no finished trial, or is in use.
+        InputError: it is no folder of results, or has no finished trial.
         DifferentError: the first trial that differs, and its first score.
     """
     made = manifest.read(folder)
-    with locked(folder):
-        sweep, store = recorded_sweep(folder, made), Store(folder, reading=True)
-        now = provenance(sweep.cells())
-        trials = {made.made.key(trial): trial for trial in sweep.distinct()}
-        records = {
-            key: record for key, trial in trials.items() if (record := store.get(key, trial))
-        }
-        if not records:
-            raise InputError(f"{folder} has no finished trial: there is nothing to verify.")
-        chosen = sample({key: trials[key] for key in records}, now.code, share)
-        differing = compare_again(
-            chosen, now, where, lambda key, found: _difference(records[key], found), folder
-        )
-        if differing:
-            raise DifferentError(_sentence(folder, chosen, differing))
-        parts = now.code, now.libraries, now.plug_ins
-        checked = Verified(*parts, keys=list(chosen), of=len(records), environment=environment())
-        known = [made.made, *made.verified]
-        if parts not in [(one.code, one.libraries, one.plug_ins) for one in known]:
-            manifest.append(folder, checked)
+    sweep, store = recorded_sweep(folder, made), Store(folder)
+    now = provenance_of(sweep.cells())
+    trials = {made.identity.key(trial): trial for trial in sweep.distinct()}
+    records = {key: record for key, trial in trials.items() if (record := store.get(key, trial))}
+    if not records:
+        raise InputError(f"{folder} has no finished trial: there is nothing to verify.")
+    chosen = sample({key: trials[key] for key in records}, now.code, share)
+    differing = compare_again(
+        chosen, now, where, lambda key, found: _difference(records[key], found), folder
+    )
+    if differing:
+        raise DifferentError(_sentence(folder, chosen, differing))
+    parts = now.code, now.libraries, now.plug_ins
+    checked = Verified(*parts, keys=list(chosen), of=len(records), environment=environment())
+    known: list[Provenance] = [made.identity, *made.verified]
+    if parts not in [(one.code, one.libraries, one.plug_ins) for one in known]:
+        manifest.append(folder, checked)
     return f"{folder}: {checked.words()}; none differs. A sample cannot prove what happens rarely."
 
 

@@ -36,7 +36,7 @@ from benchmarks.tables.frames import (
 )
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.signals import detection
-from benchmarks.trials.journeys import Score
+from benchmarks.trials.scores import Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
 from benchmarks.trials.spec import Method
 

@@ -16,7 +16,7 @@ import pandas as pd
 
 from benchmarks.tables.frames import paired, scored, whole_runs
 from benchmarks.tables.stats import ALPHA, UNKNOWN, Estimate
-from benchmarks.trials.journeys import Score
+from benchmarks.trials.scores import Score
 from deqmcl_gym.numerics.types import Floats
 
 FIRST, BLOCK = 20, 10  # worlds before the first look, and between two looks

@@ -15,7 +15,7 @@ import pandas as pd
 
 from benchmarks.tables.panels import Panel, scores_in
 from benchmarks.tables.stats import UNKNOWN, Estimate, estimate, wilson
-from benchmarks.trials.journeys import JOURNEY_SCORES, Score
+from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
 from benchmarks.trials.spec import Method, Setting, Trial
 from deqmcl_gym.numerics.types import Floats, Indices

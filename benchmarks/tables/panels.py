@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from benchmarks.setup.changes import Changes, Named, spelt
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.text import short_names
-from benchmarks.trials.journeys import JOURNEY_SCORES, Score
+from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method, Setting
 

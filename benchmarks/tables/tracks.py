@@ -14,10 +14,12 @@ import pandas as pd
 
 from benchmarks.tables.frames import csv_of, milliseconds_per_step, value_in
 from benchmarks.tables.stats import wilson
+from benchmarks.trials.collecting import RecordedTrack
 from benchmarks.trials.fixes import FOUND, NEAR
-from benchmarks.trials.journeys import JOURNEY_SCORES, RecordedTrack, scores_of
+from benchmarks.trials.metrics import middle
+from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_GROUPS, scores_of
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.tracks import PoseErrors, Track, middle
+from benchmarks.trials.tracks import PoseErrors, Track
 from deqmcl_gym.logs import Log
 from deqmcl_gym.numerics.types import Floats
 
@@ -60,7 +62,7 @@ class TrackedRun:
     @classmethod
     def of_track(cls, track: Track, scores: Mapping[str, float]) -> Self:
         """Return the run of somebody else's track, of which no time is known."""
-        whole = {} if not track.known.size else scores_of(track.journey(), track.GROUPS)
+        whole = {} if not track.known.size else scores_of(track.journey(), TRACK_GROUPS)
         found = {score.name: whole.get(score.name, math.nan) for score in _OF_RUNS}
         return cls(0, track, {**scores, **found, "ms_per_step": math.nan})
 

@@ -11,8 +11,8 @@ from benchmarks.trials.scoring import Record, record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.validation import LogWarning
-from localizers.naming.plugins import is_ctrl_c, reason_of
-from localizers.naming.registry import is_received, is_registered
+from localizers.kinds import is_ctrl_c, reason_of
+from localizers.registry import LOCALIZER
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,8 +33,9 @@ def attempt(trial: Trial, key: str) -> Outcome:
     try:
         with contextlib.chdir(os.curdir), warnings.catch_warnings():  # localizers may go
             warnings.simplefilter("ignore", LogWarning)  # said when the sweep was checked
-            own = is_received(trial.localizer) or (
-                is_registered(trial.localizer) and multiprocessing.parent_process() is None
+            here = multiprocessing.parent_process() is None
+            own = LOCALIZER.is_received(trial.localizer) or (
+                here and LOCALIZER.is_registered(trial.localizer)
             )
             if not own and key_of(trial) != key:
                 return Outcome(

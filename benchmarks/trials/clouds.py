@@ -19,11 +19,11 @@ from deqmcl_gym.numerics.elementary import (
     FARTHEST,
     atan2_64,
     cos64,
-    log64,
     sin64,
     sincos32,
     wrapped64,
 )
+from deqmcl_gym.numerics.gaussian import cholesky, fit
 from deqmcl_gym.numerics.types import Floats, Ints, Reals, Singles
 from deqmcl_gym.validation import SUM_TOLERANCE, InputError, digits
 
@@ -32,7 +32,6 @@ Scalar = Any  # a float64 inside a kernel
 # Particles whose mutual distances stand for those of the whole cloud in the energy score. Points of
 # one weight may be a designed set, of which some are no sample: of up to so many, all pairs count.
 PAIRED, DESIGNED = 128, 512
-LOG_TURN = math.log(2 * math.pi)
 
 
 @compiled
@@ -200,26 +199,20 @@ def _of_spread(
         pxy += wx * dy
         pxt += wx * dt
         pyt += wy * dt
-    # Cholesky, P = G Gᵀ
-    g00 = math.sqrt(pxx)
-    g10, g20 = pxy / g00, pxt / g00
-    g11 = math.sqrt(pyy - g10 * g10)
-    g21 = (pyt - g20 * g10) / g11
-    g22 = math.sqrt(max(ptt - g20 * g20 - g21 * g21, floor[2]))  # max: against rounding
-    u0 = (truth[0] - mx) / g00
-    u1 = (truth[1] - my - g10 * u0) / g11
-    u2 = (wrapped64(truth[2] - centre) - g20 * u0 - g21 * u1) / g22
-    distance = u0 * u0 + u1 * u1
+    covariance = np.array([[pxx, pxy, pxt], [pxy, pyy, pyt], [pxt, pyt, ptt]])
+    root = cholesky(covariance, floor[2])
+    off = np.array([truth[0] - mx, truth[1] - my, wrapped64(truth[2] - centre)])
+    distance, nees, log_score = fit(root, off)
+    g00, g10, g11 = root[0, 0], root[1, 0], root[1, 1]
     nearer = 0.0
-    h00, h10, h11 = 1.0 / g00, -g10 / (g00 * g11), 1.0 / g11  # G⁻¹
+    h00, h10, h11 = 1.0 / g00, -g10 / (g00 * g11), 1.0 / g11  # of the inverse root
     for i in range(n):
         v0 = h00 * (x[i] - mx)
         v1 = h10 * (x[i] - mx) + h11 * (y[i] - my)
         turned[i] = weights[i] if v0 * v0 + v1 * v1 < distance else 0.0
     for i in range(n):
         nearer += turned[i]
-    nees = distance + u2 * u2
-    return nearer, nees, 0.5 * (nees + 3 * LOG_TURN) + log64(g00 * g11 * g22)
+    return nearer, nees, log_score
 
 
 @compiled
@@ -325,10 +318,10 @@ def cloud_of(state: int, offset: int, points: Any) -> Cloud:
         raise InputError(
             f"{what} is of type {type(points).__name__}, but must be (poses, weights) or None."
         )
-    poses, weights = (
-        _numbers(f"{what} has {name}", given)
-        for name, given in zip(("poses", "weights"), points, strict=True)
-    )
+    poses, weights = points
+    plain = type(poses) is type(weights) is np.ndarray
+    if not (plain and poses.dtype.kind == weights.dtype.kind == "f"):
+        poses, weights = _numbers(what, "poses", poses), _numbers(what, "weights", weights)
     if weights.ndim != 1 or not weights.size or poses.shape != (weights.size, 3):
         raise InputError(
             f"{what} has poses of shape {poses.shape} and weights of shape {weights.shape}, "
@@ -338,16 +331,20 @@ def cloud_of(state: int, offset: int, points: Any) -> Cloud:
     return Cloud(state, offset, np.array(poses, kept, order="F").T, np.array(weights, np.float64))
 
 
-def _numbers(what: str, given: Any) -> NDArray[Any]:
+def _numbers(what: str, name: str, given: Any) -> NDArray[Any]:
     """Return an array of real numbers, else refuse it."""
     if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
-        raise InputError(f"{what} that are masked, but they must be an array of numbers.")
+        raise InputError(
+            f"{what} has {name} that are masked, but they must be an array of numbers."
+        )
     try:
         numbers = np.asarray(given)
     except ValueError:  # ragged
         numbers = np.empty(0, object)
     if numbers.dtype.kind not in "fiu":  # "1.5", True and 1j are no real numbers
-        raise InputError(f"{what} of type {numbers.dtype}, but they must be an array of numbers.")
+        raise InputError(
+            f"{what} has {name} of type {numbers.dtype}, but they must be an array of numbers."
+        )
     return numbers
 
 

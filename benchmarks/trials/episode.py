@@ -71,7 +71,8 @@ def moments(
         seed: for ``env.reset``.
     """
     ranges, info = env.reset(seed=seed)
-    info |= _route_of(env)
+    if "goal" in info:
+        info["route"] = _route_of(env)
     truth = _truth_of(info)
     own = agent.plan_at_reset(_seen_by(agent, info, ranges, truth))
     ahead = _plan_of(agent, localizer, own, info)
@@ -86,7 +87,8 @@ def moments(
     while not ended:
         action, plan = agent.act(belief, _seen_by(agent, info, ranges, truth))
         ranges, _, terminated, truncated, info = env.step(action)
-        info |= _route_of(env)
+        if "goal" in info:
+            info["route"] = _route_of(env)
         truth, step, ended = _truth_of(info), step + 1, terminated or truncated
         ahead = _plan_of(agent, localizer, plan, info)
         given = ranges.copy(), info["command"].copy(), np.array(ahead)
@@ -105,12 +107,10 @@ def _truth_of(info: dict[str, Any]) -> Reals:
     return truth if math.isfinite(truth.sum()) else _UNKNOWN
 
 
-def _route_of(env: gym.Env[Any, Any]) -> dict[str, Any]:
-    """Return the corners of the route in a world with one: no env shows what varies in length."""
-    course = getattr(env.unwrapped, "course", None)
-    if course is None or course.goal is None:
-        return {}
-    return {"route": tuple(map(tuple, course.path.corners.tolist()))}
+def _route_of(env: gym.Env[Any, Any]) -> tuple[tuple[float, ...], ...]:
+    """Return the corners of the route to the goal: no env shows what varies in length."""
+    room: Any = env.unwrapped
+    return tuple(map(tuple, room.course.path.corners.tolist()))
 
 
 def _seen_by(agent: Agent, info: dict[str, Any], ranges: Reals, truth: Reals) -> dict[str, Any]:

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks.trials.episode import Moment
-from benchmarks.trials.fixes import FOUND, NEAR, metre
+from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.residuals import APART, Expected, Lattice, Rays, known_part
 from benchmarks.trials.trace import unless_nan
 from deqmcl_gym.maps import Lidar, Map
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics.types import Floats, Reals
 from localizers import best_cluster, quality_of
 
@@ -69,9 +69,10 @@ class MapSignals:
         returned = max(int(fit.returned[0].sum()), 1)
         repeated = self._repeated(best, ranges, fit.short[0], fit.long[0], fit.expected[0])
         against = int((fit.short[0] | fit.long[0]).sum())
+        near = NEAR[FOUND](best[None], moment.truth, unit=self._known.unit)
         self._rows.append(
             [
-                *(float(self._off(best, moment.truth)), float(1 - explained[1])),
+                *(float(not near[0]), float(1 - explained[1])),
                 math.nan if quality is None else quality,
                 *(float(explained[0]), float(explained[0] - at_random)),
                 *(float(short[0]), float(long[0])),
@@ -83,12 +84,6 @@ class MapSignals:
         """Return the rows of the steps t = 1 … T as columns by name."""
         table: Floats = np.array(self._rows[1:], np.float64).reshape(-1, len(MAP_COLUMNS))
         return dict(zip(MAP_COLUMNS, map(unless_nan, table.T.tolist()), strict=True))
-
-    def _off(self, best: Floats, truth: Reals) -> bool:
-        distance, angle = NEAR[FOUND]
-        moved = math.hypot(*(best[:2] - truth[:2])) / self._metre
-        turned = abs(float(arrays.wrapped(np.array([best[2] - truth[2]]))[0]))
-        return moved > distance or turned > angle
 
     def _repeated(self, best: Floats, ranges: Reals, short: Any, long: Any, expected: Reals) -> int:
         """Count the beams against the map at a place that was contradicted from elsewhere."""

@@ -1,4 +1,4 @@
-"""The scores of a trial: each a ``Metric`` with its unit, all of them in ``METRICS``.
+"""What beliefs at one offset say of the states, and how far that is from the truth.
 
 The paper's state for scoring is (x, y, cos θ, sin θ), lengths and unitless numbers mixed.
 """
@@ -16,12 +16,10 @@ from benchmarks.trials.clouds import Clouds, Task, covariance_floor, steps_back,
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Reals
 
-LEVELS = (50, 80, 95)  # of the credible regions, per cent
-
 
 @dataclass(frozen=True, kw_only=True)
 class Estimates:
-    """What beliefs at one offset say of the states s ≥ 1, and the truth: what metrics are made of.
+    """What beliefs at one offset say of the states s ≥ 1, and the truth: what ``METRICS`` are of.
 
     Attributes:
         truth: true poses, (k, 3).
@@ -49,28 +47,6 @@ class Estimates:
     def distance(self) -> Floats:
         """Of the estimate to the truth in (x, y), (k,)."""
         return position_error(self.means, self.truth)
-
-
-@dataclass(frozen=True)
-class Metric:
-    """A score of one trial at one offset.
-
-    Attributes:
-        name: in records and tables.
-        unit: "length" (the map's unit), "length²", "rad", "share", "nats" or "" (a number).
-        words: what it is; a mean over the states if it does not say otherwise.
-        of: the score; NaN is not available.
-        each: what is measured of the belief about each state, (k,), if ``of`` needs it:
-            ``Estimates.values`` has it by the metric's name.
-        later: whether records that lack it, made before it was added, are sound.
-    """
-
-    name: str
-    unit: str
-    words: str
-    of: Callable[[Estimates], float]
-    each: Callable[[Clouds, Task], Floats] | None = None
-    later: bool = False
 
 
 def state_error(means: Floats, truth: Reals) -> Floats:
@@ -161,63 +137,6 @@ def mean(values: Floats) -> float:
     return float(values.mean()) if values.size else math.nan
 
 
-def _mean_of(name: str) -> Callable[[Estimates], float]:
-    return lambda found: mean(found.values[name])
-
-
-def _variance_of(column: int) -> Callable[[Estimates], float]:
-    return lambda found: mean(found.variances[:, column])
-
-
-def _coverage(level: int) -> Metric:
-    def inside(found: Estimates) -> float:
-        rank = found.values["rank"]
-        return mean(np.where(np.isnan(rank), np.nan, rank <= level / 100))
-
-    return Metric(f"coverage_{level}", "share", f"states in the {level} % credible region", inside)
-
-
-def _lost(found: Estimates) -> float:
-    last = found.distance[-found.thresholds.lost_steps :]
-    return float(last.mean() > found.thresholds.lost) if last.size else math.nan
-
-
-def _sd(values: Floats) -> float:
-    return float(values.std()) if values.size else math.nan
-
-
-METRICS = (
-    Metric("error", "", "error e", lambda found: mean(found.error)),
-    Metric("error_window", "", "e, common states", lambda found: mean(found.error[found.common])),
-    Metric("error_sd_steps", "", "SD of e over the states", lambda found: _sd(found.error)),
-    Metric("entropy", "nats", "entropy", lambda found: mean(entropy(found.variances, found.unit))),
-    Metric("var_x", "length²", "variance of x", _variance_of(0)),
-    Metric("var_y", "length²", "variance of y", _variance_of(1)),
-    Metric("var_cos", "", "variance of cos θ", _variance_of(2)),
-    Metric("var_sin", "", "variance of sin θ", _variance_of(3)),
-    Metric("position_rmse", "length", "position RMSE", lambda found: rms(found.distance)),
-    Metric(
-        "heading_rmse", "rad", "heading RMSE", lambda it: rms(heading_error(it.means, it.truth))
-    ),
-    Metric("wall_share", "share", "weight in walls", _mean_of("wall_share"), wall_share),
-    Metric("energy_score", "length", "energy score", _mean_of("energy")),
-    *map(_coverage, LEVELS),
-    Metric("nees", "", "NEES; 3 if consistent", _mean_of("nees")),
-    Metric("lost", "share", "lost at the end", _lost),
-    Metric(
-        "wall_step_share",
-        "share",
-        "weight that came through walls",
-        _mean_of("wall_step_share"),
-        wall_step_share,
-        later=True,
-    ),
-    Metric(
-        "outlier_share",
-        "share",
-        "weight far from the truth, common states",
-        lambda found: mean(found.values["outlier_share"][found.common]),
-        outlier_share,
-        later=True,
-    ),
-)
+def middle(values: Floats) -> float:
+    """Median; NaN of nothing."""
+    return float(np.median(values)) if values.size else math.nan

@@ -4,7 +4,6 @@ import ast
 import hashlib
 import platform
 import sys
-from collections.abc import Callable
 from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
@@ -58,16 +57,15 @@ def code_digest() -> str:
 
     Comments, docstrings and formatting do not count.
     """
-    digests = (source_of(package, _statements) for package in PACKAGES)
+    digests = map(_digest_of, PACKAGES)
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
-def source_of(package: str, read: Callable[[Path], bytes] = Path.read_bytes) -> str:
-    """Return a digest of what is ``read`` of all source files of a package, or of a module's."""
+def _digest_of(package: str) -> str:
     digest = hashlib.sha256()
     for path, name in _files(package):
         digest.update(f"{package}/{name}\0".encode())
-        digest.update(read(path))
+        digest.update(_statements(path))
     return digest.hexdigest()
 
 

@@ -14,8 +14,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from benchmarks.trials.fixes import metre
 from deqmcl_gym.maps import GridMap, Lidar, Map
+from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Ints, Reals
 
 HIT, THROUGH = "hit in free space", "seen through"

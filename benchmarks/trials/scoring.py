@@ -1,13 +1,15 @@
 """From a trace to the record of one trial: its scores, one row per offset, and its curves."""
 
+from collections.abc import Iterable
 from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta, Struct
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.journeys import Number, RecordedTrack, WholeRun, finite
-from benchmarks.trials.metrics import METRICS, Estimates, mean, state_error
+from benchmarks.trials.collecting import Number, RecordedTrack, WholeRun, finite
+from benchmarks.trials.metrics import Estimates, mean, state_error
+from benchmarks.trials.scores import METRICS
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import (
     PROFILE_STRIDE,
@@ -124,7 +126,7 @@ def scores(trace: Trace, lag: int, thresholds: Thresholds) -> list[dict[str, Any
 
 def record(trace: Trace, lag: int, thresholds: Thresholds) -> Record:
     """Return a trial's result; its scores are of the states whose truth is known."""
-    quality = trace.quality[1:]
+    quality, held = trace.quality[1:], profile(trace, lag)
     return Record(
         unit=trace.unit,
         thresholds=thresholds,
@@ -132,13 +134,13 @@ def record(trace: Trace, lag: int, thresholds: Thresholds) -> Record:
         curves={
             offset: ErrorCurve(
                 first_state=int(kept.states[0]),
-                error=unless_nan(map(_sig, state_error(kept.means, trace.truth[kept.states]))),
+                error=unless_nan(_short(state_error(kept.means, trace.truth[kept.states]))),
             )
             for offset, kept in trace.offsets.items()
         },
         # with all digits: it is about how near it is to 1
         quality=None if np.isnan(quality).all() else unless_nan(quality.tolist()),
-        profile={k: _sig(e) for k, e in profile(trace, lag).items()},
+        profile=dict(zip(held, _short(held.values()), strict=True)),
         steps_done=trace.steps,
         scans_used=trace.scans_used,
         events=trace.events,
@@ -175,6 +177,6 @@ def _estimates(trace: Trace, kept: OffsetTrace, lag: int, thresholds: Thresholds
     )
 
 
-def _sig(value: float) -> float:
-    """Six digits: enough for a curve."""
-    return float(f"{value:.6g}")
+def _short(values: Iterable[float]) -> list[float]:
+    """Return values with six digits: enough for a curve."""
+    return [float(f"{value:.6g}") for value in values]

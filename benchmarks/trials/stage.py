@@ -2,11 +2,11 @@
 
 import contextlib
 import inspect
-import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
@@ -14,21 +14,22 @@ from typing import Any, Self
 import gymnasium as gym
 import numpy as np
 
-from benchmarks.setup.changes import errors_name, located
+from benchmarks.setup.changes import located
+from benchmarks.setup.documents import errors_name
 from benchmarks.setup.interfaces import Agent, TrialEnv
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.scenario import Scenario
 from benchmarks.trials.clouds import Task
+from benchmarks.trials.collecting import JourneyLog, TrackLog
 from benchmarks.trials.episode import Moment, moments
-from benchmarks.trials.journey_log import JourneyLog
-from benchmarks.trials.journeys import Group, groups_named, is_symmetric
+from benchmarks.trials.fixes import is_symmetric
 from benchmarks.trials.map_signals import MapSignals, differs
+from benchmarks.trials.scores import Group, groups_named
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Collector, Trace, trace_of
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.validation import InputError, one_of
 from localizers import Prior, RobotModel, make
-from localizers.naming.plugins import is_ctrl_c
 
 DISTURBANCES = MappingProxyType(
     {"kidnap": Kidnap, "dropout": BeamDropout, "plan-change": PlanChange}
@@ -41,9 +42,10 @@ class Stage:
 
     Attributes:
         trial: what is set up.
-        scenario: with the changes that the trial makes to it, in its building.
+        scenario: with the changes that the trial makes to it, in its building; the trial's own
+            disturbances are outside the scenario's.
         room: the world, set up to run all planned steps.
-        env: the room inside its scenario's disturbances, and inside the trial's own.
+        env: the room inside its disturbances.
         robot: what the localizer and the agent are made for.
     """
 
@@ -62,15 +64,18 @@ class Stage:
         """
         changed = scenario(trial.scenario).changed(trial.world, trial.assumed)
         found = changed.in_building(trial.trial)
-        if trial.agent is not None:
-            found = replace(found, agent=trial.agent)
+        found = replace(
+            found,
+            agent=trial.agent or found.agent,
+            disturbance=(*found.disturbance, *trial.disturbance),
+        )
         with _errors_name(trial.scenario):
             room = found.room()
         return cls(
             trial=trial,
             scenario=found,
             room=room,
-            env=disturbed(room.unwrapped, (*found.disturbance, *trial.disturbance)),
+            env=disturbed(room.unwrapped, found.disturbance),
             robot=found.robot_model(room),
         )
 
@@ -86,21 +91,14 @@ class Stage:
 
     @property
     def groups(self) -> tuple[Group, ...]:
-        """The groups of scores that the trial is about, by the parts that it is made of.
+        """The groups of scores that the trial is about.
 
-        A robot that may be anywhere, or has a wrong map, may be lost; where a half turn gives the
-        same map, two places fit. One that is carried off is to be found again. Any other that knows
-        where it starts is to arrive where its route ends.
+        Where a half turn gives the same map, two places fit a robot that may be lost.
         """
-        lost = self.scenario.may_be_lost
-        wrappers = (*self.scenario.disturbance, *self.trial.disturbance)
-        about = {
-            "lost": lost,
-            "ambiguity": lost and is_symmetric(self.room.floor_plan),
-            "recovery": any(wrapper["kind"] == "kidnap" for wrapper in wrappers),
-            "driving": self.scenario.has_goal and not lost,
-        }
-        return groups_named([name for name, asked in about.items() if asked])
+        about = set(self.scenario.scores)
+        if "lost" in about and is_symmetric(self.room.floor_plan):
+            about.add("ambiguity")
+        return groups_named(about)
 
     @property
     def stream(self) -> np.random.Generator:
@@ -111,12 +109,12 @@ class Stage:
         key = (number, run) if run else (number,)
         return np.random.default_rng(np.random.SeedSequence(self.trial.seed, spawn_key=key))
 
-    def collector(self) -> Collector:
-        """Return what keeps its journey, or its track on a whole log."""
+    def collector(self) -> Collector | None:
+        """Return what keeps its journey, or its track on a whole log; None if nothing is asked."""
         if self.scenario.judged is None:
-            return JourneyLog(self.task, self.groups)
-        from benchmarks.trials.tracks import TrackLog  # a trial in a room needs no readers of logs
-        from deqmcl_gym.envs.log import LogEnv
+            groups = self.groups
+            return JourneyLog(self.task, groups) if groups else None
+        from deqmcl_gym.envs.log import LogEnv  # a trial in a room needs none
 
         assert isinstance(self.room, LogEnv)
         thresholds, judged = self.scenario.thresholds, self.scenario.judged
@@ -168,14 +166,32 @@ class Stage:
         """Let the localizer look at its parameters, before anything is run or written.
 
         Raises:
-            InputError: it refuses them. Any other trouble of a plug-in is left to the trial.
+            InputError: it refuses them, or a plug-in cannot be made.
         """
-        try:
-            with contextlib.chdir(os.curdir):  # comes back, wherever a localizer goes
-                make(self.trial.localizer, self.robot, **located(self.trial.params))
-        except BaseException as error:
-            if isinstance(error, InputError) or is_ctrl_c(error):
-                raise
+        make(self.trial.localizer, self.robot, **located(self.trial.params))
+
+
+def check_settings(trials: Iterable[Trial]) -> None:
+    """Build the world of each trial, what its filters assume, and its agent.
+
+    Raises:
+        InputError: something of it is refused, or a plug-in fails at it.
+    """
+    for trial in trials:
+        Stage.of(trial).check()
+
+
+def check_methods(trials: Iterable[Trial]) -> None:
+    """Let the localizer of each trial look at its parameters; see ``Stage.check_params``.
+
+    Raises:
+        InputError: one refuses them.
+    """
+    for _, own in groupby(trials, lambda t: (t.scenario, t.world, t.assumed, t.disturbance)):
+        first, *others = own
+        stage = Stage.of(first)
+        for trial in (first, *others):
+            replace(stage, trial=trial).check_params()
 
 
 def _errors_name(scenario_name: str) -> AbstractContextManager[None]:

@@ -20,15 +20,14 @@ from benchmarks.trials.clouds import (
     cloud_of,
     joined,
 )
+from benchmarks.trials.collecting import RecordedTrack, WholeRun
 from benchmarks.trials.episode import Moment
-from benchmarks.trials.journeys import RecordedTrack, WholeRun
-from benchmarks.trials.metrics import METRICS
+from benchmarks.trials.scores import METRICS
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
 from localizers.models.motion import increments
 from localizers.models.plan_sensor import PlanSensor
-from localizers.models.scan import Scan
 
 _READ = ("feasible", "tempering", "log_evidence")  # of ``PlanReading``
 PLAN_COLUMNS = ("conflict", *_READ, "trusted")
@@ -207,8 +206,16 @@ class _Lap:
         self.truth: list[Reals] = []
         self.moves: list[Reals] = []
         self.quality: list[float] = []
-        self.scans_used, self.seconds = 0, 0.0
+        self._ranges: list[Reals] = []
+        self.seconds = 0.0
         self.belief: Belief | None = None
+
+    @property
+    def scans_used(self) -> int:
+        """Scans with at least one beam that is a number in [0, max_range]."""
+        ranges = np.array(self._ranges, np.float64).reshape(len(self._ranges), -1)
+        usable = (ranges >= 0.0) & (ranges <= self._task.max_range)  # false for NaN
+        return int(usable.any(axis=1).sum())
 
     def see(self, moment: Moment) -> None:
         self.belief = moment.belief
@@ -220,8 +227,7 @@ class _Lap:
         self.plans.append(plan_row(moment.belief, moment.truth, self._task))
         if moment.step > 0:
             self.seconds += moment.seconds
-            ranges = np.asarray(moment.ranges, np.float64)
-            self.scans_used += Scan.of(ranges, self._task.max_range).beams > 0
+            self._ranges.append(moment.ranges)
 
 
 class _Beliefs:

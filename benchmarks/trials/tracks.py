@@ -8,37 +8,21 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.clouds import (
-    LOG_TURN,
-    belief_moments,
-    calibration,
-    cloud_of,
-    covariance_floor,
-    joined,
-)
-from benchmarks.trials.episode import Moment
-from benchmarks.trials.fixes import NEAR, Fixes, metre
-from benchmarks.trials.journeys import (
-    Journey,
-    RecordedTrack,
-    WholeRun,
-    finite,
-    groups_named,
-    whole_run,
-)
-from benchmarks.trials.metrics import LEVELS, mean
+from benchmarks.trials.clouds import covariance_floor
+from benchmarks.trials.fixes import Fixes, Journey
+from benchmarks.trials.metrics import mean
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import relative
 from deqmcl_gym.maps import Map
+from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.gaussian import fits
 from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import InputError, array
-from localizers import best_cluster, quality_of
 
 AGREE = (0.1, 0.3)  # m that a beam may be off
 AGREEMENTS = ("agreement_01", "agreement_03")
@@ -106,7 +90,6 @@ class Track:
 
     log: Log
     best: Floats
-    GROUPS: ClassVar = groups_named(["lost", "log"])
 
     @cached_property
     def referenced(self) -> Indices:
@@ -161,7 +144,7 @@ class Track:
         )
 
     def journey(self, quality: Floats | None = None) -> Journey:
-        """Return the whole run, which ``GROUPS`` score; ``quality`` as of ``fixes``."""
+        """Return the whole run, which ``TRACK_GROUPS`` score; ``quality`` as of ``fixes``."""
         return Journey(fixes=self.fixes(quality), driven=self.way, truth=self.best)
 
     @property
@@ -179,65 +162,11 @@ class Track:
         return PoseErrors(translation=lengths, rotation=found.rotation)
 
 
-class TrackLog:
-    """Collects the track of a run on a log, and scores it by its records.
+@dataclass(frozen=True)
+class ScoredTrack:
+    """What the scores of a track by records are of.
 
-    Beside the metrics of a trial, which are of the belief's mean at the steps t ≥ 1.
-    """
-
-    def __init__(self, log: Log, floor_plan: Map, thresholds: Thresholds, judged: int) -> None:
-        self._log, self._map, self._thresholds, self._judged = log, floor_plan, thresholds, judged
-        self._best: list[tuple[float, float, float]] = []
-        self._rows: list[tuple[float, ...]] = []  # rank, NEES, log score, quality
-
-    def see(self, moment: Moment) -> None:
-        """Take in a record."""
-        points = moment.belief.points()
-        if points is None:
-            raise InputError(f"its belief of state {moment.step} holds no points of the present.")
-        clouds = joined([cloud_of(moment.step, 0, points)], [moment.truth])
-        means = belief_moments(clouds)[:, :4]
-        calibrated = [math.nan] * 3
-        if np.isfinite(moment.truth).all():
-            _, *calibrated = calibration(clouds, means, self._log.unit)[0].tolist()
-        quality = quality_of(moment.belief)
-        self._rows.append((*calibrated, math.nan if quality is None else quality))
-        self._best.append(best_cluster(*points, unit=self._log.unit).mean)
-
-    @property
-    def track(self) -> Track:
-        """The track so far."""
-        return Track(self._log, np.array(self._best, np.float64))
-
-    def scores(self) -> dict[str, float]:
-        """Return the scores by records that no journey has; NaN is not available."""
-        calibrated = np.array(self._rows)[:, :3]
-        return track_scores(
-            self.track, calibrated, self._thresholds, self._map, judged=self._judged
-        )
-
-    def kept(self) -> tuple[WholeRun | None, RecordedTrack]:
-        """Return the parts of a record about this run: a journey, with a reference, and a track."""
-        track = self.track
-        x, y, heading = track.best.T.tolist()
-        recorded = RecordedTrack(best=(x, y, heading), scores=finite(self.scores()))
-        if not track.known.size:
-            return None, recorded
-        run = track.journey(np.array(self._rows)[:, 3])
-        return whole_run(run, Track.GROUPS), recorded
-
-
-def track_scores(
-    track: Track,
-    calibrated: Floats,
-    thresholds: Thresholds,
-    floor_plan: Map | None,
-    *,
-    judged: int = 0,
-) -> dict[str, float]:
-    """Return the scores of a track by records; NaN is not available.
-
-    Args:
+    Attributes:
         track: of n records.
         calibrated: rank of the reference, NEES and log score at each record, (n, 3); NaN is
             unknown. Those at the reference's own times count, or all if none of them is known.
@@ -245,34 +174,40 @@ def track_scores(
         floor_plan: the map; None: agreement is not available.
         judged: first record by which beliefs are judged.
     """
-    errors, own = track.errors, track.at_stamps
-    at = track.known[own]
-    stamped = calibrated[at[at >= judged]]
-    beliefs = stamped if np.isfinite(stamped).any() else calibrated[judged:]
-    ranks, nees, logs = (known[np.isfinite(known)] for known in beliefs.T)
-    last = errors.translation[-thresholds.lost_steps :]
-    limit = thresholds.lost / metre(track.log.unit)
-    fixes, agreed = track.fixes(), (math.nan,) * len(AGREE)
-    if floor_plan is not None:
-        seen = np.flatnonzero(np.isfinite(track.best[:, 0]))
-        agreed = agreement(track.log.of_records(seen), floor_plan, track.best[seen])
-    return {
-        **{f"within_{near}": mean(fixes.localized(near).astype(np.float64)) for near in NEAR},
-        "position_median": middle(errors.translation),
-        "position_p95": float(np.quantile(errors.translation, 0.95))
-        if track.known.size
-        else math.nan,
-        "heading_median": middle(errors.rotation),
-        "position_median_stamps": middle(errors.translation[own]),
-        "heading_median_stamps": middle(errors.rotation[own]),
-        "lost": float(last.mean() > limit) if last.size else math.nan,
-        **{f"coverage_{p}": mean((ranks <= p / 100).astype(np.float64)) for p in LEVELS},
-        "nees": mean(nees),
-        "log_score": mean(logs) - 2 * math.log(metre(track.log.unit)),  # of a density per m² rad
-        "ape_rmse": errors.rmse,
-        "rpe_rmse": track.relative.rmse,
-        **dict(zip(AGREEMENTS, agreed, strict=True)),
-    }
+
+    track: Track
+    calibrated: Floats
+    thresholds: Thresholds
+    floor_plan: Map | None
+    judged: int
+
+    def known(self, column: int) -> Floats:
+        """Return what is known of a column of ``calibrated``, at the records that count."""
+        at = self.track.known[self.track.at_stamps]
+        stamped = self.calibrated[at[at >= self.judged]]
+        beliefs = stamped if np.isfinite(stamped).any() else self.calibrated[self.judged :]
+        values = beliefs[:, column]
+        return values[np.isfinite(values)]
+
+    @property
+    def lost(self) -> float:
+        """1 if it is lost in the last steps, else 0; NaN of none."""
+        last = self.track.errors.translation[-self.thresholds.lost_steps :]
+        limit = self.thresholds.lost / metre(self.track.log.unit)
+        return float(last.mean() > limit) if last.size else math.nan
+
+    @property
+    def log_score(self) -> float:
+        """Mean log score, of a density per m² rad."""
+        return mean(self.known(2)) - 2 * math.log(metre(self.track.log.unit))
+
+    @cached_property
+    def agreement(self) -> tuple[float, ...]:
+        """Shares of the beams that agree with the map at the best clusters."""
+        if self.floor_plan is None:
+            return (math.nan,) * len(AGREE)
+        seen = np.flatnonzero(np.isfinite(self.track.best[:, 0]))
+        return agreement(self.track.log.of_records(seen), self.floor_plan, self.track.best[seen])
 
 
 def calibration_of_gaussians(
@@ -291,27 +226,13 @@ def calibration_of_gaussians(
     """
     off = truth - poses
     known = np.isfinite(off).all(axis=1) & np.isfinite(covariances).all(axis=(1, 2))
+    off[:, 2] = arrays.wrapped(off[:, 2])
     found = np.full((len(poses), 3), math.nan)
-    p = covariances[known] + np.diag(covariance_floor(unit))
-    dx, dy, turned = off[known].T
-    g00 = np.sqrt(p[:, 0, 0])  # Cholesky, P = G Gᵀ, G u = d
-    g10, g20 = p[:, 1, 0] / g00, p[:, 2, 0] / g00
-    g11 = np.sqrt(p[:, 1, 1] - g10 * g10)
-    g21 = (p[:, 2, 1] - g20 * g10) / g11
-    g22 = np.sqrt(p[:, 2, 2] - g20 * g20 - g21 * g21)
-    u0 = dx / g00
-    u1 = (dy - g10 * u0) / g11
-    u2 = (arrays.wrapped(turned) - g20 * u0 - g21 * u1) / g22
-    distance = u0 * u0 + u1 * u1
-    nees = distance + u2 * u2
-    logs = 0.5 * (nees + 3 * LOG_TURN) + arrays.log(g00 * g11 * g22)
-    found[known] = np.column_stack([1 - arrays.exp(-distance / 2), nees, logs])
+    fitted = np.empty((int(known.sum()), 3))
+    floor = covariance_floor(unit)
+    fits(off[known], covariances[known] + np.diag(floor), fitted)
+    found[known] = np.column_stack([1 - arrays.exp(-fitted[:, 0] / 2), fitted[:, 1:]])
     return found
-
-
-def middle(values: Floats) -> float:
-    """Median; NaN of nothing."""
-    return float(np.median(values)) if values.size else math.nan
 
 
 def _errors(off: Floats) -> PoseErrors:

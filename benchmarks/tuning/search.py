@@ -21,17 +21,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from msgspec import to_builtins
 
-from benchmarks.execution.apart import provenance
-from benchmarks.files import is_empty, locked, refuse_changed
+from benchmarks.files import is_empty
 from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
-from benchmarks.sweeps.store import Store
+from benchmarks.sweeps.store import Store, writing
 from benchmarks.tables.frames import milliseconds_per_step
+from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scoring import Finished
 from benchmarks.tuning.space import DRAWS, ORDER, Segment, beside, spread, stream
-from benchmarks.tuning.task import ETA, Task
+from benchmarks.tuning.task import ETA, Task, value_of
 from deqmcl_gym.files import UnreadableError, content_of, json_of, write_text
 from deqmcl_gym.validation import InputError
 
@@ -249,7 +249,7 @@ class Searching:
             return
         for segment, run in product(segments, range(runs)):
             trial = self.task.trial(NOTHING, segment, run)
-            if why := self.store.failure(self.now.key(trial), trial):
+            if why := self.store.failure(self.now.key(trial)):
                 raise TrialsFailedError(
                     f"the default of {self.task.localizer} failed on the segment at "
                     f"{segment.begins:.1f} s: {why.rstrip('.')}. --retry-failed runs it again."
@@ -275,7 +275,7 @@ class Searching:
             self._measured[one, segment.number, run] = (
                 None
                 if record is None
-                else Measured(self.task.goal.of(record), milliseconds_per_step([record]))
+                else Measured(value_of(self.task.goal, record), milliseconds_per_step([record]))
             )
 
     def _record(self, one: Changes, segment: Segment, run: int) -> Finished | None:
@@ -306,7 +306,7 @@ def searching(task: Task, out: Path, options: Options) -> Iterator[Searching]:
         InputError: the folder is of something else, or in use.
     """
     first = {one.world["log"]: one for one in task.segments}
-    now = provenance([task.trial(NOTHING, one, 0) for one in first.values()])
+    now = provenance_of([task.trial(NOTHING, one, 0) for one in first.values()])
     ours = json.loads(json.dumps({"search": task.identity, **to_builtins(now)}))
     state = {"identity": ours, "rounds": []}
     if not is_empty(out):
@@ -316,8 +316,7 @@ def searching(task: Task, out: Path, options: Options) -> Iterator[Searching]:
                 f"{out} holds a search for something else ({'; '.join(apart[:3])}): give a new "
                 "--out, or the same options."
             )
-        refuse_changed(out)
-    with locked((store := Store(out)).out):
+    with writing(out) as store:
         search = Searching(task, store, options, now, state)
         search.save()
         yield search

@@ -11,14 +11,14 @@ from typing import Any, Self
 
 import numpy as np
 
-from benchmarks.execution.apart import parameters
 from benchmarks.replay.options import Replay
-from benchmarks.setup import changes
+from benchmarks.setup import documents
 from benchmarks.setup.changes import NOTHING, Changes
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, boolean, integer, number, one_of, shown
+from localizers import parameters
 
 Value = float | int | str | bool
 ASSUMED = ("motion", "scan")  # parts of what the filters assume; all else is the localizer's own
@@ -197,8 +197,8 @@ def read_space(path: Path, localizer: str, known: Space) -> Space:
     Raises:
         InputError: the file cannot be read, names something unknown, or has a bad range.
     """
-    given = changes.read(path, "space")
-    with changes.errors_name(path):
+    given = documents.read(path, "space")
+    with documents.errors_name(path):
         only = boolean("only", given.pop("only", False))
         flat: dict[str, Any] = {}
         for name, value in given.items():

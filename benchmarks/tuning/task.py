@@ -5,50 +5,22 @@ A score is of a run on a segment, and a search compares means over segments.
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
-from benchmarks.execution.apart import check_methods, check_settings, checked_apart
 from benchmarks.replay.options import NAME
 from benchmarks.setup.changes import NOTHING, Changes
-from benchmarks.trials.plugins import guest_of
+from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_SCORES, Score
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.stage import Stage
+from benchmarks.trials.stage import Stage, check_methods, check_settings
 from benchmarks.tuning.space import ASSUMED, Segment, Space
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
-from localizers.naming.plugins import is_ctrl_c
+from localizers.kinds import is_ctrl_c
 
 ETA = 3  # of candidates, one of so many goes on
-
-
-@dataclass(frozen=True, kw_only=True)
-class Goal:
-    """What is to be small; ``sign`` -1: large.
-
-    Attributes:
-        words: what it is.
-        unit: "m", "share" of records, or "nats".
-        column: of a run on a log, or of its whole run.
-        needs: what a belief must have for it, in words.
-        given: whether a belief has that.
-    """
-
-    words: str
-    unit: str
-    column: str
-    sign: int = 1
-    needs: str = ""
-    given: Callable[[Belief], bool] = lambda _: True
-
-    def of(self, record: Finished) -> float:
-        """Return the value of a run; NaN is not available."""
-        journey = {} if record.journey is None else record.journey.scores
-        value = ({} if record.track is None else record.track.scores).get(self.column)
-        value = journey.get(self.column) if value is None else value
-        return math.nan if value is None else float(value)
 
 
 def _spread(belief: Belief) -> bool:
@@ -58,26 +30,29 @@ def _spread(belief: Belief) -> bool:
 
 
 GOALS = {
-    "median": Goal(words="median position error", unit="m", column="position_median"),
-    "p95": Goal(words="95 % position error", unit="m", column="position_p95"),
-    "localized": Goal(
-        words="share of records within 1 m and 30°", unit="share", column="within_1m", sign=-1
-    ),
-    "false-commitment": Goal(
-        words="share of records with quality above 0.5 while more than 2 m off",
+    "median": TRACK_SCORES["position_median"],
+    "p95": TRACK_SCORES["position_p95"],
+    "localized": TRACK_SCORES["within_1m"],
+    "false-commitment": replace(
+        JOURNEY_SCORES["false_steps"],
         unit="share",
-        column="false_steps",
-        needs="quality",
-        given=lambda belief: quality_of(belief) is not None,
+        words="share of records with quality above 0.5 while more than 2 m off",
     ),
-    "log-score": Goal(
-        words="log score of the reference pose",
-        unit="nats",
-        column="log_score",
-        needs="spread",
-        given=_spread,
-    ),
+    "log-score": TRACK_SCORES["log_score"],
 }
+# what a belief must have for a goal, in a word, and whether it has
+_NEEDS: dict[str, tuple[str, Callable[[Belief], bool]]] = {
+    "false-commitment": ("quality", lambda belief: quality_of(belief) is not None),
+    "log-score": ("spread", _spread),
+}
+
+
+def value_of(score: Score, record: Finished) -> float:
+    """Return a score of a run on a log; NaN is not available."""
+    journey = {} if record.journey is None else record.journey.scores
+    value = ({} if record.track is None else record.track.scores).get(score.name)
+    value = journey.get(score.name) if value is None else value
+    return math.nan if value is None else float(value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +80,7 @@ class Task:
     seed: int
 
     @property
-    def goal(self) -> Goal:
+    def goal(self) -> Score:
         """The score."""
         return GOALS[self.score]
 
@@ -161,11 +136,7 @@ class Task:
             check_methods([self.trial(one, self.segments[0], 0) for one in (NOTHING, *ends)])
         except InputError as error:
             raise InputError(f"the default, or an end of a range, is refused: {error}") from None
-        guest = self.trial(NOTHING, self.training[0], 0)
-        if guest_of(guest):
-            checked_apart(_check_score, guest, self.score)
-        else:
-            _check_score(guest, self.score)
+        _check_score(self.trial(NOTHING, self.training[0], 0), self.score)
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -189,17 +160,19 @@ def _check_score(trial: Trial, name: str) -> None:
     Raises:
         InputError: there is nothing. Any other trouble is left to the run.
     """
-    goal = GOALS[name]
+    if name not in _NEEDS:
+        return
+    need, has = _NEEDS[name]
     try:
         *_, last = islice(Stage.of(trial).moments(), 2)
-        given = goal.given(last.belief)
+        given = has(last.belief)
     except BaseException as error:
         if is_ctrl_c(error):
             raise
         return
     if not given:
-        others = ", ".join(own for own, score in GOALS.items() if score.needs != goal.needs)
+        others = ", ".join(own for own in GOALS if own != name)
         raise InputError(
-            f"--score is {name}, but a belief of {trial.localizer} has no {goal.needs}: choose "
+            f"--score is {name}, but a belief of {trial.localizer} has no {need}: choose "
             f"another one of {others}."
         )

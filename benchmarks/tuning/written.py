@@ -10,17 +10,18 @@ from typing import Any
 import numpy as np
 import yaml
 
-from benchmarks.files import write_part
+from benchmarks.files import write_files
 from benchmarks.replay.nav2 import nav2_document
 from benchmarks.report.writing import load, no_report
 from benchmarks.setup.changes import NOTHING, Changes, file_names
 from benchmarks.tables.frames import milliseconds_per_step
 from benchmarks.tables.stats import Estimate, estimate
 from benchmarks.tables.text import csv_text, estimated, fixed, percent, significant
+from benchmarks.trials.scores import TRACK_SCORES, Score
 from benchmarks.trials.scoring import Finished
 from benchmarks.tuning.search import RUNS, Found, Tried
 from benchmarks.tuning.space import Choice, Range
-from benchmarks.tuning.task import GOALS, Goal, Task
+from benchmarks.tuning.task import GOALS, Task, value_of
 from deqmcl_gym.files import command_line, utf8
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
@@ -31,7 +32,7 @@ _BINS = 4  # of a range
 _FEW = 20  # candidates below which importance says nothing
 _SURE, _FALLEN = 0.9, 0.05  # share inside the 95 % region below which, and fall that, is told
 _LEAST = 6  # segments: of fewer, a sign test could not tell any difference from chance (p < 0.05)
-_COVERAGE = Goal(words="share inside the 95 % region", unit="share", column="coverage_95")
+_COVERAGE = TRACK_SCORES["coverage_95"]
 _TABLE = (*(GOALS[name] for name in ("median", "p95", "localized")), _COVERAGE)
 
 
@@ -76,7 +77,7 @@ def write(
     if drawn is None:
         load()
         contents["trade-off.png"] = _trade_off(found)
-    files = write_part(out, "tune", contents)
+    files = write_files(out, contents)
     texts = [said, table, _changed(found), weights, why_not]
     texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
     texts.append("" if drawn is None else f"No picture: {drawn}")
@@ -86,7 +87,7 @@ def write(
 _COLUMNS = ("log", "begins_s", "metres", "runs", "default", "tuned", "difference")
 
 
-def _segments(found: Found, goal: Goal) -> list[list[Any]]:
+def _segments(found: Found, goal: Score) -> list[list[Any]]:
     """Return a line per held-out segment; those where a run failed have no numbers."""
     lines = []
     each = zip(found.task.held_out, found.default_runs, found.best_runs, strict=True)
@@ -98,8 +99,8 @@ def _segments(found: Found, goal: Goal) -> list[list[Any]]:
     return lines
 
 
-def _mean(goal: Goal, records: Sequence[Finished]) -> float:
-    values = [goal.of(record) for record in records]
+def _mean(goal: Score, records: Sequence[Finished]) -> float:
+    values = [value_of(goal, record) for record in records]
     return float(np.mean(values)) if len(values) == RUNS else math.nan
 
 
@@ -123,7 +124,7 @@ def verdict(found: Found, rows: Sequence[Sequence[Any]]) -> str:
             f"default's {goal.words} {on}: {_number(goal, before)}.{left_out}"
         )
     off = known[:, 1] - known[:, 0]
-    better = int((goal.sign * off < 0).sum())
+    better = int((found.task.goal.sign * off < 0).sum())
     gain = estimate(off) if len(off) >= _LEAST else Estimate(float(off.mean()))
     said = (
         f"{goal.words[:1].upper()}{goal.words[1:]} {on}: {_number(goal, before, bare=True)} → "
@@ -145,9 +146,9 @@ def _too_sure(found: Found) -> str:
     )
 
 
-def _mean_of(goal: Goal, runs: Sequence[Sequence[Finished]]) -> float:
+def _mean_of(goal: Score, runs: Sequence[Sequence[Finished]]) -> float:
     """Return the mean of a score over all runs on all segments."""
-    values = [goal.of(record) for own in runs for record in own]
+    values = [value_of(goal, record) for own in runs for record in own]
     return float(np.mean(values)) if values else math.nan
 
 
@@ -184,7 +185,7 @@ def _conclusion(found: Found, gain: Estimate) -> str:
     return f"{worse}: keep the default."
 
 
-def _number(goal: Goal, value: float, *, bare: bool = False) -> str:
+def _number(goal: Score, value: float, *, bare: bool = False) -> str:
     if goal.unit == "share":
         return f"{100 * value:.1f}{'' if bare else ' %'}"
     if goal.unit == "nats":
@@ -192,7 +193,7 @@ def _number(goal: Goal, value: float, *, bare: bool = False) -> str:
     return f"{value:.3f}{'' if bare else ' m'}"
 
 
-def _difference(goal: Goal, gain: Estimate) -> str:
+def _difference(goal: Score, gain: Estimate) -> str:
     if goal.unit == "share":
         return estimated(gain.percent, "+.1f", " points")
     if goal.unit == "nats":

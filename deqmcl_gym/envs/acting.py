@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.envs.belief import BeliefView, Estimator, Seen, StepResult
 from deqmcl_gym.maps import Box, Offices
-from deqmcl_gym.maps.clusters import Cluster, best_cluster
-from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.maps.clusters import Cluster, Near, best_cluster
 from deqmcl_gym.numerics.types import Floats, Point, Pose, Singles
 from deqmcl_gym.validation import InputError, NoEpisodeError, integer, number, one_of
 from deqmcl_gym.world.config import World
@@ -28,8 +27,7 @@ from deqmcl_gym.world.episode import Body, Physics, contacts_of
 from deqmcl_gym.world.rules import Commands, check_options, scan_space, within
 from deqmcl_gym.world.sensor import LidarSensor
 
-_METRE = 50.0  # px
-_NEAR = math.radians(30)  # within 1 m and this a cluster is right
+_RIGHT = Near(1.0, math.radians(30))  # of the best cluster to the truth
 _GOALS = 10_000  # drawn before a room is refused
 
 
@@ -341,10 +339,7 @@ class LocalizeEnv(ActingEnv):
         self._right = self._right + 1 if sure and self._is_right(best) else 0
 
     def _is_right(self, best: Cluster) -> bool:
-        x, y, heading = self.pose
-        metre = _METRE * pixel(self.floor_plan.unit)
-        near = math.dist(best.mean[:2], (x, y)) <= metre
-        return near and abs(wrapped(best.mean[2] - heading)) <= _NEAR
+        return bool(_RIGHT([best.mean], self.pose, unit=self.floor_plan.unit)[0])
 
     def _judged(self, on: NDArray[np.bool_], collided: bool) -> tuple[float, bool, bool]:
         declared, right = bool(on[-1]), self._right >= self.hold

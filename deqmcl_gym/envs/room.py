@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics.types import Pose, Singles
 from deqmcl_gym.validation import InputError, NoEpisodeError, integer, one_of, pose
-from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start
+from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start, World
 from deqmcl_gym.world.course import MAX_STEPS, Course, check_free
 from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
 from deqmcl_gym.world.driver import FixedPlan
@@ -64,6 +64,7 @@ class RoomEnv(gym.Env[Any, Singles]):
 
     Args:
         preset: name of the world to start from; `deqmcl_gym/Guided-v0` has `preset="guided"`, …
+        world: a ``World`` to start from, instead of a preset.
         floor_plan: the map: `outer` corners, `obstacles` and their `unit`, "px" or "m"; the path of
             a ROS map's yaml file or of a JSON file of polygons; or an `office` and its `form`,
             "grid" or "polygons". An office with `seeds` is another one in each episode.
@@ -103,6 +104,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         self,
         *,
         preset: str = "paper",
+        world: World | None = None,
         floor_plan: Map | dict[str, Any] | str | None = None,
         lidar: Lidar | dict[str, Any] | None = None,
         robot: Robot | dict[str, Any] | None = None,
@@ -122,7 +124,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         **unknown: Any,
     ) -> None:
         self._rules = rules = RoomRules.of(
-            preset=preset, horizon=horizon, ends_at_goal=ends_at_goal,
+            preset=preset, world=world, horizon=horizon, ends_at_goal=ends_at_goal,
             floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise, start=start, lap=lap,
             driver=driver, route=route, clutter=clutter, changed_walls=changed_walls,
             people=people, glass=glass, observation=observation, **unknown,
@@ -224,7 +226,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         self.before_step = {}
         nothing = np.zeros(2, np.float32)
         info = self._info(episode, nothing, collided=False)
-        return self._seen(info), info
+        return self._seen(episode, info), info
 
     def step(self, action: Singles) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
         """Turn, then drive; stop at the first contact with a wall."""
@@ -240,7 +242,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         info = self._info(episode, command, collided)
         given_up = not (info["planned_count"] or episode.done)
         episode.ended = episode.done or given_up
-        return self._seen(info), reward, episode.done, given_up, info
+        return self._seen(episode, info), reward, episode.done, given_up, info
 
     def place(self, at: Pose, noticed: bool = True) -> None:
         """Put the robot at a free pose; the reward ignores the jump.
@@ -324,8 +326,9 @@ class RoomEnv(gym.Env[Any, Singles]):
             info["building"] = np.int64(self.building)
         return cast("dict[str, Any]", info)
 
-    def _seen(self, info: dict[str, Any]) -> Any:
-        episode = self._episode
+    def _seen(self, episode: Episode, info: dict[str, Any]) -> Any:
+        if self._rules.observation == "scan":
+            return episode.scan.copy()
         covered = episode.progress / episode.course.path.length
         elapsed = episode.step / episode.plan.limit
         goal = episode.course.goal

@@ -7,7 +7,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deqmcl_gym.maps.contact_kernels import first_contact
+from deqmcl_gym.maps.contact_kernels import (
+    first_contact,
+    first_contact_with_walls,
+    gap_to_walls,
+)
 from deqmcl_gym.maps.grid_kernels import cast as cast_from
 from deqmcl_gym.maps.grid_kernels import distances
 from deqmcl_gym.numerics.compiling import compiled
@@ -46,7 +50,7 @@ class Robots(NamedTuple):
     steps: Indices
 
 
-class Cells(NamedTuple):
+class CellRows(NamedTuple):
     """The cells of s maps, padded to the largest; empty for polygons.
 
     Attributes:
@@ -77,7 +81,7 @@ class GroundRows(NamedTuple):
             drive can have without contact, (s, 3).
         walls: as :func:`sides` returns them, free space to their left, padded, (s, w, 5).
         counts: number of walls, (s,).
-        cells: :class:`Cells`.
+        cells: :class:`CellRows`.
     """
 
     slots: Indices
@@ -125,7 +129,7 @@ class Rules(NamedTuple):
     limit: int
 
 
-class Driver(NamedTuple):
+class DriverNumbers(NamedTuple):
     """The driver of all rooms.
 
     Attributes:
@@ -240,7 +244,7 @@ def plan(
 
     Args:
         robots, grounds, courses: as :func:`step`.
-        driver: :class:`Driver`.
+        driver: :class:`DriverNumbers`.
         rooms: which they are, (k,).
         shown: the next h actions, zero-padded, (n, h, 2).
         counts: number of these, (n,).
@@ -277,7 +281,7 @@ def cast(
     Args:
         poses: rows x, y, θ, (3, k).
         bearings: (B,) rad.
-        cells: :class:`Cells`, as a plain tuple, one for each room.
+        cells: :class:`CellRows`, as a plain tuple, one for each room.
         rooms: (k,).
         out: (B, k).
     """
@@ -328,10 +332,10 @@ def _ahead(
 ) -> tuple[float, float]:
     """Return the gap of a robot to the nearest wall, and the share of a drive to its contact."""
     if cells[0].shape[1] == 0:
-        gap = _gap(x, y, walls) - radius
+        gap = gap_to_walls(x, y, walls) - radius
         if gap > way + skin:
             return gap, np.inf
-        return gap, 0.0 if gap < 0.0 else _first_contact(x, y, dx, dy, walls, radius)
+        return gap, 0.0 if gap < 0.0 else first_contact_with_walls(x, y, dx, dy, walls, radius)
     reach, up, down, frame = _grid(cells, slot)
     point, found = np.array(((x,), (y,))), np.empty(1, np.float32)
     distances(point, reach, up, down, frame, found)
@@ -340,44 +344,3 @@ def _ahead(
         return gap, np.inf
     end = x + dx, y + dy
     return gap, 0.0 if gap < 0.0 else first_contact((x, y), end, reach, frame, radius)
-
-
-@compiled
-def _gap(x: float, y: float, walls: Floats) -> float:
-    """Distance of a point to the nearest wall."""
-    least = np.inf
-    for wall in range(walls.shape[0]):
-        px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start
-        ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
-        along = px * ex + py * ey
-        beyond = along - min(max(along, 0.0), length)
-        height = ex * py - ey * px
-        least = min(least, height * height + beyond * beyond)
-    distance: float = np.sqrt(least)
-    return distance
-
-
-@compiled
-def _first_contact(x: float, y: float, dx: float, dy: float, walls: Floats, radius: float) -> float:
-    """Share of (dx, dy) at which a disc that starts clear of walls first touches one; or inf."""
-    first: float = np.inf
-    square = dx * dx + dy * dy
-    for wall in range(walls.shape[0]):
-        px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start
-        ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
-        # the side of the wall in free space
-        gap = ex * py - ey * px - radius
-        sinks = dx * ey - dy * ex  # decrease of the gap along the drive
-        if 0.0 <= gap < sinks:
-            share = gap / sinks
-            at = px * ex + py * ey + share * (dx * ex + dy * ey)
-            if 0.0 <= at <= length:
-                first = min(first, share)
-        # the corner at its start
-        nears = -(px * dx + py * dy)
-        root = nears * nears - square * (px * px + py * py - radius * radius)
-        if nears > 0.0 and root >= 0.0:
-            share = max(nears - np.sqrt(root), 0.0) / square
-            if share <= 1.0:
-                first = min(first, share)
-    return first

@@ -9,7 +9,7 @@ time host [logger_time]`` around it. ``ROBOTLASER1``, which begins as RAWLASER1,
 ``laser_x laser_y laser_θ odom_x odom_y odom_θ v ω safety_front safety_side axis`` before its time
 and is complete. ``TRUEPOS x y θ odom_x odom_y odom_θ time host [logger_time]``, of CARMEN's
 simulator, is the reference. ``PARAM`` lines have the mounting and the range of FLASER's scanner;
-logs written here have ``PARAM deqmcl_scanner``, with all digits of the scanner.
+logs that former versions wrote have ``PARAM deqmcl_scanner``, with all digits of it.
 """
 
 import math
@@ -22,9 +22,9 @@ from pathlib import Path
 
 import numpy as np
 
-from deqmcl_gym.files import names_of, numbers_of, save, text_of
+from deqmcl_gym.files import names_of, numbers_of, text_of
 from deqmcl_gym.logs.log import Log, Scanner
-from deqmcl_gym.logs.motion import composed, relative
+from deqmcl_gym.logs.motion import relative
 from deqmcl_gym.logs.odometry import JudgedOdometry
 from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecords, usable
 from deqmcl_gym.logs.scans import Fan
@@ -268,40 +268,6 @@ def _fan(words: Sequence[str]) -> Fan:
     return Fan(start, step, 0.0, min(farthest, SICK_RANGE))
 
 
-def write_carmen(log: Log, path: Path) -> None:
-    """Write ODOM and ROBOTLASER1 lines, and TRUEPOS where there is a reference, with all digits.
-
-    Raises:
-        InputError: beams are not evenly spaced, or the file cannot be written.
-    """
-    scanner, step = log.scanner, log.scanner.spacing
-    if step is None:
-        raise InputError(
-            "beams of a CARMEN log must be evenly spaced, but those of this log are not: write "
-            ".csv or .npz."
-        )
-    mounts = composed(log.odometry, np.array([*scanner.mounting, 0.0])).tolist()
-    most = scanner.max_range
-    head = _words(0, scanner.angles[0], step * scanner.beams, step, most, 0.01, 0)
-    lines = [
-        "# CARMEN log of deqmcl-gym",
-        f"PARAM {_OURS} {scanner.json} 0 nohost 0",
-        f"PARAM {_UNIT} {log.unit} 0 nohost 0",
-    ]
-    for record, mount in zip(log, mounts, strict=True):
-        odometry, stamp = _words(*record.odometry), f"{record.time!r} nohost {record.time!r}"
-        ranges = np.nan_to_num(record.ranges, nan=0.0, posinf=most)
-        scan = " ".join(map(str, ranges.tolist()))
-        lines.append(f"ODOM {odometry} 0 0 0 {stamp}")
-        if record.reference is not None:
-            lines.append(f"TRUEPOS {_words(*record.reference)} {odometry} {stamp}")
-        lines.append(
-            f"ROBOTLASER1 {head} {len(ranges)} {scan} 0 {_words(*mount)} {odometry} 0 0 0 0 0 "
-            f"{stamp}"
-        )
-    save(path, ("\n".join(lines) + "\n").encode())
-
-
 def _kind(name: str, messages: _Messages, asked: str | None) -> str:
     if asked is not None:
         return one_of("kind of scan in a CARMEN log", asked, SCANS)
@@ -320,7 +286,3 @@ def _kind(name: str, messages: _Messages, asked: str | None) -> str:
         f"{name} has no scan{damaged}{others}: a CARMEN log has lines that begin with "
         f"{', '.join(SCANS)}."
     )
-
-
-def _words(*values: float) -> str:
-    return " ".join(map(repr, values))

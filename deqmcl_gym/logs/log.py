@@ -113,31 +113,6 @@ class Scanner(Lidar):
         """Angles of the beams against the robot's heading, (beams,) rad."""
         return np.array(self.angles)
 
-    @property
-    def parts(self) -> tuple["Scanner", ...]:
-        """A scanner of one place for each of its mounts; itself, if it has none."""
-        if not self.mounts:
-            return (self,)
-        return tuple(
-            replace(
-                self,
-                angles=tuple(np.unwrap(self.bearings[rows]).tolist()),
-                mounting=(one.x, one.y),
-                mounts=(),
-                turn=one.heading,
-            )
-            for one, rows in zip(self.mounts, self.rows, strict=True)
-        )
-
-    @property
-    def spacing(self) -> float | None:
-        """The angle between neighbouring beams; None if they are not evenly spaced."""
-        if self.beams == 1:
-            return 0.0
-        step = (self.angles[-1] - self.angles[0]) / (self.beams - 1)
-        even = self.angles[0] + step * np.arange(self.beams)
-        return step if np.abs(even - self.bearings).max() <= _EVEN else None
-
     def measured(self, ranges: ArrayLike) -> Singles:
         """Return ranges (..., beams) as float32, +inf or NaN where they are no measurements."""
         given = real("ranges", ranges)

@@ -9,9 +9,7 @@ from types import MappingProxyType
 from typing import Any
 
 from deqmcl_gym.logs import carmen, csv_npz, ros
-from deqmcl_gym.logs.bags import require_rosbags
 from deqmcl_gym.logs.log import Log, Scanner
-from deqmcl_gym.logs.ros_writing import write_bag
 from deqmcl_gym.logs.trajectory import Trajectory, referenced
 from deqmcl_gym.validation import InputError, array, number, shown
 
@@ -22,9 +20,7 @@ _READERS: Mapping[str, Callable[..., Log]] = MappingProxyType(
     | dict.fromkeys(("", ".bag", ".mcap", ".db3"), ros.read_bag)
 )
 _WRITERS: Mapping[str, Callable[[Log, Path], None]] = MappingProxyType(
-    dict.fromkeys(_TEXT[:3], carmen.write_carmen)
-    | {".csv": csv_npz.write_csv, ".npz": csv_npz.write_npz}
-    | dict.fromkeys(("", ".bag", ".mcap"), write_bag)
+    {".csv": csv_npz.write_csv, ".npz": csv_npz.write_npz}
 )
 _OF_REFERENCE = "max_gap", "reference_tolerance"
 _TAKEN: Mapping[Any, tuple[str, ...]] = MappingProxyType(
@@ -153,36 +149,25 @@ def _reader_of(files: Sequence[Path]) -> Callable[..., Log]:
 def write(log: Log, path: str | PathLike[str]) -> None:
     """Write a log, whole or not at all; the ending of the name determines the format.
 
-    ``.log``, ``.clf``, ``.carmen``: CARMEN. ``.csv``. Both also with ``.gz``. ``.npz``. ``.bag``:
-    ROS 1, ``.mcap``: ROS 2, no ending: the folder of a ROS 2 bag (sqlite3). In a bag each of
-    several mounts has a topic, ``/scan_1`` and so on.
+    ``.csv``, ``.csv.gz``, ``.npz``: see ``logs.csv_npz``.
 
     Raises:
-        InputError: the format is unknown or cannot hold the log, or the file cannot be written.
+        InputError: the format is another, or the file cannot be written.
     """
-    ending = check_writable(path)
-    if log.scanner.mounts and ending in _TEXT:
-        raise InputError(
-            f"{path} is of a format that is written with one place of the scanner only, but this "
-            "log's scanner has mounts: end the name in .csv, .npz, .bag or .mcap."
-        )
-    _WRITERS[ending](log, Path(path))
+    _WRITERS[check_writable(path)](log, Path(path))
 
 
 def check_writable(path: str | PathLike[str]) -> str:
     """Return the ending of a log's name, which determines its format.
 
     Raises:
-        InputError: the format cannot be written, or needs a package that is not installed.
+        InputError: the format is read only, or unknown.
     """
     ending = _ending(Path(path))
     if ending not in _WRITERS:
         raise InputError(
-            f"{path} is of a format that is not written: end the name in .log, .log.gz, .csv, "
-            ".npz, .bag or .mcap, or in nothing for the folder of a ROS 2 bag."
+            f"{path} is of a format that is not written: end the name in .csv, .csv.gz or .npz."
         )
-    if _WRITERS[ending] is write_bag:
-        require_rosbags()
     return ending
 
 

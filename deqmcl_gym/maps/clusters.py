@@ -1,14 +1,15 @@
 """Clusters of weighted poses on a map: where a belief says that the robot is, and where else."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Reals
 
-CELL = 50.0  # px: 1 m
 SECTORS = 12  # of 30°
 _COUNTED = 2**20  # cells whose weights are counted in one table
 
@@ -29,6 +30,28 @@ def mean_pose(poses: Reals, weights: Floats) -> tuple[float, float, float]:
         float((weights * y).sum()),
         float(arrays.arctan2(sine, cosine)),
     )
+
+
+class Near(NamedTuple):
+    """Whether a robot is where it is believed to be.
+
+    Attributes:
+        distance: largest distance from the true position, m.
+        angle: largest angle to the true heading, rad.
+    """
+
+    distance: float
+    angle: float
+
+    def holds(self, distance: Floats, angle: Floats) -> Bools:
+        """Whether distances, m, and angles are small enough, (n,)."""
+        return (distance <= self.distance) & (angle <= self.angle)
+
+    def __call__(self, poses: ArrayLike, truth: ArrayLike, *, unit: str) -> Bools:
+        """Whether poses (n, 3) are near true ones, (3,) or (n, 3), on a map of a unit, (n,)."""
+        off = np.asarray(poses, np.float64) - np.asarray(truth, np.float64)
+        distance = np.hypot(off[:, 0], off[:, 1]) / metre(unit)
+        return self.holds(distance, np.abs(arrays.wrapped(off[:, 2])))
 
 
 @dataclass(frozen=True)
@@ -79,8 +102,8 @@ def two_clusters(poses: Reals, weights: Floats, *, unit: str) -> tuple[Cluster, 
 def _best(poses: Reals, weights: Floats, unit: str) -> tuple[Cluster, Bools]:
     """Return the best cluster, and which points it has, (n,)."""
     at = np.ascontiguousarray(np.asarray(poses).T, dtype=np.float64)
-    metre = CELL * pixel(unit)
-    column, row = np.floor(at[0] / metre), np.floor(at[1] / metre)  # whole, as float64
+    size = metre(unit)
+    column, row = np.floor(at[0] / size), np.floor(at[1] / size)  # whole, as float64
     turned = (arrays.wrapped(at[2]) + np.pi) * (SECTORS / (2 * np.pi))
     sector = np.floor(turned).astype(np.int64) % SECTORS
     column -= column.min()

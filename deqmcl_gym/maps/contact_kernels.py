@@ -1,13 +1,11 @@
-"""Compiled contact of a driving disc with solid squares: where a drive is stopped.
-
-Positions are in cells; see ``grid_kernels``.
-"""
+"""Compiled contact of a driving disc with walls or solid squares: where a drive is stopped."""
 
 import numpy as np
 
 from deqmcl_gym.maps.grid_kernels import locate
 from deqmcl_gym.maps.stride_kernels import Reach
 from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.types import Floats
 
 
 @compiled
@@ -20,8 +18,8 @@ def first_contact(
 ) -> float:
     """Share of the way at which a disc that starts clear of solid cells touches one; inf if never.
 
-    Its centre then meets the square grown by the radius: a slab along each axis, a circle around
-    each corner.
+    Positions are in cells; see ``grid_kernels``. The disc's centre then meets the square grown by
+    the radius: a slab along each axis, a circle around each corner.
     """
     points = np.array(((start[0], end[0]), (start[1], end[1])))
     us, vs = np.empty(2), np.empty(2)
@@ -41,7 +39,7 @@ def first_contact(
                 first = min(first, _meets_box(x, y, du, dv, 0.0, 1.0, -r, 1.0 + r))
                 for corner in range(4):
                     cx, cy = x - corner % 2, y - corner // 2
-                    first = min(first, _meets_circle(cx, cy, du, dv, r))
+                    first = min(first, enters_circle(cx, cy, du, dv, r))
     return first
 
 
@@ -62,7 +60,7 @@ def _meets_box(
 
 
 @compiled
-def _meets_circle(x: float, y: float, dx: float, dy: float, radius: float) -> float:
+def enters_circle(x: float, y: float, dx: float, dy: float, radius: float) -> float:
     """Share of (dx, dy) at which a point from outside enters a circle around 0; inf if never."""
     square, nears = dx * dx + dy * dy, -(x * dx + y * dy)
     root = nears * nears - square * (x * x + y * y - radius * radius)
@@ -70,3 +68,40 @@ def _meets_circle(x: float, y: float, dx: float, dy: float, radius: float) -> fl
         return np.inf
     share = max(nears - np.sqrt(root), 0.0) / square
     return share if share <= 1.0 else np.inf
+
+
+@compiled
+def gap_to_walls(x: float, y: float, walls: Floats) -> float:
+    """Distance of a point to the nearest wall."""
+    least = np.inf
+    for wall in range(walls.shape[0]):
+        px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start
+        ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
+        along = px * ex + py * ey
+        beyond = along - min(max(along, 0.0), length)
+        height = ex * py - ey * px
+        least = min(least, height * height + beyond * beyond)
+    distance: float = np.sqrt(least)
+    return distance
+
+
+@compiled
+def first_contact_with_walls(
+    x: float, y: float, dx: float, dy: float, walls: Floats, radius: float
+) -> float:
+    """Share of (dx, dy) at which a disc that starts clear of walls first touches one; or inf."""
+    first: float = np.inf
+    for wall in range(walls.shape[0]):
+        px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start
+        ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
+        # the side of the wall in free space
+        gap = ex * py - ey * px - radius
+        sinks = dx * ey - dy * ex  # decrease of the gap along the drive
+        if 0.0 <= gap < sinks:
+            share = gap / sinks
+            at = px * ex + py * ey + share * (dx * ex + dy * ey)
+            if 0.0 <= at <= length:
+                first = min(first, share)
+        # the corner at its start
+        first = min(first, enters_circle(px, py, dx, dy, radius))
+    return first

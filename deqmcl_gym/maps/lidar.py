@@ -1,7 +1,7 @@
 """Lidar: where the beams of a robot's scanners start and point, and what counts as a reading."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -219,22 +219,24 @@ class Lidar:
                 f"the rays of this lidar start from {len(self.places)} places: cast them by "
                 "lidar.ranges(floor_plan, poses)."
             )
-        return _moved(poses, self.places[0])
+        return poses if self.places[0] == CENTRE else _moved(poses, self.places[0])
 
     def fans(
         self, poses: NDArray[Any], used: Bools | None = None
-    ) -> Iterator[tuple[NDArray[Any], slice]]:
-        """Yield, for each mount, where its rays start, (3, n), and its rows of the beams used.
+    ) -> list[tuple[NDArray[Any], slice]]:
+        """Return, for each mount, where its rays start, (3, n), and its rows of the beams used.
 
         Args:
             poses: of the robot, rows x, y, θ, (3, n).
             used: which beams are, (beams,); None: all.
         """
-        end = 0
+        found, end = [], 0
         for place, rows in zip(self.places, self.rows, strict=True):
             size = rows.stop - rows.start if used is None else int(np.count_nonzero(used[rows]))
-            yield _moved(poses, place), slice(end, end + size)
+            starts = poses if place == CENTRE else _moved(poses, place)
+            found.append((starts, slice(end, end + size)))
             end += size
+        return found
 
     def cast(self, caster: Caster, poses: Singles, out: Singles, used: Bools | None = None) -> None:
         """Fill in the exact ranges of robots at ``poses`` (3, n) float32, (b, n).
@@ -284,8 +286,6 @@ def _fan(beams: int, field_of_view: float) -> Floats:
 
 
 def _moved(poses: NDArray[Any], place: Point) -> NDArray[Any]:
-    if place == CENTRE:
-        return poses
     out = np.empty(poses.shape, np.float32)
     mounted(np.ascontiguousarray(poses, np.float32), *place, out)
     return out

@@ -8,6 +8,7 @@ robot has a radius of 16 cm.
 import dataclasses
 import math
 from collections.abc import Mapping
+from functools import cache
 from itertools import pairwise
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar, runtime_checkable
@@ -167,6 +168,12 @@ def pixel(unit: str) -> float:
         InputError: the unit is unknown.
     """
     return PIXELS[one_of("unit of length", unit, PIXELS)]
+
+
+@cache
+def metre(unit: str) -> float:
+    """Return how many of a map's units are a metre; a pixel of the paper's room is 2 cm."""
+    return pixel(unit) / pixel("m")
 
 
 def scaled(part: T, factor: float) -> T:

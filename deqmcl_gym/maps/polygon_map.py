@@ -275,7 +275,7 @@ def _moved(rows: NDArray[Any], datum: Point, sign: int = 1) -> Singles:
 KEYS = ("outer", "obstacles", "unit")
 
 
-def read(path: str | os.PathLike[str]) -> PolygonMap:
+def read_polygons(path: str | os.PathLike[str]) -> PolygonMap:
     """Read a map.
 
     Raises:
@@ -305,7 +305,7 @@ def of_mapping(given: Any) -> PolygonMap:
     return PolygonMap(**{"outer": None, **given})
 
 
-def text_of(floor_plan: PolygonMap) -> str:
+def polygons_text(floor_plan: PolygonMap) -> str:
     """Return a map as JSON, one polygon per line."""
     outer, unit = json.dumps(floor_plan.outer), json.dumps(floor_plan.unit)
     obstacles = ",\n".join(map(json.dumps, floor_plan.obstacles))

@@ -94,7 +94,7 @@ def _read(given: Mapping[str, Any]) -> Map:
     for key in given:
         one_of("key in floor_plan", key, ("file",) if polygons else ("file", "unknown"))
     if polygons:
-        return polygon_map.read(path)
+        return polygon_map.read_polygons(path)
     return GridMap.load(path, given.get("unknown", "obstacle"))
 
 

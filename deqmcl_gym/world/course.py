@@ -41,7 +41,7 @@ class Path:
         """Length once around, or from end to end."""
         return float(self._lengths.sum())
 
-    @property
+    @cached_property
     def period(self) -> float:
         """Length once around; ∞ for an open path."""
         return self.length if self.closed else math.inf
@@ -159,7 +159,7 @@ class Course:
         path = Path(corners, closed=False)
         return cls(path, start, 0.0, plan_actions(path, 0.0, start, world))
 
-    @property
+    @cached_property
     def goal(self) -> Point | None:
         """The end of an open path; None for a lap."""
         if self.path.closed:

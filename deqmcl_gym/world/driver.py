@@ -53,7 +53,7 @@ class FixedPlan:
     horizon: int
     begun: int = 0
 
-    @property
+    @cached_property
     def limit(self) -> int:
         """The last step."""
         return self.begun + len(self.actions)

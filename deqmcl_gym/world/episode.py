@@ -12,7 +12,7 @@ import pymunk
 from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.maps.polygons import oriented_edges
 from deqmcl_gym.numerics.types import Floats, Point, Pose
-from deqmcl_gym.world.config import World
+from deqmcl_gym.world.config import Route, World
 from deqmcl_gym.world.driver import GuidedPlan
 from deqmcl_gym.world.path_kernels import drawn, judged
 from deqmcl_gym.world.people import Contacts, Crowded
@@ -282,7 +282,7 @@ class Episode(Body):
         )  # fmt: skip
         self.way += gained
         self.progress += gained
-        if self._is_at_goal():
+        if rules.world.route is not None and self._is_at_goal(rules.world.route):
             reward, self.done = reward + rules.rewards[1], True
         if self._crowd is not None:
             self._crowd.walk(self.pose[:2])
@@ -290,10 +290,10 @@ class Episode(Body):
         self.look()
         return reward, collided
 
-    def _is_at_goal(self) -> bool:
+    def _is_at_goal(self, route: Route) -> bool:
         """Whether the robot is at the end of its route, if that ends the episode."""
-        route, goal = self._rules.world.route, self.course.goal
-        if route is None or goal is None or not self._rules.ends_at_goal:
+        goal = self.course.goal
+        if goal is None or not self._rules.ends_at_goal:
             return False
         dx, dy = self.pose[0] - goal[0], self.pose[1] - goal[1]
         return bool(np.sqrt(dx * dx + dy * dy) <= route.tolerance)

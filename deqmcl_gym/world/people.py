@@ -6,6 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
+from deqmcl_gym.maps.contact_kernels import enters_circle
 from deqmcl_gym.maps.map import LENGTH, Caster, Map, pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
@@ -275,15 +276,9 @@ def _first_contact(
     """Share of a line at which it first enters a disc of ``radius`` around a place; or inf."""
     dx, dy = x1 - x0, y1 - y0
     first: float = np.float64(np.inf)
-    square = dx * dx + dy * dy
     for i in range(len(places)):
-        px, py = places[i, 0] - x0, places[i, 1] - y0
-        nears = px * dx + py * dy
-        root = nears * nears - square * (px * px + py * py - radius * radius)
-        if nears > 0.0 and root >= 0.0:
-            share = max(nears - np.sqrt(root), 0.0) / square
-            if share <= 1.0:
-                first = min(first, share)
+        x, y = x0 - places[i, 0], y0 - places[i, 1]
+        first = min(first, enters_circle(x, y, dx, dy, radius))
     return first
 
 

@@ -15,7 +15,7 @@ from deqmcl_gym import validation
 from deqmcl_gym.maps import Box, Lidar, Offices, PolygonMap
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Bools, Floats, Point, Pose, RoomActions, Singles
-from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of
+from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of, shown
 from deqmcl_gym.world.config import Robot, World, extent_of, offices_of
 from deqmcl_gym.world.course import MAX_STEPS, Course, wrapped
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan
@@ -31,7 +31,7 @@ _FLOAT32 = np.dtype(np.float32)
 _COUNTS = "two", "three", "four"  # numbers in an action with so many heads
 _START_TRIES = 1000
 _FREE_TRIES = 100_000
-_ARGUMENTS = ("preset", *(own.name for own in fields(World)), "horizon", "ends_at_goal")
+_ARGUMENTS = ("preset", "world", *(own.name for own in fields(World)), "horizon", "ends_at_goal")
 _ARGUMENTS += ("observation", "render_mode")
 
 
@@ -198,6 +198,7 @@ class RoomRules:
         cls,
         *,
         preset: str = "paper",
+        world: World | None = None,
         horizon: int | None = None,
         ends_at_goal: bool = True,
         observation: str = "scan",
@@ -212,7 +213,10 @@ class RoomRules:
         offices = offices_of(given := parts.get("floor_plan"))
         if offices is not None:
             parts["floor_plan"] = offices.map(offices.seeds[0])
-        world = WORLDS[one_of("preset", preset, WORLDS)].changed(**parts)
+        if world is not None and not isinstance(world, World):
+            raise InputError(f"world is {shown(world)}, but must be a World: see world.config.")
+        world = world or WORLDS[one_of("preset", preset, WORLDS)]
+        world = world.changed(**parts)
         if offices is not None and world.route is None:
             raise InputError(
                 "floor_plan.office has seeds, but a lap is that of one building: give a route, "

@@ -7,14 +7,13 @@ a second wrapper, has the key (i, k, j).
 
 import enum
 from dataclasses import dataclass
-from typing import Protocol, cast
+from typing import Protocol
 
 import numpy as np
 
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import Caster
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.entropy import Seeds
 from deqmcl_gym.numerics.types import Floats, Indices, Point, Pose, Singles
 from deqmcl_gym.world.differences import Glass
 
@@ -46,9 +45,7 @@ def episode_stream(seed: int, episode: int, stream: Stream, twin: int = 0) -> np
         twin: number of sources of this kind before it.
     """
     key = (episode, int(stream), twin) if twin else (episode, int(stream))
-    # NumPy accepts any ISeedSequence, but its annotations do not.
-    seeds = cast(np.random.SeedSequence, Seeds(seed, key))
-    return np.random.Generator(np.random.PCG64(seeds))
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
 class NormalTable:
@@ -152,7 +149,8 @@ class LidarSensor:
         seen = np.empty(exact.size, np.float32)
         normals = self._rng.standard_normal(exact.size)
         _report(exact, normals, self._sigma, self._max_range, seen)
-        self._lidar.lose(seen)
+        if self._lidar.loses:
+            self._lidar.lose(seen)
         return seen
 
 

@@ -10,9 +10,11 @@ import tempfile
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+import pandas as pd
 
 from benchmarks.execution.engines import Where
-from benchmarks.files import write_part
+from benchmarks.files import write_files
+from benchmarks.report.frames import frames_of
 from benchmarks.report.latex import latex_files, pdf_files
 from benchmarks.sweeps.design import Axis, Method, Sweep
 from benchmarks.sweeps.running import Options, begun
@@ -34,24 +36,24 @@ with begun(sweep, folder / "results", how, command=["this script"]) as running:
 # To read the results of an earlier sweep, use ``benchmarks.sweeps.results.results_in``. Eight
 # worlds are few: the report says how many a paper needs.
 
-files = write_part(folder / "export", "export", latex_files(results) | pdf_files(results))
+files = write_files(folder / "export", latex_files(results) | pdf_files(results))
 print(*(file.relative_to(folder) for file in files[:6]), sep="\n")
 table = (folder / "export" / "tables.tex").read_text()
 print(table[table.index(r"\begin{tabular}") : table.index(r"\end{table*}")])
 
 # %%
-# There is a panel for each setting; its rows have estimates with 95 % intervals over worlds.
+# There is a panel for each setting; its rows have the columns of ``results.csv``, with 95 %
+# intervals over worlds.
 
+rows = pd.concat(
+    panel.present.assign(particles=panel.swept["particles"]) for panel in frames_of(results)
+)
 plt.rcParams.update({"font.size": 8, "pdf.fonttype": 42})  # 42: text stays text
 figure, axes = plt.subplots(figsize=(3.4, 2.2), layout="constrained")
-for method in ("mcl-map", "mcl-plan"):
-    found = []
-    for panel in results.panels:
-        row = next(row for row in panel.present if row.method.name == method)
-        found.append((dict(panel.swept)["particles"], *row.error))
-    particles, mean, low, high = zip(*found, strict=True)
-    axes.plot(particles, mean, "o-", label=method)
-    axes.fill_between(particles, low, high, alpha=0.2)
+for method, own in rows.groupby("method"):
+    axes.plot(own["particles"], own["error"], "o-", label=method)
+    axes.fill_between(own["particles"], own["error_low"], own["error_high"], alpha=0.2)
+particles = sorted(rows["particles"].unique())
 axes.set(xlabel="particles", ylabel="error, px", xscale="log", ylim=(0, None))
 axes.set_xticks(particles, labels=particles)
 axes.minorticks_off()

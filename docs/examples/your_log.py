@@ -40,14 +40,14 @@ env = RecordLog(
 _, info = env.reset(seed=0)
 while info["planned_count"]:
     *_, info = env.step(info["planned_actions"][0])
-logs.write(env.log, folder / "lap.log.gz")
+logs.write(env.log, folder / "lap.csv.gz")
 
 # %%
 # Play the log: actions are the odometry (forward, left, turn), observations the scans.
 
 env = gym.make(
     "deqmcl_gym/Log-v0",
-    log=str(folder / "lap.log.gz"),
+    log=str(folder / "lap.csv.gz"),
     map=str(folder / "hall.yaml"),
     every="0.1m,5deg",
     max_beams=60,

@@ -51,7 +51,7 @@ class Report(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
         design: digest of the sweep without its title; "" if it was not kept.
         libraries: versions by name.
         trials: how many.
-        minutes: on two cores; 0 of a suite, which has its own, and where nobody knows.
+        minutes: on two cores; 0 where nobody knows.
         verified: the last code that was verified.
         accepted: that it stands as it is.
     """

@@ -2,7 +2,7 @@
 
 ``python -m docs.numbers.queue FOLDER`` writes docs/reports/queue/{rooms,logs}.csv and
 docs/figures/queue.svg; FOLDER holds the two logs with their maps and references, and
-freiburg-signed.log.gz if it is to be among them. ``--draw`` only draws.
+freiburg-signed.csv.gz if it is to be among them. ``--draw`` only draws.
 """
 
 import argparse
@@ -17,10 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from benchmarks.pictures import styled
 from benchmarks.replay.options import replay_of
-from benchmarks.report.svg import HOUSE_STYLE, LOOKS, Picture, canvas, picture
+from benchmarks.report.charts import STYLE, Chart, canvas, line
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.spec import Trial
@@ -119,11 +120,10 @@ def logs(folder: Path) -> list[Cell]:
     """The published queue on real logs over its lag, and what mends it at the default lag."""
     cells = []
     for name, (place, power) in LOGS.items():
-        if not (folder / f"{name}.log.gz").exists():
+        log = folder / f"{name}.{'csv' if name == 'freiburg-signed' else 'log'}.gz"
+        if not log.exists():
             continue
-        log, floor_plan, reference = (
-            folder / file for file in (f"{name}.log.gz", f"{place}.yaml", f"{place}.reference.tum")
-        )
+        floor_plan, reference = folder / f"{place}.yaml", folder / f"{place}.reference.tum"
         replay = replay_of(log, floor_plan, reference=reference, scan=f"power={power}")
         setting = {
             "setting": name, "scenario": "replay", "world": replay.world, "assumed": replay.assumed
@@ -201,36 +201,26 @@ def _line(cell: Cell, found: list[dict[str, float]]) -> list[str]:
     return [str(said[name]) for name in COLUMNS]
 
 
-def chart() -> Picture:
+def chart() -> Chart:
     """Draw how many distinct x_t there are when o_t arrives, over the lag."""
-    with styled(HOUSE_STYLE):
-        lines = [(words, "rooms") for words in SENSORS] + [(name, "logs") for name in LOGS]
-        figure, axes = canvas(6.4, 3.4, left=0.8, legend_of=[words for words, _ in lines])
-        for (words, report), look in zip(lines, [*LOOKS, *LOOKS], strict=False):
-            rows = [
-                row for row in read(f"queue/{report}")
-                if row["setting"] == words and row["method"] == "deq-mcl"
-                and row["noise"] in ("", "0.02") and row["particles"] == "1000"
-            ]  # fmt: skip
-            if rows:
-                axes.plot(
-                    [int(row["lag"]) for row in rows], [float(row["ancestors"]) for row in rows],
-                    f"-{look.mark}", color=look.color, markersize=5, label=words,
-                )  # fmt: skip
+    lines = [(words, "rooms") for words in SENSORS] + [(name, "logs") for name in LOGS]
+    frame = pd.DataFrame(
+        {"label": words, "lag": int(row["lag"]), "ancestors": float(row["ancestors"])}
+        for words, report in lines
+        for row in read(f"queue/{report}")
+        if row["setting"] == words and row["method"] == "deq-mcl"
+        and row["noise"] in ("", "0.02") and row["particles"] == "1000"
+    )  # fmt: skip
+    with styled(STYLE):
+        axes = line(frame, "lag", "ancestors", axes=canvas(6.4, 3.4))
         axes.set_yscale("log")
         axes.yaxis.minorticks_off()
         ticks = (1, 3, 10, 30, 100, 300, 1000)
         axes.set_yticks(ticks, [f"{tick:,}" for tick in ticks])
         axes.set_xticks([0, 5, 10, 15, 20])
         axes.set(xlabel="lag L, steps", ylabel="distinct x[t] of 1,000 particles")
-        return picture(
-            figure,
-            name="queue",
-            title="The published queue loses its particles",
-            caption="",
-            alt="Distinct present states over the lag: from 1,000 at lag 0 they fall to a few at "
-            "lag 20 where the sensor is sharp.",
-        )
+        title = "The published queue loses its particles"
+        return Chart("queue", title, "", axes.figure)
 
 
 SHOWN = (0, 1, 2, 5, 10, 20)  # lags in tables
@@ -369,7 +359,7 @@ def main() -> int:
         parts = {"rooms": rooms, "logs": lambda: logs(given.folder)}
         for name in [given.only] if given.only else parts:
             write_text(REPORT / f"{name}.csv", table(parts[name](), given.jobs))
-    write_text(FIGURE, chart().standalone)
+    write_text(FIGURE, chart().drawn("svg").decode())
     return 0
 
 

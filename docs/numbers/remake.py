@@ -21,23 +21,22 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from msgspec import to_builtins
-from msgspec.structs import astuple, replace
+from msgspec.structs import replace
 
 from benchmarks.commands import paper as paper_command
 from benchmarks.commands import shared
 from benchmarks.commands import sweep as sweep_command
-from benchmarks.execution.apart import provenance
 from benchmarks.execution.engines import Where, available_cpus
 from benchmarks.sweeps import manifest, suites
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, results_in
 from benchmarks.sweeps.store import named
-from benchmarks.sweeps.suites import Time
 from benchmarks.sweeps.verifying import compare_again, parts_of, sample
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.attempt import Outcome
+from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import code_digest
 from benchmarks.trials.scoring import Record
 from benchmarks.trials.spec import Trial
@@ -86,7 +85,7 @@ def _stale(reports: Mapping[str, Report], options: argparse.Namespace) -> list[s
     accepted = [name for name in found if reports[name].accepted is not None]
     asked = options.names or [n for n in found if options.accepted or n not in accepted]
     stale = sorted(
-        found.keys() & set(asked), key=lambda name: (_minutes(reports[name]) or math.inf, name)
+        found.keys() & set(asked), key=lambda name: (reports[name].minutes or math.inf, name)
     )
     and_asked = " and asked for" if options.names else ""
     print(
@@ -117,9 +116,8 @@ def sweep_of(command: str) -> Sweep | None:
     if first == "sweep":
         sweep_command.arguments(parser)
         options = parser.parse_args(rest)
-        sweeps = shared.changed(options, suites.sweeps_named(options.suite))
-        (sweep,) = sweep_command.stopping(options, sweeps).values()
-        return sweep
+        asked = shared.changed(options, suites.sweep_named(options.suite))
+        return sweep_command.stopping(options, asked)
     if first == "paper":
         paper_command.arguments(parser)
         given = parser.parse_args(rest)
@@ -133,15 +131,11 @@ def design(sweep: Sweep | None) -> str:
     return "" if sweep is None else _digest(named(sweep.canonical() | {"title": ""}))
 
 
-def _minutes(report: Report) -> float | None:
-    """Return about how long a report takes on two cores; None if nobody knows."""
-    return report.minutes or suites.minutes(report.command.removeprefix("sweep "))
-
-
 def _duration(report: Report) -> str:
     if sweep_of(report.command) is None:
         return f"by hand: {report.command}"
-    return f"deqmcl {report.command}, {suites.in_words(_minutes(report))} on two cores"
+    took = f"about {report.minutes:.0f} min" if report.minutes else "never timed"
+    return f"deqmcl {report.command}, {took} on two cores"
 
 
 def _renewed(name: str, report: Report, where: Where, *, run: bool) -> Report | None:
@@ -180,7 +174,7 @@ def verified(name: str, sweep: Sweep, where: Where) -> tuple[str, int]:
         return f"had error {kept[trial]['error']} and has {found.record.scores[0]['error']}"
 
     chosen = {trial: trials[trial] for trial in kept}
-    differing = compare_again(chosen, provenance(sweep.cells()), where, difference)
+    differing = compare_again(chosen, provenance_of(sweep.cells()), where, difference)
     for trial in kept:
         if trial in differing:
             own = trials[trial]
@@ -199,14 +193,11 @@ def _made(name: str, report: Report, where: Where) -> Report | None:
         print(f"{name}: its command failed; run make reports again.")
         return None
     took = (time.monotonic() - begun) / 60 * (where.jobs or available_cpus()) / CORES
-    results, by = results_in(folder), manifest.read(folder).made
+    results, by = results_in(folder), manifest.read(folder).identity
     for target, source in report.files.items():
         text = (folder / source).read_text(encoding="utf-8")
         write_text(made.REPORTS / target, with_costs(results) if source == "results.csv" else text)
     write_text(_sample(name), sampled(results, by.code))
-    suite = report.command.removeprefix("sweep ")
-    if new and suite in suites.SUITES:
-        _keep_time(suite, Time(round(took, 1), results.planned, "run"))
     return replace(
         report,
         code=by.code,
@@ -214,17 +205,10 @@ def _made(name: str, report: Report, where: Where) -> Report | None:
         design=design(sweep_of(report.command)),
         libraries=by.libraries,
         trials=results.planned,
-        minutes=round(took, 1) if new and suite not in suites.SUITES else report.minutes,
+        minutes=round(took, 1) if new else report.minutes,
         verified=None,
         accepted=None,
     )
-
-
-def _keep_time(suite: str, time: Time) -> None:
-    """Keep how long a suite took, for ``deqmcl list``."""
-    known = suites.times() | {suite: time}
-    lines = ([name, *astuple(known[name])] for name in sorted(known))
-    write_text(suites.TIMES, csv_text(["suite", *Time.__struct_fields__], lines))
 
 
 def with_costs(results: Results) -> str:

@@ -12,7 +12,7 @@ from sphinx.ext.napoleon import docstring
 from sphinx.util.typing import stringify_annotation
 
 import deqmcl_gym
-from benchmarks.report.pages import parted
+from benchmarks.report.tables import parted
 
 project = "deqmcl-gym"
 author = copyright = "the deqmcl-gym authors"  # noqa: A001 - Sphinx' name for it
@@ -41,9 +41,9 @@ autodoc_typehints_format = "short"
 autodoc_typehints_description_target = "documented_params"  # of dataclasses: as attributes only
 
 GALLERY = (
-    "first_localizer", "custom_room", "many_rooms", "plan_sensor", "doors", "lost_in_a_building",
-    "your_map", "your_log", "sweep_and_report", "figures_for_a_paper", "learned_scan_model", "ppo",
-    "ppo_localize", "sb3_journeys", "cleanrl_journeys",
+    "first_localizer", "custom_room", "many_rooms", "plan_sensor", "doors", "theta_phase",
+    "lost_in_a_building", "your_map", "your_log", "sweep_and_report", "figures_for_a_paper",
+    "learned_scan_model", "ppo", "ppo_localize", "sb3_journeys", "cleanrl_journeys",
 )  # fmt: skip
 
 

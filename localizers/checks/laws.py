@@ -1,190 +1,467 @@
-"""The laws that every localizer keeps, in the order in which they are tried on it."""
+"""The laws that every localizer keeps: plain functions, in the order in which they are tried.
 
+A law takes a ``Subject``, returns a remark if there is any, and raises ``LawBrokenError`` or
+``LawSkippedError`` with the reason. ``LAWS``, at the end, says which one needs which.
+"""
+
+import gc
+import math
+import pickle
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from inspect import cleandoc
-from statistics import median
-from typing import Any, Literal
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from copy import deepcopy
+from dataclasses import dataclass, replace
+from itertools import islice
+from multiprocessing import get_context
+from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.validation import number, one_of
-from localizers.checks import answers, lifecycle, randomness
-from localizers.checks.lifecycle import state_of_process
+from deqmcl_gym.maps import GridMap, Map, PolygonMap
+from deqmcl_gym.numerics.arrays import wrapped
+from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.validation import InputError
+from localizers.beliefs import mean_pose
+from localizers.checks.process import changes_since, no_global_rng, process_state, running
 from localizers.checks.subject import (
+    OFFSETS,
+    STEPS,
     LawBrokenError,
+    Laws,
     LawSkippedError,
+    Snapshot,
     Subject,
     beliefs,
-    default_robot,
-    random_drive,
+    first_difference,
+    require_finite,
+    require_normalized,
+    require_same,
+    require_valid,
+    size_of,
+    snapshot,
+    steps,
 )
-from localizers.models.robot import RobotModel
-from localizers.naming.plugins import absolute_name, is_ctrl_c, raised
-from localizers.naming.registry import Factory, is_registered, parameters_of, resolve
+from localizers.kinds import parameters_of, raised
+from localizers.models.beams import GaussianUniform
+from localizers.models.motion import increments
+from localizers.models.prior import GaussianPrior, UniformPrior
+from localizers.registry import resolve
+
+_HALF = STEPS // 2
+_GRACE = 1.0  # s that threads and processes may take to end
 
 
-@dataclass(frozen=True)
-class Law:
-    """A named law.
+def makes_a_localizer(subject: Subject) -> None:
+    """The factory makes an object with reset and update, a new one at each call."""
+    if subject.made() is subject.made():
+        raise LawBrokenError("the factory returned the same object twice: make a new one")
 
-    Attributes:
-        holds: tests a localizer; returns a remark, if there is any.
-        needs: the law that must hold before this one can be tried.
+
+def answers_with_beliefs(subject: Subject) -> str:
+    """Reset and every update return a belief whose points(0) are poses (n, 3), weights (n,)."""
+    run = subject.history()
+    held = sorted(set().union(*run))
+    words = "the present alone" if held == [0] else f"steps {held[0]:+d} to {held[-1]:+d}"
+    n = max(len(weights) for belief in run for _, weights in belief.values())
+    return f"{words}, {'one point' if n == 1 else f'up to {n} points'}"
+
+
+def finite(subject: Subject) -> None:
+    """All poses and weights are finite numbers."""
+    require_finite(subject.history())
+
+
+def weights_sum_to_one(subject: Subject) -> None:
+    """Weights are 0 or more, with sum 1 within 0.001: who uses them divides by their sum."""
+    require_normalized(subject.history())
+
+
+def whole_turn(subject: Subject) -> None:
+    """A prior whose mean heading is written 2π higher gives the same mean pose."""
+    prior = subject.drive.prior
+    x, y, heading = prior.mean
+    higher = replace(prior, mean=(x, y, heading + 2 * math.pi))
+    _require_alike(subject, subject.history(prior=higher), "with a start heading written 2π higher")
+
+
+def half_turn(subject: Subject) -> None:
+    """In a world turned by π about the origin the mean pose is turned by π too.
+
+    Where headings in one world are about 0, they are about ±π in the other: a mean of headings
+    that is not a mean of directions shows.
     """
-
-    holds: Callable[[Subject], str | None]
-    needs: "Law | None" = None
-
-    @property
-    def name(self) -> str:
-        """Its name, such as "same rng same result"."""
-        return self.holds.__name__.replace("_", " ")
-
-    @property
-    def text(self) -> str:
-        """What it requires."""
-        return cleandoc(self.holds.__doc__ or "")
-
-    def __call__(self, subject: Subject) -> str | None:
-        """Return a remark, if there is any.
-
-        Raises:
-            LawBrokenError: the law is broken; whatever the localizer itself raises breaks it too.
-            LawSkippedError: the law does not apply to this localizer.
-        """
-        try:
-            return self.holds(subject)
-        except (LawBrokenError, LawSkippedError):
-            raise
-        except BaseException as error:
-            if is_ctrl_c(error):
-                raise
-            raise LawBrokenError(f"it raised {raised(error, subject.file)}") from error
+    robot = replace(subject.robot, floor_plan=_turned(subject.robot.floor_plan))
+    turned = subject.history(subject.made(robot), prior=_HalfTurned(subject.drive.prior))
+    back: list[Snapshot] = [{0: (_half_turned(run[0][0]), run[0][1])} for run in turned]
+    _require_alike(subject, back, "in a world turned by half a turn")
 
 
-_IN_TIME = Law(lifecycle.answers_in_time)
-_MADE = Law(answers.makes_a_localizer, _IN_TIME)
-_ANSWERING = Law(answers.answers_with_beliefs, _MADE)
-_FINITE = Law(answers.finite, _ANSWERING)
-_VALID = Law(answers.weights_sum_to_one, _FINITE)
-_REPEATABLE = Law(randomness.same_rng_same_result, _ANSWERING)
-
-LAWS = (
-    _IN_TIME,
-    _MADE,
-    _ANSWERING,
-    _FINITE,
-    _VALID,
-    Law(answers.whole_turn, _VALID),
-    Law(answers.half_turn, _VALID),
-    _REPEATABLE,
-    Law(answers.increments_of_three, _REPEATABLE),
-    Law(randomness.other_rng_other_result, _REPEATABLE),
-    Law(randomness.global_rng_untouched, _ANSWERING),
-    Law(lifecycle.process_state_untouched, _ANSWERING),
-    Law(lifecycle.nothing_left_running, _ANSWERING),
-    Law(answers.inputs_not_changed, _ANSWERING),
-    Law(answers.robot_and_prior_not_changed, _ANSWERING),
-    Law(answers.inputs_not_kept, _REPEATABLE),
-    Law(answers.outputs_are_fresh, _REPEATABLE),
-    Law(answers.beliefs_stay, _ANSWERING),
-    Law(randomness.prior_without_mean, _VALID),
-    Law(randomness.zero_likelihood, _VALID),
-    Law(randomness.max_range_scan, _VALID),
-    Law(randomness.bad_beams, _VALID),
-    Law(randomness.huge_actions, _VALID),
-    Law(randomness.one_particle, _VALID),
-    Law(randomness.short_plan, _VALID),
-    Law(randomness.changed_plan, _VALID),
-    Law(lifecycle.reset_starts_anew, _REPEATABLE),
-    Law(lifecycle.picklable, _REPEATABLE),
-    Law(lifecycle.runs_in_a_worker, _REPEATABLE),
-)
+def same_rng_same_result(subject: Subject) -> None:
+    """Two new localizers given equal generators believe the same, bit by bit."""
+    require_same(subject.history(), subject.history(), "two runs with equal rng differ")
 
 
-Status = Literal["ok", "FAILED", "skipped"]
+def increments_of_three(subject: Subject) -> None:
+    """Increments (d, 0, φ), as of recorded logs, give the beliefs that (d, φ) give, bit by bit.
 
-
-@dataclass(frozen=True)
-class Verdict:
-    """The verdict on one law.
-
-    Attributes:
-        law: its name.
-        status: "ok", "FAILED" or "skipped".
-        note: the reason, or a remark; may be empty.
-        error: what was raised, if it failed.
+    A localizer for which they do not runs in rooms, but not on logs: the law is skipped.
     """
+    plans = [increments(plan) for plan in subject.drive.plans]
+    try:
+        wide = subject.history(actions=increments(subject.drive.actions), plans=plans)
+        require_same(wide, subject.history(), "(d, 0, φ) gives another belief than (d, φ)")
+    except Exception as error:
+        why = error if isinstance(error, LawBrokenError) else raised(error, subject.file)
+        raise LawSkippedError(
+            f"not for logs, whose increments have three numbers: {why}"
+        ) from error
 
-    law: str
-    status: Status
-    note: str = ""
-    error: BaseException | None = field(default=None, compare=False)
 
-    def __str__(self) -> str:
-        return f"{self.status:<8} {self.law}{': ' if self.note else ''}{self.note}"
+def other_rng_other_result(subject: Subject) -> str | None:
+    """Another generator gives another belief; a deterministic localizer draws nothing."""
+    if first_difference(subject.history(seed=0), subject.history(seed=1)) is not None:
+        return None
+    rng, unused = np.random.default_rng(0), np.random.default_rng(0)
+    subject.history(seed=rng)
+    if rng.spawn(1)[0].random() != unused.spawn(1)[0].random() or rng.random() != unused.random():
+        raise LawBrokenError(
+            "it draws from rng, yet another rng changes nothing: use only the rng given to reset"
+        )
+    return "deterministic, it draws nothing"
 
 
-def subject_of(
-    localizer: str | Factory,
-    robot: RobotModel | None = None,
-    *,
-    timeout: float = 60.0,
-    **params: Any,
-) -> Subject:
-    """Return the localizer under check; arguments as of ``check_localizer``."""
-    before = state_of_process()
-    found = absolute_name(localizer) if isinstance(localizer, str) else localizer
-    factory = resolve(localizer) if isinstance(localizer, str) else localizer
-    loaded = state_of_process()
-    name = localizer if isinstance(localizer, str) else getattr(factory, "__name__", repr(factory))
-    known = parameters_of(factory)
-    for param in params:
-        if known is not None:
-            one_of(f"parameter of localizer {name!r}", param, known)
-    model = default_robot() if robot is None else robot
-    here = not isinstance(localizer, str) or is_registered(localizer)
-    return Subject(
-        name=name, factory=factory, params=params, robot=model,
-        drive=random_drive(model, np.random.default_rng(0)), sent=factory if here else found,
-        timeout=number("the timeout", timeout, low=0, above=True), before=before, loaded=loaded,
-    )  # fmt: skip
+def global_rng_untouched(subject: Subject) -> None:
+    """Neither NumPy's global random state nor that of ``random`` changes."""
+    with no_global_rng("use the rng given to reset"):
+        subject.history()
+
+
+def process_state_untouched(subject: Subject) -> None:
+    """Working folder, signal handlers, np.seterr, os.environ and the like stay as they are."""
+    before = process_state()
+    subject.history()
+    touched = changes_since(before)
+    if touched:
+        raise LawBrokenError(
+            f"it changes {', '.join(touched)} for its whole process: put back what a call changes "
+            "before it returns"
+        )
+
+
+def nothing_left_running(subject: Subject) -> None:
+    """A second after the localizer is gone, no thread and no process that it started runs on."""
+    before = running()
+    subject.history()
+    gc.collect()
+    until = time.monotonic() + _GRACE
+    while left := sorted(running() - before):
+        if time.monotonic() > until:
+            more = f" and {len(left) - 1} more" if left[1:] else ""
+            raise LawBrokenError(f"it leaves {left[0]}{more} running: end what it starts")
+        time.sleep(0.01)
+
+
+def inputs_not_changed(subject: Subject) -> None:
+    """Ranges, action and plan are as they were before the call."""
+    for t, (_, given) in enumerate(steps(subject.made(), subject.drive)):
+        names = ("ranges", "action", "plan")[-len(given) :]
+        for name, array, original in zip(names, given, subject.drive.inputs(t), strict=True):
+            if not np.array_equal(array, original):
+                verb = "update" if t else "reset"
+                raise LawBrokenError(f"{verb} wrote into the {name} at step {t}: copy it")
+
+
+def robot_and_prior_not_changed(subject: Subject) -> None:
+    """No number and no array of the robot, its map and the prior changes during a run."""
+    floor_plan, drive = subject.robot.floor_plan, subject.drive
+    ends = np.array([drive.prior.mean, drive.prior.mean])
+    floor_plan.ranges(ends, subject.robot.lidar.bearings)  # fills caches
+    floor_plan.collides(ends[:1], ends[1:], subject.robot.radius)
+    given: dict[str, Any] = deepcopy({"robot": subject.robot, "prior": drive.prior})
+    before = {name: np.copy(value) for name, value in _values(given)}
+    subject.history(subject.made(given["robot"]), prior=given["prior"])
+    after = dict(_values(given))
+    for name, value in before.items():
+        numeric = value.dtype.kind == "f"
+        if name not in after or not np.array_equal(value, after[name], equal_nan=numeric):
+            raise LawBrokenError(f"it wrote into {name}: copy it")
+
+
+def inputs_not_kept(subject: Subject) -> None:
+    """What the caller writes into ranges, action and plan after the call changes nothing."""
+    run = []
+    for t, (belief, given) in enumerate(steps(subject.made(), subject.drive)):
+        run.append(snapshot(belief, t))
+        for array in given:
+            array[...] = np.nan
+    require_same(
+        run,
+        subject.history(),
+        "it still reads an array that it was given earlier and that the caller has changed since",
+    )
+
+
+def outputs_are_fresh(subject: Subject) -> None:
+    """Writing into the arrays that points returned changes no belief, now or later."""
+    run = []
+    for t, belief in enumerate(beliefs(subject.made(), subject.drive)):
+        run.append(snapshot(belief, t))
+        for array in (array for k in OFFSETS for array in belief.points(k) or ()):
+            if array.flags.writeable:
+                array[...] = 1e6
+        require_same([snapshot(belief, t)], run[-1:], "points returns its own array, not a copy")
+    require_same(run, subject.history(), "points returns an array that the localizer still uses")
+
+
+def beliefs_stay(subject: Subject) -> None:
+    """A belief says the same after the localizer has gone on, and after its next reset."""
+    localizer, kept, run = subject.made(), [], []
+    for t, belief in enumerate(beliefs(localizer, subject.drive)):
+        kept.append(belief)
+        run.append(snapshot(belief, t))
+    for _ in beliefs(localizer, subject.drive, seed=1):
+        pass
+    again = [snapshot(belief, t) for t, belief in enumerate(kept)]
+    require_same(again, run, "an earlier belief changed with a later update")
+
+
+def prior_without_mean(subject: Subject) -> str | None:
+    """A prior without a mean, uniform over free space, is accepted or refused by an InputError."""
+    prior = UniformPrior(floor_plan=subject.robot.floor_plan)
+    try:
+        require_valid(subject.history(prior=prior))
+    except InputError:
+        return "refused"
+    return None
+
+
+def zero_likelihood(subject: Subject) -> None:
+    """Scans that no pose explains (all beams 0; σ = 0.001, no uniform share) are survived."""
+    robot = replace(subject.robot, scan=GaussianUniform(sigma=1e-3, uniform=0.0))
+    scans = subject.drive.scans.copy()
+    scans[: len(scans) // 2] = 0.0
+    require_valid(subject.history(subject.made(robot), scans=scans))
+
+
+def max_range_scan(subject: Subject) -> None:
+    """Scans whose beams all read max_range are survived."""
+    scans = np.full_like(subject.drive.scans, subject.robot.lidar.max_range)
+    require_valid(subject.history(scans=scans))
+
+
+def bad_beams(subject: Subject) -> None:
+    """Beams that read NaN, ±inf, less than 0 or more than max_range are survived.
+
+    One beam of a scan first, then all of them.
+    """
+    bad = (np.nan, np.inf, -np.inf, -1.0, 1.5 * subject.robot.lidar.max_range)
+    scans = subject.drive.scans.copy()
+    for t, value in enumerate(bad):
+        scans[t, 0] = value
+        scans[len(bad) + t] = value
+    require_valid(subject.history(scans=scans))
+
+
+def huge_actions(subject: Subject) -> str | None:
+    """A planned distance or turn of 1e30 is survived, or refused by an InputError."""
+    refused, drive = 0, subject.drive
+    for huge in ((1e30, 0.0), (0.0, 1e30)):
+        actions, plans = drive.actions.copy(), [plan.copy() for plan in drive.plans]
+        actions[_HALF] = huge
+        for t, plan in enumerate(plans[: _HALF + 1]):
+            plan[_HALF - t] = huge
+        try:
+            with np.errstate(all="ignore"):  # an overflow shows in what it returns
+                require_valid(subject.history(actions=actions, plans=plans))
+        except InputError:
+            refused += 1
+    return "refused" if refused else None
+
+
+def one_particle(subject: Subject) -> str | None:
+    """A localizer with a parameter ``particles`` works with 1, or refuses it by an InputError."""
+    if "particles" not in (parameters_of(subject.factory) or ()):
+        raise LawSkippedError("it has no parameter particles")
+    try:
+        made = subject.made(particles=1)
+    except InputError:
+        return "refused"
+    require_valid(subject.history(made))
+    return None
+
+
+def short_plan(subject: Subject) -> None:
+    """A plan that is empty, that shows two steps at a time, or that runs out is followed."""
+    plans = subject.drive.plans
+    for shorter in (
+        [plan[:0] for plan in plans],
+        [plan[:2] for plan in plans],
+        [plan[: STEPS - t] for t, plan in enumerate(plans)],
+    ):
+        require_valid(subject.history(plans=shorter))
+
+
+def changed_plan(subject: Subject) -> None:
+    """A plan that changes, and a command that was not the one planned, are survived."""
+    other = [plan + np.array([0.0, 0.05 * (t % 3)]) for t, plan in enumerate(subject.drive.plans)]
+    require_valid(subject.history(plans=other))
+
+
+def reset_starts_anew(subject: Subject) -> None:
+    """After reset, a used localizer answers as a new one does."""
+    used = subject.made()
+    for _ in islice(beliefs(used, subject.drive, seed=1), _HALF):
+        pass
+    require_same(
+        subject.history(used),
+        subject.history(),
+        "after reset the localizer remembers its previous run",
+    )
+
+
+def picklable(subject: Subject) -> None:
+    """A copy made by pickle continues as the original does, whether new or halfway."""
+    expected, drive, original = subject.history(), subject.drive, subject.made()
+    copy = pickle.loads(pickle.dumps(original))
+    require_same(subject.history(copy), expected, "a pickled copy differs")
+    run = [snapshot(b, t) for t, b in enumerate(islice(beliefs(original, drive), _HALF + 1))]
+    copy = pickle.loads(pickle.dumps(original))
+    run += [snapshot(copy.update(*drive.inputs(t)), t) for t in range(_HALF + 1, STEPS + 1)]
+    require_same(run, expected, "a copy pickled halfway differs")
+
+
+def runs_in_a_worker(subject: Subject) -> None:
+    """In a spawned process, found there again by its name, it answers the same."""
+    task = subject.sent, subject.name, dict(subject.params), subject.robot, subject.drive
+    try:
+        sent = pickle.dumps(task)
+    except Exception as error:
+        raise LawBrokenError(
+            f"it cannot be sent to another process ({type(error).__name__}: {error}): check it by "
+            "its name, as package.module:NAME or path/to/file.py:NAME"
+        ) from error
+    with ProcessPoolExecutor(1, get_context("spawn")) as worker:
+        try:
+            answer = worker.submit(_history_of, sent).result()
+        except BrokenProcessPool:
+            raise LawBrokenError("a spawned process ended without an answer") from None
+    if isinstance(answer, str):
+        raise LawBrokenError(f"in a spawned process: {answer}")
+    require_same(answer, subject.history(), "a spawned process gives different results")
+
+
+def _history_of(task: bytes) -> list[Snapshot] | str:
+    """Return what a spawned process computes, or what was raised there."""
+    try:
+        sent, name, params, robot, drive = pickle.loads(task)
+        factory = resolve(sent) if isinstance(sent, str) else sent
+        subject = Subject(name=name, factory=factory, params=params, robot=robot, drive=drive)
+        return subject.history()
+    except LawBrokenError as error:
+        return str(error)
+    except Exception as error:
+        return f"it raised {raised(error)}"
+
+
+def _values(thing: Any, name: str = "", depth: int = 8) -> Iterator[tuple[str, Any]]:
+    """Yield all numbers, words and arrays inside an object, by where they are."""
+    if isinstance(thing, np.ndarray | np.generic | int | float | str):
+        yield name, thing
+    elif depth and isinstance(thing, Mapping):
+        for key, value in thing.items():
+            yield from _values(value, f"{name}.{key}".lstrip("."), depth - 1)
+    elif depth and isinstance(thing, tuple | list):
+        for index, value in enumerate(thing):
+            yield from _values(value, f"{name}[{index}]", depth - 1)
+    elif depth and hasattr(thing, "__dict__"):
+        yield from _values(vars(thing), name, depth - 1)
+
+
+def _turned(plan: Map) -> Map:
+    """Return a floor plan turned by π about the origin."""
+    if isinstance(plan, GridMap):
+        x, y, yaw = plan.origin
+        return replace(plan, origin=(-x, -y, yaw - math.pi if yaw > 0 else yaw + math.pi))
+    if not isinstance(plan, PolygonMap):
+        raise LawSkippedError("the floor plan is of a form of its own, so it cannot be turned")
+    outer, *obstacles = ([(-x, -y) for x, y in p] for p in (plan.outer, *plan.obstacles))
+    return PolygonMap(outer=outer, obstacles=tuple(obstacles), unit=plan.unit)
 
 
 @dataclass(frozen=True)
-class Here:
-    """Tries laws in this process."""
+class _HalfTurned:
+    """A prior in a world turned by π about the origin."""
 
-    subject: Subject
+    prior: GaussianPrior
 
     @property
-    def name(self) -> str:
-        """What the localizer is called."""
-        return self.subject.name
+    def mean(self) -> tuple[float, float, float]:
+        x, y, heading = _half_turned(np.array([self.prior.mean]))[0].tolist()
+        return x, y, heading
 
-    def verdict(self, law: Law) -> Verdict:
-        """Try a law."""
-        try:
-            return Verdict(law.name, "ok", law(self.subject) or "")
-        except LawSkippedError as skipped:
-            return Verdict(law.name, "skipped", str(skipped))
-        except LawBrokenError as error:
-            return Verdict(law.name, "FAILED", str(error), error)
+    def sample(self, n: int, rng: np.random.Generator) -> Floats:
+        return _half_turned(self.prior.sample(n, rng))
 
-    def milliseconds_per_step(self) -> float:
-        """Return the median time of an update along the drive, ms; at its second run."""
-        subject = self.subject
-        for _ in beliefs(subject.made(), subject.drive):
-            pass
-        run, times = beliefs(subject.made(), subject.drive), []
-        next(run)
-        for _ in range(len(subject.drive.actions)):
-            before = time.perf_counter()
-            next(run)
-            times.append(time.perf_counter() - before)
-        return 1e3 * median(times)
+    def log_density(self, poses: Floats) -> Floats:
+        return self.prior.log_density(_half_turned(np.asarray(poses)))
 
-    def close(self) -> None:
-        """Nothing was started."""
+
+def _half_turned(poses: Floats) -> Floats:
+    turned: Floats = poses * np.array([-1.0, -1.0, 1.0]) + np.array([0.0, 0.0, math.pi])
+    turned[:, 2] = wrapped(turned[:, 2])
+    return turned
+
+
+def _require_alike(subject: Subject, other: Sequence[Snapshot], when: str) -> None:
+    """Raise unless the mean poses of the present agree with the subject's own at every step.
+
+    Within one standard deviation of the belief, plus a hundredth of the map's shorter side, or 0.1
+    rad: rounding may send a particle another way, which moves a mean by far less than that;
+    headings that are not treated as angles move it by far more.
+    """
+    slack = size_of(subject.robot.floor_plan) / 100
+    for t, (one, two) in enumerate(zip(subject.history(), other, strict=True)):
+        poses, weights = one[0]
+        mean = np.array(mean_pose(poses, weights))
+        off, spread = np.array(mean_pose(*two[0])) - mean, poses - mean
+        off[2], spread[:, 2] = wrapped(off[2]), wrapped(spread[:, 2])
+        allowed = np.sqrt(weights @ np.square(spread)) + np.array([slack, slack, 0.1])
+        if not (np.abs(off) <= allowed).all():
+            raise LawBrokenError(
+                f"{when} the mean pose at step {t} differs by ({off[0]:.3g}, {off[1]:.3g}, "
+                f"{off[2]:.3g} rad) in (x, y, heading)"
+            )
+
+
+LAWS: Laws[Subject] = {
+    makes_a_localizer: None,
+    answers_with_beliefs: makes_a_localizer,
+    finite: answers_with_beliefs,
+    weights_sum_to_one: finite,
+    whole_turn: weights_sum_to_one,
+    half_turn: weights_sum_to_one,
+    same_rng_same_result: answers_with_beliefs,
+    increments_of_three: same_rng_same_result,
+    other_rng_other_result: same_rng_same_result,
+    global_rng_untouched: answers_with_beliefs,
+    process_state_untouched: answers_with_beliefs,
+    nothing_left_running: answers_with_beliefs,
+    inputs_not_changed: answers_with_beliefs,
+    robot_and_prior_not_changed: answers_with_beliefs,
+    inputs_not_kept: same_rng_same_result,
+    outputs_are_fresh: same_rng_same_result,
+    beliefs_stay: answers_with_beliefs,
+    prior_without_mean: weights_sum_to_one,
+    zero_likelihood: weights_sum_to_one,
+    max_range_scan: weights_sum_to_one,
+    bad_beams: weights_sum_to_one,
+    huge_actions: weights_sum_to_one,
+    one_particle: weights_sum_to_one,
+    short_plan: weights_sum_to_one,
+    changed_plan: weights_sum_to_one,
+    reset_starts_anew: same_rng_same_result,
+    picklable: same_rng_same_result,
+    runs_in_a_worker: same_rng_same_result,
+}

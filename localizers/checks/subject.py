@@ -1,26 +1,41 @@
 """The localizer under check, and the robot and the short random drive that it is tried on."""
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
-from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
+from deqmcl_gym.maps import Lidar, Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import SUM_TOLERANCE, InputError, digits
-from localizers.api import Belief, Localizer, Prior
+from deqmcl_gym.validation import SUM_TOLERANCE, digits
+from localizers.api import Belief, Localizer
 from localizers.models.beams import GaussianUniform
 from localizers.models.motion import OdometryMotion
-from localizers.models.prior import GaussianPrior
+from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.models.robot import RobotModel
-from localizers.naming.registry import Factory, made_by
+from localizers.registry import LOCALIZER, Factory
 
 STEPS = 12
+OFFSETS = range(-STEPS, STEPS + 1)
 _TRIES = 100
 _LONGEST = 20.0  # px, of a step: 0.4 m
+
+Snapshot = Mapping[int, tuple[Floats, Floats]]  # poses and weights by offset
+Seed = int | np.random.Generator
+T = TypeVar("T")
+Law = Callable[[T], str | None]
+Laws = Mapping[Law[T], Law[T] | None]  # each with the one that must hold before it is tried
+
+
+class LawBrokenError(Exception):
+    """A law is broken; the text is the reason."""
+
+
+class LawSkippedError(Exception):
+    """A law does not apply; the text is the reason."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,16 +43,21 @@ class Drive:
     """The input of a localizer for T steps.
 
     Attributes:
-        prior: p(x_0).
+        prior: p(x_0); in the drive itself it is Gaussian.
         actions: carried out, (T, 2); the first of those planned.
         scans: taken after them, (T, B).
         plans: at t = 0 … T, each (h, 2).
     """
 
-    prior: GaussianPrior
+    prior: Any
     actions: Floats
     scans: Floats
     plans: Sequence[Floats]
+
+    def inputs(self, t: int) -> list[Floats]:
+        """Return copies of what a localizer gets at t: plan, later ranges, action and plan."""
+        before = [self.scans[t - 1], self.actions[t - 1]] if t else []
+        return [array.copy() for array in (*before, self.plans[t])]
 
 
 def default_robot() -> RobotModel:
@@ -48,13 +68,6 @@ def default_robot() -> RobotModel:
             obstacles=([(100, 100), (250, 100), (250, 200), (100, 200)],),
         )
     )
-
-
-def robot_on_cells() -> RobotModel:
-    """Return the same robot in a hall of 9 m by 7 m with a pillar, in cells of 0.1 m."""
-    cells = np.zeros((70, 90), np.int8)
-    cells[[0, -1]] = cells[:, [0, -1]] = cells[28:40, 28:60] = 100
-    return robot_on(GridMap(occupancy=cells, resolution=0.1))
 
 
 def robot_on(floor_plan: Map) -> RobotModel:
@@ -83,10 +96,7 @@ def random_drive(robot: RobotModel, rng: np.random.Generator) -> Drive:
         actions.append(action)
         poses.append(pose)
     lidar = robot.lidar
-    exact = np.asarray(
-        lidar.ranges(robot.floor_plan, np.array(poses[1 : STEPS + 1]).T),
-        np.float64,
-    )
+    exact = np.asarray(lidar.ranges(robot.floor_plan, np.array(poses[1 : STEPS + 1]).T), float)
     noisy = exact + rng.normal(0.0, 0.01 * stride, exact.shape)
     x, y, heading = poses[0].tolist()
     return Drive(
@@ -108,51 +118,28 @@ def _free_pose(robot: RobotModel, rng: np.random.Generator) -> Floats:
 
     Slightly below 0: it can be written 2π higher, and half a turn from it lies ±π.
     """
-    x0, y0, x1, y1 = robot.floor_plan.bounds
-    for _ in range(_TRIES):
-        poses = rng.uniform((x0, y0, -0.1), (x1, y1, 0.0), (_TRIES, 3))
-        free = robot.floor_plan.free(poses, robot.radius)
-        if free.any():
-            room_ahead = np.where(free, robot.floor_plan.ranges(poses, [0.0])[:, 0], -1.0)
-            pose: Floats = poses[room_ahead.argmax()]
-            return pose
-    raise InputError(
-        f"the robot's radius is {robot.radius:g} {robot.floor_plan.unit}, but a disc that wide "
-        "does not fit into its floor plan: give a smaller radius or another floor plan."
-    )
+    poses = UniformPrior(floor_plan=robot.floor_plan, radius=robot.radius).sample(_TRIES, rng)
+    poses[:, 2] = rng.uniform(-0.1, 0.0, _TRIES)
+    farthest: Floats = poses[robot.floor_plan.ranges(poses, [0.0])[:, 0].argmax()]
+    return farthest
 
 
 def _free_step(
     robot: RobotModel, pose: Floats, stride: float, rng: np.random.Generator
-) -> tuple[tuple[float, float], Floats]:
-    """Draw a step that touches no wall; a turn on the spot if there is none.
+) -> tuple[Floats, Floats]:
+    """Draw a step that touches no wall, (d, φ), and where it ends; a turn on the spot if none.
 
     As long as there is room the heading stays about 0.
     """
-    sd = np.linspace(0.1, 2.0, _TRIES)
-    for distance, spread in zip(
-        (*rng.uniform(0.5, 1.0, _TRIES - 1) * stride, 0.0), sd, strict=True
-    ):
-        turn = rng.normal(-0.5 * pose[2], spread)
-        heading = pose[2] + turn
-        ahead = pose + np.array([distance * np.cos(heading), distance * np.sin(heading), turn])
-        if distance == 0.0 or not robot.floor_plan.collides(pose[None], ahead[None], robot.radius):
-            break
-    return (float(distance), float(turn)), ahead
-
-
-Snapshot = Mapping[int, tuple[Floats, Floats]]  # poses and weights by offset
-Seed = int | np.random.Generator
-
-OFFSETS = range(-STEPS, STEPS + 1)
-
-
-class LawBrokenError(Exception):
-    """A localizer breaks a law; the text is the reason."""
-
-
-class LawSkippedError(Exception):
-    """A law does not apply to a localizer; the text is the reason."""
+    distances = np.append(rng.uniform(0.5, 1.0, _TRIES - 1) * stride, 0.0)
+    turns = rng.normal(-0.5 * pose[2], np.linspace(0.1, 2.0, _TRIES))
+    headings = pose[2] + turns
+    moves = [distances * np.cos(headings), distances * np.sin(headings), turns]
+    ends = pose + np.column_stack(moves)
+    starts = np.broadcast_to(pose, ends.shape)
+    touches = robot.floor_plan.collides(starts, ends, robot.radius) & (distances > 0)
+    first = touches.argmin()
+    return np.array([distances[first], turns[first]]), ends[first]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,9 +153,6 @@ class Subject:
         robot: what it is made for.
         drive: along which it is run.
         sent: how another process finds it: a name to resolve, or the factory itself.
-        timeout: how long a worker may take to answer, s.
-        before: the state of this process before the localizer was loaded.
-        loaded: its state after that.
     """
 
     name: str
@@ -176,10 +160,7 @@ class Subject:
     params: Mapping[str, Any]
     robot: RobotModel
     drive: Drive
-    sent: str | Factory
-    timeout: float
-    before: Mapping[str, Any]
-    loaded: Mapping[str, Any]
+    sent: str | Factory | None = None
 
     @property
     def file(self) -> str | None:
@@ -190,35 +171,33 @@ class Subject:
     def made(self, robot: RobotModel | None = None, **params: Any) -> Localizer:
         """Make a new localizer, with other parameters or for another robot if given."""
         robot = self.robot if robot is None else robot
-        return made_by(self.factory, self.name, robot, **(dict(self.params) | params))
+        made: Localizer = self.factory(robot, **(dict(self.params) | params))
+        LOCALIZER.checked(self.name, made)
+        return made
 
-    def history(self, localizer: Localizer | None = None, *, seed: Seed = 0) -> list[Snapshot]:
-        """Run a localizer (a new one if none is given) along the drive."""
-        return history(self.made() if localizer is None else localizer, self.drive, seed=seed)
+    def history(
+        self, localizer: Localizer | None = None, *, seed: Seed = 0, **changes: Any
+    ) -> list[Snapshot]:
+        """Run a localizer, a new one if none is given, along the drive, changed as told."""
+        drive = replace(self.drive, **changes)
+        run = beliefs(self.made() if localizer is None else localizer, drive, seed)
+        return [snapshot(belief, t) for t, belief in enumerate(run)]
 
 
-def history(
-    localizer: Localizer, drive: Drive, *, seed: Seed = 0, prior: Prior | None = None
-) -> list[Snapshot]:
-    """Run a localizer along a drive; return its beliefs at t = 0 … T."""
-    return [snapshot(belief, t) for t, belief in enumerate(beliefs(localizer, drive, seed, prior))]
-
-
-def beliefs(
-    localizer: Localizer, drive: Drive, seed: Seed = 0, prior: Prior | None = None
-) -> Iterator[Belief]:
+def beliefs(localizer: Localizer, drive: Drive, seed: Seed = 0) -> Iterator[Belief]:
     """Run a localizer along a drive; yield its beliefs at t = 0 … T."""
-    rng = np.random.default_rng(seed)
-    yield localizer.reset(drive.prior if prior is None else prior, drive.plans[0].copy(), rng)
-    yield from continued(localizer, drive, 0)
+    return (belief for belief, _ in steps(localizer, drive, seed))
 
 
-def continued(localizer: Localizer, drive: Drive, t: int) -> Iterator[Belief]:
-    """Run on from t; yield the beliefs at t + 1 … T."""
-    for action, scan, plan in zip(
-        drive.actions[t:], drive.scans[t:], drive.plans[t + 1 :], strict=True
-    ):
-        yield localizer.update(scan.copy(), action.copy(), plan.copy())
+def steps(
+    localizer: Localizer, drive: Drive, seed: Seed = 0
+) -> Iterator[tuple[Belief, list[Floats]]]:
+    """Run a localizer along a drive; yield its beliefs, each with the arrays given for it."""
+    given = drive.inputs(0)
+    yield localizer.reset(drive.prior, given[0], np.random.default_rng(seed)), given
+    for t in range(1, len(drive.plans)):
+        given = drive.inputs(t)
+        yield localizer.update(*given), given
 
 
 def snapshot(belief: Belief, t: int) -> Snapshot:
@@ -230,27 +209,29 @@ def snapshot(belief: Belief, t: int) -> Snapshot:
     verb = f"{'reset' if t == 0 else 'update'} (step {t})"
     if not callable(getattr(belief, "points", None)):
         raise LawBrokenError(
-            f"{verb} returned {_shown(belief)}, but must return a belief with points(offset)"
+            f"{verb} returned {_kind(belief)}, but must return a belief with points(offset)"
         )
-    found = {k: _copied(points, k, t) for k in OFFSETS if (points := belief.points(k)) is not None}
-    if 0 not in found:
+    by_offset = {
+        k: _copied(points, f"points({k}) at step {t}")
+        for k in OFFSETS
+        if (points := belief.points(k)) is not None
+    }
+    if 0 not in by_offset:
         raise LawBrokenError(f"the belief of {verb} has no points(0): it must hold the present")
-    return found
+    return by_offset
 
 
-def _copied(points: Any, offset: int, t: int) -> tuple[Floats, Floats]:
-    where = f"points({offset}) at step {t}"
+def _copied(points: Any, where: str) -> tuple[Floats, Floats]:
     if not (isinstance(points, tuple) and len(points) == 2):
-        raise LawBrokenError(f"{where} is {_shown(points)}, but must be (poses, weights) or None")
-    poses, weights = points
-    for name, array in (("poses", poses), ("weights", weights)):
-        if isinstance(array, np.ma.MaskedArray):
-            raise LawBrokenError(f"the {name} of {where} are masked, but must be plain numbers")
-        if not isinstance(array, np.ndarray) or not np.issubdtype(array.dtype, np.floating):
+        raise LawBrokenError(f"{where} is {_kind(points)}, but must be (poses, weights) or None")
+    for name, array in zip(("poses", "weights"), points, strict=True):
+        masked = isinstance(array, np.ma.MaskedArray)
+        if masked or not isinstance(array, np.ndarray) or array.dtype.kind != "f":
             raise LawBrokenError(
-                f"the {name} of {where} are {_shown(array)}, but must be an array of floats"
+                f"the {name} of {where} are {_kind(array)}, but must be an array of floats"
             )
-    n = len(weights) if weights.ndim else 0
+    poses, weights = points
+    n = weights.size
     if weights.shape != (n,) or n == 0 or poses.shape != (n, 3):
         raise LawBrokenError(
             f"{where} has poses {poses.shape} and weights {weights.shape}, but must have (n, 3) "
@@ -259,51 +240,12 @@ def _copied(points: Any, offset: int, t: int) -> tuple[Floats, Floats]:
     return poses.copy(), weights.copy()
 
 
-def _shown(thing: object) -> str:
-    if isinstance(thing, np.ndarray):
-        return f"an array of {thing.dtype}"
-    return "None" if thing is None else f"an object of type {type(thing).__name__}"
+def _kind(thing: object) -> str:
+    of = f" of {thing.dtype}" if isinstance(thing, np.ndarray) else ""
+    return "None" if thing is None else f"an object of type {type(thing).__name__}{of}"
 
 
-def require_valid(run: list[Snapshot]) -> None:
-    """Raise unless all poses and weights are finite, the weights not negative and of sum 1."""
-    require_finite(run)
-    require_normalized(run)
-
-
-def require_finite(run: list[Snapshot]) -> None:
-    """Raise unless all poses and weights are finite."""
-    for t, found in enumerate(run):
-        for offset, (poses, weights) in found.items():
-            for name, array in (("pose", poses), ("weight", weights)):
-                if not np.isfinite(array).all():
-                    bad = array[~np.isfinite(array)][0]
-                    raise LawBrokenError(f"a {name} of points({offset}) at step {t} is {bad:g}")
-
-
-def require_normalized(run: list[Snapshot]) -> None:
-    """Raise unless weights are not negative and of sum 1, as near as the benchmarks require."""
-    for t, found in enumerate(run):
-        for offset, (_, weights) in found.items():
-            if weights.min() < 0:
-                raise LawBrokenError(
-                    f"a weight of points({offset}) at step {t} is {weights.min():g}"
-                )
-            total = float(weights.sum(dtype=np.float64))
-            if not abs(total - 1) <= SUM_TOLERANCE:
-                raise LawBrokenError(
-                    f"the weights of points({offset}) at step {t} add up to {digits(total)}, not 1"
-                )
-
-
-def require_same(run: list[Snapshot], other: list[Snapshot], otherwise: str) -> None:
-    """Raise with ``otherwise`` and where, unless two runs are equal bit by bit."""
-    where = first_difference(run, other)
-    if where is not None:
-        raise LawBrokenError(f"{otherwise}, first at {where}")
-
-
-def first_difference(run: list[Snapshot], other: list[Snapshot]) -> str | None:
+def first_difference(run: Sequence[Snapshot], other: Sequence[Snapshot]) -> str | None:
     """Say where two runs first differ; None if they are equal bit by bit."""
     for t, (one, two) in enumerate(zip(run, other, strict=True)):
         for offset in OFFSETS:
@@ -312,3 +254,38 @@ def first_difference(run: list[Snapshot], other: list[Snapshot]) -> str | None:
             if len(a) != len(b) or not all(same):
                 return f"points({offset}) of step {t}"
     return None
+
+
+def require_same(run: Sequence[Snapshot], other: Sequence[Snapshot], otherwise: str) -> None:
+    """Raise with ``otherwise`` and where, unless two runs are equal bit by bit."""
+    where = first_difference(run, other)
+    if where is not None:
+        raise LawBrokenError(f"{otherwise}, first at {where}")
+
+
+def require_valid(run: Sequence[Snapshot]) -> None:
+    """Raise unless all that a run says is finite and its weights are normalized."""
+    require_finite(run)
+    require_normalized(run)
+
+
+def require_finite(run: Sequence[Snapshot]) -> None:
+    """Raise unless all poses and weights are finite."""
+    for t, belief in enumerate(run):
+        for offset, points in belief.items():
+            for name, array in zip(("pose", "weight"), points, strict=True):
+                bad = array[~np.isfinite(array)]
+                if bad.size:
+                    raise LawBrokenError(f"a {name} of points({offset}) at step {t} is {bad[0]:g}")
+
+
+def require_normalized(run: Sequence[Snapshot]) -> None:
+    """Raise unless weights are not negative and of sum 1, as near as the benchmarks require."""
+    for t, belief in enumerate(run):
+        for offset, (_, weights) in belief.items():
+            where = f"points({offset}) at step {t}"
+            if weights.min() < 0:
+                raise LawBrokenError(f"a weight of {where} is {weights.min():g}")
+            total = float(weights.sum(dtype=np.float64))
+            if not abs(total - 1) <= SUM_TOLERANCE:
+                raise LawBrokenError(f"the weights of {where} add up to {digits(total)}, not 1")

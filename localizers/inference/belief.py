@@ -126,7 +126,10 @@ class ParticleBelief(_Cloud):
 
     def recall(self, kind: type[M]) -> M | None:
         """Return the memory of this class, None if there is none."""
-        return next((memory for memory in self.memory if isinstance(memory, kind)), None)
+        for memory in self.memory:
+            if isinstance(memory, kind):
+                return memory
+        return None
 
     def remembering(self, memory: Memory) -> "ParticleBelief":
         """Return this belief with a memory, in the place of one of the same class."""

@@ -11,6 +11,7 @@ import numpy as np
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
+from deqmcl_gym.numerics.gaussian import cholesky
 from deqmcl_gym.numerics.types import Floats
 
 
@@ -100,22 +101,6 @@ def correct(
     for i in range(3):
         mean[i] += moved[i]
     return gated
-
-
-@compiled
-def cholesky(covariance: Floats) -> Floats:
-    """Return the lower L with L Lᵀ = covariance, (d, d); a direction without variance gets 0."""
-    d, out = covariance.shape[0], np.zeros(covariance.shape)
-    for j in range(d):
-        for i in range(j, d):
-            rest = covariance[i, j]
-            for k in range(j):
-                rest -= out[i, k] * out[j, k]
-            if i == j:
-                out[j, j] = np.sqrt(max(rest, 0.0))
-            elif out[j, j] > 0.0:
-                out[i, j] = rest / out[j, j]
-    return out
 
 
 def covariance_of(offsets: Floats) -> Floats:

@@ -146,5 +146,6 @@ class LossDetector(Memory):
     def _ratios(self) -> Floats:
         ratios, read = np.empty(len(self.evidence)), self.known.size
         ratios[:read] = self.known
-        ratios[read:] = [one.log_ratio for one in self.evidence[read:]]
+        for i in range(read, len(self.evidence)):
+            ratios[i] = self.evidence[i].log_ratio
         return ratios

@@ -133,8 +133,8 @@ class Queue(NamedTuple):
         index = self.present + offset
         if not 0 <= index < len(self.slots):
             return None
-        states = self.held(index)
-        return states.copy() if states is self.slots[index] else states
+        order, states = self._order(index), self.slots[index]
+        return states.copy() if order is None else states.take(order, axis=1)
 
     def held(self, index: int) -> States:
         """Return the states of slot ``index``, (d, n); read-only, as they may be the queue's."""

@@ -18,11 +18,10 @@ from localizers.api import Points, Prior
 from localizers.inference import grid_motion
 from localizers.inference.bayes_filter import FilterLocalizer
 from localizers.inference.belief import Events
-from localizers.inference.grid_motion import GridMotion
+from localizers.inference.grid_motion import GridMotion, PoseGrid
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.resampling import pointed_at
 from localizers.models.motion import odometry
-from localizers.models.pose_grid import PoseGrid
 from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan, Scan, ScanTable
 

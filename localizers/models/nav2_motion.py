@@ -20,8 +20,15 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import sincos32, wrapped32
 from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import number, one_of
-from localizers.models.motion import OdometryMotion, increments, normal_pairs
-from localizers.models.motion_fit import excess, longer_half, most_likely, moving
+from localizers.models.motion import (
+    OdometryMotion,
+    excess,
+    increments,
+    longer_half,
+    most_likely,
+    moving,
+    normal_pairs,
+)
 
 
 @final

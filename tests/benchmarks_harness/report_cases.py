@@ -17,7 +17,7 @@ from benchmarks.sweeps import drawing
 from benchmarks.sweeps.results import Failure, Results
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import INNER, csv_of, trials_frame
-from benchmarks.trials.journeys import WholeRun
+from benchmarks.trials.collecting import WholeRun
 from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished
 from benchmarks.trials.spec import Trial
 

@@ -78,17 +78,6 @@ def test_a_plan_is_laid_from_a_pose_by_turning_before_each_drive():
 # without mcl the first method is the baseline: here a variant of the same localizer
 FORMS = ("systematic", "stratified")
 
-ALONE = """
-import sys
-from localizers import make
-
-assert not hasattr(sys, "guest"), f"{sys.guest} was here"
-sys.guest = __file__
-
-def Guest(robot):
-    return make("dead-reckoning", robot)
-"""
-
 
 def shown(lap):
     """Resampler, world and filter seed of the trials of an animation, side by side."""
@@ -120,12 +109,9 @@ def test_a_baseline_without_a_trial_on_the_world_is_not_named():
     assert best.caption.startswith("World 0, mcl-pilots resampler=stratified: error")
 
 
-def test_plug_ins_of_one_animation_do_not_meet(tmp_path):
-    names = [str(tmp_path / f"{one}.py:Guest") for one in ("one", "other")]
-    for one in ("one", "other"):
-        (tmp_path / f"{one}.py").write_text(ALONE)
-    same = Trial(scenario="paper", localizer="", params=(), lag=1, seed=0, trial=0)
-    trials = tuple(replace(same, localizer=name) for name in names)
+def test_an_animation_shows_the_whole_way_of_each_method_side_by_side():
+    same = Trial(scenario="paper", localizer="mcl", params=(), lag=1, seed=0, trial=0)
+    trials = same, replace(same, localizer="dead-reckoning")
     keys = tuple(map(key_of, trials))
     lap = Animation(name="lap", title="", caption="", trials=trials, labels=("a", "b"), keys=keys)
     with drawing() as promised:

@@ -10,7 +10,7 @@ from report_cases import finished, trial_of, trials, whole
 from benchmarks.tables.deciding import FIRST, TIGHT, Rule, decide, ratio, shares
 from benchmarks.tables.frames import by_run, trials_frame
 from benchmarks.tables.stats import wilson
-from benchmarks.trials.journeys import JOURNEY_SCORES
+from benchmarks.trials.scores import JOURNEY_SCORES
 
 
 @pytest.mark.parametrize("n", [20, 57, 400])

@@ -24,10 +24,10 @@ from benchmarks.report.animations import films_of
 from benchmarks.report.panel_charts import journey_charts
 from benchmarks.report.tables import WORDS, glance_table, journey_table, verdict_table
 from benchmarks.report.verdict import verdict
-from benchmarks.sweeps.store import Store
+from benchmarks.sweeps.store import writing
 from benchmarks.tables.frames import share_curve
 from benchmarks.tables.stats import median_estimate, sign_test, wilson
-from benchmarks.trials.journeys import GROUPS
+from benchmarks.trials.scores import GROUPS
 
 NEVER = math.inf
 
@@ -240,18 +240,21 @@ def test_lost_robots_are_shown_by_when_they_were_localized():
 
 
 def test_the_store_keeps_the_scores_of_whole_runs_and_refuses_what_are_none(tmp_path):
-    store, key = Store(tmp_path), TRIAL.key("code")
-    store.put(key, TRIAL, kept := record_of(BLIND[1]), 1.0)
-    assert store.get(key, TRIAL).journey == kept.journey
-    spoilt = whole(kept, {"success_1m": "yes"}, 1.0)
-    with pytest.raises(ValueError, match=r"str instead of float \| null at journey.scores"):
-        store.put(key, TRIAL, spoilt, 1.0)
-    scores, curves = kept.journey.scores, kept.journey.curves
-    for parts in (
-        {"scores": scores | {"fame": 1.0}},
-        {"curves": curves | {"way": [0.0]}},
-        {"curves": {"way": [0.0] * 100}},
-        {"curves": {}},
-    ):
-        with pytest.raises(ValueError, match=r"whole run|its 60 steps"):
-            changed(kept, journey=changed(kept.journey, **parts))
+    key = TRIAL.key("code")
+    with writing(tmp_path) as store:
+        store.put(key, TRIAL, kept := record_of(BLIND[1]), 1.0)
+        assert store.get(key, TRIAL).journey == kept.journey
+        spoilt = whole(kept, {"success_1m": "yes"}, 1.0)
+        with pytest.raises(
+            ValueError, match=r"str instead of float \| null at record.journey.scores"
+        ):
+            store.put(key, TRIAL, spoilt, 1.0)
+        scores, curves = kept.journey.scores, kept.journey.curves
+        for parts in (
+            {"scores": scores | {"fame": 1.0}},
+            {"curves": curves | {"way": [0.0]}},
+            {"curves": {"way": [0.0] * 100}},
+            {"curves": {}},
+        ):
+            with pytest.raises(ValueError, match=r"whole run|its 60 steps"):
+                changed(kept, journey=changed(kept.journey, **parts))

@@ -10,23 +10,25 @@ from hypothesis import strategies as st
 
 from benchmarks.setup.changes import Changes
 from benchmarks.setup.names import make_agent, scenario
+from benchmarks.trials.collecting import JourneyLog
 from benchmarks.trials.episode import moments
-from benchmarks.trials.fixes import NEAR, RECOVERED_STEPS, Fixes, driven, metre
-from benchmarks.trials.journey_log import JourneyLog
-from benchmarks.trials.journeys import (
-    GROUPS,
+from benchmarks.trials.fixes import (
+    NEAR,
+    RECOVERED_STEPS,
+    Fixes,
     Journey,
-    groups_named,
+    driven,
     half_turned,
     is_symmetric,
-    scores_of,
     weight_near,
 )
+from benchmarks.trials.scores import GROUPS, groups_named, scores_of
 from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import trace_of
 from deqmcl_gym.maps import PolygonMap
+from deqmcl_gym.maps.map import metre
 from localizers import make
 
 NEVER = math.inf
@@ -187,9 +189,10 @@ def test_a_half_turn_is_found_where_the_map_has_one():
 
 
 def test_weight_near_a_pose_is_within_a_metre_and_thirty_degrees():
-    poses = np.array([[0, 0, 0], [0.9, 0, math.pi / 6], [1.1, 0, 0], [0, 0, 0.6], [0, 0, 6.2]])
-    assert weight_near(poses, np.array([1, 2, 4, 8, 16.0]), np.zeros(3), 1.0) == 1 + 2 + 16
-    assert weight_near(poses, np.array([1, 2, 4, 8, 16.0]), np.zeros(3), 2.0) == 1 + 2 + 4 + 16
+    poses = np.array([[0, 0, 0], [0.9, 0, 0.52], [1.1, 0, 0], [0, 0, 0.6], [0, 0, 6.2]])
+    assert weight_near(poses, np.array([1, 2, 4, 8, 16.0]), np.zeros(3), "m") == 1 + 2 + 16
+    in_pixels = poses * [50, 50, 1]
+    assert weight_near(in_pixels, np.array([1, 2, 4, 8, 16.0]), np.zeros(3), "px") == 1 + 2 + 16
 
 
 def trial(**parts):

@@ -87,12 +87,13 @@ def test_rms_and_mean_are_by_hand_and_those_of_nothing_are_unknown():
 
 # as if it stood in METRICS: measured of each cloud, and of what is kept
 NEW_METRIC = """
-from benchmarks.trials import metrics
+from benchmarks.trials import scores
 
-metrics.METRICS += (
-    metrics.Metric(
+scores.METRICS += (
+    scores.Score(
         "rightmost",
         "length",
+        "",
         "largest x of all",
         of=lambda found: float(found.values["rightmost"].max()),
         each=lambda clouds, task: [cloud.poses[0].max() for cloud in clouds.each],

@@ -75,9 +75,9 @@ def page(report):
     return Page((report[0] / "report.html").read_text(encoding="utf-8"))
 
 
-def test_what_is_returned_is_what_was_written_beside_a_record_of_it(report):
+def test_what_is_returned_is_what_was_written(report):
     out, files = report
-    assert {*files, out / "written.json"} == {path for path in out.rglob("*") if path.is_file()}
+    assert {*files} == {path for path in out.rglob("*") if path.is_file()}
     assert TABLES | {"report.html", "results.md"} <= {path.name for path in files}
 
 
@@ -177,12 +177,12 @@ def test_a_report_that_is_written_anew_has_the_animations_of_the_folder_and_runs
 
 
 def test_files_that_are_left_out_are_named_on_the_page_with_the_reason(tmp_path):
-    left_out = {f"trials/{n}.json": "is torn <b>" for n in range(102)}
+    left_out = {f"trials.jsonl, line {n}": "is torn <b>" for n in range(102)}
     writing.write_report(tmp_path, replace(results([]), left_out=left_out))
     for name in ("report.html", "results.md"):
         text = (tmp_path / name).read_text(encoding="utf-8")
         assert "Files left out" in text
-        assert "trials/99.json" in text
+        assert "trials.jsonl, line 99" in text
         assert "… and 2 more" in text
         assert "torn <b>" not in text
 
@@ -210,7 +210,7 @@ def test_without_the_extra_the_tables_are_written_and_the_extra_is_named(tmp_pat
         writing.require_report()
     files = writing.write_report(tmp_path, results(paired(THREE)))
     assert {path.name for path in files} == TABLES
-    assert {path.name for path in tmp_path.iterdir()} == {*TABLES, "written.json"}
+    assert {path.name for path in tmp_path.iterdir()} == TABLES
 
 
 def test_in_print_the_page_is_light_its_parts_are_open_and_its_tables_are_not_cut(report):

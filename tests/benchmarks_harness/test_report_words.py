@@ -4,6 +4,7 @@ import re
 
 import pytest
 from report_cases import (
+    STEPS,
     changed,
     finished,
     frames,
@@ -13,6 +14,7 @@ from report_cases import (
     parsed,
     results,
     trials,
+    whole,
     written,
 )
 
@@ -23,7 +25,8 @@ from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.comparison import LimitRuns
 from benchmarks.tables.panels import panels
 from benchmarks.tables.text import WORDS
-from localizers.naming.registry import GONE
+from benchmarks.trials.collecting import RecordedTrack
+from localizers.registry import LOCALIZER
 
 ONE = (0,)
 
@@ -219,7 +222,7 @@ def test_of_one_method_in_several_settings_the_ends_are_told_and_nothing_is_comp
 
 def test_a_plug_in_is_in_the_verdict_whoever_is_best():
     # all others are plug-ins; of ours that are gone folders may hold trials
-    assert {*localizers.names(), *GONE} == set(WORDS)
+    assert {*localizers.names(), *LOCALIZER.gone} == set(WORDS)
     own = "./file.py:Mine"
     records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE), own: (24.0, ONE)})
     assert verdict(panel_of(records)).endswith(" Plug-in Mine: 24.0 px, worse.")
@@ -244,3 +247,33 @@ def test_the_table_names_a_number_of_worlds_for_every_method_that_differs():
     assert re.fullmatch(r"[\d,]+", needed["a (plug-in)"])
     assert re.fullmatch(r"[\d,]+", needed["b (plug-in)"])
     assert needed["mcl (baseline)"] == "–"
+
+
+def on_a_log(errors, coverage, successes=(1.0, 1.0)):
+    """Twelve runs of two methods: their median errors, m, their coverage and successes."""
+    records = []
+    still = [0.0] * (STEPS + 1)
+    for k, name in enumerate(("mcl", "amcl")):
+        track = RecordedTrack(best=(still, still, still), scores={"coverage_95": coverage[k]})
+        for world in range(12):
+            scores = {"success_1m": successes[k], "position_median": errors[k]}
+            one = whole(finished(name, world, 1.0, assumed={"scan.power": 0.1}), scores, 9.0)
+            records.append(changed(one, track=track))
+    return verdict(panel_of(records))
+
+
+def test_on_a_log_successes_then_errors_then_coverage_decide_and_who_is_not_fitted_is_named():
+    unfitted = "amcl has Nav2's defaults, while the motion noise"
+    told = on_a_log((0.2, 0.1), (0.9, 0.9), (0.0, 1.0))
+    assert told.startswith("amcl is best: localized to the end in 100 % of runs")
+    assert unfitted in told
+    told = on_a_log((0.2, 0.1), (0.9, 0.5))
+    assert told.startswith("amcl is nearest to the reference: median position error of a run, mean")
+    assert "amcl 0.100 m, mcl 0.200 m; amcl - mcl: -0.100 m (95 %: −0.100 to −0.100)" in told
+    told = on_a_log((0.2, 0.2), (0.9, 0.5))
+    assert told.startswith(
+        "Neither successes nor errors separate the methods, but the 95 % regions"
+    )
+    assert "90 % of mcl, 50 % of amcl" in told
+    told = on_a_log((0.2, 0.2), (0.9, 0.9))
+    assert told.startswith("No method is better than the baseline, mcl: ")

@@ -87,7 +87,7 @@ def test_a_building_of_a_given_seed_is_that_of_all_trials_and_widths_can_be_vari
     wide = (("floor_plan.office.corridor", 3.0), ("route.min_length", 30.0))
     varied = [Stage.of(trial("lost", k, world=wide)).scenario for k in (0, 1)]
     assert varied[0].world.floor_plan is not varied[1].world.floor_plan
-    assert varied[0].env["floor_plan"]["office"] == {"corridor": 3.0, "seed": 0}
+    assert varied[0].world.floor_plan is Office(corridor=3.0, seed=0).grid
     assert varied[0].world.route.min_length == 30.0
 
 
@@ -95,16 +95,12 @@ def test_trials_take_turns_in_the_buildings_of_a_range_of_seeds(tmp_path):
     path = tmp_path / "unseen.toml"
     path.write_text('base = "searching"\nenv.floor_plan.office = { wings = 1, seeds = [50, 53] }\n')
     told = scenario(str(path))
-    offices = [told.in_building(k).env["floor_plan"]["office"] for k in range(4)]
-    assert [office.pop("seed") for office in offices] == [50, 51, 52, 50]
-    assert offices == [{"wings": 1}] * 4
-    assert told.world.floor_plan is Office(wings=1, seed=50).grid
+    offices = [told.in_building(k).world.floor_plan for k in range(4)]
+    assert offices == [Office(wings=1, seed=seed).grid for seed in (50, 51, 52, 50)]
+    assert told.world.floor_plan is offices[0]
     varied = (("floor_plan.office.seeds", [7, 9]), ("floor_plan.office.wings", 1))
-    seeds = [
-        Stage.of(trial("lost", k, world=varied)).scenario.env["floor_plan"]["office"]["seed"]
-        for k in range(3)
-    ]
-    assert seeds == [7, 8, 7]
+    drawn = [Stage.of(trial("lost", k, world=varied)).scenario.world.floor_plan for k in range(3)]
+    assert drawn == [Office(wings=1, seed=seed).grid for seed in (7, 8, 7)]
 
 
 @pytest.mark.parametrize("number", range(6))

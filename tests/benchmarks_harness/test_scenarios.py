@@ -9,6 +9,7 @@ import pytest
 from refusals import refused
 
 from benchmarks.pictures.figures import camera_of
+from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup.names import (
     absolute_scenario,
     make_agent,
@@ -294,7 +295,7 @@ def test_a_file_that_is_edited_leads_to_its_plug_ins_of_now(tmp_path):
     path = tmp_path / "room.toml"
     for agent in ("one.py:Mine", "two.py:Mine"):
         path.write_text(f'agent = "{agent}"')
-        assert plug_ins_of(f"{path}") == (f"{tmp_path}/{agent}",)
+        assert plug_ins_of(scenario(f"{path}")) == (f"{tmp_path}/{agent}",)
 
 
 def test_a_relative_name_is_made_absolute_and_others_stay(room, monkeypatch):
@@ -366,7 +367,7 @@ agent = partial(make_agent, robot=None)
         (scenario, "gone.py:ROOM", ["the scenario", "gone.py", "No such file"]),
         (scenario, "math:pi", ["the scenario 'math:pi' is of type float", "a Scenario"]),
         (agent, "open-lop", ["'open-loop'?", "file.py:NAME"]),
-        (agent, "math:pi", ["'math:pi'", "float", "plan_at_reset", "act"]),
+        (agent, "math:pi", ["'math:pi'", "float", "NAME(robot"]),
         (agent, "math:sqrt", ["'math:sqrt'", "raised TypeError"]),
     ],
 )
@@ -376,7 +377,7 @@ def test_a_scenario_or_agent_that_is_not_there_or_is_none_is_refused(find, name,
 
 
 @pytest.mark.parametrize(
-    "name", [n for n in scenario_names() if n not in ("log", "replay") and not scenario(n).has_goal]
+    "name", [name for name, built_in in SCENARIOS.items() if built_in.world.route is None]
 )
 def test_the_prior_is_centred_on_the_planned_start_not_on_the_truth(name):
     found = scenario(name)

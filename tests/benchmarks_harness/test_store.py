@@ -1,184 +1,211 @@
-"""One file per finished trial: whole or not there."""
+"""Trials are lines of a file: appended, read again whatever is torn, joined by copying."""
 
 import json
+import shutil
+import subprocess
+import sys
 
 import msgspec
 import pytest
 from deqmcl_command import files
+from refusals import refused
 from report_cases import changed, finished
 
-from benchmarks.sweeps import store as store_module
-from benchmarks.sweeps.store import SCHEMA, Store, _checksum, named
+from benchmarks.sweeps.store import Store, named, writing
 from benchmarks.trials.scoring import Record
 from benchmarks.trials.spec import Trial
 
 TRIAL = Trial(scenario="paper", localizer="mcl", params=(), lag=20, seed=0, trial=0)
 KEY = "0123abcd"
-HUGE = 10**400
-FILES = [f"timings/{KEY}.json", f"trials/{KEY}.json"]
+DONE = changed(finished("mcl", 0, 1.5), trial=TRIAL, key=KEY, seconds=2.5)
 
 
 def record_of(done):
     """What a store is given of a finished trial."""
-    parts = msgspec.structs.asdict(done)
-    return Record(**{name: parts[name] for name in Record.__struct_fields__})
+    return Record(**{name: getattr(done, name) for name in Record.__struct_fields__})
 
 
-DONE = changed(finished("mcl", 0, 1.5), trial=TRIAL, key=KEY, seconds=2.5)
 RECORD = record_of(DONE)
 
 
-def stored(tmp_path):
-    """The store, and the file of a finished trial in it."""
-    store = Store(tmp_path)
-    store.put(KEY, TRIAL, RECORD, 2.5)
-    return store, tmp_path / "trials" / f"{KEY}.json"
+def stored(out, *keys, shard=None):
+    """Keep a finished trial under each of these keys; return the file's lines."""
+    with writing(out, shard) as store:
+        for key in keys or (KEY,):
+            store.put(key, TRIAL, RECORD, 2.5)
+    return (out / "trials.jsonl").read_text().splitlines() if shard is None else []
 
 
-def test_what_is_put_is_got_with_its_time_and_nothing_else_is_written(tmp_path):
-    store, _ = stored(tmp_path / "new" / "folder")
-    found = store.get(KEY, TRIAL)
-    assert found == DONE
-    assert [*files(store.out)] == FILES
-    assert Store(store.out).get(KEY, TRIAL) == found
+def test_what_is_put_is_got_and_nothing_else_is_written(tmp_path):
+    with writing(tmp_path / "new" / "folder") as store:
+        store.put(KEY, TRIAL, RECORD, 2.5)
+        assert store.get(KEY, TRIAL) == DONE
+        assert Store(store.out).get(KEY, TRIAL) == DONE
+    assert [*files(store.out)] == ["trials.jsonl"]
     assert store.get("another", TRIAL) is None
+    (line,) = (store.out / "trials.jsonl").read_text().splitlines()
+    assert json.loads(line).keys() == {"key", "trial", "record", "seconds"}
 
 
-def test_the_file_of_a_trial_does_not_depend_on_its_time(tmp_path):
-    store, path = stored(tmp_path)
-    before = path.read_bytes()
-    store.put(KEY, TRIAL, RECORD, 99.0)
-    assert path.read_bytes() == before
+def test_a_failure_is_kept_until_the_trial_succeeds_whatever_is_read_last(tmp_path):
+    with writing(tmp_path, (1, 2)) as store:
+        assert store.failure(KEY) is None
+        store.put_failure(KEY, TRIAL, "it slept")
+        assert store.failure(KEY) == Store(tmp_path).failure(KEY) == "it slept"
+        store.put(KEY, TRIAL, RECORD, 2.5)
+        assert store.failure(KEY) is None
+    with writing(tmp_path) as store:
+        store.put_failure(KEY, TRIAL, "it slept")
+    assert Store(tmp_path).get(KEY, TRIAL) == DONE
 
 
-@pytest.mark.parametrize("content", [None, b"", b'{"seconds": 3}'])
-def test_a_trial_without_its_time_is_still_finished(tmp_path, content):
-    store, _ = stored(tmp_path)
-    path = tmp_path / "timings" / f"{KEY}.json"
-    path.unlink() if content is None else path.write_bytes(content)
-    assert store.get(KEY, TRIAL) == changed(DONE, seconds=None)
-    assert list(store.rejected) == ([] if content is None else [f"timings/{KEY}.json"])
+def test_the_last_record_of_a_key_counts(tmp_path):
+    stored(tmp_path)
+    with writing(tmp_path) as store:
+        store.put(KEY, TRIAL, changed(RECORD, scans_used=1), 2.5)
+    assert Store(tmp_path).get(KEY, TRIAL).scans_used == 1
 
 
-def damaged(good):
-    """Contents that are no finished trial of this key: what is said of them, and the bytes."""
-    value = json.loads(good)
-
-    def changed(**parts):
-        return json.dumps(value | parts).encode()
-
-    def forged(**parts):
-        content = {name: part for name, part in (value | parts).items() if name != "checksum"}
-        return json.dumps(content | {"checksum": _checksum(content)}).encode()
-
-    return {
-        "empty": ("is truncated", b""),
-        "not text": ("cannot be read", b"\xff\xfe\x00" + good),
-        "not JSON": ("is truncated, or not JSON", b"error,entropy\n1,2\n"),
-        "nested": ("is nested too deeply", b"[" * 100_000),
-        "of another schema": (f"has schema 1, not {SCHEMA}", changed(schema=1)),
-        "of another trial": ("of another trial", changed(key="ffff")),
-        "edited by hand": ("checksum does not match", good.replace(b"1.5", b"1.4")),
-        "with a NaN": ("contains NaN", good.replace(b"1.5", b"NaN")),
-        "with a number too large": ("is infinite", good.replace(b"1.5", b"1e999")),
-        "forged without scores": ("null instead of array at scores, as no", forged(scores=None)),
-        "forged with words for numbers": ("str instead of float | null at curves[].error", forged(
-            curves={"0": {"first_state": 0, "error": ["a"]}})),
-        **{
-            f"forged with {part} out of range": ("value out of range", forged(**{part: value}))
-            for part, value in {
-                "steps_done": HUGE,
-                "events": {"blind_scans": -1},
-                "curves": {"0": {"first_state": HUGE, "error": [1.5]}},
-                "profile": {"0": 1e308},
-                "journey": {"scores": {}, "curves": {"way": [HUGE]}},
-            }.items()
-        },
-        "forged with a unit": ("value out of range at unit", forged(unit="\x1b[31m")),
-        "forged with a share": ("share of lost", forged(scores=[value["scores"][0] | {"lost": 7}])),
-        "forged without offset 0": ("or none at offset 0", forged(
-            scores=[value["scores"][0] | {"offset": 7}], curves={"7": value["curves"]["0"]})),
-        "forged as another trial": ("of another trial", forged(trial={"trial": 7})),
-    }  # fmt: skip
+@pytest.mark.parametrize("cut", [0, 1, 40, -2, -1])
+def test_a_torn_last_line_is_no_trial_and_the_next_one_is(tmp_path, cut):
+    stored(tmp_path, "a", "b")
+    path = tmp_path / "trials.jsonl"
+    first, second = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(first + second[:cut])
+    lost = cut != -1  # without the end of its line it is whole
+    store = Store(tmp_path)
+    assert (store.get("b", TRIAL) is None, store.rejected) == (lost, {})
+    stored(tmp_path, "c")
+    store = Store(tmp_path)
+    assert [store.get(key, TRIAL) is None for key in "abc"] == [False, lost, False]
+    assert store.rejected == {}
 
 
-@pytest.mark.parametrize("kind", damaged(b'{"scores": [{}], "curves": {"0": {}}}'))
-def test_a_damaged_trial_is_named_counts_as_missing_and_is_replaced_by_the_next_run(tmp_path, kind):
-    store, path = stored(tmp_path)
-    good = path.read_bytes()
-    why, content = damaged(good)[kind]
-    assert content != good
-    path.write_bytes(content)
-    assert store.get(KEY, TRIAL) is None
-    assert list(store.rejected) == [f"trials/{KEY}.json"]
-    assert why in store.rejected[f"trials/{KEY}.json"]
-    store.put(KEY, TRIAL, RECORD, 2.5)
-    assert path.read_bytes() == good
+DAMAGED = {
+    "is truncated, or not JSON": b"error,entropy",
+    "is not a JSON object": b"[]",
+    "cannot be read (it is not UTF-8)": b'"\xff"',
+    "has no key": b"{}",
+    "neither a record nor a reason": b'{"key": "x", "trial": {}}',
+    "has null instead of array at record.scores": None,
+}
+
+
+@pytest.mark.parametrize("why", DAMAGED)
+def test_a_line_that_is_no_trial_is_named_and_the_others_count(tmp_path, why):
+    (line,) = stored(tmp_path)
+    made = json.loads(line)
+    wrong = json.dumps(made | {"record": made["record"] | {"scores": None}}).encode()
+    with (tmp_path / "trials.jsonl").open("ab") as file:
+        file.write((DAMAGED[why] or wrong) + b"\n\xff\n")
+    store = Store(tmp_path)
+    assert [*store.rejected] == ["trials.jsonl, line 2", "trials.jsonl, line 3"]
+    assert why in store.rejected["trials.jsonl, line 2"]
+    assert store.get(KEY, TRIAL) == DONE
 
 
 @pytest.mark.parametrize(
     "part", [{"unit": 3}, {"events": {"skipped_beams": True}}, {"scans_used": float("nan")}]
 )
 def test_what_would_not_be_believed_is_not_kept(tmp_path, part):
-    store = Store(tmp_path)
-    with pytest.raises(ValueError, match=next(iter(part))):
-        store.put(KEY, TRIAL, changed(RECORD, **part), 1.0)
-    assert not (tmp_path / "trials").exists()
+    with writing(tmp_path) as store:
+        with pytest.raises(ValueError, match=rf"{next(iter(part))}|not JSON compliant"):
+            store.put(KEY, TRIAL, changed(RECORD, **part), 1.0)
+        assert store.get(KEY, TRIAL) is None
+    assert files(tmp_path) == {"trials.jsonl": b""}
 
 
-def test_a_trial_that_the_disk_does_not_give_is_named(tmp_path):
-    store, path = stored(tmp_path)
-    path.unlink()
-    path.symlink_to("/proc/self/mem")  # opens, and fails when it is read
-    assert store.get(KEY, TRIAL) is None
-    assert store.rejected[f"trials/{KEY}.json"].startswith("cannot be read (")
+def test_shards_are_joined_by_copying_or_by_cat(tmp_path):
+    for part in (1, 2):
+        stored(tmp_path / str(part), f"{part}", shard=(part, 2))
+    shutil.copytree(tmp_path / "1", tmp_path / "2", dirs_exist_ok=True)
+    assert all(Store(tmp_path / "2").get(key, TRIAL) for key in "12")
+    content = files(tmp_path / "2")
+    assert [*content] == ["trials-1-of-2.jsonl", "trials-2-of-2.jsonl"]
+    (tmp_path / "cat").mkdir()
+    (tmp_path / "cat" / "trials.jsonl").write_bytes(b"".join(content.values()))
+    assert all(Store(tmp_path / "cat").get(key, TRIAL) for key in "12")
 
 
-def test_the_order_of_keys_and_the_spaces_of_a_file_are_no_change(tmp_path):
-    store, path = stored(tmp_path)
-    value = json.loads(path.read_text())
-    path.write_text(json.dumps(dict(reversed(value.items())), indent=4))
-    assert store.get(KEY, TRIAL) == DONE
+HOLDER = """
+import sys, time
+from pathlib import Path
+from benchmarks.sweeps.store import writing
+with writing(Path(sys.argv[1])):
+    print("locked", flush=True)
+    time.sleep(1000)
+"""
 
 
-def test_a_failure_is_kept_until_the_trial_succeeds(tmp_path):
-    store = Store(tmp_path)
-    assert store.failure(KEY, TRIAL) is None
-    store.put_failure(KEY, TRIAL, "it slept")
-    assert Store(tmp_path).failure(KEY, TRIAL) == "it slept"
-    assert store.get(KEY, TRIAL) is None
-    store.put(KEY, TRIAL, RECORD, 1.0)
-    assert store.failure(KEY, TRIAL) is None
-    assert [*files(tmp_path)] == FILES
-
-
-def test_files_that_are_no_trial_of_the_sweep_are_named_with_the_reason(tmp_path):
-    store, path = stored(tmp_path)
-    other = Trial(scenario="paper", localizer="ekf", params=(), lag=20, seed=0, trial=0)
-    store.put_failure("0ld", TRIAL, "it slept")
-    store.put_failure("e1f", other, "it slept")
-    for name in (".deqmcl-0123abcd.tmp", "notes.txt", "a\x1b[31m\nb"):
-        (path.parent / name).write_text("mine")
-    (path.parent / "ffff.json").write_bytes(path.read_bytes())
-    (path.parent / "folder.json").mkdir()
-    assert dict(store.left_out({KEY}, {named(TRIAL.canonical())})) == {
-        "trials/ffff.json": "is of another trial",
-        "trials/folder.json": "is a folder",
-        "trials/notes.txt": "is no file of a trial",
-        "trials/a\\x1b[31m b": "is no file of a trial",
-        "failed/0ld.json": "is of other code, libraries or plug-ins",
-        "failed/e1f.json": "is of a trial that this sweep does not have",
-    }
-    assert store.temporary() == [path.parent / ".deqmcl-0123abcd.tmp"]
-
-
-def test_a_trial_is_written_after_its_time(tmp_path, monkeypatch):
-    written, really = [], store_module.write_text
-
-    def note(path, text, **how):
-        written.append(path.parent.name)
-        really(path, text, **how)
-
-    monkeypatch.setattr(store_module, "write_text", note)
+@pytest.mark.skipif(sys.platform == "win32", reason="no such locks there")
+def test_one_writes_at_a_time_another_shard_may_and_the_lock_of_the_dead_is_none(tmp_path):
+    command = [sys.executable, "-c", HOLDER, tmp_path]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as holder:
+        assert holder.stdout.readline() == "locked\n"
+        with refused("another sweep is writing to", str(tmp_path)), writing(tmp_path):
+            pass
+        with writing(tmp_path, (1, 2)), writing(tmp_path, (2, 2)):
+            pass
+        holder.kill()
     stored(tmp_path)
-    assert written == ["timings", "trials"]
+
+
+def test_lines_that_are_no_trial_of_the_sweep_are_named_with_the_reason(tmp_path):
+    other = Trial(scenario="paper", localizer="ekf", params=(), lag=20, seed=0, trial=0)
+    stored(tmp_path)
+    with writing(tmp_path) as store:
+        store.put_failure("0ld", TRIAL, "it slept")
+        store.put_failure("e1f", other, "it slept")
+    left_out = Store(tmp_path).left_out({KEY}, {named(TRIAL.canonical())})
+    assert dict(left_out) == {
+        "trials.jsonl, line 2": "is of other code, libraries or plug-ins",
+        "trials.jsonl, line 3": "is of a trial that this sweep does not have",
+    }
+
+
+@pytest.fixture
+def former(tmp_path):
+    """A folder as 0.2.0 wrote it: a finished trial, one without its time, one torn, one failed."""
+    content = msgspec.to_builtins(RECORD, str_keys=True)
+    trial = {"schema": 4, "checksum": "c0ffee", "trial": TRIAL.canonical()}
+    finished = {
+        f"trials/{key}.json": trial | {"key": key} | content for key in ("done", "timeless")
+    }
+    said = finished | {
+        "timings/done.json": {"schema": 4, "key": "done", "seconds": 2.5, "checksum": "c0ffee"},
+        "failed/failed.json": trial | {"key": "failed", "reason": "it slept"},
+    }
+    texts = {name: json.dumps(value) for name, value in said.items()}
+    for name, text in (texts | {"trials/torn.json": texts["trials/done.json"][:40]}).items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    return tmp_path
+
+
+def test_a_folder_with_a_file_a_trial_is_read_and_becomes_lines_when_it_goes_on(former, capsys):
+    before = files(former)
+    for converted in (False, True, True):
+        with writing(former) if converted else writing(former, (1, 2)) as store:
+            assert store.get("done", TRIAL) == changed(DONE, key="done")
+            assert store.get("timeless", TRIAL) == changed(DONE, key="timeless", seconds=None)
+            assert store.failure("failed") == "it slept"
+            assert store.rejected == {"trials/torn.json": "is truncated, or not JSON"}
+        (former / "trials-1-of-2.jsonl").unlink(missing_ok=True)
+        there = {"trials/torn.json", "trials.jsonl"} if converted else before.keys()
+        assert files(former).keys() == there
+    said = f"deqmcl: 3 trials that had files of their own are lines of {former}/trials.jsonl now.\n"
+    assert capsys.readouterr().err == said
+
+
+def test_a_conversion_that_was_killed_ends_at_the_next_opening(former, monkeypatch):
+    def interrupted(*_, **how):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("pathlib.Path.unlink", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            writing(former).__enter__()
+    assert "trials/done.json" in files(former)
+    with writing(former) as store:
+        assert store.get("done", TRIAL) == changed(DONE, key="done")
+    assert files(former).keys() == {"trials/torn.json", "trials.jsonl"}

@@ -7,12 +7,15 @@ import pytest
 from report_cases import trials
 
 from benchmarks.sweeps.running import check
-from benchmarks.sweeps.suites import FAMILIES, SUITES, sweeps_named
+from benchmarks.sweeps.suites import SUITES, sweep_named
 from benchmarks.sweeps.sweepfile import with_localizers
 from benchmarks.tables.panels import panels
 from benchmarks.tables.stats import least_worlds
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
+
+REPORTS = Path(__file__).parents[2] / "docs" / "reports"
+BESIDE = [path.relative_to(REPORTS).as_posix() for path in sorted(REPORTS.glob("*/*.toml"))]
 
 
 @pytest.mark.parametrize("name", SUITES)
@@ -20,24 +23,18 @@ def test_every_built_in_suite_can_be_made(name):
     check(SUITES[name])
 
 
-def test_the_documents_name_every_suite_of_the_study():
-    text = (Path(__file__).parents[2] / "docs" / "study.md").read_text(encoding="utf-8")
-    assert [name for name in FAMILIES["study"] if f"`{name}`" not in text] == []
-
-
-def test_a_family_is_its_suites_in_folders_of_their_names_and_a_suite_is_itself():
-    assert list(sweeps_named("study")) == list(FAMILIES["study"])
-    assert sweeps_named("quick") == {"": SUITES["quick"]}
-    added = sweeps_named("study", ["ekf"])
-    assert all("ekf" in {m.name for m in sweep.localizers} for sweep in added.values())
+@pytest.mark.parametrize("name", [name for name in BESIDE if "/log-" not in name])
+def test_every_sweep_beside_its_report_can_be_made(name):
+    check(sweep_named(str(REPORTS / name)))
 
 
 def test_a_localizer_added_to_a_suite_runs_on_its_worlds_and_one_it_has_is_not_added():
     quick = SUITES["quick"]
     assert with_localizers(quick, ["mcl"]) == quick
-    lag = with_localizers(SUITES["lag"], ["mcl", "mcl"])
-    assert [method.name for method in lag.localizers].count("mcl") == 1
-    assert {t.lag for t in lag.distinct() if t.localizer == "mcl"} == {0, 5, 10, 20, 40}
+    noise = with_localizers(SUITES["noise"], ["ekf", "ekf"])
+    assert [method.name for method in noise.localizers].count("ekf") == 1
+    worlds = [t.world for t in noise.distinct() if t.localizer == "ekf"]
+    assert worlds == [t.world for t in noise.distinct() if t.localizer == "mcl"]
 
 
 def test_the_plan_of_the_disturbed_suite_leads_back_to_the_start():

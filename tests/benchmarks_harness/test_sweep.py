@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from deqmcl_command import files, process, python
+from deqmcl_command import process, python, records
 from refusals import refused
 
 import localizers
@@ -18,14 +18,13 @@ from benchmarks.setup.changes import Named
 from benchmarks.sweeps.design import Axis, Sweep
 from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.running import Options, begun, run_missing
-from benchmarks.sweeps.store import Store
+from benchmarks.sweeps.store import writing
 from benchmarks.sweeps.suites import paper_suite
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials import attempt
 from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
-from localizers.checks import Report, Verdict
 
 
 def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
@@ -34,21 +33,22 @@ def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
 
 def run(trials, out):
     """Run trials; return the store and the trials by key."""
-    store, made = Store(out), provenance_of(trials)
+    made = provenance_of(trials)
     named = {made.key(trial): trial for trial in trials}
-    run_missing(named, store, Options(where=Where(jobs=1), progress=False), made)
+    with writing(out) as store:
+        run_missing(named, store, Options(where=Where(jobs=1), progress=False), made)
     return store, named
 
 
 def reasons(store, keys):
     """Why trials failed; None of those that did not."""
-    return [store.failure(key, trial) for key, trial in keys.items()]
+    return [store.failure(key) for key in keys]
 
 
 def test_the_order_in_which_trials_run_changes_no_result(tmp_path):
     run(suite(), tmp_path / "a")
     run(suite()[::-1], tmp_path / "b")
-    assert files(tmp_path / "a" / "trials") == files(tmp_path / "b" / "trials")
+    assert records(tmp_path / "a") == records(tmp_path / "b")
 
 
 def test_all_methods_run_on_one_world_before_any_runs_on_the_next(tmp_path, ran):
@@ -60,7 +60,7 @@ def test_workers_that_loaded_other_code_than_the_sweep_are_refused(tmp_path, mon
     monkeypatch.setattr(attempt, "key_of", lambda trial: "another")
     (reason,) = set(reasons(*run(suite(), tmp_path)))
     assert "its worker loaded other code" in reason
-    assert not (tmp_path / "trials").exists()
+    assert records(tmp_path) == {}
 
 
 class Nowhere:
@@ -132,7 +132,7 @@ def test_a_localizer_that_fails_fails_its_trials_with_the_reason_and_the_others_
         bad, good = reasons(*run(suite(["bad", "dead-reckoning"], trials=1), tmp_path))
     assert reason in bad
     assert good is None
-    assert len(files(tmp_path / "trials")) == 1
+    assert len(records(tmp_path)) == 1
 
 
 class Sure:
@@ -199,7 +199,7 @@ def test_what_cannot_go_along_is_refused_before_anything_runs(tmp_path):
         refused("'sure' cannot be sent to other processes", "jobs=1", "file.py:NAME"),
     ):
         swept(tmp_path / "new", where=Where(jobs=2))
-    assert not (tmp_path / "new").exists()
+    assert records(tmp_path / "new") == {}
 
 
 def test_a_name_that_this_process_alone_knows_is_refused_where_others_would_run_it(tmp_path):
@@ -208,7 +208,7 @@ def test_a_name_that_this_process_alone_knows_is_refused_where_others_would_run_
         refused("'sure' is registered in this process only", "agents and scenarios of ours"),
     ):
         swept(tmp_path / "new", agent=Named("drivers:Mine"))
-    assert not (tmp_path / "new").exists()
+    assert records(tmp_path / "new") == {}
 
 
 SCRIPT = """
@@ -312,10 +312,8 @@ def test_names_and_paths_are_taken_as_text_and_what_is_no_name_is_refused(tmp_pa
         write_report(results, tmp_path)
 
 
-def test_what_holds_a_whole_sweep_a_cloud_or_all_laws_is_shown_on_a_line(tmp_path):
+def test_what_holds_a_whole_sweep_or_a_cloud_is_shown_on_a_line(tmp_path):
     (trial,) = suite(["deq-mcl"], trials=1)
     belief = next(iter(Stage.of(trial).moments())).belief
     assert repr(belief) == "<ParticleBelief of 15 particles at steps 0 to 4>"
     assert repr(swept(tmp_path, ("mcl",))) == "<Results of 't': 2 of 2 trials finished, 0 failed>"
-    verdict = Verdict("finite", "FAILED", "a weight is nan")
-    assert repr(Report("mine", (verdict,))) == "<mine: 1 of 1 laws failed>"

@@ -19,9 +19,9 @@ from fake_episode import (
 )
 
 from benchmarks.setup.scenario import Thresholds
+from benchmarks.trials.collecting import JourneyLog
 from benchmarks.trials.episode import Moment
-from benchmarks.trials.journey_log import JourneyLog
-from benchmarks.trials.journeys import groups_named
+from benchmarks.trials.scores import groups_named
 from benchmarks.trials.scoring import LATER, SCORE_NAMES, Record, profile, record, scores
 from benchmarks.trials.trace import trace_of
 from deqmcl_gym.validation import InputError

@@ -2,8 +2,8 @@
 
 from benchmarks.setup.names import make_agent
 from benchmarks.setup.scenario import Thresholds
+from benchmarks.trials.collecting import TrackLog
 from benchmarks.trials.episode import moments
-from benchmarks.trials.tracks import TrackLog
 from deqmcl_gym.envs.log import LogEnv
 
 

@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from deqmcl_command import exit_code, files
+from deqmcl_command import exit_code, files, lose, stored
 from hall import recorded_in_a_hall, write_lap
 from refusals import refused
 
 from benchmarks.replay.basin import MOSTLY, Question, _boundary
 from benchmarks.setup.names import scenario
-from benchmarks.trials.journeys import WholeRun
+from benchmarks.trials.collecting import WholeRun
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps import GridMap
@@ -160,18 +160,16 @@ def test_its_table_is_that_of_the_trials_on_any_number_of_workers_and_resumed(re
     said = capsys.readouterr().out
     assert "mcl-map: localized in" in said
     shutil.copytree("one", "two")
-    trials = {path.name: path for path in (recorded / "two" / "trials").iterdir()}
-    for name in sorted(trials)[::2]:
-        trials[name].unlink()
+    trials = (recorded / "two" / "trials.jsonl").read_text().splitlines()
+    lose(recorded / "two", *range(0, len(trials), 2))
     for name in ("basin.csv", "basin.md", "basin.png"):
         (recorded / "two" / name).unlink()
     assert exit_code(*FEW, *particles, "--jobs", "2", "--out", "two") == 0
     for name in ("basin.csv", "basin.md", "basin.png"):
         assert files(recorded / "one")[name] == files(recorded / "two")[name], name
     counts = {}
-    for path in trials.values():
-        kept = json.loads(path.read_text())
-        curves, prior = kept["journey"]["curves"], kept["trial"]["assumed"]
+    for kept in map(json.loads, trials):
+        curves, prior = kept["record"]["journey"]["curves"], kept["trial"]["assumed"]
         near = [
             d <= 1 and a <= math.radians(30)
             for d, a in zip(curves["distance"], curves["angle"], strict=True)
@@ -195,11 +193,11 @@ def test_its_table_is_that_of_the_trials_on_any_number_of_workers_and_resumed(re
 def test_another_question_of_the_same_runs_runs_nothing(recorded, capsys):
     known = (*FEW, "--localizers", "dead-reckoning", "--jobs", "1", "--out", "out")
     assert exit_code(*known) == 0
-    before = files(recorded / "out" / "trials")
+    before = stored(recorded / "out")
     capsys.readouterr()
     assert exit_code(*known, "--within", "5steps", "--localized", "9m,180deg") == 0
     assert "running" not in capsys.readouterr().err
-    assert files(recorded / "out" / "trials") == before
+    assert stored(recorded / "out") == before
     assert {row["share"] for row in table("out/basin.csv")} == {"1.0"}
 
 

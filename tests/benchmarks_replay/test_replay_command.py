@@ -4,9 +4,12 @@ import csv
 import math
 import statistics
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from bags import written
+from deqmcl_command import records, stored
 from hall import recorded_in_a_hall, write_lap
 from report_cases import lines_of, panel_of, table_of
 
@@ -17,10 +20,10 @@ from benchmarks.report.tracks import differences_table, tables_of, told
 from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.tracks import rows_of
+from benchmarks.trials.collecting import TrackLog
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.tracks import TrackLog
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap, PolygonMap
 from localizers import PointsBelief
@@ -219,10 +222,10 @@ def test_more_runs_are_added_to_those_that_are_there_and_other_settings_are_refu
 ):
     words = (*KNOWN, "--localizers", "dead-reckoning", "--out", "o")
     assert replay(*words, "--seeds", "1") == 0
-    files = {path: path.stat().st_mtime_ns for path in recorded.glob("o/trials/*.json")}
+    before = stored(recorded / "o")["trials.jsonl"]
     assert replay(*words, "--seeds", "2") == 0
-    assert len(list(recorded.glob("o/trials/*.json"))) == 2
-    assert {path: path.stat().st_mtime_ns for path in files} == files
+    assert len(records(recorded / "o")) == 2
+    assert stored(recorded / "o")["trials.jsonl"].startswith(before)
     assert [row["seed"] for row in table("o/trials.csv")] == ["0", "1"]
     assert replay(*words, "--seeds", "2", "--radius", "0.3") == 2
     assert "world.radius was not set and is 0.3" in capsys.readouterr().err
@@ -558,7 +561,7 @@ def test_two_scan_topics_of_a_bag_are_played_as_one_scanner(recorded, capsys, tm
     log = logs.read("lap.csv", reference="lap.tum")
     beams = log.scanner.beams
     two = replace(log.scanner, mounts=({"x": 0.0, "beams": 31}, {"x": 0.0, "beams": beams - 31}))
-    logs.write(replace(log, scanner=two), "two.mcap")
+    written(replace(log, scanner=two), Path("two.mcap"))
     words = ("two.mcap", *KNOWN[1:], "--localizers", "mcl", "--seeds", "1")
     both = ("--read", "scan_topic=/scan_1", "--read", "scan_topic=/scan_2")
     assert replay(*words, *both, "--out", "o") == 0

@@ -14,8 +14,7 @@ from test_links import ROOT
 
 from benchmarks.setup.names import scenario
 from localizers import UniformPrior, make, source_digest
-from localizers.checks import check_localizer
-from localizers.checks.subject import default_robot
+from localizers.checks import check_localizer, default_robot
 
 EXAMPLES = ROOT / "docs" / "examples"
 QUICK = ("custom_room.py", "doors.py")
@@ -62,6 +61,14 @@ def run(script: str, *arguments: object) -> str:
 def test_a_script_of_the_gallery_runs(script, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "Agg")
     run(script)
+
+
+@pytest.mark.slow
+def test_theta_phase_prints_the_table_of_its_page():
+    rows = run("theta_phase.py").splitlines()[1:]
+    page = (ROOT / "docs" / "phase.md").read_text().replace("`", "").replace("none", "n/a")
+    assert len(rows) == 5
+    assert [row for row in rows if row not in page] == []
 
 
 @pytest.mark.slow

@@ -117,7 +117,7 @@ def test_a_name_that_is_gone_is_noticed(tmp_path):
     document.write_text(
         "[`Kept.held`](code.py) [`Kept.lost`](code.py) `lost_2` of [`Kept`](code.py) "
         "`held` in [`code.py`](code.py) `LOST` in [`code.py`](code.py) `np.sum` `localizers.make` "
-        "`localizers.naming.plugins.load(name)` `localizers.mend(x)`\n```\n[`No`](code.py)\n```\n"
+        "`localizers.kinds.absolute_name(name)` `localizers.mend(x)`\n```\n[`No`](code.py)\n```\n"
     )
     assert list(gone(document)) == ["lost", "lost_2", "LOST", "localizers.mend"]
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+from bags import written
 from deqmcl_command import exit_code, lines, process, python
 from mcap.reader import make_reader
 from test_links import ROOT
@@ -20,7 +21,7 @@ from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.trials.stage import DISTURBANCES
 from deqmcl_gym import logs
 from localizers import template
-from localizers.checks import LAWS, check_localizer
+from localizers.checks import LAWS, check_localizer, name_of
 
 FEWER = ("--particles 3000 --seeds 2", "--particles 300 --seeds 1")  # global: whether it runs
 NAMED = "./my_localizer.py:MyLocalizer"
@@ -87,7 +88,7 @@ def test_the_check_from_python_runs_as_a_file(tmp_path):
 def test_the_table_names_all_laws_in_their_order():
     section = LOCALIZER.partition("## The laws")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| ([a-z ]+) \| .+ \|$", section, re.MULTILINE)
-    assert rows == ["law", *(law.name for law in LAWS)]
+    assert rows == ["law", *map(name_of, LAWS)]
 
 
 def test_the_localizer_that_follows_the_plan_keeps_all_laws(tmp_path):
@@ -129,7 +130,7 @@ def test_the_page_on_ones_own_log_works_from_top_to_bottom(lap, capsys):
 
 
 def test_the_page_on_scoring_works_from_top_to_bottom(lap, capsys):
-    log = logs.read("lap.log.gz")
+    log = logs.read("lap.csv.gz")
     poses = logs.read_tum("lap.tum").poses
     logs.Trajectory(log.times, poses + 0.1).write("theirs.tum")
     rows = [f"{t!r},{x!r},{y!r},{h!r}" for t, (x, y, h) in
@@ -195,6 +196,8 @@ def test_the_loop_of_a_robot_works_from_a_bag_as_the_page_says(lap, monkeypatch,
     monkeypatch.syspath_prepend(os.getcwd())
     node, _, feed = blocks(ROBOT, "python notest")
     Path("localization.py").write_text(node)
+    written(logs.read("lap.csv.gz"), Path("robot.mcap"))
+    feed = feed.replace("map.yaml", "hall.yaml")
     names = {}
     exec(compile(feed, "feed", "exec"), names)
     sys.modules.pop("localization")

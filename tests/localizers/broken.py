@@ -1,6 +1,5 @@
 """Each class breaks the law of its name, and no other."""
 
-import decimal
 import math
 import multiprocessing
 import os
@@ -17,20 +16,6 @@ import numpy as np
 
 from localizers import PointsBelief, PoseBelief, mean_pose
 from localizers.template import MyLocalizer
-
-
-class AnswersInTime(MyLocalizer):
-    """Waits for a sensor that is not there."""
-
-    def update(self, ranges, action, plan):
-        time.sleep(3600)
-
-
-class EndsTheProcess(MyLocalizer):
-    """Breaks the law of the time limit in another way."""
-
-    def update(self, ranges, action, plan):
-        os._exit(7)
 
 
 @cache
@@ -116,14 +101,6 @@ class TakesTheSecondForTheTurn(MyLocalizer):
         return super().update(ranges, action[:2], plan[:, :2])
 
 
-def IncrementsOfThree(robot):  # noqa: N802
-    """As if it were built in, which plug-ins that run in rooms alone may do."""
-    return TakesTheSecondForTheTurn(robot)
-
-
-IncrementsOfThree.__module__ = "localizers.methods.mine"
-
-
 class GlobalRngUntouched(MyLocalizer):
     """Seeds the global generator, for results that repeat."""
 
@@ -139,19 +116,17 @@ class ProcessStateUntouched(MyLocalizer):
     CHANGES = MappingProxyType(
         {
             "the working folder": lambda: os.chdir("/"),
-            "sys.stdin, sys.stdout or sys.stderr": lambda: setattr(sys, "stdout", None),
             "signal handlers": lambda: signal.signal(signal.SIGTERM, signal.SIG_IGN),
             "np.seterr": lambda: np.seterr(divide="raise"),
             "np.set_printoptions": lambda: np.set_printoptions(precision=2),
             "the filters of warnings": lambda: warnings.simplefilter("error", BytesWarning),
-            "the context of decimal": lambda: setattr(decimal.getcontext(), "prec", 3),
             "os.environ": lambda: os.environ.update(DEQMCL_BROKEN="1"),
             "the recursion limit": lambda: sys.setrecursionlimit(5000),
             "sys.path": lambda: sys.path.insert(0, "/nowhere"),
         }
     )
 
-    def __init__(self, robot, *, particles=500, change="the context of decimal"):
+    def __init__(self, robot, *, particles=500, change="the recursion limit"):
         super().__init__(robot, particles=particles)
         self.change = change
 
@@ -334,9 +309,9 @@ class Picklable(MyLocalizer):
 
 
 class RunsInAWorker(MyLocalizer):
-    """Works only in a process that no other process of the check has started."""
+    """Works only in the process that the user has started."""
 
     def reset(self, prior, plan, rng):
-        if ":" in multiprocessing.current_process().name:
+        if multiprocessing.parent_process() is not None:
             raise OSError("no device in this process")
         return super().reset(prior, plan, rng)

@@ -78,6 +78,9 @@ class Outer:
 def refuses(robot):
     raise ValueError("not this robot")
 
+def leaves(robot):
+    raise SystemExit("bye")
+
 def none(robot):
     return None
 

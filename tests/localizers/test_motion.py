@@ -21,7 +21,7 @@ from following import STILL, wrapped
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
 from localizers import GaussianPrior, OdometryMotion, RobotModel, UniformPrior, make
-from localizers.checks.subject import default_robot
+from localizers.checks import default_robot
 from localizers.models import motion as kernels
 
 N = 100_000

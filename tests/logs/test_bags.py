@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from bags import ODOMETRY, SCAN, TF, bag, make, odometry, scan, transform
+from bags import ODOMETRY, SCAN, TF, bag, make, odometry, scan, transform, written
 from drives import read_and_warned
 from refusals import refused
 from rosbags.rosbag2 import StoragePlugin
@@ -114,7 +114,7 @@ def test_a_mounting_that_is_given_replaces_the_logs_through_all_formats(tmp_path
     log, _ = read_and_warned(bag(tmp_path / "x", *drive(mounted(yaw=0.5))))
     for name in ("x", "x.log", "x.csv", "x.npz", "x.mcap"):
         if name != "x":
-            logs.write(log, tmp_path / name)
+            written(log, tmp_path / name)
         same, _ = read_and_warned(tmp_path / name, mounting=(0.2, -0.1, 0.5))
         assert same.scanner.bearings == pytest.approx(log.scanner.bearings, abs=1e-6)
         ahead, _ = read_and_warned(tmp_path / name, mounting=(0.2, -0.1, 0.0))
@@ -171,6 +171,5 @@ def test_a_scan_that_nobody_knows_the_place_or_the_angles_of_is_counted(
 
 def test_without_rosbags_one_sentence_names_the_command(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.highlevel", None)
-    for call in (lambda: logs.read(tmp_path / "x.bag"), lambda: logs.check_writable("x.mcap")):
-        with pytest.raises(InputError, match=r'pip install "deqmcl-gym\[ros\]"'):
-            call()
+    with pytest.raises(InputError, match=r'pip install "deqmcl-gym\[ros\]"'):
+        logs.read(tmp_path / "x.bag")

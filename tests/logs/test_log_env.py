@@ -8,6 +8,7 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 import pytest
+from bags import written
 from checked import has_nothing_to_say
 from drives import ENDINGS, NAN, SQUARE, episode, real, same
 from gymnasium.envs.registration import EnvSpec
@@ -98,7 +99,7 @@ def test_a_room_played_back_from_a_file_says_what_the_room_said(tmp_path, ending
     while len(said) < 60:
         scan, _, _, _, info = room.step(said[-1][1]["planned_actions"][0])
         said.append((scan, info))
-    logs.write(room.log, tmp_path / f"x{ending}")
+    written(room.log, tmp_path / f"x{ending}")
     env = gym.make(LOG_ID, log=tmp_path / f"x{ending}", horizon=20)
     back = played(env)
     assert len(back) == len(said)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from bags import written
 from drives import read_and_warned, real
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -226,7 +227,7 @@ def test_records_that_share_a_stamp_keep_the_pose_of_each(tmp_path, ending):
     poses = np.column_stack([[0.0, 1.0, 2.0, 3.0], np.zeros((4, 2))])
     reference = poses + np.array([5.0, 0.0, 0.0])
     log = logs.Log(scanner, [0.0, 1.0, 1.0, 2.0], poses, np.ones((4, 1)), reference)
-    logs.write(log, tmp_path / f"x{ending}")
+    written(log, tmp_path / f"x{ending}")
     back = logs.read(tmp_path / f"x{ending}")
     np.testing.assert_array_equal(back.reference, log.reference)
     assert back.interpolated is None or not back.interpolated.any()
@@ -264,7 +265,7 @@ def test_poses_in_a_log_with_their_own_stamps_are_interpolated_as_those_beside_i
     log, true = drive()
     reference = np.where((np.arange(60) % 5 == 0)[:, None], true, np.nan)
     sparse = logs.Log(log.scanner, log.times, log.odometry, log.ranges, reference)
-    logs.write(sparse, tmp_path / f"x{ending}")
+    written(sparse, tmp_path / f"x{ending}")
     found = logs.read(tmp_path / f"x{ending}")
     assert found.interpolated.sum() == 44  # of 12 stretches the last ends with the log's record 55
     assert np.abs(relative(found.reference[:56], true[:56])).max() < 1e-9

@@ -5,13 +5,13 @@ import math
 
 import numpy as np
 import pytest
+from bags import written
 from drives import ENDINGS, episode, real, same
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deqmcl_gym import logs
-from deqmcl_gym.logs.carmen import read_carmen, write_carmen
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.logs.carmen import read_carmen
 
 ROS = (".bag", ".mcap", "")
 IN_ROWS = (".csv", ".csv.gz", ".npz")  # formats with the reference in the records themselves
@@ -21,7 +21,7 @@ IN_ROWS = (".csv", ".csv.gz", ".npz")  # formats with the reference in the recor
 @pytest.mark.parametrize("made", [episode, real])
 def test_a_log_comes_back_with_all_digits(tmp_path, ending, made):
     log = made()
-    logs.write(log, tmp_path / f"x{ending}")
+    written(log, tmp_path / f"x{ending}")
     own_stamps = {} if ending in IN_ROWS else {"max_gap": 0.0}
     back = logs.read(tmp_path / f"x{ending}", **own_stamps)
     if ending in ROS:  # headings pass through quaternions, angles are float32
@@ -39,7 +39,7 @@ def test_a_log_comes_back_with_all_digits(tmp_path, ending, made):
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_the_actions_of_an_episode_come_back_to_the_bit(tmp_path, ending):
     log = episode()
-    logs.write(log, tmp_path / f"x{ending}")
+    written(log, tmp_path / f"x{ending}")
     found = logs.read(tmp_path / f"x{ending}").increments
     meant = log.increments[:, [0, 2]].astype(np.float32)
     np.testing.assert_array_equal(found[:, [0, 2]].astype(np.float32), meant)
@@ -56,16 +56,13 @@ def test_a_trajectory_comes_back_and_becomes_the_reference_it_was(tmp_path):
     np.testing.assert_allclose(found.reference, log.reference, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("ending", [".log", ".bag", ".mcap", ""])
-def test_beams_that_are_not_evenly_spaced_go_where_they_can_be_said(tmp_path, ending):
+@pytest.mark.parametrize("ending", [".csv", ".npz"])
+def test_beams_that_are_not_evenly_spaced_come_back(tmp_path, ending):
     log = real()
     angles = (*log.scanner.angles[:-1], 1.5)
     bent = logs.Log(logs.Scanner(angles=angles, max_range=8.0), log.times, log.odometry, log.ranges)
-    with pytest.raises(InputError, match="evenly spaced"):
-        logs.write(bent, tmp_path / f"x{ending}")
-    assert not list(tmp_path.iterdir())
-    logs.write(bent, tmp_path / "x.npz")
-    same(logs.read(tmp_path / "x.npz"), bent)
+    logs.write(bent, tmp_path / f"x{ending}")
+    same(logs.read(tmp_path / f"x{ending}"), bent)
 
 
 finite = st.floats(-0.1, 0.1)  # no jump
@@ -111,7 +108,7 @@ def test_carmen_lines_of_other_programs_are_read_as_they_stand(
     assert log.scanner.mounting == ((0.25, 0.0) if flaser else (0.0, 0.0))
     expected = [-math.pi / 2, 0, math.pi / 2] if flaser else [-1.5, -0.5, 0.5]
     assert log.scanner.bearings == pytest.approx(expected)
-    write_carmen(log, path)
+    written(log, path)
     same(read_carmen([path]), log)
 
 
@@ -136,7 +133,7 @@ def test_a_mounting_between_two_millimetres_costs_no_record(tmp_path, ours, turn
     )
     poses = rng.uniform(-1, 1, (200, 3))
     log = logs.Log(scanner, np.arange(200.0), poses, rng.uniform(1, 7, (200, 5)))
-    write_carmen(log, tmp_path / "x.log")
+    written(log, tmp_path / "x.log")
     if not ours:
         lines = (tmp_path / "x.log").read_text().splitlines()
         text = "\n".join(line for line in lines if not line.startswith("PARAM"))
@@ -144,16 +141,6 @@ def test_a_mounting_between_two_millimetres_costs_no_record(tmp_path, ours, turn
     back = read_carmen([tmp_path / "x.log"])
     assert len(back) == 200
     assert back.scanner.mounting == pytest.approx((0.0625, 0.0), abs=6e-4)
-
-
-@pytest.mark.parametrize("ending", [".bag", ".mcap"])
-def test_times_that_ros_cannot_hold_are_refused(tmp_path, ending):
-    scanner = logs.Scanner(angles=(0.0,), max_range=5.0)
-    for times in ([-1.0, 0.0], [0.0, 2.0**31], [0.0, 1e11]):
-        log = logs.Log(scanner, times, np.zeros((2, 3)), np.ones((2, 1)))
-        with pytest.raises(InputError, match="times in ROS are from 0"):
-            logs.write(log, tmp_path / f"x{ending}")
-    assert not list(tmp_path.iterdir())
 
 
 def test_ranges_beyond_the_bounds_given_are_no_measurements(tmp_path):

@@ -4,13 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from bags import ODOMETRY, SCAN, TF, bag, odometry, scan, transform
+from bags import ODOMETRY, SCAN, TF, bag, odometry, scan, transform, written
 from drives import read_and_warned
 from refusals import refused
 
 from deqmcl_gym import GridMap, logs
 from deqmcl_gym.maps import Lidar, Mount
-from deqmcl_gym.validation import InputError
 
 FRONT, REAR = "/front/scan", "/rear/scan"
 BOTH = (FRONT, REAR)
@@ -198,15 +197,13 @@ def test_a_log_of_two_lidars_is_written_and_read_again(tmp_path, ending):
     ]
     log, _ = read_and_warned(two(tmp_path / "x", *scans), scan_topic=BOTH)
     path = tmp_path / f"again{ending}"
-    logs.write(log, path)
+    written(log, path)
     topics = {} if ending in (".csv", ".npz") else {"scan_topic": ["/scan_1", "/scan_2"]}
     same, warned = read_and_warned(path, **topics)
     assert warned == ""
     np.testing.assert_array_equal(same.ranges, log.ranges)
     np.testing.assert_allclose(same.scanner.bearings, log.scanner.bearings, atol=1e-5)
     np.testing.assert_allclose(same.scanner.places, log.scanner.places, atol=1e-12)
-    with pytest.raises(InputError, match=r"has mounts: end the name in \.csv, \.npz, \.bag"):
-        logs.write(log, tmp_path / "x.log")
 
 
 REFUSED = {
@@ -237,6 +234,6 @@ def test_topics_that_make_no_log_are_refused_in_a_sentence(tmp_path, case):
 def test_a_carmen_log_has_one_scanner(tmp_path):
     times = np.arange(1, 9) / 4
     path = two(tmp_path / "x", sent(FRONT, AHEAD, times), sent(REAR, BEHIND, times))
-    logs.write(read_and_warned(path, scan_topic=FRONT)[0], tmp_path / "x.log")
+    written(read_and_warned(path, scan_topic=FRONT)[0], tmp_path / "x.log")
     with refused("kind of scan in a CARMEN log"):
         logs.read(tmp_path / "x.log", scan_topic=("FLASER", "ROBOTLASER1"))

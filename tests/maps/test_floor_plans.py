@@ -34,7 +34,7 @@ def test_an_office_is_a_floor_plan_of_cells_or_of_polygons():
 
 def test_polygons_in_a_file_are_read_back_as_they_were(tmp_path):
     path = tmp_path / "office.json"
-    path.write_text(polygon_map.text_of(OFFICE.polygons))
+    path.write_text(polygon_map.polygons_text(OFFICE.polygons))
     for given in (path, str(path), {"file": str(path)}):
         assert floor_plan(given) == OFFICE.polygons
 

@@ -12,7 +12,6 @@ from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.casting import all_at_once, cell_by_cell
 from deqmcl_gym.numerics import arrays, elementary
-from deqmcl_gym.numerics.entropy import Seeds
 
 # one wall of each kind that a caster knows: room, boxes, upright, level, oblique
 WALLS = (
@@ -35,7 +34,6 @@ def cases() -> Iterator[tuple[str, np.ndarray]]:
     elementary.sincos32(singles, sines, cosines)
     elementary.logs64(rng.random(20), logs)
     yield "elementary", np.concatenate([sines, cosines, logs])
-    yield "entropy", Seeds(7, (1, 2)).generate_state(4, np.uint64)
 
     plan = PolygonMap(*WALLS)
     poses = np.float32([*rng.uniform((-5, -5), (95, 75), (20, 2)).T, rng.uniform(-3, 3, 20)])

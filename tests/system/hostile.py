@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 
 import numpy as np
@@ -18,10 +17,9 @@ def recurse():
     recurse()
 
 
-def start(*command, **how):
-    process = subprocess.Popen(command, **how)
-    with open(STARTED, "a") as file:
-        print(process.pid, file=file)
+def start():
+    with open(STARTED, "w") as file:
+        print(subprocess.Popen(["sleep", "3600"]).pid, file=file)
 
 
 def spoil_state():
@@ -49,13 +47,9 @@ DEEDS = {
     "interrupt": interrupt,
     "close": close,
     "recurse": recurse,
-    "allocate": lambda: np.ones(10**13),
     "leave": lambda: os.chdir("/"),
     "spoil": spoil_state,
-    "thread": lambda: threading.Thread(target=time.sleep, args=(3600,)).start(),
-    "fork": os.fork,
-    "child": lambda: start("sleep", "3600"),
-    "daemon": lambda: start("sleep", "3600", start_new_session=True),
+    "child": start,
 }
 
 

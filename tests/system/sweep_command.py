@@ -8,6 +8,7 @@ import pytest
 from deqmcl_command import exit_code
 
 from benchmarks.report import writing
+from localizers.template import MyLocalizer
 
 SMALL = """
 title = "small"
@@ -58,13 +59,14 @@ def tables(out):
     return {name: (out / name).read_bytes() for name in TABLES}
 
 
-def trial_files(out):
-    return {path.name: path.read_bytes() for path in (out / "trials").glob("*.json")}
+class broken(MyLocalizer):  # noqa: N801
+    """Fails in each trial."""
 
+    def __init__(self, robot, **params):
+        pass
 
-def broken(robot, **params):
-    """Make no localizer."""
-    raise ArithmeticError("broken")
+    def reset(self, prior, plan, rng):
+        raise ArithmeticError("broken")
 
 
 def in_threads():

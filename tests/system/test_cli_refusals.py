@@ -8,7 +8,6 @@ import pytest
 from sweep_command import write_small
 
 RUN = ("run", "--localizer", "mcl", "--out", "out")
-PHASE = ("phase", "--out", "out")
 MAP = ("new-map", "office", "--out", "out")
 
 BAD = [  # arguments, and what the sentence must name
@@ -37,8 +36,7 @@ BAD = [  # arguments, and what the sentence must name
     (["sweep", "quick", "--seed", "-1"], ["--seed", "-1"]),
     (["sweep", "quick", "--param", "ekf.gate=9"], ["unknown localizer in --param 'ekf'"]),
     (["sweep", "quick", "--param", "mcl.particles=0"], ["particles", "0"]),
-    ([*PHASE, "--fields", "1"], ["--fields", "1"]),
-    ([*PHASE, "--localizers", "mcl,dec-mcl"], ["'dec-mcl'", "did you mean 'deq-mcl'?"]),
+    (["paper", "--localizers", "mcl,dec-mcl"], ["'dec-mcl'", "did you mean 'deq-mcl'?"]),
     (["paper", "--localizers", " , "], ["no localizer", "deq-mcl"]),
     (["paper", "--localizers", "mcl,deq-mcl,mcl"], ["twice", "mcl,"]),
     (["paper", "--scenario", "papr"], ["scenario", "'papr'", "did you mean 'paper'?", "room.toml"]),
@@ -73,9 +71,7 @@ def test_a_bad_command_line_is_refused_in_one_sentence_and_nothing_is_written(
     assert os.listdir() == []
 
 
-@pytest.mark.parametrize(
-    "command", ["paper", "run --localizer mcl", "phase", "sweep quick", "speed"]
-)
+@pytest.mark.parametrize("command", ["paper", "run --localizer mcl", "sweep quick"])
 @pytest.mark.parametrize("out", ["file", "file/below", "file/far/below"])
 def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(
     tmp_path, refusal, command, out
@@ -86,12 +82,11 @@ def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(
     assert (tmp_path / "file").read_text() == "precious"
 
 
-@pytest.mark.parametrize("command", [("run", "--localizer", "dead-reckoning"), ("phase",)])
-def test_what_draws_names_the_pip_command_without_matplotlib(monkeypatch, refusal, command):
+def test_what_draws_names_the_pip_command_without_matplotlib(monkeypatch, refusal):
     loaded = [name for name in sys.modules if name.startswith("matplotlib.")]
     for name in ("matplotlib", *loaded):
         monkeypatch.setitem(sys.modules, name, None)
-    refusal([*command, "--out", "out"], "pip install 'deqmcl-gym[plots]'")
+    refusal(RUN, "pip install 'deqmcl-gym[plots]'")
     assert os.listdir() == []
 
 
@@ -152,7 +147,7 @@ def test_a_sweep_that_cannot_be_run_is_refused_before_anything_is_written(
 
 @pytest.mark.parametrize(
     "words",
-    [f"{name} --out" for name in ("sweep", "paper", "run", "phase", "report", "export", "speed")]
+    [f"{name} --out" for name in ("sweep", "paper", "run", "report", "export")]
     + ["new-localizer", "report"],
 )
 def test_a_name_that_no_file_can_have_is_refused(refusal, words):

@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
-from deqmcl_command import process
-from sweep_command import tables, trial_files, write_small
+from deqmcl_command import process, records
+from sweep_command import tables, write_small
 
 pytest.importorskip("distributed")
 
@@ -29,13 +29,13 @@ def test_a_cluster_that_loses_a_worker_gives_the_numbers_of_one_process(tmp_path
     assert not flag.exists()  # a worker found it and died
     assert there.stdout.startswith("small: 9 of 9 trials finished.")
     assert tables(tmp_path / "there") == tables(tmp_path / "here")
-    assert trial_files(tmp_path / "there") == trial_files(tmp_path / "here")
+    assert records(tmp_path / "there") == records(tmp_path / "here")
 
 
 def test_a_scheduler_that_does_not_answer_is_bad_input(tmp_path, refusal, monkeypatch):
-    from benchmarks.execution import engines
+    from benchmarks.execution import executors
 
-    monkeypatch.setattr(engines, "CONNECT_SECONDS", 1)
+    monkeypatch.setattr(executors, "CONNECT_SECONDS", 1)
     given = ("--out", tmp_path / "out", "--executor", "dask", "--scheduler", "tcp://127.0.0.1:9")
     said = "deqmcl: the Dask scheduler 'tcp://127.0.0.1:9' cannot be reached"
     refusal(["sweep", write_small(tmp_path, trials=1), *given], said)

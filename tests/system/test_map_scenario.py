@@ -79,7 +79,7 @@ def test_both_files_of_a_new_map_are_the_office(tmp_path, capsys, refusal):
     assert "office.yaml" in capsys.readouterr().out
     office = Office(seed=5, wings=2, corridors=1, corridor=1.5, door=1.1, symmetric=True)
     assert (GridMap.load(out / "office.yaml").solid == office.grid.solid).all()
-    assert polygon_map.read(out / "office.json") == office.polygons
+    assert polygon_map.read_polygons(out / "office.json") == office.polygons
     written = files(out)
     assert [*written] == ["office.json", "office.pgm", "office.yaml"]
     refusal(given, "is not empty")

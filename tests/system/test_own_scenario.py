@@ -29,12 +29,10 @@ def room(tmp_path, monkeypatch):
     return path
 
 
-def test_run_and_phase_take_it(room, capsys):
+def test_run_takes_it(room, capsys):
     assert exit_code("run", *FEW, "--localizer", "mcl", "--out", "lap") == 0
     assert "position RMSE" in capsys.readouterr().out
     assert (Path("lap") / "lap.webp").stat().st_size > 0
-    assert exit_code("phase", *FEW, "--localizers", "deq-mcl", "--out", "phase") == 0
-    assert (Path("phase") / "phase.png").stat().st_size > 0
 
 
 def test_paper_takes_it_on_one_and_two_processes_and_another_folder(room, monkeypatch):
@@ -95,14 +93,12 @@ def test_an_edited_file_makes_results_of_another_key_and_is_named(room, refusal)
 def test_a_mistake_in_it_is_said_in_one_sentence_and_nothing_is_written(room, refusal):
     room.write_text(ROOM.replace("[env.driver]", "[env.drivr]"))
     said = f"deqmcl: {room}: unknown part of the world 'drivr': did you mean"
-    for command in (("run", "--localizer", "mcl"), ("phase",), ("paper",)):
+    for command in (("run", "--localizer", "mcl"), ("paper",)):
         refusal([*command, *FEW, "--out", "out"], said)
     assert [path.name for path in room.parent.iterdir()] == ["room.toml"]
 
 
-def test_run_drives_through_an_office_of_ones_own_and_phase_says_why_not(
-    tmp_path, monkeypatch, capsys, refusal
-):
+def test_run_drives_through_an_office_of_ones_own(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("office.toml").write_text(OFFICE)
     Office(wings=1, corridors=1).grid.save("office.yaml")
@@ -110,6 +106,3 @@ def test_run_drives_through_an_office_of_ones_own_and_phase_says_why_not(
     assert exit_code("run", *of, "--out", "out") == 0
     assert "position RMSE" in capsys.readouterr().out
     assert (Path("out") / "lap.webp").stat().st_size > 0
-    phase = ("phase", *FEW[2:], "--scenario", "office.toml", "--out", "phase")
-    refusal(phase, "has no lap, along which place fields lie")
-    assert not Path("phase").exists()

@@ -42,7 +42,7 @@ def test_a_lap_leaves_its_animation_its_curve_its_trace_and_nothing_else(lap):
     assert (done.returncode, done.stderr) == (0, "")
     trace = {"trace.npz", "trajectory_truth.tum", "trajectory_t.tum"}
     named = {"lap.webp", "error.png", "error.csv", *trace}
-    assert set(files(out)) == {*named, "written.json"}
+    assert set(files(out)) == {*named}
     assert all(name in done.stdout for name in named)
 
 
@@ -122,11 +122,11 @@ def test_any_lag_works_even_one_longer_than_the_lap(tmp_path, capsys, lag):
 
 
 def test_a_lap_can_be_kept_as_a_log_over_no_other_file(tmp_path, refusal):
-    out, log = tmp_path / "out", tmp_path / "lap.log"
+    out, log = tmp_path / "out", tmp_path / "lap.csv"
     arguments = ("run", "--localizer", "dead-reckoning", "--seed", "3", "--out", out)
-    (tmp_path / "mine.log").write_text("mine")
-    refusal([*arguments, "--log", tmp_path / "mine.log"], "exists already")
-    assert files(tmp_path) == {"mine.log": b"mine"}
+    (tmp_path / "mine.csv").write_text("mine")
+    refusal([*arguments, "--log", tmp_path / "mine.csv"], "exists already")
+    assert files(tmp_path) == {"mine.csv": b"mine"}
     assert exit_code(*arguments, "--log", log) == 0
     truth = np.loadtxt(out / "trajectory_truth.tum")
     kept = logs.read(log)

@@ -11,8 +11,8 @@ import uuid
 from pathlib import Path
 
 import pytest
-from deqmcl_command import DEQMCL, files, lines
-from sweep_command import sweep, tables, trial_files, write_small
+from deqmcl_command import DEQMCL, files, lines, records
+from sweep_command import sweep, tables, write_small
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
@@ -57,7 +57,7 @@ class Running:
         return found
 
     def wait_for_trials(self, count):
-        until(lambda: len(list((self.out / "trials").glob("*.json"))) >= count, self.process)
+        until(lambda: len(records(self.out)) >= count, self.process)
 
     def ended(self):
         """Exit code and what was said; no process of it is left."""
@@ -80,14 +80,14 @@ def test_a_sweep_that_is_killed_again_and_again_ends_as_if_nothing_had_been(tmp_
     for count, kill in ((2, os.killpg), (5, os.kill)):  # all of it, or the parent alone
         running = Running(file, out)
         running.wait_for_trials(count)
-        kept = trial_files(out)
+        kept = records(out)
         kill(running.process.pid, signal.SIGKILL)
         code, _, _ = running.ended()
         assert code == -signal.SIGKILL
-        assert kept.items() <= trial_files(out).items()
+        assert kept.items() <= records(out).items()
     assert sweep(file, out) == 0
     assert tables(out) == tables(finished)
-    assert trial_files(out) == trial_files(finished)
+    assert records(out) == records(finished)
     assert not [name for name in files(out) if name.endswith(".tmp")]
 
 
@@ -108,7 +108,7 @@ def test_signals_at_any_moment_leave_what_the_next_run_ends_as_if_nothing_had_be
             shutil.rmtree(out, ignore_errors=True)
     assert sweep(file, out) == 0
     assert tables(out) == tables(finished)
-    assert trial_files(out) == trial_files(finished)
+    assert records(out) == records(finished)
     assert not list(out.rglob(".deqmcl*"))
 
 
@@ -132,8 +132,7 @@ def test_a_sweep_that_is_told_to_stop_stops_in_mid_trial(tmp_path, how, times, s
     assert (ended, out) == (code, "")
     assert said.endswith("deqmcl: interrupted; finished trials are kept.\n")
     assert "Traceback" not in said
-    assert len(trial_files(running.out)) == 2
-    assert not (running.out / ".deqmcl.lock").exists()
+    assert len(records(running.out)) == 2
 
 
 def test_a_trial_that_hangs_is_named_and_its_worker_killed_and_the_rest_is_done(tmp_path):

@@ -3,12 +3,8 @@
 import json
 import math
 import shutil
-import subprocess
-import sys
-from pathlib import Path
 
-import pytest
-from deqmcl_command import exit_code, files
+from deqmcl_command import exit_code, files, lose, records, stored
 from sweep_command import broken, report, sweep, tables, write_small
 
 import localizers
@@ -16,41 +12,44 @@ from benchmarks.sweeps.results import results_in
 from benchmarks.trials import plugins
 
 
-def edited(path):
-    path.write_text(path.read_text().replace('"steps_done":204', '"steps_done":205'))
-
-
-@pytest.mark.parametrize(("damage", "why"), [(Path.unlink, None), (edited, "checksum")])
 def test_only_a_trial_that_is_lost_or_damaged_is_run_again_and_the_tables_come_back(
-    file, finished, copy, ran, capsys, damage, why
+    file, finished, copy, ran, capsys
 ):
-    path = sorted((copy / "trials").iterdir())[1]
-    before = path.read_bytes()
-    damage(path)
+    before = records(copy)
+    lose(copy, 1)
+    path = copy / "trials.jsonl"
+    path.write_text(path.read_text().replace('"steps_done":204', '"steps_done":"x"', 1))
     (copy / "results.csv").unlink()
     assert sweep(file, copy) == 0
-    assert len(ran) == 1
-    assert path.read_bytes() == before
+    assert len(ran) == 2
+    assert {**records(copy), **before} == before
     assert tables(copy) == tables(finished)
-    said = capsys.readouterr().err.splitlines()
-    assert len(said) == (why is not None)
-    assert all(str(path) in line and why in line for line in said)
+    said = "has str instead of int at record.steps_done; it is left out."
+    assert capsys.readouterr().err == f"deqmcl: {path}, line 1 {said}\n"
 
 
-def test_stray_files_are_named_and_left_out_and_only_our_own_are_removed(
-    file, finished, copy, capsys
+def test_a_folder_with_a_file_a_trial_is_read_verified_and_goes_on(
+    file, finished, copy, ran, capsys
 ):
-    some = next((copy / "trials").glob("*.json"))
-    (left := copy / "trials" / ".deqmcl-0a1b2c3_.tmp").write_text("{")
-    (mine := copy / "trials" / ".notes.tmp").write_text("{")
-    (copy / "trials" / "ffff.json").write_bytes(some.read_bytes())
+    before = tables(copy)
+    for name in ("trials", "timings"):
+        (copy / name).mkdir()
+    for text in (copy / "trials.jsonl").read_text().splitlines():
+        line = json.loads(text)
+        said, name = {"schema": 4, "key": line["key"], "checksum": "c0ffee"}, f"{line['key']}.json"
+        whole = said | {"trial": line["trial"]} | line["record"]
+        (copy / "trials" / name).write_text(json.dumps(whole))
+        (copy / "timings" / name).write_text(json.dumps(said | {"seconds": line["seconds"]}))
+    (copy / "trials.jsonl").unlink()
+    assert report(copy) == exit_code("verify", copy, "--jobs", "1") == 0
+    assert tables(copy) == before
+    ran.clear()
+    capsys.readouterr()
     assert sweep(file, copy) == 0
-    said = capsys.readouterr().err
-    assert f"{left} was left by an interrupted write; it is removed." in said
-    assert "ffff.json is of another trial; it is left out." in said
-    assert not left.exists()
-    assert mine.exists()
-    assert tables(copy) == tables(finished)
+    said = f"deqmcl: 4 trials that had files of their own are lines of {copy}/trials.jsonl now.\n"
+    assert (ran, capsys.readouterr().err) == ([], said)
+    assert records(copy) == records(finished)
+    assert not {"trials", "timings"} & {path.name for path in copy.iterdir()}
 
 
 def test_a_folder_whose_manifest_says_what_its_seed_once_followed_from_is_read_and_goes_on(
@@ -110,9 +109,7 @@ def test_results_of_other_code_can_be_read_and_infinity_is_a_number(tmp_path, mo
     file, out = write_small(tmp_path, trials=1, more=more), tmp_path / "out"
     assert sweep(file, out, "--with", "mcl-map,broken") == 3
     monkeypatch.setattr(plugins, "code_digest", lambda: "other")
-    (copy := out / "trials" / "note.json").write_text("{}")
     found = results_in(out)
-    assert copy.exists()
     assert (len(found.records), len(found.failures), found.missing) == (4, 2, 0)
     betas = [dict(r.trial.params).get("beta") for r in found.records]
     assert betas == [None, None, math.inf, 1.0]  # mcl and dead reckoning have none
@@ -133,8 +130,9 @@ def test_a_report_takes_the_trials_of_the_manifests_own_code_alone_and_runs_none
         plug_in.write_text(PLUG_IN.format(version))
         assert sweep(file, out, "--with", f"{plug_in}:L") == 0
     before = (tmp_path / "ran").read_text()
-    (one / "manifest.json").unlink()
+    old = (one / "trials.jsonl").rename(one / "trials-old.jsonl")
     shutil.copytree(two, one, dirs_exist_ok=True)  # the old trials beside the new ones
+    assert old.exists()
     capsys.readouterr()
     assert report(one) == 0
     assert tables(one) == tables(two)
@@ -142,34 +140,6 @@ def test_a_report_takes_the_trials_of_the_manifests_own_code_alone_and_runs_none
     assert (tmp_path / "ran").read_text() == before
     plug_in.unlink()
     assert report(one) == 0
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="no such locks there")
-def test_two_sweeps_into_one_folder_are_one_too_many_and_a_dead_ones_lock_is_none(
-    file, tmp_path, refusal
-):
-    holder = subprocess.Popen(
-        [sys.executable, "-c", HOLDER, tmp_path], stdout=subprocess.PIPE, text=True
-    )
-    assert holder.stdout.readline() == "locked\n"
-    words = f"another sweep (process {holder.pid}) is writing to {tmp_path}"
-    refusal(["sweep", file, "--out", tmp_path], words)
-    assert [path.name for path in tmp_path.iterdir()] == [".deqmcl.lock"]
-    holder.kill()
-    holder.communicate()
-    assert (tmp_path / ".deqmcl.lock").exists()  # stale
-    assert sweep(file, tmp_path) == 0
-    assert not (tmp_path / ".deqmcl.lock").exists()
-
-
-HOLDER = """
-import sys, time
-from pathlib import Path
-from benchmarks.files import locked
-with locked(Path(sys.argv[1])):
-    print("locked", flush=True)
-    time.sleep(1000)
-"""
 
 
 PROJECT = {
@@ -203,11 +173,6 @@ params.particles = 15
 }
 
 
-def times(out):
-    """When each trial was run; those of plug-ins run in other processes."""
-    return {path.name: path.stat().st_mtime_ns for path in (out / "timings").iterdir()}
-
-
 def written(folder):
     """Write a project with a plug-in of each kind; return its sweep file."""
     for name, text in PROJECT.items():
@@ -226,10 +191,10 @@ def test_a_project_with_plug_ins_goes_on_where_it_was_moved_to(tmp_path, monkeyp
     names = ("mine.py:Mine", "drivers.py:Own", "scans.py:made", "hall.toml")
     assert held["plug-ins"].keys() == {f"../{name}" for name in names}
     there.rename(here)
-    ended = times(here / "out")
+    ended = stored(here / "out")
     assert sweep(here / "sweeps" / "all.toml", here / "out") == 0, capsys.readouterr().err
     assert report(here / "out") == 0
-    assert times(here / "out") == ended
+    assert stored(here / "out") == ended
     assert tables(here / "out") == before
     (here / "mine.py").write_text(PROJECT["mine.py"] + "# edited\n")
     monkeypatch.chdir(tmp_path)
@@ -244,9 +209,9 @@ def test_shards_of_a_project_with_plug_ins_are_merged_wherever_they_were_run(tmp
         file = written(tmp_path / f"node-{part}")
         assert sweep(file, tmp_path / f"part-{part}", "--shard", f"{part}/2") == 0
         shutil.copytree(tmp_path / f"part-{part}", tmp_path / "merged", dirs_exist_ok=True)
-    ended = times(tmp_path / "merged")
+    ended = stored(tmp_path / "merged")
     assert sweep(whole, tmp_path / "merged") == 0
-    assert times(tmp_path / "merged") == ended
+    assert stored(tmp_path / "merged") == ended | {"trials.jsonl": b""}
     assert tables(tmp_path / "merged") == tables(tmp_path / "all")
 
 
@@ -257,6 +222,6 @@ def test_a_folder_with_absolute_names_goes_on_under_them(tmp_path):
     assert sweep(file, out) == 0
     assert f"{tmp_path}/mine.py:Mine" in (out / "manifest.json").read_text()
     file.write_text(said)
-    ended = times(out)
+    ended = stored(out)
     assert sweep(file, out) == 0
-    assert times(out) == ended
+    assert stored(out) == ended

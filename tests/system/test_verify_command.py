@@ -3,12 +3,11 @@
 import json
 
 import pytest
-from deqmcl_command import exit_code, files, lines
-from sweep_command import report, sweep, trial_files, write_small
+from deqmcl_command import exit_code, files, lines, lose, records
+from sweep_command import report, sweep, write_small
 
 from benchmarks.sweeps import verifying
 from benchmarks.sweeps.results import results_in
-from benchmarks.sweeps.store import _checksum, _json
 from benchmarks.sweeps.suites import SUITES
 from benchmarks.trials.scoring import LATER
 
@@ -38,11 +37,6 @@ def verify(out):
     return exit_code("verify", out, "--jobs", "1")
 
 
-def timings(out):
-    """When each trial was run."""
-    return {path.name: path.stat().st_mtime_ns for path in (out / "timings").iterdir()}
-
-
 def edit(plug_in, offset):
     """Write the plug-in anew: its digest changes, and unless it is 0.0 its estimates do."""
     plug_in.write_text(MINE.format(offset) + "# edited\n")
@@ -56,20 +50,19 @@ def test_a_folder_whose_sample_agrees_goes_on_under_its_old_keys_with_missing_tr
     mine, capsys
 ):
     plug_in, file, out = mine
-    before = trial_files(out)
+    before = records(out)
     edit(plug_in, 0.0)
     assert sweep(file, out, "--with", f"{plug_in}:Mine") == 2
     assert f"deqmcl verify {out}" in capsys.readouterr().err
     assert verify(out) == 0
     assert "on 4 of 9 trials; none differs" in capsys.readouterr().out
     (entry,) = verified(out)
-    assert set(entry["verified"]) < {name.removesuffix(".json") for name in before}
-    lost, ran = sorted(before)[:2], timings(out)
-    for name in lost:
-        (out / "trials" / name).unlink()
+    assert set(entry["verified"]) < before.keys()
+    lose(out, 0, 1)
+    kept = (out / "trials.jsonl").read_text()
     assert sweep(file, out, "--with", f"{plug_in}:Mine", "--with", "ekf") == 0
-    assert len(timings(out).items() - ran.items()) == 2 + 3  # those lost, and the new method's
-    assert before.items() <= trial_files(out).items()
+    assert (out / "trials.jsonl").read_text().startswith(kept)
+    assert before.items() <= records(out).items()
     assert len(results_in(out).records) == 12
     assert report(out) == 0
     assert results_in(out).made_by.endswith("on 4 of 9 trials.")
@@ -91,13 +84,12 @@ def test_a_number_that_differs_is_found_and_named_and_the_folder_is_as_it_was(mi
 
 def test_scores_added_since_are_not_compared_and_missing_in_tables(mine, capsys):
     plug_in, _, out = mine
-    for path in sorted((out / "trials").iterdir()):
-        held = json.loads(path.read_text())
-        for row in held["scores"]:
-            for name in LATER:
-                del row[name]
-        del held["checksum"]
-        path.write_text(_json(held | {"checksum": _checksum(held)}))
+    path = out / "trials.jsonl"
+    held = [json.loads(text) for text in path.read_text().splitlines()]
+    for row in (row for line in held for row in line["record"]["scores"]):
+        for name in LATER:
+            del row[name]
+    path.write_text("".join(json.dumps(line) + "\n" for line in held))
     edit(plug_in, 0.0)
     assert verify(out) == 0
     assert "none differs" in capsys.readouterr().out
@@ -152,13 +144,12 @@ def test_a_folder_without_trials_or_with_an_edited_manifest_is_refused(copy, ref
     path.write_text(json.dumps(content | {"verified": [{"code": 1}]}))
     refusal(["verify", copy], "manifest.json has int instead of str at verified[0].code")
     path.write_text(json.dumps(content))
-    for trial in (copy / "trials").iterdir():
-        trial.unlink()
+    lose(copy)
     refusal(["verify", copy], "has no finished trial")
 
 
 def test_a_sample_has_the_first_world_of_each_setting_and_method_and_one_in_a_hundred_by_digest():
-    sweep = SUITES["beta"]
+    sweep = SUITES["noise"]
     trials = {trial.key(""): trial for trial in sweep.distinct()}
     drawn = [set(verifying.sample(trials, code)) for code in ("a", "b")]
     first = {trial.key("") for trial in sweep.cells()}

@@ -5,7 +5,7 @@ A trajectory with covariances of another library: filterpy's EKF
 ``ExtendedKalmanFilter`` of `filterpy <https://filterpy.readthedocs.org>`_ (Labbe) carries a pose
 and its covariance along the odometry of a log, from the reference's first pose, as an odometry node
 does. ``deqmcl score`` says whether the covariance is honest:
-``python docs/examples/foreign/filterpy_odometry.py lap.log.gz lap.tum ekf.csv``.
+``python docs/examples/foreign/filterpy_odometry.py lap.csv.gz lap.tum ekf.csv``.
 """
 
 import csv

@@ -5,7 +5,7 @@ A trajectory of another library: KISS-ICP
 `KISS-ICP <https://github.com/PRBonn/kiss-icp>`_ (Vizzo et al. 2023), odometry from scans alone,
 registers the scans of a log, one after the other. It knows no map and no odometry. Its trajectory
 begins at the first pose of the reference; ``deqmcl score`` scores it:
-``python docs/examples/foreign/kiss_icp_odometry.py lap.log.gz lap.tum kiss.tum``.
+``python docs/examples/foreign/kiss_icp_odometry.py lap.csv.gz lap.tum kiss.tum``.
 """
 
 import sys

@@ -7,7 +7,7 @@ in another: the sweeps' scenario ``lost`` takes place in the offices of seeds 0 
 import argparse
 import io
 import sys
-from collections.abc import Mapping
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 import deqmcl_gym  # noqa: F401 # registers the environments
 from benchmarks.setup.names import scenario as scenario_named
+from benchmarks.setup.scenario import RoomScenario
 from deqmcl_gym.files import write_bytes
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.numerics.types import Floats
@@ -105,20 +106,20 @@ def _world_of(scenario: str | None) -> dict[str, Any]:
     """
     if scenario is None:
         return {"floor_plan": {"office": {}}}
-    world = dict(scenario_named(scenario).env)
-    plan = world.get("floor_plan")
-    if not isinstance(plan, Mapping) or not isinstance(plan.get("office"), Mapping):
+    named = scenario_named(scenario)
+    if not isinstance(named, RoomScenario) or named.office is None:
         raise InputError(
             f"the scenario {scenario!r} does not take place in generated offices: give one that "
             "does, such as lost."
         )
+    world = {own.name: getattr(named.world, own.name) or "none" for own in fields(named.world)}
     for part in ("people", "glass"):
-        if world.get(part, "none") not in ("none", None):
+        if world[part] != "none":
             raise InputError(
                 f"the scenario {scenario!r} has {part}, which many rooms at once cannot have: give "
                 "one without."
             )
-    options = {key: value for key, value in plan["office"].items() if key not in ("seed", "seeds")}
+    options = {k: v for k, v in named.office["office"].items() if k not in ("seed", "seeds")}
     return {**world, "floor_plan": {"office": options}}
 
 

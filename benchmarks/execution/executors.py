@@ -1,0 +1,148 @@
+"""Executors past the processes of this machine: Dask's, or one of the user's."""
+
+import contextlib
+import importlib
+import logging
+import os
+import signal
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from contextlib import ExitStack, contextmanager
+from typing import Any, NamedTuple
+
+from benchmarks.execution.starting import ONE_THREAD, sheltered
+from deqmcl_gym.validation import InputError, in_words
+
+CONNECT_SECONDS = 10  # how long a scheduler may take to answer
+_CLOSE_SECONDS = 1
+
+
+class Place(NamedTuple):
+    """An executor, how many calls it takes at a time, and what says why it is lost, if it is."""
+
+    executor: Executor
+    slots: int
+    lost: Callable[[], str] | None = None
+
+
+def distributed() -> Any:
+    """Return the package ``distributed``.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        import distributed
+    except ImportError:
+        raise InputError(
+            "Dask is not installed: run pip install 'deqmcl-gym[dask]', or leave out "
+            "--executor dask."
+        ) from None
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost, we say
+    return distributed
+
+
+@contextmanager
+def dask(workers: int, scheduler: str | None) -> Iterator[Place]:
+    """Connect to a cluster.
+
+    Args:
+        workers: processes to start, if there is no scheduler.
+        scheduler: address of one that runs; it is left running.
+
+    Raises:
+        InputError: Dask is not installed, the scheduler does not answer, or it has no workers.
+    """
+    package = distributed()
+    with ExitStack() as stack:
+        address = scheduler or stack.enter_context(_local(package, workers))
+        try:
+            client = package.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+        except Exception as error:  # each transport has its own
+            raise InputError(
+                f"the Dask scheduler {address!r} cannot be reached ({in_words(error)}): give an "
+                "address like tcp://host:8786."
+            ) from None
+        stack.callback(_close, client)
+        if (threads := sum(client.nthreads().values())) == 0:
+            raise InputError(f"the Dask scheduler {scheduler} has no workers: start some.")
+
+        def lost() -> str:
+            gone = client.status not in ("running", "connecting")
+            return "the Dask scheduler is lost" if gone else ""
+
+        yield Place(client.get_executor(retries=0), threads, lost)
+
+
+@contextmanager
+def _local(package: Any, workers: int) -> Iterator[Any]:
+    """Start worker processes of one thread each; at the end, kill them in whatever they do."""
+    with sheltered():
+        cluster = package.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address=None,
+            env={**ONE_THREAD, "PYTHONSAFEPATH": ""},
+            silence_logs=logging.CRITICAL,
+        )
+    try:
+        yield cluster
+    finally:
+        for nanny in cluster.workers.values():  # one looks after each process, and would restart it
+            nanny.auto_restart = False
+            with contextlib.suppress(OSError, TypeError):  # it is gone
+                os.kill(nanny.pid, signal.SIGKILL)
+        _close(cluster)
+
+
+def _close(connected: Any) -> None:
+    with contextlib.suppress(TimeoutError):
+        connected.close(timeout=_CLOSE_SECONDS)
+
+
+@contextmanager
+def made_by(name: str, slots: int) -> Iterator[Place]:
+    """Call ``module:factory``; shut down what it returns at the end.
+
+    Raises:
+        InputError: it cannot be loaded or called, or returns no executor.
+    """
+    try:
+        executor = factory(name)()
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"the executor {name!r} cannot be made ({in_words(error)}){_MUST}"
+        ) from error
+    if not isinstance(executor, Executor) or type(executor).submit is Executor.submit:
+        kind = type(executor).__name__
+        raise InputError(f"the executor {name!r} returned an object of type {kind}{_MUST}")
+    try:
+        yield Place(executor, slots)
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)
+
+
+def factory(name: str) -> Callable[[], Executor]:
+    """Return what ``module:factory`` leads to.
+
+    Raises:
+        InputError: it cannot be loaded, or is no function.
+    """
+    module, _, attribute = name.partition(":")
+    try:
+        found = getattr(importlib.import_module(module), attribute)
+    except Exception as error:
+        raise InputError(
+            f"the executor {name!r} cannot be loaded ({in_words(error)}){_MUST}"
+        ) from None
+    if not callable(found):
+        raise InputError(f"the executor {name!r} is of type {type(found).__name__}{_MUST}")
+    return found  # type: ignore[no-any-return]
+
+
+_MUST = (
+    ": give module:factory, a function without arguments that returns a "
+    "concurrent.futures.Executor that runs what is submitted."
+)

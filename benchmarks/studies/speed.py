@@ -1,0 +1,469 @@
+"""Our speed: rays, filter steps, trials and environment steps, as ratios to others in the same run.
+
+``python -m benchmarks.studies.speed [--quick] --out DIR`` prints the figures and writes speed.csv;
+docs/speed.md says what is compared. It is of this repository, not of the package.
+"""
+
+import argparse
+import csv
+import math
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from itertools import count
+from pathlib import Path
+from statistics import median
+from typing import Any, NamedTuple
+
+from benchmarks.execution.starting import ONE_THREAD
+
+if __name__ == "__main__":
+    os.environ.update(ONE_THREAD)  # read by the libraries when they are loaded, below
+
+import gymnasium as gym
+import numpy as np
+from tabulate import tabulate
+from tqdm import tqdm
+
+import benchmarks
+from benchmarks.scenarios import SCENARIOS
+from benchmarks.trials.stage import Stage
+from deqmcl_gym import ENV_ID as ROOM
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.maps import Lidar, Map, Office, PolygonMap
+from deqmcl_gym.numerics.types import Floats, Reals, Singles
+from deqmcl_gym.registration import JOURNEY_ENV_ID as JOURNEY
+from deqmcl_gym.world.presets import PAPER_ROOM
+from localizers import GaussianPrior, GaussianUniform, OdometryMotion, Prior, RobotModel, make
+
+BEAMS, POSES, FEW, MANY = 16, 20_000, 1_000, 10_000  # FEW and MANY particles
+LIDAR = Lidar(beams=BEAMS, field_of_view=2 * math.pi, max_range=400.0, sigma=10.0)
+BEARINGS = LIDAR.bearings.astype(np.float32)
+PLANNED = 100  # actions that a localizer is shown: the mean over a lap that counts down
+FEW_WORLDS, MORE_WORLDS = 2, 20  # of a sweep, and how many more the larger one has
+CARTPOLE = "CartPole-v1"
+FAN: dict[str, Any] = {"lidar": {"beams": BEAMS}}
+PLANNERS = (  # a name, that of its figures, filters of N particles, the offset that is asked for
+    ("mcl-plan", "plan", 1, 0),
+    ("mcl-plan-hedged", "hedged", 2, 0),
+    ("deq-mcl", "replanned_deq", 1, 0),
+    ("deq-mcl-fresh", "replanned_fresh", 1, 20),
+)
+SECONDS = {"µs/step": 1e6, "ms/trial": 1e3}  # units of time, in a second
+
+
+class Job(NamedTuple):
+    """Work that can be done again and again.
+
+    Attributes:
+        call: does it once.
+        amount: how many units (rays, steps) that is.
+        clock: measures seconds; CPU time by default.
+    """
+
+    call: Callable[[], object]
+    amount: float = 1.0
+    clock: Callable[[], float] = time.process_time
+
+
+class Effort(NamedTuple):
+    """How often each job has its turn, and the seconds that a turn takes at least."""
+
+    turns: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A rate or a time of ours beside another's.
+
+    Attributes:
+        name: of the figure.
+        unit: of both sides.
+        ours: makes our job.
+        other: makes the other's; a number is what was measured on another machine, in the unit.
+    """
+
+    name: str
+    unit: str
+    ours: Callable[[], Job]
+    other: Callable[[], Job] | float
+
+    def measured(self, effort: Effort) -> tuple[float, float, float]:
+        """Measure ours and the other's, and ours over the other's: NaN beside another machine's."""
+        if isinstance(self.other, float):
+            (rate,) = rates([self.ours()], effort)
+            return self._in_unit(rate), self.other, math.nan
+        ours, other = map(self._in_unit, rates([self.ours(), self.other()], effort))
+        return ours, other, ours / other
+
+    def _in_unit(self, rate: float) -> float:
+        return SECONDS[self.unit] / rate if self.unit in SECONDS else rate
+
+
+def rates(jobs: Sequence[Job], effort: Effort) -> list[float]:
+    """Return the units per second of each job, the median of its turns.
+
+    The jobs take turns (first, second, …, first, second, …), so that what else the machine does
+    meets all of them.
+    """
+    calls = [_calls(job, effort.seconds) for job in jobs]
+    turns = [
+        [job.amount * n / _seconds(job, n) for job, n in zip(jobs, calls, strict=True)]
+        for _ in range(effort.turns)
+    ]
+    return [median(seen) for seen in zip(*turns, strict=True)]
+
+
+def _calls(job: Job, seconds: float) -> int:
+    """Return how many calls fill a turn; found by doubling, after a first call that may compile."""
+    job.call()
+    calls = 1
+    while (taken := _seconds(job, calls)) < seconds / 2:
+        calls *= 2
+    return max(1, round(calls * seconds / taken))
+
+
+def _seconds(job: Job, calls: int) -> float:
+    start = job.clock()
+    for _ in range(calls):
+        job.call()
+    return max(job.clock() - start, 1e-9)  # a clock that did not tick in so short a time
+
+
+def free_poses(floor_plan: Map, n: int, radius: float = 0.1) -> Singles:
+    """Draw poses uniformly from where a robot of ``radius`` fits, always the same ones, (n, 3)."""
+    rng = np.random.default_rng(0)
+    x0, y0, x1, y1 = floor_plan.bounds
+    points = rng.uniform((x0, y0), (x1, y1), (20 * n, 2))
+    free = points[floor_plan.free(points, radius=radius)][:n]
+    return np.column_stack([free, rng.uniform(-math.pi, math.pi, n)]).astype(np.float32)
+
+
+def rays(room: Map, spread: tuple[float, float, float] | None = None) -> Job:
+    """Return the job of ``Map.ranges`` all over a map, or for a cloud N(pose, spread²)."""
+    poses = free_poses(room, POSES)
+    if spread is not None:
+        noise = np.random.default_rng(0).normal(0, spread, (POSES, 3))
+        poses = (free_poses(room, 1, radius=0.9) + noise).astype(np.float32)
+    return Job(lambda: room.ranges(poses, BEARINGS), POSES * BEAMS)
+
+
+def numpy_rays() -> Job:
+    """Return the job of the NumPy baseline in the paper's room."""
+    poses = np.ascontiguousarray(free_poses(PAPER_ROOM, POSES).T)
+    return Job(lambda: numpy_ranges(PAPER_ROOM, poses), POSES * BEAMS)
+
+
+def numpy_ranges(room: PolygonMap, poses: Singles) -> Singles:
+    """Return the range of each beam at poses (3, n), (BEAMS, n) px: every ray, every wall.
+
+    In float32, in blocks of 16,384 rays that fit the cache.
+    """
+    out = np.empty((BEAMS, poses.shape[1]), np.float32)
+    for first in range(0, poses.shape[1], 16_384 // BEAMS):
+        block = slice(first, first + 16_384 // BEAMS)
+        x, y, heading = poses[:, block]
+        dx, dy = np.cos(heading + BEARINGS[:, None]), np.sin(heading + BEARINGS[:, None])
+        nearest = np.full(dx.shape, np.inf, np.float32)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for x0, y0, x1, y1 in room.walls.astype(np.float32):
+                ex, ey, rx, ry = x1 - x0, y1 - y0, x0 - x, y0 - y
+                cross = dx * ey - dy * ex
+                t, u = (rx * ey - ry * ex) / cross, (rx * dy - ry * dx) / cross
+                t[(t < 0) | (u < 0) | (u > 1)] = np.inf
+                np.fmin(nearest, t, out=nearest)  # parallel to the wall: NaN
+        out[:, block] = nearest
+    return out
+
+
+def numpy_mcl(
+    robot: RobotModel, particles: int, prior: Prior, rng: np.random.Generator
+) -> Callable[..., tuple[Reals, Floats]]:
+    """Return ``update`` of MCL in plain NumPy, for the robot of ``recorded_lap``: poses, weights.
+
+    Float32, one logarithm a scan, systematic resampling by ``cumsum`` and ``repeat``.
+    """
+    motion, beam, room = robot.motion, robot.scan, robot.floor_plan
+    assert isinstance(motion, OdometryMotion)
+    assert isinstance(beam, GaussianUniform)
+    assert isinstance(room, PolygonMap)
+    peak = (1 - beam.uniform) / (beam.sigma * math.sqrt(2 * math.pi))
+    floor = beam.uniform / robot.lidar.max_range
+    states = np.array(prior.sample(particles, rng).T, np.float32, order="C")
+    weights = np.full(particles, 1 / particles)
+
+    def update(scan: Reals, action: Reals, *_: object) -> tuple[Reals, Floats]:
+        nonlocal states, weights
+        reached = np.cumsum(weights)
+        slots = np.ceil(reached * (particles / reached[-1]) - rng.random()).astype(np.intp)
+        states = states[:, np.repeat(np.arange(particles), np.diff(slots, prepend=0))]
+        distance, turn = action.tolist()
+        noise = rng.standard_normal((2, particles), dtype=np.float32)
+        drive = distance + motion.drive * abs(distance) * noise[0]
+        states[2] += turn + (motion.turn * abs(turn) + motion.drift * abs(distance)) * noise[1]
+        states[2] -= 2 * math.pi * np.rint(states[2] / (2 * math.pi))
+        states[0] += drive * np.cos(states[2])
+        states[1] += drive * np.sin(states[2])
+        z = (scan.astype(np.float32)[:, None] - numpy_ranges(room, states)) / beam.sigma
+        weights = np.log((peak * np.exp(-0.5 * z * z) + floor).prod(axis=0, dtype=np.float64))
+        weights = np.exp(weights - weights.max())
+        weights /= weights.sum()
+        return states.T, weights
+
+    return update
+
+
+class Lap(NamedTuple):
+    """A lap as a localizer sees it.
+
+    Attributes:
+        robot, prior: what filters assume.
+        first: the plan shown at reset, (h, 2).
+        steps: scan (B,), action (2,) and the plan (h, 2) after it, of each step.
+    """
+
+    robot: RobotModel
+    prior: Prior
+    first: Reals
+    steps: Sequence[tuple[Any, ...]]
+
+    def following(
+        self, update: Callable[..., object], restart: Callable[[], None] = lambda: None
+    ) -> Job:
+        """Return the job of one step: ``restart()`` where a lap begins, ``update(*step)``."""
+        numbers = count()
+
+        def step() -> None:
+            t = next(numbers) % len(self.steps)
+            if t == 0:
+                restart()
+            update(*self.steps[t])
+
+        return Job(step)
+
+
+@cache
+def recorded_lap() -> Lap:
+    """Drive a lap of the paper's room without motion noise: it ends where it starts."""
+    room = RoomEnv(lidar=LIDAR, noise={"drive": 0.0, "turn": 0.0, "drift": 0.0}, ends_at_goal=False)
+    room.reset(seed=0)
+    scans = [room.step(action)[0] for action in room.plan]
+    plan = room.plan.astype(np.float64)
+    laps = np.tile(plan, (2 + PLANNED // len(plan), 1))
+    motion = OdometryMotion(drive=0.1, turn=0.1, drift=0.01)
+    beam = GaussianUniform(sigma=10.0)
+    robot = RobotModel(floor_plan=room.floor_plan, lidar=LIDAR, motion=motion, scan=beam)
+    steps = [(scan, plan[t], laps[t + 1 : t + 1 + PLANNED]) for t, scan in enumerate(scans)]
+    return Lap(robot, GaussianPrior(mean=room.course.start), laps[:PLANNED], steps)
+
+
+@cache
+def replanned_lap() -> Lap:
+    """Drive a lap of scenario ``guided``, whose plan is another one at every step."""
+    (trial,) = benchmarks.sweep("guided", localizers=["dead-reckoning"], trials=1).sweep.distinct()
+    stage = Stage.of(trial)
+    first, *rest = stage.moments()
+    assert first.plan is not None, "a driver shows its plan"
+    steps = [(moment.ranges, moment.action, moment.plan) for moment in rest]
+    return Lap(stage.robot, stage.prior(), first.plan, steps)
+
+
+def step(name: str, particles: int, **params: int) -> Job:
+    """Return the job of a step of one of our localizers on the recorded lap, its queue full."""
+    lap = recorded_lap()
+    localizer = make(name, lap.robot, particles=particles, **params)
+    localizer.reset(lap.prior, lap.first, np.random.default_rng(1))
+    job = lap.following(localizer.update)
+    for _ in range(params.get("lag", 0)):
+        job.call()
+    return job
+
+
+def numpy_step(particles: int) -> Job:
+    """Return the job of a step of MCL in NumPy."""
+    lap, rng = recorded_lap(), np.random.default_rng(1)
+    return lap.following(numpy_mcl(lap.robot, particles, lap.prior, rng))
+
+
+def replanned_step(name: str, particles: int, ahead: int = 0) -> Job:
+    """Return the job of following a lap whose plan changes, over and over from its start.
+
+    A queue has to redraw its future there; on a plan that is kept, that is spared. At each step the
+    state ``ahead`` is asked for: a future may be drawn only then.
+    """
+    lap = replanned_lap()
+    localizer = make(name, lap.robot, particles=particles)
+
+    def update(*told: Any) -> None:
+        localizer.update(*told).points(ahead)
+
+    def restart() -> None:
+        localizer.reset(lap.prior, lap.first, np.random.default_rng(1))
+
+    return lap.following(update if ahead else localizer.update, restart)
+
+
+def trial(name: str, *, localizer_only: bool) -> Job:
+    """Return the job of a trial as a sweep runs it, by the wall's clock.
+
+    A sweep of many worlds less one of few, so that starting and ending it does not count; or what
+    the localizers in it take, at their median.
+    """
+    spent = 0.0
+
+    def run() -> None:
+        nonlocal spent
+        few, many = (_seconds_of_sweep(name, FEW_WORLDS + more) for more in (0, MORE_WORLDS))
+        spent += MORE_WORLDS * many[1] if localizer_only else many[0] - few[0]
+
+    return Job(run, MORE_WORLDS, clock=lambda: spent)
+
+
+def _seconds_of_sweep(name: str, worlds: int) -> tuple[float, float]:
+    """Run a sweep of ``paper``; return its seconds, and the median of its localizers'."""
+    sweep = benchmarks.sweep("paper", localizers=[name], trials=worlds, params={"particles": FEW})
+    start = time.perf_counter()
+    found = sweep.run(jobs=1, progress=False)
+    taken = time.perf_counter() - start
+    return taken, median(one.seconds or math.nan for one in found.results.records)
+
+
+def env_steps(name: str, **how: Any) -> Job:
+    """Return the job of one env, resets included: its plan, or actions drawn beforehand."""
+    env = gym.make(name, **how)
+    actions, at = list(_actions(env)), -1
+
+    def step() -> None:
+        nonlocal at
+        at = (at + 1) % len(actions)
+        *_, terminated, truncated, _ = env.step(actions[at])
+        if terminated or truncated:
+            env.reset()
+            at = -1
+
+    return Job(step)
+
+
+def vector_steps(name: str, *, size: int, **how: Any) -> Job:
+    """Return the job of an env's own vector env, resets included."""
+    envs = gym.make_vec(name, size, "vector_entry_point", **how)
+    actions, at = _actions(gym.make(name, **how)), np.full(size, -1)
+    envs.reset(seed=0)
+
+    def step() -> None:
+        nonlocal at
+        at = (at + 1) % len(actions)
+        *_, terminated, truncated, _ = envs.step(actions[at])
+        at[terminated | truncated] = -2  # the next action only resets
+
+    return Job(step, size)
+
+
+def _actions(env: gym.Env[Any, Any]) -> Any:
+    """Reset an env; return a table of actions by the steps since its episode began."""
+    _, info = env.reset(seed=0)
+    drawn = np.random.default_rng(0).integers(0, 2, 1_000)
+    return np.array(info.get("planned_actions", drawn))
+
+
+def office_steps(people: int) -> Job:
+    """Return the job of a robot on planned routes through an office, without resets.
+
+    The world is that of the scenario lost without its driver.
+    """
+    crowd = {"people.number": people} if people else {}
+    changed = SCENARIOS["lost"].changed({"driver": "none", "horizon": 50, **crowd})
+    env = changed.in_building(0).room().unwrapped
+    ahead, spent = env.reset(seed=0)[1], 0.0
+
+    def step() -> None:
+        nonlocal ahead, spent
+        action, start = ahead["planned_actions"][0], time.process_time()
+        *_, terminated, truncated, ahead = env.step(action)
+        spent += time.process_time() - start
+        if terminated or truncated:
+            ahead = env.reset()[1]
+
+    return Job(step, clock=lambda: spent)
+
+
+def journey_steps(mode: str, *, resets: bool, size: int = 64) -> Job:
+    """Return the job of journeys along their plans in a vector env of Gymnasium's ``mode``."""
+    disabled = {"autoreset_mode": "Disabled"}
+    how: dict[str, Any] = {"vector_kwargs": disabled} if mode == "sync" else disabled
+    envs = gym.make_vec(JOURNEY, size, mode, **how)
+    ahead, spent = envs.reset(seed=0)[1]["planned_actions"], 0.0
+
+    def step() -> None:
+        nonlocal ahead, spent
+        start = time.process_time()
+        *_, terminated, truncated, info = envs.step(ahead[:, 0])
+        ahead, ended = info["planned_actions"], terminated | truncated
+        spent += time.process_time() - start
+        if ended.any():
+            start = time.process_time()
+            info = envs.reset(options={"reset_mask": ended})[1]
+            ahead[ended] = info["planned_actions"][ended]
+            spent += (time.process_time() - start) * resets
+
+    return Job(step, size, clock=lambda: spent)
+
+
+def _figures() -> Iterator[Figure]:
+    cells, table = Office(wings=4, corridors=4).grid, 31e6  # of range_libc
+    yield Figure("rays_vs_numpy", "rays/s", partial(rays, PAPER_ROOM), numpy_rays)
+    yield Figure("rays_office", "rays/s", partial(rays, cells), table)
+    yield Figure("rays_office_converged", "rays/s", partial(rays, cells, (0.2, 0.2, 0.1)), table)
+    deq, other = partial(step, "deq-mcl", MANY), partial(step, "mcl-map", MANY)
+    yield Figure("deq_vs_map_step", "µs/step", partial(deq, lag=20), other)
+    yield Figure("deq_lag80_vs_lag10", "µs/step", partial(deq, lag=80), partial(deq, lag=10))
+    for name, n in (("step1k", FEW), ("step10k", MANY)):
+        ours, other = partial(step, "mcl", n), partial(numpy_step, n)
+        yield Figure(f"{name}_vs_numpy", "steps/s", ours, other)
+        other = partial(replanned_step, "mcl-map", n)
+        for method, figure, filters, ahead in PLANNERS:
+            ours = partial(replanned_step, method, filters * n, ahead)
+            yield Figure(f"{figure}_vs_map_{name}", "µs/step", ours, other)
+    for method in ("mcl", "deq-mcl"):
+        ours, other = (partial(trial, method, localizer_only=only) for only in (False, True))
+        yield Figure(f"trial_{method.replace('-', '_')}", "ms/trial", ours, other)
+    single, many = partial(env_steps, ROOM, **FAN), partial(vector_steps, ROOM, **FAN)
+    yield Figure("env_vs_cartpole", "steps/s", single, partial(env_steps, CARTPOLE))
+    yield Figure("env_40_people", "µs/step", partial(office_steps, 40), partial(office_steps, 0))
+    other = partial(vector_steps, CARTPOLE, size=64)
+    yield Figure("vector64_vs_cartpole_vector64", "steps/s", partial(many, size=64), other)
+    yield Figure("vector1024_vs_single", "steps/s", partial(many, size=1024), single)
+    for name, resets in (("steps", False), ("with_resets", True)):
+        modes = "vector_entry_point", "sync"
+        ours, other = (partial(journey_steps, mode, resets=resets) for mode in modes)
+        yield Figure(f"journey64_{name}", "steps/s", ours, other)
+
+
+FIGURES = tuple(_figures())
+FULL, QUICK = Effort(15, seconds=0.2), Effort(11, seconds=0.06)
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Run the command."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.studies.speed")
+    parser.add_argument("--quick", action="store_true", help="less exact, in under a minute")
+    parser.add_argument("--out", type=Path, default=Path("results/speed"), metavar="DIR")
+    options = parser.parse_args(words)
+    effort = QUICK if options.quick else FULL
+    rows = []
+    for figure in tqdm(FIGURES, disable=None, leave=False):
+        seen = [f"{value:.6g}".replace("nan", "") for value in figure.measured(effort)]
+        rows.append([figure.name, *seen, figure.unit])
+    options.out.mkdir(parents=True, exist_ok=True)
+    with (options.out / "speed.csv").open("w", newline="", encoding="utf-8") as file:
+        written = csv.writer(file, lineterminator="\n")
+        written.writerows([["figure", "ours", "other", "ratio"], *(row[:-1] for row in rows)])
+    print(tabulate(rows, ["figure", "ours", "other", "ratio", "unit"]))
+    print(f"Written to {options.out}: speed.csv.")
+
+
+if __name__ == "__main__":
+    main()

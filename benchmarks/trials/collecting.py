@@ -1,0 +1,203 @@
+"""What is kept of a whole run while it lasts, and how it stands in a record.
+
+Of a run in a world, its journey; of one on a whole log, its track.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Annotated
+
+import numpy as np
+from msgspec import Meta, Struct
+
+from benchmarks.setup.scenario import Thresholds
+from benchmarks.trials.clouds import Task, belief_moments, calibration, cloud_of, joined
+from benchmarks.trials.episode import Moment
+from benchmarks.trials.fixes import Fixes, Journey, driven, half_turned, weight_near
+from benchmarks.trials.scores import (
+    JOURNEY_SCORES,
+    TRACK_GROUPS,
+    Group,
+    scores_of,
+    track_scores,
+)
+from benchmarks.trials.tracks import Track
+from deqmcl_gym.logs import Log
+from deqmcl_gym.maps import Map
+from deqmcl_gym.maps.map import metre
+from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.types import Reals
+from deqmcl_gym.validation import InputError
+from localizers import best_cluster, quality_of
+
+_ROUNDING = 1e-6  # of shares: weights add up to 1 but for it
+Number = Annotated[float, Meta(ge=-1e100, le=1e100)]  # of a record: squares are finite
+
+
+class WholeRun(Struct, frozen=True, kw_only=True):
+    """What a trial's record has of its whole run.
+
+    Attributes:
+        scores: by name; None is censored or not available.
+        curves: by name, each at the same steps; "way" is what was driven until then, m.
+    """
+
+    scores: dict[str, Number | None]
+    curves: dict[str, list[Number]]
+
+    def __post_init__(self) -> None:
+        if other := self.scores.keys() - JOURNEY_SCORES.keys():
+            raise ValueError(f"has a score of the whole run named {min(other)[:20]!r}")
+        for name, value in self.scores.items():
+            if not isinstance(value, float) or JOURNEY_SCORES[name].unit != "share":
+                continue
+            if not -_ROUNDING <= value <= 1 + _ROUNDING:
+                raise ValueError(f"has {value:g} as {name}, which is a share")
+        if "way" not in self.curves or len(set(map(len, self.curves.values()))) != 1:
+            raise ValueError("has curves of the whole run of different lengths")
+
+
+class RecordedTrack(Struct, frozen=True, kw_only=True):
+    """What the record of a trial on a whole log has of it; see ``TrackLog``.
+
+    Attributes:
+        best: means of the best clusters, x, y and θ at each record of the log.
+        scores: by name; None is not available.
+    """
+
+    best: tuple[list[Number], list[Number], list[Number]]
+    scores: dict[str, Number | None]
+
+
+def finite(scores: Mapping[str, float]) -> dict[str, float | None]:
+    """Return scores as a record has them: an infinite one and an unknown one are None."""
+    return {name: value if math.isfinite(value) else None for name, value in scores.items()}
+
+
+def whole_run(run: Journey, groups: Sequence[Group]) -> WholeRun:
+    """Return what a record has of a run; curves have four digits, as a long run is many numbers."""
+    fixes = run.fixes
+    curves = {"way": fixes.way, "distance": fixes.distance, "angle": fixes.angle}
+    if run.masses is not None:
+        curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
+    rounded = {name: [float(f"{v:.4g}") for v in values] for name, values in curves.items()}
+    return WholeRun(scores=finite(scores_of(run, groups)), curves=rounded)
+
+
+class JourneyLog:
+    """Collects a run from its moments; the best cluster is sought once a step."""
+
+    def __init__(self, task: Task, groups: Sequence[Group]) -> None:
+        self._task, self._groups = task, groups
+        self._metre = metre(task.floor_plan.unit)
+        self._turned = any(group.name == "ambiguity" for group in groups)
+        self._truth: list[Reals] = []
+        self._commanded: list[Reals] = []
+        self._collided: list[bool] = []
+        self._fixes: list[list[float]] = []  # step, x, y, θ, quality, masses
+        self._goal: Reals | None = None
+        self._planned = math.nan
+
+    def see(self, moment: Moment) -> None:
+        """Take in a step."""
+        self._truth.append(moment.truth)
+        self._collided.append(moment.collided)
+        self._goal = moment.goal
+        if moment.step == 0 and moment.route is not None:
+            self._planned = float(np.hypot(*np.diff(moment.route, axis=0).T).sum())
+        if moment.action is not None:
+            self._commanded.append(moment.action)
+        if self._groups and (points := moment.belief.points()) is not None:
+            poses, weights = np.asarray(points[0]), np.asarray(points[1], np.float64)
+            best = best_cluster(poses, weights, unit=self._task.floor_plan.unit).mean
+            quality = quality_of(moment.belief)
+            rated = math.nan if quality is None else quality
+            row = [moment.step, *best, rated]
+            if self._turned:
+                here = np.asarray(moment.truth, np.float64)
+                there = half_turned(self._task.floor_plan, here[None])[0]
+                unit = self._task.floor_plan.unit
+                row += [weight_near(poses, weights, at, unit) for at in (here, there)]
+            self._fixes.append(row)
+
+    def kept(self) -> tuple[WholeRun | None, None]:
+        """Return the part of a record about this run; None if nothing is asked."""
+        if not self._groups or not self._fixes:
+            return None, None
+        return whole_run(self.journey(), self._groups), None
+
+    def journey(self) -> Journey:
+        """Return the run so far."""
+        size = np.array([self._metre, self._metre, 1.0])
+        truth = np.array(self._truth, np.float64) / size
+        table = np.array(self._fixes, np.float64)
+        steps = table[:, 0].astype(np.intp)
+        off = truth[steps] - table[:, 1:4] / size
+        way = driven(self._commanded) / self._metre
+        goal = None if self._goal is None else np.asarray(self._goal, np.float64) / self._metre
+        room = self._task.floor_plan.distance(np.array(self._truth, np.float64)[:, :2])
+        return Journey(
+            fixes=Fixes(
+                steps=steps,
+                count=len(truth),
+                way=way[steps],
+                distance=np.hypot(off[:, 0], off[:, 1]),
+                angle=np.abs(arrays.wrapped(off[:, 2])),
+                quality=table[:, 4],
+            ),
+            driven=way,
+            truth=truth,
+            collided=np.array(self._collided),
+            clearance=float(room.min() - self._task.radius) / self._metre,
+            goal=goal,
+            planned=self._planned / self._metre,
+            masses=table[:, 5:] if self._turned else None,
+        )
+
+
+class TrackLog:
+    """Collects the track of a run on a log, and scores it by its records.
+
+    Beside the metrics of a trial, which are of the belief's mean at the steps t ≥ 1.
+    """
+
+    def __init__(self, log: Log, floor_plan: Map, thresholds: Thresholds, judged: int) -> None:
+        self._log, self._map, self._thresholds, self._judged = log, floor_plan, thresholds, judged
+        self._best: list[tuple[float, float, float]] = []
+        self._rows: list[tuple[float, ...]] = []  # rank, NEES, log score, quality
+
+    def see(self, moment: Moment) -> None:
+        """Take in a record."""
+        points = moment.belief.points()
+        if points is None:
+            raise InputError(f"its belief of state {moment.step} holds no points of the present.")
+        clouds = joined([cloud_of(moment.step, 0, points)], [moment.truth])
+        means = belief_moments(clouds)[:, :4]
+        calibrated = [math.nan] * 3
+        if np.isfinite(moment.truth).all():
+            _, *calibrated = calibration(clouds, means, self._log.unit)[0].tolist()
+        quality = quality_of(moment.belief)
+        self._rows.append((*calibrated, math.nan if quality is None else quality))
+        self._best.append(best_cluster(*points, unit=self._log.unit).mean)
+
+    @property
+    def track(self) -> Track:
+        """The track so far."""
+        return Track(self._log, np.array(self._best, np.float64))
+
+    def scores(self) -> dict[str, float]:
+        """Return the scores by records that no journey has; NaN is not available."""
+        calibrated = np.array(self._rows)[:, :3]
+        return track_scores(
+            self.track, calibrated, self._thresholds, self._map, judged=self._judged
+        )
+
+    def kept(self) -> tuple[WholeRun | None, RecordedTrack]:
+        """Return the parts of a record about this run: a journey, with a reference, and a track."""
+        track = self.track
+        x, y, heading = track.best.T.tolist()
+        recorded = RecordedTrack(best=(x, y, heading), scores=finite(self.scores()))
+        if not track.known.size:
+            return None, recorded
+        run = track.journey(np.array(self._rows)[:, 3])
+        return whole_run(run, TRACK_GROUPS), recorded

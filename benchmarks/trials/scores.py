@@ -1,0 +1,362 @@
+"""All scores, each a ``Score`` with its unit: of beliefs at an offset, whole runs, and tracks.
+
+A trial has those of ``METRICS`` at each offset, and of ``GROUPS`` those that its scenario is about:
+see ``Stage.groups``. A whole log has those of its track beside. Lengths of whole runs and tracks
+are in m; a pixel of the paper's room is 2 cm.
+"""
+
+import math
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+import numpy as np
+
+from benchmarks.setup.scenario import Thresholds
+from benchmarks.trials.clouds import Clouds, Task
+from benchmarks.trials.fixes import NEAR, RECOVERED, RECOVERED_STEPS, Journey
+from benchmarks.trials.metrics import (
+    Estimates,
+    entropy,
+    heading_error,
+    mean,
+    middle,
+    outlier_share,
+    rms,
+    wall_share,
+    wall_step_share,
+)
+from benchmarks.trials.tracks import AGREEMENTS, ScoredTrack, Track
+from deqmcl_gym.maps import Map
+from deqmcl_gym.numerics.types import Floats
+
+LEVELS = (50, 80, 95)  # of the credible regions, per cent
+
+
+@dataclass(frozen=True)
+class Score:
+    """A number that says how good something is.
+
+    Attributes:
+        name: in records and tables.
+        unit: "length" (the map's unit), "length²", "m", "rad", "steps", "nats", "share" (of a whole
+            run: 0 or 1) or "" (a number).
+        better: "low", "high", or "" if neither is.
+        words: what it is, as the heading of a column; a mean over the states if it does not say
+            otherwise.
+        of: the score of ``Estimates``, a ``Journey`` or a ``ScoredTrack``; NaN is not available.
+        each: what is measured of the belief about each state, (k,), if ``of`` needs it:
+            ``Estimates.values`` has it by the score's name.
+        later: whether records that lack it, made before it was added, are sound.
+        failed: the score of a run that failed; NaN: it is unknown.
+        tested: whether methods are compared by it.
+        digits: behind the point, in tables; None: as the unit has them.
+    """
+
+    name: str
+    unit: str
+    better: str
+    words: str
+    of: Callable[[Any], float]
+    each: Callable[[Clouds, Task], Floats] | None = None
+    later: bool = False
+    failed: float = math.nan
+    tested: bool = False
+    digits: int | None = None
+
+    @property
+    def sign(self) -> int:
+        """What a value is multiplied by to be small if it is good."""
+        return -1 if self.better == "high" else 1
+
+    @property
+    def censored(self) -> bool:
+        """Whether infinite stands for "not within this run": metres until something happens."""
+        return self.failed == math.inf
+
+
+def _value_of(name: str) -> Callable[[Estimates], float]:
+    return lambda found: mean(found.values[name])
+
+
+def _variance_of(column: int) -> Callable[[Estimates], float]:
+    return lambda found: mean(found.variances[:, column])
+
+
+def _coverage(level: int) -> Score:
+    def inside(found: Estimates) -> float:
+        rank = found.values["rank"]
+        return mean(np.where(np.isnan(rank), np.nan, rank <= level / 100))
+
+    words = f"states in the {level} % credible region"
+    return Score(f"coverage_{level}", "share", "", words, inside)
+
+
+def _lost(found: Estimates) -> float:
+    last = found.distance[-found.thresholds.lost_steps :]
+    return float(last.mean() > found.thresholds.lost) if last.size else math.nan
+
+
+def _sd(values: Floats) -> float:
+    return float(values.std()) if values.size else math.nan
+
+
+METRICS: tuple[Score, ...] = (
+    Score("error", "", "low", "error e", lambda it: mean(it.error)),
+    Score("error_window", "", "low", "e, common states", lambda it: mean(it.error[it.common])),
+    Score("error_sd_steps", "", "low", "SD of e over the states", lambda it: _sd(it.error)),
+    Score("entropy", "nats", "", "entropy", lambda it: mean(entropy(it.variances, it.unit))),
+    Score("var_x", "length²", "", "variance of x", _variance_of(0)),
+    Score("var_y", "length²", "", "variance of y", _variance_of(1)),
+    Score("var_cos", "", "", "variance of cos θ", _variance_of(2)),
+    Score("var_sin", "", "", "variance of sin θ", _variance_of(3)),
+    Score("position_rmse", "length", "low", "position RMSE", lambda it: rms(it.distance)),
+    Score(
+        "heading_rmse",
+        "rad",
+        "low",
+        "heading RMSE",
+        lambda it: rms(heading_error(it.means, it.truth)),
+    ),
+    Score("wall_share", "share", "low", "weight in walls", _value_of("wall_share"), wall_share),
+    Score("energy_score", "length", "low", "energy score", _value_of("energy")),
+    *map(_coverage, LEVELS),
+    Score("nees", "", "", "NEES; 3 if consistent", _value_of("nees")),
+    Score("lost", "share", "low", "lost at the end", _lost),
+    Score(
+        "wall_step_share",
+        "share",
+        "low",
+        "weight that came through walls",
+        _value_of("wall_step_share"),
+        wall_step_share,
+        later=True,
+    ),
+    Score(
+        "outlier_share",
+        "share",
+        "low",
+        "weight far from the truth, common states",
+        lambda it: mean(it.values["outlier_share"][it.common]),
+        outlier_share,
+        later=True,
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Scores of a whole run that belong together."""
+
+    name: str
+    scores: tuple[Score, ...]
+
+
+def _success(near: str, *, tested: bool = False) -> Score:
+    place = NEAR[near]
+    words = f"localized to the end ({place.distance:g} m, {math.degrees(place.angle):.0f}°)"
+    name, of = f"success_{near}", lambda run: run.fixes.success(near)
+    return Score(name, "share", "high", words, of, failed=0.0, tested=tested)
+
+
+def _metres(name: str, words: str, of: Callable[[Journey], float]) -> Score:
+    return Score(name, "m", "low", f"{words}, median", of, failed=math.inf, tested=True)
+
+
+def _committed(run: Journey) -> float:
+    late = run.fixes.rated & run.fixes.last
+    return float(run.fixes.false[late].any()) if late.any() else math.nan
+
+
+def _committed_steps(run: Journey) -> float:
+    rated = run.fixes.rated
+    return float(run.fixes.false[rated].mean()) if rated.any() else math.nan
+
+
+def _to_recover(run: Journey) -> float:
+    return run.fixes.metres_to_recover(run.carried)
+
+
+def _late_mass(which: int) -> Callable[[Journey], float]:
+    def of(run: Journey) -> float:
+        assert run.masses is not None
+        late = run.masses[run.fixes.last]
+        return float(late[:, which].mean()) if late.size else math.nan
+
+    return of
+
+
+def _split(run: Journey) -> float:
+    """The smaller share of the mass near either place, at the end: ½ undecided, 0 picked one."""
+    masses = np.array([_late_mass(which)(run) for which in (0, 1)])
+    return float(masses.min() / masses.sum()) if masses.sum() > 0 else math.nan
+
+
+GROUPS = (
+    Group(
+        "lost",
+        (
+            _success("1m", tested=True),
+            _success("05m"),
+            _metres(
+                "metres_to_localize", "metres to localize", lambda it: it.fixes.metres_to_localize
+            ),
+            Score("false_commitment", "share", "low", "false commitment at the end", _committed),
+            Score("false_steps", "", "low", "false commitment, share of steps", _committed_steps),
+        ),
+    ),
+    Group(
+        "ambiguity",
+        (
+            Score("mass_truth", "", "", "weight near the truth", _late_mass(0)),
+            Score("mass_twin", "", "", "weight near its twin", _late_mass(1)),
+            Score("mass_split", "", "", "smaller share of the two", _split),
+        ),
+    ),
+    Group(
+        "recovery",
+        (
+            Score(
+                "recovered",
+                "share",
+                "high",
+                f"recovered ({RECOVERED:g} m, {RECOVERED_STEPS} steps)",
+                lambda run: float(math.isfinite(_to_recover(run))),
+                failed=0.0,
+                tested=True,
+            ),
+            _metres("metres_to_recover", "metres to recover", _to_recover),
+        ),
+    ),
+    Group(
+        "log",
+        (
+            Score(
+                "position_median",
+                "m",
+                "low",
+                "position error, median",
+                lambda run: float(np.median(run.fixes.distance)),
+                tested=True,
+                digits=3,
+            ),
+        ),
+    ),
+    Group(
+        "driving",
+        (
+            Score(
+                "success",
+                "share",
+                "high",
+                "arrived",
+                lambda run: float(run.arrived),
+                failed=0.0,
+                tested=True,
+            ),
+            Score("spl", "", "high", "SPL", lambda run: run.spl, failed=0.0),
+            Score("contacts", "", "low", "contacts", lambda run: float(run.collided.sum())),
+            Score("clearance", "m", "high", "least clearance, m", lambda run: run.clearance),
+            Score("time", "steps", "low", "steps", lambda run: float(len(run.truth) - 1)),
+        ),
+    ),
+)
+JOURNEY_SCORES = {score.name: score for group in GROUPS for score in group.scores}
+
+
+def groups_named(names: Collection[str]) -> tuple[Group, ...]:
+    """Return groups by name, in the order of ``GROUPS``."""
+    return tuple(group for group in GROUPS if group.name in names)
+
+
+def scores_of(run: Journey, groups: Sequence[Group]) -> dict[str, float]:
+    """Return the scores of a run by name."""
+    return {score.name: score.of(run) for score in chain.from_iterable(g.scores for g in groups)}
+
+
+TRACK_GROUPS = groups_named(["lost", "log"])  # those of a whole log
+
+
+def _within(near: str) -> Score:
+    place = NEAR[near]
+    words = f"share of records within {place.distance:g} m and {math.degrees(place.angle):.0f}°"
+
+    def of(run: ScoredTrack) -> float:
+        return mean(run.track.fixes().localized(near).astype(np.float64))
+
+    return Score(f"within_{near}", "share", "high", words, of)
+
+
+def _inside(level: int) -> Score:
+    words = f"share inside the {level} % region"
+
+    def of(run: ScoredTrack) -> float:
+        return mean((run.known(0) <= level / 100).astype(np.float64))
+
+    return Score(f"coverage_{level}", "share", "", words, of)
+
+
+def _p95(run: ScoredTrack) -> float:
+    errors = run.track.errors.translation
+    return float(np.quantile(errors, 0.95)) if run.track.known.size else math.nan
+
+
+_OF_TRACKS: tuple[Score, ...] = (
+    *map(_within, NEAR),
+    Score(
+        "position_median",
+        "m",
+        "low",
+        "median position error",
+        lambda it: middle(it.track.errors.translation),
+    ),
+    Score("position_p95", "m", "low", "95 % position error", _p95),
+    Score(
+        "heading_median",
+        "rad",
+        "low",
+        "median heading error",
+        lambda it: middle(it.track.errors.rotation),
+    ),
+    Score(
+        "position_median_stamps",
+        "m",
+        "low",
+        "median position error at the reference's own times",
+        lambda it: middle(it.track.errors.translation[it.track.at_stamps]),
+    ),
+    Score(
+        "heading_median_stamps",
+        "rad",
+        "low",
+        "median heading error at the reference's own times",
+        lambda it: middle(it.track.errors.rotation[it.track.at_stamps]),
+    ),
+    Score("lost", "share", "low", "lost at the end", lambda it: it.lost),
+    *map(_inside, LEVELS),
+    Score("nees", "", "", "NEES; 3 if consistent", lambda it: mean(it.known(1))),
+    Score("log_score", "nats", "low", "log score of the reference pose", lambda it: it.log_score),
+    Score("ape_rmse", "m", "low", "APE, RMSE", lambda it: it.track.errors.rmse),
+    Score("rpe_rmse", "m", "low", "RPE, RMSE", lambda it: it.track.relative.rmse),
+    Score(AGREEMENTS[0], "share", "high", "beams within 0.1 m", lambda it: it.agreement[0]),
+    Score(AGREEMENTS[1], "share", "high", "beams within 0.3 m", lambda it: it.agreement[1]),
+)
+TRACK_SCORES = {score.name: score for score in _OF_TRACKS}
+
+
+def track_scores(
+    track: Track,
+    calibrated: Floats,
+    thresholds: Thresholds,
+    floor_plan: Map | None,
+    *,
+    judged: int = 0,
+) -> dict[str, float]:
+    """Return the scores of a track by records; NaN is not available.
+
+    Args:
+        track, calibrated, thresholds, floor_plan, judged: see ``ScoredTrack``.
+    """
+    run = ScoredTrack(track, calibrated, thresholds, floor_plan, judged)
+    return {name: score.of(run) for name, score in TRACK_SCORES.items()}

@@ -1,0 +1,449 @@
+"""Things by name: one grammar for localizers, scan models, agents and scenarios.
+
+A name is, the first of these that it fits: built in; registered in this process; an entry point of
+an installed package; ``package.module:NAME``; ``path/to/file.py:NAME``, or ``path/to/file.py`` if
+that holds one of the kind. The code of others is loaded by the process that asks for it.
+"""
+
+import contextlib
+import difflib
+import hashlib
+import importlib
+import inspect
+import multiprocessing
+import os
+import sys
+import traceback
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cache, reduce
+from importlib.metadata import distributions
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Self
+
+from deqmcl_gym.files import UnreadableError, content_of
+from deqmcl_gym.validation import InputError, in_words, one_of
+from localizers.digests import file_digest, loaded_digest, module_digest
+
+_MODULE = "_localizer_"  # begins the name of a module that is a file of its own
+_LOADERS = (__file__, str(importlib.__file__), "<frozen importlib")  # of code, in a traceback
+_MISSING = (
+    "install it, put its folder on PYTHONPATH, or give path/to/file.py:NAME; a file stands alone, "
+    "so make it and what it imports beside it a package"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """What is found by name.
+
+    Attributes:
+        word: "localizer".
+        builtin: by name.
+        group: of entry points of installed packages.
+        call: how one is made of what a name leads to.
+        verbs: its methods, with their arguments.
+        holds: type of what a name leads to, if that is the thing itself.
+        own: how one's own is named.
+        gone: names that there were; what to use instead. Folders may hold them.
+        added: registered in this process, by name.
+        received: names of those that came from the process that sends the trials.
+    """
+
+    word: str
+    builtin: Mapping[str, Any]
+    group: str
+    call: str = ""
+    verbs: tuple[str, ...] = ()
+    holds: type | None = None
+    own: str = "path/to/file.py:NAME or package.module:NAME"
+    gone: Mapping[str, str] = field(default_factory=dict)
+    added: dict[str, Any] = field(default_factory=dict)
+    received: set[str] = field(default_factory=set)
+
+    def names(self) -> tuple[str, ...]:
+        """Names that are built in, registered or installed; none is loaded."""
+        return tuple(dict.fromkeys((*self.builtin, *self.added, *self.installed())))
+
+    def installed(self) -> Mapping[str, str]:
+        """References of the entry points of installed packages, by name; none is loaded."""
+        return _entry_points(tuple(sys.path)).get(self.group, {})
+
+    def register(self, name: str, factory: Any) -> None:
+        """Make ``factory(robot, **params) -> Localizer`` known as ``name``, in this process only.
+
+        A name that was registered before means the new one, with a warning: a notebook's cell is
+        run again.
+
+        Raises:
+            InputError: the name is a built-in one, or has a colon.
+        """
+        named = f"the {self.word} name"
+        if name in self.builtin:
+            raise InputError(f"{named} {name!r} is taken by a built-in one: choose another.")
+        if not isinstance(name, str) or is_reference(name):
+            raise InputError(f"{named} is {name!r}, but must be text without a colon.")
+        if self.added.get(name, factory) is not factory:
+            warnings.warn(
+                f"the {self.word} {name!r} was registered before: from now on it is the new one; "
+                "with localizers.registered(name, factory) registers one for a while.",
+                stacklevel=2,
+            )
+        self.added[name] = factory
+
+    @contextmanager
+    def registered(self, name: str, factory: Any) -> Iterator[None]:
+        """Know ``factory`` as ``name`` in a ``with`` block, or in a function that it decorates.
+
+        Raises:
+            InputError: see ``register``.
+        """
+        before = self.added.pop(name, None)
+        self.register(name, factory)
+        try:
+            yield
+        finally:
+            del self.added[name]
+            if before is not None:
+                self.added[name] = before
+
+    def receive(self, name: str, factory: Any) -> None:
+        """Know ``factory`` as ``name``, as the process does that sent it."""
+        self.added[name] = factory
+        self.received.add(name)
+
+    def is_received(self, name: str) -> bool:
+        """Whether a name came from the process that sends the trials: its code is the sender's."""
+        return name in self.received
+
+    def is_registered(self, name: str) -> bool:
+        """Whether a name was registered in this process: other processes do not know it."""
+        return name in self.added
+
+    def is_plug_in(self, name: str) -> bool:
+        """Whether a name leads to other people's code, which ``resolve`` runs."""
+        return not any(name in known for known in (self.builtin, self.added, self.gone))
+
+    def reference(self, name: str) -> str:
+        """Return where the code is of a name that is neither built in nor registered.
+
+        Raises:
+            InputError: a plain name that nobody has, or that several packages offer.
+        """
+        if isinstance(name, str) and (is_reference(name) or is_file(name)):
+            return name
+        if name in self.gone:
+            raise InputError(f"{name} is gone: {self.gone[name]}")
+        try:
+            reference = self.installed()[one_of(self.word, name, self.names())]
+        except InputError as error:
+            raise InputError(f"{str(error).rstrip('.')}, or your own as {self.own}.") from None
+        if " and " in reference:
+            raise InputError(
+                f"the {self.word} name {name!r} is offered by several installed packages, "
+                f"{reference}: name the one you mean by its module."
+            )
+        return reference
+
+    def complete(self, name: str) -> str:
+        """Return ``file.py:NAME`` for a ``file.py`` that holds one of the kind, else the name.
+
+        Raises:
+            InputError: the file holds none or several, or cannot be loaded.
+        """
+        if not is_file(name):
+            return name
+        module = self._module(name, absolute_name(name))
+        fitting = [own for own, value in vars(module).items() if self._is_in(module, own, value)]
+        if len(fitting) == 1:
+            return name + f":{fitting[0]}"
+        none = f"no class with {' and '.join(self._methods)}" if self.verbs else f"no {self.word}"
+        raise InputError(
+            f"the file {module.__file__} has {', '.join(fitting) or none}: say which one is the "
+            f"{self.word}, as in {name}:{(*fitting, 'NAME')[0]}."
+        )
+
+    def resolve(self, name: str) -> Any:
+        """Return what a name leads to, from the first of these that has it.
+
+        A built-in name; a registered one; an entry point of an installed package;
+        ``package.module:NAME``; ``path/to/file.py:NAME``, or ``path/to/file.py`` if that holds one.
+        This runs the code of a plug-in.
+
+        Raises:
+            InputError: there is no such name, its code cannot be imported, or it is none.
+        """
+        for known in (self.added, self.builtin):
+            if name in known:
+                return known[name]
+        named, reference = f"the {self.word} {name!r}", self.complete(self.reference(name))
+        place, _, attribute = _split(absolute_name(reference))
+        if not place or not all(part.isidentifier() for part in attribute.split(".")):
+            raise InputError(
+                f"{named} leads to {reference!r}, but must be package.module:NAME or "
+                "path/to/file.py:NAME."
+            )
+        module = self._module(name, place)
+        asked = (_attribute, named, module, place, attribute)
+        found = _called(f"{named} cannot be imported", place, *asked)
+        if not (callable(found) if self.holds is None else isinstance(found, self.holds)):
+            must = self.holds.__name__ if self.holds else f"class or a function for {self.call}"
+            raise InputError(f"{named} is of type {type(found).__name__}, but must be a {must}.")
+        return found
+
+    def parameters(self, name: str) -> tuple[str, ...] | None:
+        """Names of the parameters of a name; None if what it leads to takes any."""
+        return parameters_of(self.resolve(name))
+
+    def make(self, name: str, params: Mapping[str, Any], *given: Any, **named: Any) -> Any:
+        """Make one of what all of the kind are given, and of its parameters.
+
+        Raises:
+            InputError: unknown name or parameter, a bad value, its own code fails, or it is none.
+        """
+        factory = self.resolve(name)
+        known = parameters_of(factory, len(given), named)
+        for param in params if known is not None else ():
+            one_of(f"parameter of {self.word} {name!r}", param, known or ())
+        if name in self.builtin:
+            return factory(*given, **named, **params)
+        place = _split(absolute_name(name))[0]
+        what = f"the {self.word} {name!r} cannot be made by {self.call}"
+        return self.checked(name, _called(what, place, factory, *given, **named, **params))
+
+    def checked(self, name: str, made: Any) -> Any:
+        """Return what was made if it has the methods of the kind, else refuse it."""
+        lacking = [verb for verb in self._methods if not callable(getattr(made, verb, None))]
+        if lacking:
+            raise InputError(
+                f"the {self.word} {name!r} is of type {type(made).__name__}, without "
+                f"{' and '.join(lacking)}: one has {' and '.join(self.verbs)}."
+            )
+        return made
+
+    def digest(self, name: str) -> str:
+        """Digest of the source of a plug-in; "" of what is built in or not there.
+
+        Files are read, not run, so what cannot be imported has one, too; see ``digests``.
+        """
+        if name in self.added:
+            return loaded_digest(self.added[name])
+        if name in self.builtin:
+            return ""
+        is_place = is_reference(name) or is_file(name)
+        place = _split(absolute_name(name if is_place else self.installed().get(name, "")))[0]
+        return (file_digest(place) if _is_path(place) else module_digest(place)) or ""
+
+    @property
+    def _methods(self) -> list[str]:
+        return [verb.partition("(")[0] for verb in self.verbs]
+
+    def _is_in(self, module: ModuleType, name: str, value: Any) -> bool:
+        """Whether a public value of a module is one, or a class of its own that makes one."""
+        if name.startswith("_"):
+            return False
+        if self.holds is not None:
+            return isinstance(value, self.holds)
+        methods = (getattr(value, verb, None) for verb in self._methods)
+        return inspect.isclass(value) and _is_of(module, value) and all(map(callable, methods))
+
+    def _module(self, name: str, place: str) -> ModuleType:
+        """Return the module at a place; a file is run, once per content."""
+        named = f"the {self.word} {name!r}"
+        source = _source(Path(place), named) if _is_path(place) else None
+        run = (importlib.import_module, place) if source is None else (_run, place, source)
+        module: ModuleType = _called(f"{named} cannot be imported", place, *run)
+        return module
+
+
+@cache
+def _entry_points(path: tuple[str, ...]) -> dict[str, dict[str, str]]:
+    """Return references by name by group; looked for once for a ``sys.path``: it takes its time.
+
+    Of two packages with one name the first counts, which Python imports; one that cannot be read
+    offers nothing. A name that several packages offer differently has all, joined by " and ".
+    """
+    del path
+    packages: dict[str, Any] = {}
+    for one in distributions():
+        with contextlib.suppress(Exception):  # whatever is wrong with a file of somebody else's
+            own = [entry for entry in one.entry_points if entry.name and entry.value]
+            packages.setdefault(one.name.lower().replace("_", "-"), own)
+    found: dict[str, dict[str, str]] = {}
+    for entry in sorted({entry for own in packages.values() for entry in own}):
+        group, reference = found.setdefault(entry.group, {}), entry.value.partition("[")[0].strip()
+        known = group.get(entry.name, reference).split(" and ")
+        group[entry.name] = " and ".join(dict.fromkeys([*known, reference]))
+    return found
+
+
+def parameters_of(
+    factory: Callable[..., Any], given: int = 1, named: Iterable[str] = ()
+) -> tuple[str, ...] | None:
+    """Names of a factory's parameters; None if it takes any.
+
+    Beside those that all are given: ``given`` by position, and by name those that are ``named``.
+    """
+    try:
+        listed = list(inspect.signature(factory).parameters.values())
+    except ValueError:  # some compiled callables have none to show
+        return None
+    if any(p.kind is p.VAR_KEYWORD for p in listed):
+        return None
+    beside = [*(p for p in listed[:given] if p.kind is p.VAR_POSITIONAL), *listed[given:]]
+    return tuple(p.name for p in beside if p.kind is not p.VAR_POSITIONAL and p.name not in named)
+
+
+class Placed(str):
+    """A name as a file says it, with its path from there; it is found wherever it is taken.
+
+    Attributes:
+        place: the same with an absolute path.
+    """
+
+    place: str
+
+    def __new__(cls, said: str, place: str) -> Self:
+        """Make a name that is told as ``said``."""
+        made = super().__new__(cls, said)
+        made.place = place
+        return made
+
+    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
+        return str(self), self.place
+
+    def __add__(self, end: str) -> "Placed":
+        return Placed(f"{self}{end}", self.place + end)
+
+
+def is_file(name: str) -> bool:
+    """Whether a name is that of a Python file, without the name of anything in it."""
+    return name.endswith(".py")
+
+
+def is_reference(name: str) -> bool:
+    """Whether a name says where the code is, as ``package.module:NAME`` or ``file.py:NAME``."""
+    return ":" in name
+
+
+def absolute_name(name: str) -> str:
+    """Return a name by which a process in any other folder finds the same thing.
+
+    The path of ``path/to/file.py:NAME`` is made absolute; ``~`` is the home folder. All other names
+    stay as they are.
+    """
+    if isinstance(name, Placed):
+        return name.place
+    path, rest = split_path(name)
+    return f"{Path(os.path.expanduser(path)).absolute()}{rest}" if path else name
+
+
+def split_path(name: str) -> tuple[str, str]:
+    """Return the path that a name begins with, "" if it has none, and the rest of the name."""
+    place, colon, attribute = _split(name)
+    return (place, colon + attribute) if _is_path(place) else ("", name)
+
+
+def is_ctrl_c(error: BaseException) -> bool:
+    """Whether an error is the user's Ctrl-C; in a worker it can only come from a plug-in."""
+    return isinstance(error, KeyboardInterrupt) and multiprocessing.parent_process() is None
+
+
+def raised(error: BaseException, file: str | None = None) -> str:
+    """Say what was raised and where: "ValueError: words (name.py, line 7)".
+
+    The line is the deepest one in ``file``, or the deepest of all.
+    """
+    words = reason_of(error).rstrip(".")
+    if isinstance(error, SyntaxError):  # they say where
+        return words
+    frames = traceback.extract_tb(error.__traceback__)
+    theirs = [frame for frame in frames if not frame.filename.startswith(_LOADERS)]
+    own = [frame for frame in theirs if frame.filename == file] or theirs
+    return f"{words} ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else words
+
+
+def reason_of(error: BaseException) -> str:
+    """Return an error in words; of a file whose own processes cannot import it, what to do."""
+    shown = "".join(traceback.format_exception(error))  # and what caused it
+    if "BrokenProcessPool" not in shown and f"No module named '{_MODULE}" not in shown:
+        return in_words(error)
+    remedy = "its file.py cannot be imported by processes that it starts, so make it a package"
+    return f"{in_words(error).rstrip('.')}: {remedy}"
+
+
+def _called(
+    what: str, place: str, function: Callable[..., Any], /, *given: Any, **named: Any
+) -> Any:
+    """Call code from elsewhere; what it raises, SystemExit too, is said in a sentence.
+
+    The working folder is as before, wherever it goes.
+    """
+    try:
+        with contextlib.chdir(os.curdir):
+            return function(*given, **named)
+    except BaseException as error:
+        if isinstance(error, InputError) or is_ctrl_c(error):
+            raise
+        words = raised(error, place)
+        missing = isinstance(error, ModuleNotFoundError)
+        words = f"{words}: {_MISSING}" if missing else f"its own code raised {words}"
+        raise InputError(f"{what}: {words}.") from error
+
+
+def _run(path: str, source: bytes) -> ModuleType:
+    """Run a file as a module of its own, once per content: an edited file is another module."""
+    content = hashlib.sha256(b"\0".join((path.encode(), source))).hexdigest()
+    name = f"{_MODULE}{content[:16]}"
+    if name not in sys.modules:
+        code = compile(source, path, "exec")
+        module = sys.modules[name] = ModuleType(name)  # dataclasses and pickle look it up
+        module.__file__ = path
+        try:
+            exec(code, vars(module))
+        except BaseException:
+            del sys.modules[name]
+            raise
+    return sys.modules[name]
+
+
+def _source(path: Path, named: str) -> bytes:
+    try:
+        return content_of(path)
+    except UnreadableError as error:
+        raise InputError(f"{named} cannot be read: {path} {error}.") from None
+    except FileNotFoundError as error:
+        hint = _nearest(path.name, [file.name for file in path.parent.glob("*.py")])
+        raise InputError(f"{named} cannot be read: {path}: {error.strerror}{hint}.") from None
+
+
+def _attribute(named: str, module: ModuleType, place: str, attribute: str) -> Any:
+    try:
+        return reduce(getattr, attribute.split("."), module)
+    except AttributeError:
+        own = [name for name, value in vars(module).items() if _is_of(module, value)]
+        raise InputError(
+            f"{named} does not exist: {place} has no {attribute!r}"
+            f"{_nearest(attribute, own)}; it defines {', '.join(own) or 'nothing'}."
+        ) from None
+
+
+def _is_of(module: ModuleType, value: Any) -> bool:
+    return getattr(value, "__module__", None) == module.__name__
+
+
+def _nearest(name: str, names: Iterable[str]) -> str:
+    nearest = difflib.get_close_matches(name, list(names), n=1, cutoff=0.4)
+    return f" (did you mean {nearest[0]!r}?)" if nearest else ""
+
+
+def _split(name: str) -> tuple[str, str, str]:
+    """Return the place of a name, the colon, and what follows; a plain name has no place."""
+    return (name, "", "") if name.endswith((".py", ".toml")) else name.rpartition(":")
+
+
+def _is_path(place: str) -> bool:
+    return place.endswith((".py", ".toml")) or "/" in place or "\\" in place

@@ -1,0 +1,168 @@
+"""Speed: rates by turns, sides that do the same, and bounds on ratios within one process."""
+
+import csv
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import reference
+
+from benchmarks.studies import speed
+from benchmarks.studies.speed import FIGURES, Effort, Figure, Job, rates
+from deqmcl_gym.world.presets import PAPER_ROOM
+from localizers import make
+
+DOCS = Path(__file__).parents[2] / "docs" / "speed.md"
+ONCE = Effort(1, seconds=0.0)
+
+
+class Clock:
+    """Time that passes only as jobs say; notes who ran."""
+
+    def __init__(self):
+        self.now, self.log = 0.0, []
+
+    def job(self, name, seconds, amount=1.0):
+        def call():
+            self.log.append(name)
+            self.now += seconds(len(self.log)) if callable(seconds) else seconds
+
+        return Job(call, amount, clock=lambda: self.now)
+
+
+def test_jobs_take_turns_that_are_at_least_as_long_as_asked_for():
+    clock = Clock()
+    jobs = [clock.job("a", 0.01, amount=50), clock.job("b", 0.05), clock.job("c", 1.0)]
+    assert rates(jobs, Effort(2, seconds=0.1)) == pytest.approx([5000, 20, 1])
+    turns = "".join(clock.log)[-2 * (10 + 2 + 1) :]
+    assert turns == 2 * (10 * "a" + 2 * "b" + "c")
+
+
+@pytest.mark.parametrize(("slow_call", "turns"), [(1, 1), (5, 5)])
+def test_neither_a_first_call_that_compiles_nor_one_slow_turn_changes_a_rate(slow_call, turns):
+    job = Clock().job("a", lambda call: 60.0 if call == slow_call else 0.01)
+    assert rates([job], Effort(turns, seconds=0.01)) == pytest.approx([100])
+
+
+def lasting(seconds):
+    return lambda: Clock().job("they", seconds)
+
+
+@pytest.mark.parametrize(
+    ("unit", "expected"), [("steps/s", (2.0, 4.0, 0.5)), ("ms/trial", (500.0, 250.0, 2.0))]
+)
+def test_a_rate_is_per_second_and_a_time_in_its_unit(unit, expected):
+    assert Figure("f", unit, lasting(0.5), lasting(0.25)).measured(ONCE) == expected
+
+
+def test_the_command_writes_ours_over_the_others_and_no_ratio_beside_another_machine(
+    monkeypatch, tmp_path, capsys
+):
+    figures = [Figure(n, "steps/s", lasting(0.5), o) for n, o in (("a", lasting(0.25)), ("b", 9.0))]
+    monkeypatch.setattr(speed, "FIGURES", figures)
+    speed.main(["--quick", "--out", str(tmp_path / "new")])
+    rows = list(csv.reader((tmp_path / "new" / "speed.csv").open()))
+    assert rows == [
+        ["figure", "ours", "other", "ratio"],
+        ["a", "2", "4", "0.5"],
+        ["b", "2", "9", ""],
+    ]
+    assert "steps/s" in capsys.readouterr().out
+
+
+def test_docs_explain_every_figure():
+    words = DOCS.read_text()
+    assert [f.name for f in FIGURES if f"`{f.name}`" not in words] == []
+
+
+def test_ranges_in_numpy_are_exact_within_a_turn_that_float32_cannot_resolve():
+    poses = speed.free_poses(PAPER_ROOM, 3_000)  # several blocks
+    around = [
+        reference.ranges(PAPER_ROOM.walls, poses, speed.BEARINGS + turn)
+        for turn in (-2e-6, 0, 2e-6)
+    ]
+    seen = speed.numpy_ranges(PAPER_ROOM, np.ascontiguousarray(poses.T)).T
+    slack = 5e-4  # px: a product, a quotient and differences of coordinates to 350
+    assert (seen >= np.min(around, axis=0) - slack).all()
+    assert (seen <= np.max(around, axis=0) + slack).all()
+
+
+def ends(mcl, runs=12, particles=500):
+    """Mean (x, y, cos θ, sin θ) after 30 steps of each of some runs along the lap."""
+    lap, found = speed.recorded_lap(), []
+    for seed in range(runs):
+        update = mcl(lap.robot, particles, lap.prior, np.random.default_rng(seed))
+        for step in lap.steps[:30]:
+            poses, weights = update(*step)
+        x, y, heading = np.asarray(poses, dtype=float).T
+        found.append(np.average([x, y, np.cos(heading), np.sin(heading)], axis=1, weights=weights))
+    return np.mean(found, axis=0), np.var(found, axis=0, ddof=1) / runs
+
+
+def our_mcl(robot, particles, prior, rng):
+    localizer = make("mcl", robot, particles=particles)
+    localizer.reset(prior, speed.recorded_lap().first, rng)
+    return lambda *step: localizer.update(*step).points()
+
+
+def test_estimates_in_numpy_are_ours_within_their_scatter():
+    (ours, our_error), (theirs, their_error) = ends(our_mcl), ends(speed.numpy_mcl)
+    error = np.sqrt(our_error + their_error)
+    # Welch's t with some 15 to 22 degrees of freedom; |t| > 5 in 4 components: below 1 in 1,000
+    assert (np.abs(ours - theirs) < 5 * error).all()
+    assert error[:2].max() < 2.0  # px: agreement means something
+
+
+def test_the_recorded_lap_ends_where_it_starts():
+    lap = speed.recorded_lap()
+    x, y, heading = lap.prior.mean
+    for _, (distance, turn), _ in lap.steps:
+        heading += turn
+        x, y = x + distance * math.cos(heading), y + distance * math.sin(heading)
+    assert math.hypot(x - lap.prior.mean[0], y - lap.prior.mean[1]) < 1e-2
+
+
+def test_the_plan_of_the_replanned_lap_is_new_at_every_step():
+    lap = speed.replanned_lap()
+    plans = [lap.first, *(plan for _, _, plan in lap.steps)]
+    pairs = list(pairwise(plan for plan in plans if len(plan) > 1))
+    changed = [not np.array_equal(old[1:][: len(new)], new[: len(old) - 1]) for old, new in pairs]
+    assert np.mean(changed) > 0.95
+
+
+def test_a_trial_is_what_more_worlds_add_to_a_sweep_and_a_share_its_localizers_median(monkeypatch):
+    # starting a sweep takes 9 s, a trial 0.5, its localizer 0.25
+    monkeypatch.setattr(speed, "_seconds_of_sweep", lambda name, n: (9 + 0.5 * n, 0.25))
+    both = [speed.trial("mcl", localizer_only=only) for only in (False, True)]
+    assert rates(both, ONCE) == [2.0, 4.0]
+
+
+def test_a_single_env_is_driven_along_its_plan(monkeypatch):
+    env = gym.make(speed.ROOM)
+    planned = np.array(env.reset(seed=0)[1]["planned_actions"])
+    told, step = [], env.step
+    env.step = lambda action: (told.append(action.tolist()), step(action))[1]
+    monkeypatch.setattr(gym, "make", lambda name: env)
+    job = speed.env_steps(speed.ROOM)
+    for _ in range(150):
+        job.call()
+    assert told == planned[:150].tolist()
+
+
+BOUNDS = {  # of ratios within one process, never a time; far from what we aim at
+    "rays_vs_numpy": (3.0, math.inf),
+    "step1k_vs_numpy": (1.5, math.inf),
+    "deq_vs_map_step": (0.0, 2.0),
+    "deq_lag80_vs_lag10": (0.0, 1.6),
+    "vector64_vs_cartpole_vector64": (0.4, math.inf),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("figure", [f for f in FIGURES if f.name in BOUNDS], ids=lambda f: f.name)
+def test_we_do_not_fall_far_behind(figure):
+    low, high = BOUNDS[figure.name]
+    assert low < figure.measured(Effort(9, seconds=0.05))[2] < high
