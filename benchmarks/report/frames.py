@@ -13,7 +13,7 @@ from benchmarks.setup.names import plug_ins_of_agent
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.comparison import journey_columns
-from benchmarks.tables.frames import by_run, cell, cells_of
+from benchmarks.tables.frames import Cells, by_run, cell, cells_of
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA
 from benchmarks.tables.text import short_name
@@ -123,7 +123,8 @@ def each(rows: pd.DataFrame) -> Iterator[Any]:
 def frames_of(results: Results) -> list[PanelFrames]:
     """Return the panels of results as frames."""
     labels = [label for panel in results.panels for label in panel.labels.values()]
-    return [_frames(results, panel, list(dict.fromkeys(labels))) for panel in results.panels]
+    labels, cells = list(dict.fromkeys(labels)), cells_of(results.trials)
+    return [_frames(results, panel, labels, cells) for panel in results.panels]
 
 
 def validity_frame(results: Results) -> pd.DataFrame:
@@ -173,7 +174,7 @@ def judged(present: pd.DataFrame, aim: Score | None) -> pd.DataFrame:
     return rows.sort_values(["order", "other"], na_position="last").drop(columns="other")
 
 
-def _frames(results: Results, panel: Panel, labels: list[str]) -> PanelFrames:
+def _frames(results: Results, panel: Panel, labels: list[str], cells: Cells) -> PanelFrames:
     def own(table: pd.DataFrame) -> pd.DataFrame:
         rows = table[table["panel"] == panel.number].reset_index(drop=True)
         return rows.assign(label=pd.Categorical(rows["label"], categories=labels))
@@ -189,7 +190,6 @@ def _frames(results: Results, panel: Panel, labels: list[str]) -> PanelFrames:
         same_driver=[m.agent == panel.baselines[m].agent for m in told],
     )
     tests = ["p", *(f"{score.name}_p" for score in panel.scores if score.tested)]
-    cells = cells_of(results.trials)
     runs = [
         cell(cells, panel.setting, method).reset_index().assign(label=label)
         for label, method in methods.items()

@@ -64,15 +64,9 @@ def points_chart(panel: PanelFrames) -> Chart | None:
     )
 
 
-def lap_chart(panel: PanelFrames) -> Chart | None:
+def lap_chart(panel: PanelFrames) -> Chart:
     """Error over the lap."""
-    drawn = [
-        pd.DataFrame({"label": label, **vars(found)})
-        for label, records in panel.records.items()
-        if (found := lap_errors(records)) is not None
-    ]
-    if not drawn:
-        return None
+    drawn = [lap_errors(own).assign(label=label) for label, own in panel.records.items()]
     frame = panel.labelled(pd.concat(drawn))
     axes = line(frame, "states", "mean", "low", "high", band=True)
     axes.set(xlabel="step of the state", ylabel="error e", xlim=(0, None), ylim=(0, None))

@@ -7,7 +7,7 @@ series indexed by the latter two, of one method on one setting; named parts are 
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,6 @@ from benchmarks.tables.stats import UNKNOWN, Estimate, estimate, wilson
 from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
 from benchmarks.trials.spec import Method, Setting, Trial
-from deqmcl_gym.numerics.types import Floats, Indices
 
 SETTING = tuple(field.name for field in fields(Setting))
 METHOD = ("method", "params")
@@ -221,33 +220,17 @@ def share_curve(runs: pd.Series) -> pd.DataFrame:
     return pd.DataFrame({"metres": metres, "share": shares, "low": low, "high": high})
 
 
-@dataclass(frozen=True, kw_only=True)
-class LapErrors:
-    """Error by state, over the runs of a method, as far as every run goes.
+def lap_errors(records: Sequence[Finished]) -> pd.DataFrame:
+    """Return the error over the lap, as far as every run goes: states, mean, low and high of e.
 
-    Attributes:
-        states: (S,).
-        mean: of e, (S,).
-        low, high: the middle 80 % of runs, (S,).
+    Of the beliefs about x_t; low and high are the middle 80 % of runs.
     """
-
-    states: Indices
-    mean: Floats
-    low: Floats
-    high: Floats
-
-
-def lap_errors(records: Sequence[Finished], offset: int = 0) -> LapErrors | None:
-    """Return the error over the lap of the belief about x_{t+k}; None if it is not held."""
-    curves = [c for record in records if (c := record.curves.get(offset))]
-    if not curves:
-        return None
-    first = curves[0].first_state
+    curves = [record.curves[0] for record in records]
     length = min(len(curve.error) for curve in curves)
     errors = np.array([curve.error[:length] for curve in curves], np.float64)
     low, high = np.quantile(errors, [0.1, 0.9], axis=0)
-    states = np.arange(first, first + length)
-    return LapErrors(states=states, mean=errors.mean(axis=0), low=low, high=high)
+    states = np.arange(length) + curves[0].first_state
+    return pd.DataFrame({"states": states, "mean": errors.mean(axis=0), "low": low, "high": high})
 
 
 def profile(records: Sequence[Finished]) -> dict[int, Estimate]:

@@ -2,7 +2,6 @@
 
 import json
 import math
-from dataclasses import dataclass
 
 import pandas as pd
 from tabulate import tabulate
@@ -18,25 +17,13 @@ _VARIANCES = {  # score: words, digits
 }
 
 
-@dataclass(frozen=True)
-class Published:
-    """A row of the paper: error and its SD, entropy, variances of the four components."""
-
-    error: float
-    error_sd: float
-    entropy: float
-    var_x: float
-    var_y: float
-    var_cos: float
-    var_sin: float
-
-
 # as printed (Taniguchi, Fukawa & Yamakawa 2024)
+_SCORES = ("error", "error_sd", "entropy", *_VARIANCES)
 TABLE_1 = {
-    "deq-mcl": Published(20.95, 17.66, 7.82, 419.92, 290.04, 0.09, 0.07),
-    "mcl-smoother": Published(22.88, 20.01, 8.88, 977.39, 611.06, 0.14, 0.11),
-    "mcl-map": Published(25.00, 18.38, 9.69, 792.28, 616.85, 0.17, 0.16),
-    "mcl": Published(26.17, 22.00, 9.81, 966.93, 591.79, 0.19, 0.16),
+    "deq-mcl": (20.95, 17.66, 7.82, 419.92, 290.04, 0.09, 0.07),
+    "mcl-smoother": (22.88, 20.01, 8.88, 977.39, 611.06, 0.14, 0.11),
+    "mcl-map": (25.00, 18.38, 9.69, 792.28, 616.85, 0.17, 0.16),
+    "mcl": (26.17, 22.00, 9.81, 966.93, 591.79, 0.19, 0.16),
 }
 
 
@@ -55,20 +42,21 @@ def table_1(rows: pd.DataFrame, style: str) -> str:
     header += [word for words, _ in variances.values() for word in (words, "paper")]
     lines = []
     for _, row in rows.iterrows():
-        printed = TABLE_1.get(row["method"]) if row["offset"] <= 0 else None
+        published = TABLE_1.get(row["method"], ()) if row["offset"] <= 0 else ()
+        printed = dict(zip(_SCORES, published, strict=False))
         line = [
             short_name(row["method"]),
             state_name(row["offset"]),
             "baseline" if row["is_baseline"] else _difference(row),
             f"{fixed(row['error'])} ({fixed(row['error_sd'])})",
-            f"{printed.error:.2f} ({printed.error_sd:.2f})" if printed else "",
+            "{error:.2f} ({error_sd:.2f})".format_map(printed) if printed else "",
             fixed(row["entropy"]),
-            f"{printed.entropy:.2f}" if printed else "",
+            "{entropy:.2f}".format_map(printed) if printed else "",
             percent(row["wall_share"], 1),
         ]
         for name, (_, digits) in variances.items():
             line.append(fixed(row[name], digits))
-            line.append(f"{getattr(printed, name):g}" if printed else "")
+            line.append(f"{printed[name]:g}" if printed else "")
         lines.append(line)
     return tabulate(
         lines,
