@@ -3,7 +3,6 @@
 ``import benchmarks``; a localizer may be a class or a function that is defined in a cell.
 """
 
-import io
 import json
 from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -29,7 +28,8 @@ from benchmarks.sweeps.design import Axis, Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence
 from benchmarks.sweeps.running import Options, begun, check
 from benchmarks.sweeps.suites import PAPER_METHODS, SUITES, sweep_named
-from benchmarks.tables.csv_files import results_csv, trials_csv
+from benchmarks.tables.comparison import FURTHER, RESULTS
+from benchmarks.tables.frames import INNER, trials_frame
 from benchmarks.trials.episode import Moment
 from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
@@ -42,10 +42,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Vary = Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Sequence[Any]]]
-_TAKEN = {"label", *results_csv([]).strip().split(","), *trials_csv([]).strip().split(",")} - {
-    "scenario",
-    "lag",
-}
+_TAKEN = {"label", *RESULTS, *trials_frame([])} - {"scenario", "lag"}
 _SHOWN = ("error", "error_low", "error_high", "diff", "diff_low", "diff_high")  # in Jupyter
 
 
@@ -141,15 +138,14 @@ class ExperimentResults:
     @cached_property
     def table(self) -> pd.DataFrame:
         """results.csv: a row for each setting, method and offset; what was varied has columns."""
-        panels = self.results.panels
-        table = pd.read_csv(io.StringIO(results_csv(panels)))
-        table.insert(0, "label", [panel.labels[r.method] for panel in panels for r in panel.rows])
-        return _with_varied(table, self.sweep)
+        table = self.results.table
+        exact = [name for name in table if name not in FURTHER]
+        return _with_varied(table[["label", *exact]].copy(), self.sweep)
 
     @cached_property
     def trials(self) -> pd.DataFrame:
         """trials.csv: a row for each trial and offset; what was varied has columns."""
-        table = pd.read_csv(io.StringIO(trials_csv(self.results.finished)))
+        table = trials_frame(self.results.finished).drop(columns=[*INNER])
         return _with_varied(table, self.sweep)
 
     def plot(self, over: str, value: str = "error", *, offset: int = 0) -> "Figure":

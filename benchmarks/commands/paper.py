@@ -79,6 +79,6 @@ def _table(sweep: "Sweep", results: "Results", style: str) -> str:
         f"Table 1, scenario {short_name(sweep.scenario)}: {worlds}, {shared.setting_words(sweep)}"
     )
     mark = "# " if style == "github" else ""
-    rows = [row for panel in results.panels for row in panel.rows]
+    rows = results.table
     parts = [f"{mark}{title}; the paper's values beside ours", table_1(rows, style), NOTE]
     return "\n\n".join([*parts, *filter(None, [reading(rows)])]) + "\n"

@@ -216,7 +216,7 @@ def _contents(
     wrong: Residuals | None,
 ) -> dict[str, bytes]:
     contents = {
-        "results.csv": utf8(tracks_results_csv(rows, next(iter(results.panels), None))),
+        "results.csv": utf8(tracks_results_csv(rows, results.table)),
         "trials.csv": utf8(tracks_trials_csv(rows)),
         **_tracks(replay, rows),
     }
