@@ -2,14 +2,10 @@
 
 import argparse
 import tomllib
-import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from benchmarks.console import doing, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.sweeps.design import Sweep
@@ -33,37 +29,6 @@ def _path(text: str, what: str) -> Path:
     if not is_possible(Path(text)):
         raise argparse.ArgumentTypeError("it has a name of more than 255 bytes: give a shorter one")
     return Path(text)
-
-
-@contextmanager
-def log_warnings() -> Iterator[list[str]]:
-    """Collect the warnings of log readers, each sentence once; if all fails, say them."""
-    from deqmcl_gym.validation import LogWarning
-
-    said: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", LogWarning)
-        try:
-            yield said
-        except Exception:
-            warn(_sentences(caught))
-            raise
-        said += _sentences(caught)
-
-
-def _sentences(caught: Sequence[warnings.WarningMessage]) -> list[str]:
-    from deqmcl_gym.validation import LogWarning
-
-    words = [str(one.message) for one in caught if issubclass(one.category, LogWarning)]
-    return list(dict.fromkeys(words))
-
-
-@contextmanager
-def checking() -> Iterator[None]:
-    """Say that all worlds and localizers are being checked, and what is wrong with their logs."""
-    with doing("checking every world and localizer"), log_warnings() as said:
-        yield
-    warn(said)
 
 
 def add_read(parser: argparse.ArgumentParser) -> None:
@@ -238,7 +203,7 @@ def setting_sweep(
     own: Mapping[str, Mapping[str, Any]] | None = None,
     agent: str | None = None,
 ) -> "Sweep":
-    """Return the localizers on the worlds of the setting, every one of them checked.
+    """Return the localizers on the worlds of the setting.
 
     Args:
         options: of ``add_setting``.
@@ -251,7 +216,6 @@ def setting_sweep(
         InputError: something of it is refused; nothing was run or written.
     """
     from benchmarks.setup.changes import Changes, Named
-    from benchmarks.sweeps.running import check
     from benchmarks.sweeps.suites import paper_sweep
     from benchmarks.trials.spec import Method
     from deqmcl_gym.validation import InputError, integer
@@ -276,8 +240,6 @@ def setting_sweep(
         sweep = replace(sweep, localizers=tuple(methods))
     if agent is not None:
         sweep = replace(sweep, agent=Named(agent))
-    with checking():
-        check(sweep)
     return sweep
 
 
@@ -336,11 +298,6 @@ def changed(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
         params = Changes(own.get(limit.method.name, {})) | limit.method.params
         limits.append(replace(limit, method=replace(limit.method, params=params)))
     return replace(sweep, trials=trials, seed=seed, localizers=localizers, limits=tuple(limits))
-
-
-def setting_words(sweep: "Sweep") -> str:
-    """N, L and seed."""
-    return f"N = {sweep.params['particles']}, L = {sweep.lag}, seed {sweep.seed}"
 
 
 def localizers_named(listed: str) -> tuple[str, ...]:

@@ -21,7 +21,7 @@ from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.scenario import Scenario
 from benchmarks.trials.clouds import Task
 from benchmarks.trials.collecting import JourneyLog, TrackLog
-from benchmarks.trials.episode import Moment, moments
+from benchmarks.trials.episode import Step, moments
 from benchmarks.trials.fixes import is_symmetric
 from benchmarks.trials.map_signals import MapSignals, differs
 from benchmarks.trials.scores import Group, groups_named
@@ -124,7 +124,7 @@ class Stage:
         """Return p(x_0) in the episode that the room has begun last."""
         return self.scenario.prior_in(self.room, self.trial.start_rng())
 
-    def moments(self) -> Iterator[Moment]:
+    def moments(self) -> Iterator[Step]:
         """Run the trial; yield each step. What its localizer is made for is a copy of its own."""
         copies: dict[int, Any] = {}  # the prior's map is the robot's
         agent = self._agent()

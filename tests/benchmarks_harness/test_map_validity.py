@@ -11,7 +11,7 @@ from benchmarks.setup.changes import Changes
 from benchmarks.tables.csv_files import maps_csv
 from benchmarks.tables.map_validity import QUESTIONS, WRONG, told_apart
 from benchmarks.tables.panels import panels
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.episode import Step
 from benchmarks.trials.map_signals import MAP_COLUMNS, SIGNALS, MapSignals
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -28,10 +28,10 @@ def rows(*steps, floor_plan=HALL):
     """The columns of steps of (believed pose, true pose, scan)."""
     signals = MapSignals(floor_plan, LIDAR)
     start = np.array(HERE)
-    signals.see(Moment(0, start, LIDAR.bearings, PointsBelief(start[None]), 0.0))
+    signals.see(Step(0, start, LIDAR.bearings, PointsBelief(start[None]), 0.0))
     for number, (best, truth, ranges) in enumerate(steps, 1):
         belief = PointsBelief(np.array([best]))
-        signals.see(Moment(number, np.array(truth), ranges, belief, 0.0))
+        signals.see(Step(number, np.array(truth), ranges, belief, 0.0))
     return signals.columns()
 
 
