@@ -1,4 +1,4 @@
-"""One trial, watched step by step: what is true, seen, planned and believed, and a picture of it."""
+"""One trial, watched step by step: the truth, the scan, the plan, the belief, and a picture of it."""
 
 from collections.abc import Iterator
 from dataclasses import replace

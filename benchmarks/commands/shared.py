@@ -68,11 +68,7 @@ def add_share(parser: argparse.ArgumentParser) -> None:
 
 
 def share_of(options: argparse.Namespace) -> float:
-    """Return that share.
-
-    Raises:
-        InputError: it is no share.
-    """
+    """Return that share."""
     from benchmarks.sweeps.verifying import SHARE
     from deqmcl_gym.validation import number
 
@@ -109,11 +105,7 @@ def add_mcap(parser: argparse.ArgumentParser) -> None:
 
 
 def mcap_of(options: argparse.Namespace) -> Path | None:
-    """Return the absolute path of the file for Foxglove, if one is asked for.
-
-    Raises:
-        InputError: it cannot be written.
-    """
+    """Return the absolute path of the file for Foxglove, if one is asked for."""
     from benchmarks.pictures.messages import check_file
 
     if options.mcap is None:
@@ -153,9 +145,6 @@ def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, d
     Args:
         words: as given; quotes around text may be left out.
         localizers: that are run.
-
-    Raises:
-        InputError: another form, an unknown localizer or parameter, or one given twice.
     """
     from benchmarks.setup.changes import OF_LOCALIZERS, Changes
     from deqmcl_gym.validation import InputError, one_of
@@ -211,9 +200,6 @@ def setting_sweep(
         trials: number of worlds.
         own: parameters of single localizers, by name.
         agent: who drives; None: the scenario's agent.
-
-    Raises:
-        InputError: something of it is refused; nothing was run or written.
     """
     from benchmarks.setup.changes import Changes, Named
     from benchmarks.sweeps.suites import paper_sweep
@@ -244,11 +230,7 @@ def setting_sweep(
 
 
 def with_agents(sweep: "Sweep", listed: str | None) -> "Sweep":
-    """Return a sweep driven by each of the agents in ``a,b,c`` in turn; None: as it says itself.
-
-    Raises:
-        InputError: the sweep varies the parameters of its agent, or a name is refused.
-    """
+    """Return a sweep driven by each of the agents in ``a,b,c`` in turn; None: as it says itself."""
     from benchmarks.setup.changes import Changes
     from benchmarks.sweeps.design import Axis
     from deqmcl_gym.validation import InputError
@@ -276,9 +258,6 @@ def changed(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
     Args:
         options: of ``add_trials``, ``add_seed`` and ``add_params``.
         sweep: that is changed.
-
-    Raises:
-        InputError: a bad value, or a localizer or parameter that it does not have.
     """
     from benchmarks.setup.changes import Changes
     from deqmcl_gym.validation import integer
@@ -301,11 +280,7 @@ def changed(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
 
 
 def localizers_named(listed: str) -> tuple[str, ...]:
-    """Return the names in ``a,b,c``, without blanks; ``file.py`` is its only localizer.
-
-    Raises:
-        InputError: a file holds none or several, or cannot be read.
-    """
+    """Return the names in ``a,b,c``, without blanks; ``file.py`` is its only localizer."""
     from localizers.registry import LOCALIZER
 
     return tuple(LOCALIZER.complete(name) for part in listed.split(",") if (name := part.strip()))

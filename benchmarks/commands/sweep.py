@@ -89,11 +89,7 @@ def run(options: argparse.Namespace) -> str:
 
 
 def asked(options: argparse.Namespace) -> "Sweep":
-    """Return the sweep that is asked for.
-
-    Raises:
-        InputError: options that do not go together, or a bad value.
-    """
+    """Return the sweep that is asked for."""
     from benchmarks.sweeps.design import UntilDecided
     from benchmarks.sweeps.suites import sweep_named
     from deqmcl_gym.validation import InputError, integer

@@ -109,11 +109,7 @@ class Running:
 def begun(
     sweep: Sweep, out: Path | str, options: Options, *, command: Sequence[str]
 ) -> Iterator[Running]:
-    """Open the folder of a sweep at which ``check`` has looked; nothing is run yet.
-
-    Raises:
-        InputError: the folder is not ours, belongs to another sweep, or is in use.
-    """
+    """Open the folder of a sweep at which ``check`` has looked; nothing is run yet."""
     out = Path(out)
     sweep = named_as_in(out, sweep)
     ours = manifest.of_sweep(sweep, command)
@@ -125,11 +121,7 @@ def begun(
 
 
 def check(sweep: Sweep) -> None:
-    """Build every world and every localizer of a sweep once, before anything is written.
-
-    Raises:
-        InputError: something of it is refused.
-    """
+    """Build every world and every localizer of a sweep once, before anything is written."""
     rule_of(sweep)
     settings: dict[str, Trial] = {}
     methods: dict[str, Trial] = {}
@@ -245,11 +237,7 @@ def _keep(store: Store, key: str, trial: Trial, outcome: Outcome) -> str | None:
 
 
 def shard_of(text: str) -> tuple[int, int]:
-    """Return (i, n) of "i/n".
-
-    Raises:
-        InputError: it is not of that form, or i is not one of 1 … n.
-    """
+    """Return (i, n) of "i/n"."""
     if given := re.fullmatch(r"(\d{1,6})/(\d{1,6})", text):
         number, of = map(int, given.groups())
         if 1 <= number <= of <= 100_000:

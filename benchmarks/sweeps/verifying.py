@@ -48,7 +48,6 @@ def verify(folder: Path, where: Where, share: float = SHARE) -> str:
         What was found, in a sentence.
 
     Raises:
-        InputError: it is no folder of results, or has no finished trial.
         DifferentError: the first trial that differs, and its first score.
     """
     made = manifest.read(folder)
