@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.commands import shared
-from benchmarks.console import doing, warn
+from benchmarks.console import checking, doing, log_warnings, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.replay.options import Replay
@@ -71,7 +71,7 @@ def run(options: argparse.Namespace) -> str:
         asked = 20.0 if options.segment is None else options.segment
         segment = number("--segment", asked, low=0, above=True)
         question.check_segment(segment)
-        with doing("reading the log and the map"), shared.log_warnings() as read:
+        with doing("reading the log and the map"), log_warnings() as read:
             replay = _replay(options)
         said = [*read, disagreement(replay)]
         whole = {name: own for name, own in replay.world.items() if name not in ("start", "judged")}
@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> str:
         world = Changes({**whole, "segment": segment})
         title = f"Segments of {segment:g} m of {Path(options.log).name}"
     localizers = shared.localizers_named(options.localizers)
-    with shared.checking():
+    with checking():
         sweep = basin_sweep(
             question,
             localizers,

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from benchmarks.commands import shared
-from benchmarks.console import doing, warn
+from benchmarks.console import doing, log_warnings, warn
 
 _SAID = ("start", "every", "max_beams", "motion", "scan", "radius", "unknown", "changed_walls")
 
@@ -125,7 +125,7 @@ def run(options: argparse.Namespace) -> str:
         scan = ",".join(filter(None, [its_scan, options.scan]))
         told = {**nav2.options, **told, "scan": scan}
     told.setdefault("every", every_for(options.localizers))
-    with doing("reading the log and the map"), shared.log_warnings() as said:
+    with doing("reading the log and the map"), log_warnings() as said:
         reading = {**({} if nav2 is None else nav2.reading), **reading_of(options.read)}
         replay = replay_of(
             options.log, options.map, reference=options.reference, reading=reading, **told

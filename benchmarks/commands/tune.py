@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import shared
-from benchmarks.console import doing, warn
+from benchmarks.console import doing, log_warnings, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.replay.nav2 import Amcl
@@ -177,7 +177,7 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
     if nav2 is not None:
         told |= {"motion": nav2.options["motion"], "scan": nav2.options["scan"]}
         reading |= nav2.reading
-    with doing("reading the logs and the maps"), shared.log_warnings() as warnings:
+    with doing("reading the logs and the maps"), log_warnings() as warnings:
         reading |= reading_of(options.read)
         each = zip(options.logs, maps, references, strict=True)
         replays = [

@@ -64,11 +64,7 @@ class Where:
             )
 
     def check(self) -> None:
-        """See whether the engine can be had, before anything is written.
-
-        Raises:
-            InputError: it is not installed, or there is none of this name or address.
-        """
+        """See whether the engine can be had, before anything is written."""
         if self.executor == "dask":
             executors.distributed()
             if self.scheduler is not None:
@@ -79,11 +75,7 @@ class Where:
 
     @contextmanager
     def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
-        """Start an engine for these trials, and end it with all that still runs.
-
-        Raises:
-            InputError: it cannot be had, or does not know a localizer that is registered here.
-        """
+        """Start an engine for these trials, and end it with all that still runs."""
         jobs = self.jobs or available_cpus()
         if self.executor == "process":
             place = self._processes(max(1, min(jobs, len(trials))))

@@ -33,11 +33,7 @@ class Sending(Executor):
         self._packed: dict[str, bytes] = {}
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Have ``fn(trial, …)`` run by a process that knows the trial's localizer.
-
-        Raises:
-            InputError: the localizer is registered here only, and cannot be sent.
-        """
+        """Have ``fn(trial, …)`` run by a process that knows the trial's localizer."""
         trial, *rest = args
         if not LOCALIZER.is_registered(name := trial.localizer):
             return self._processes.submit(fn, *args, **kwargs)

@@ -181,9 +181,6 @@ def results_in(folder: Path | str) -> Results:
 
     Its trials are those that the code, libraries and plug-ins of its manifest have made, whatever
     is installed here.
-
-    Raises:
-        InputError: the folder is not one of results, or none of its files can be read.
     """
     folder = Path(folder)
     made = manifest.read(folder)
@@ -205,10 +202,6 @@ def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
     Args:
         folders: each is read as by ``results_in``; limits are those of the first.
         command: the words that pool them.
-
-    Raises:
-        InputError: they differ in more than localizers and agents, or one is not complete, or has
-            ``until_decided``.
     """
     each, made = [results_in(one) for one in folders], [manifest.read(one) for one in folders]
     told: dict[str, Any] = {"code": made[0].identity.code}
@@ -266,9 +259,6 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
     """Return the sweep of a folder's manifest; nothing that it names is loaded.
 
     What was named by a sweep file is where the manifest says, from the folder.
-
-    Raises:
-        InputError: the manifest was changed.
     """
 
     def takes(name: str) -> tuple[str, ...] | None:

@@ -16,11 +16,7 @@ K = TypeVar("K")
 
 
 def rule_of(sweep: Sweep) -> Rule | None:
-    """Return when comparisons of a sweep are decided; None if it runs all its worlds.
-
-    Raises:
-        InputError: there is nothing to compare, or there are fewer worlds than before a look.
-    """
+    """Return when comparisons of a sweep are decided; None if it runs all its worlds."""
     if sweep.until_decided is None:
         return None
     family = sum(len(group.pairs(sweep.baseline)) for group in _groups(sweep))

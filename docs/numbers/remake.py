@@ -24,7 +24,6 @@ from msgspec import to_builtins
 from msgspec.structs import replace
 
 from benchmarks.commands import paper as paper_command
-from benchmarks.commands import shared
 from benchmarks.commands import sweep as sweep_command
 from benchmarks.execution.engines import Where, available_cpus
 from benchmarks.sweeps import manifest, suites
@@ -116,8 +115,7 @@ def sweep_of(command: str) -> Sweep | None:
     if first == "sweep":
         sweep_command.arguments(parser)
         options = parser.parse_args(rest)
-        asked = shared.changed(options, suites.sweep_named(options.suite))
-        return sweep_command.stopping(options, asked)
+        return sweep_command.asked(options)
     if first == "paper":
         paper_command.arguments(parser)
         given = parser.parse_args(rest)

@@ -10,7 +10,7 @@ from benchmarks.report.tables import told_apart_table
 from benchmarks.setup.changes import Changes
 from benchmarks.tables.panels import panels
 from benchmarks.tables.signals import QUESTIONS, WRONG, maps_table
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.episode import Step
 from benchmarks.trials.map_signals import MAP_COLUMNS, SIGNALS, MapSignals
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -27,10 +27,10 @@ def rows(*steps, floor_plan=HALL):
     """The columns of steps of (believed pose, true pose, scan)."""
     signals = MapSignals(floor_plan, LIDAR)
     start = np.array(HERE)
-    signals.see(Moment(0, start, LIDAR.bearings, PointsBelief(start[None]), 0.0))
+    signals.see(Step(0, start, LIDAR.bearings, PointsBelief(start[None]), 0.0))
     for number, (best, truth, ranges) in enumerate(steps, 1):
         belief = PointsBelief(np.array([best]))
-        signals.see(Moment(number, np.array(truth), ranges, belief, 0.0))
+        signals.see(Step(number, np.array(truth), ranges, belief, 0.0))
     return signals.columns()
 
 

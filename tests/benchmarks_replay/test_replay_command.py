@@ -21,7 +21,7 @@ from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.tracks import rows_of
 from benchmarks.trials.collecting import TrackLog
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.episode import Step
 from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished
 from benchmarks.trials.spec import Trial
 from deqmcl_gym import logs
@@ -96,7 +96,7 @@ def kept_at(errors, cloud=(0.0,), judged=0, interpolated=None):
     kept = TrackLog(log, ROOM, Thresholds(far=1.0, lost=1.0), judged)
     for step, error in enumerate(errors):
         points = np.column_stack([error + np.array(cloud), *np.zeros((2, len(cloud)))])
-        kept.see(Moment(step, np.zeros(3), log.ranges[step], PointsBelief(points), 0.0))
+        kept.see(Step(step, np.zeros(3), log.ranges[step], PointsBelief(points), 0.0))
     return kept
 
 
