@@ -110,7 +110,7 @@ class Where:
 
 def _refuse_unknown(executor: Executor, trials: Iterable[Trial]) -> None:
     """Refuse a localizer that is registered here, but not where its trials run."""
-    asked = {(t.localizer, guest_of(t)): t for t in trials if LOCALIZER.is_registered(t.localizer)}
+    asked = {(t.localizer, guest_of(t)): t for t in trials if t.localizer in LOCALIZER.added}
     for trial in asked.values():
         with contextlib.suppress(RuntimeError):  # the process died: its trials will tell
             if not executor.submit(knows, trial).result():
