@@ -285,23 +285,22 @@ def test_what_the_reader_warns_of_is_also_said_before_a_refusal(recorded, capsys
 @pytest.mark.parametrize(
     ("kind", "part", "rest"),
     [
-        ("differential", "alpha3=0.5", "alpha1=0.1,alpha2=0.1,alpha4=0"),
-        ("omni", "alpha5=0.5", "alpha1=0.1,alpha2=0.1,alpha3=0.1,alpha4=0"),
-        ("odometry", "drive=0.5", "turn=0.1,drift=0"),
+        ("differential", {"alpha3": 0.5}, {"alpha1": 0.1, "alpha2": 0.1, "alpha4": 0}),
+        ("omni", {"alpha5": 0.5}, {"alpha1": 0.1, "alpha2": 0.1, "alpha3": 0.1, "alpha4": 0}),
+        ("odometry", {"drive": 0.5}, {"turn": 0.1, "drift": 0}),
     ],
 )
 def test_motion_given_in_part_leaves_the_rest_as_it_would_be(recorded, kind, part, rest):
-    (name, value), chosen = part.split("="), f"kind={kind}"
+    (name,), chosen = part, {"kind": kind}
     origin = "of the log's odometry against its reference"
     replays = [
-        replay_of("lap.csv", "hall.yaml", motion=",".join(words), reference="lap.tum")
-        for words in ((chosen,), (chosen, part), (chosen, part, rest))
+        replay_of("lap.csv", "hall.yaml", motion=given, reference="lap.tum")
+        for given in (chosen, chosen | part, chosen | part | rest)
     ]
     estimated, partly, whole = (replay.motion for replay in replays)
     assert estimated == motion_noise(replays[0].log, kind)
-    assert partly == replace(estimated, **{name: float(value)})
-    words = dict(one.split("=") for one in f"{part},{rest}".split(","))
-    assert vars(whole) == vars(whole) | {key: float(word) for key, word in words.items()}
+    assert partly == replace(estimated, **part)
+    assert vars(whole) == vars(whole) | part | rest
     said = [replay.noise for replay in replays]
     assert said[0].startswith(origin)
     assert said[1].startswith(f"{name} given; the rest {origin}")
@@ -389,7 +388,7 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--motion", "drive=1"), "unknown assumption 'motion.drive'"),
         (("--motion", "kind=odometry,dive=1"), "did you mean 'motion.drive'?"),
         (("--motion", "kind=omni,still=1"), "'motion.still'"),
-        (("--motion", "alpha1=much"), "must be name=number"),
+        (("--motion", "alpha1=much"), "alpha1 is 'much'"),
         (("--motion", "alpha1=-1"), "alpha1 is -1"),
         (("--scan", "power=0"), "scan.power"),
         (("--scan", "kind=sonar"), "kind of scan"),
@@ -406,11 +405,13 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--param", "amcl.pf_z=much"), "pf_z"),
         (("--param", "mcl.particles=9", "--param", "mcl.particles=9"), "twice"),
         (("--motion", "alpha1=0.1,alpha1=0.2"), "--motion gives alpha1 twice"),
-        (("--motion", "=0.1"), "--motion has '=0.1', but must be name=number"),
-        (("--scan", "sigma"), "--scan has 'sigma', but must be name=number"),
-        (("--changed-walls", "share"), "--changed-walls has 'share', but must be name=value"),
+        (("--motion", "=0.1"), "--motion has '=0.1', but must be NAME=VALUE"),
+        (("--scan", "sigma"), "--scan has 'sigma', but must be NAME=VALUE"),
+        (("--changed-walls", "share"), "--changed-walls has 'share', but must be NAME=VALUE"),
         (("--read", "max_range"), "--read has 'max_range', but must be NAME=VALUE"),
         (("--read", "max_range=9", "--read", "max_range=8"), "--read gives max_range twice"),
+        (("--changed-walls", "seed=1,seed=2"), "--changed-walls gives seed twice"),
+        (("--changed-walls", "seed=nan"), "--changed-walls seed is nan"),
         (("--jobs", "0"), "--jobs"),
         (("--start", "room=1,1,2,2"), "room=x,y,x,y,x,y,"),
         (("--start", "near=1,1,1,1"), "prior.within"),
@@ -551,7 +552,11 @@ def test_odometry_that_moves_sideways_is_told_unless_the_motion_model_knows_it(r
     logs.write(replace(log, odometry=strafing), "strafing.csv")
     said = [
         replay_of(name, "hall.yaml", motion=motion, reference="lap.tum").sideways
-        for name, motion in (("strafing.csv", ""), ("strafing.csv", "kind=omni"), ("lap.csv", ""))
+        for name, motion in (
+            ("strafing.csv", {}),
+            ("strafing.csv", {"kind": "omni"}),
+            ("lap.csv", {}),
+        )
     ]
     assert "of odometry are sideways: for a robot that can move so, add --motion" in said[0]
     assert said[1:] == [None, None]
