@@ -6,9 +6,9 @@ A localizer may be a class or a function that is defined in a notebook's cell.
 import io
 import json
 from collections import ChainMap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -22,11 +22,12 @@ from benchmarks.execution.engines import Where
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import write_report
 from benchmarks.scenarios import SCENARIOS
-from benchmarks.setup.changes import Changes
-from benchmarks.sweeps.design import Axis, Sweep
+from benchmarks.setup.changes import Named
+from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence, summary
 from benchmarks.sweeps.running import Options, Running, begun, check, shard_of
 from benchmarks.sweeps.suites import PAPER_METHODS, SUITES, sweep_named
+from benchmarks.sweeps.sweepfile import refuse_idle, sweep_of
 from benchmarks.sweeps.verifying import adopted
 from benchmarks.tables.csv_files import results_csv, trials_csv
 from benchmarks.trials.spec import Method
@@ -37,7 +38,6 @@ from localizers.registry import Factory
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Vary = Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Sequence[Any]]]
 _TAKEN = {"label", *results_csv([]).strip().split(","), *trials_csv([]).strip().split(",")} - {
     "scenario",
     "lag",
@@ -49,8 +49,8 @@ def sweep(
     of: str | Path | Sweep = "quick",
     *,
     localizers: Sequence[str | Method | Mapping[str, Any] | Factory] = (),
-    vary: Vary = (),
-    **changes: Any,
+    vary: Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Sequence[Any]]] = (),
+    **keys: Any,
 ) -> "Experiment":
     """Return an experiment: settings and methods on paired worlds; nothing is run yet.
 
@@ -60,26 +60,25 @@ def sweep(
             for a robot, or {"name": …, "params": {…}}. A scenario has the methods of the paper.
         vary: values by dotted name, as in ``{"params.particles": [100, 1000]}``; all combinations
             are run. Names that change together stand in one mapping of a list of them.
-        changes: other fields of ``Sweep``: trials, seed, lag, world, assumed, params, baseline, ….
+        keys: others of a sweep file: trials, seed, lag, world, assumed, params, baseline, ….
 
     Raises:
         InputError: an unknown name, or a bad value.
     """
-    changes = plain(changes)
-    listed = [localizers] if isinstance(localizers, str) or callable(localizers) else localizers
-    methods, factories = methods_of(listed)
+    given, factories = plain(keys), dict[str, Factory]()
+    if localizers:
+        one = isinstance(localizers, str) or callable(localizers)
+        listed, factories = named([localizers] if one else localizers)
+        given["localizers"] = plain(listed)
+    if vary:
+        axes = [{name: v} for name, v in vary.items()] if isinstance(vary, Mapping) else vary
+        given["vary"] = plain(axes)
     with known(factories):
         base = _base(of)
-        if methods:
-            changes["localizers"] = methods
-            if base.baseline not in {one.name for one in methods}:
-                changes.setdefault("baseline", "")
-        if vary:
-            changes["vary"] = _axes(vary)
-        for name in changes:
-            one_of("field of a sweep", name, (one.name for one in fields(Sweep)))
-        made = replace(base, **changes)
-        _refuse_unused(made)
+        made = sweep_of(given, title=base.title, base=base)
+        if localizers and "baseline" not in given and base.baseline not in made.names:
+            made = replace(made, baseline="")
+        refuse_idle(made)
     return Experiment(made, factories)
 
 
@@ -248,8 +247,7 @@ class ExperimentResults:
         """Columns of what was varied, in the order of the axes."""
         return [
             column
-            for axis in self.sweep.vary
-            for name in axis.values
+            for name in self.sweep.varied
             if (column := _column(name, self.sweep)) in self.table
         ]
 
@@ -260,36 +258,29 @@ def _base(of: str | Path | Sweep) -> Sweep:
         return of
     name = str(of)
     if name in SCENARIOS and name not in SUITES:
-        return Sweep(title=name, scenario=name, localizers=methods_of(PAPER_METHODS)[0])
+        return Sweep(title=name, scenario=name, localizers=tuple(map(Method, PAPER_METHODS)))
     if not name.endswith(".toml"):
         one_of("suite or scenario", name, {**SUITES, **SCENARIOS})
     return sweep_named(name)
 
 
-def methods_of(given: Sequence[Any]) -> tuple[tuple[Method, ...], dict[str, Factory]]:
-    """Return methods, and what makes those that were given as classes or functions."""
-    methods, factories = [], dict[str, Factory]()
+def named(given: Sequence[Any]) -> tuple[list[Any], dict[str, Factory]]:
+    """Return localizers with classes and functions by their names, and these by name."""
+    names, factories = [], dict[str, Factory]()
     for one in given:
-        if isinstance(one, Method | str):
-            methods.append(one if isinstance(one, Method) else Method(name=one))
-            continue
-        if isinstance(one, Mapping):
-            if not {"name"} <= one.keys() <= {"name", "params"}:
-                raise InputError(
-                    f"a localizer is {shown(one)}, but must be {{'name': …, 'params': {{…}}}}."
-                )
-            methods.append(Method(name=one["name"], params=Changes(plain(one.get("params", {})))))
-            continue
         name = getattr(one.func if isinstance(one, partial) else one, "__name__", None)
-        if not callable(one) or not isinstance(name, str) or name == "<lambda>":
+        if not callable(one):
+            names.append(one)
+        elif not isinstance(name, str) or name == "<lambda>":
             raise InputError(
                 f"the localizer is {shown(one)}, but must be a name, a class or a function with a "
                 "name."
             )
-        if factories.setdefault(name, one) is not one:
+        elif factories.setdefault(name, one) is not one:
             raise InputError(f"two localizers are called {name}: give one of them another name.")
-        methods.append(Method(name=name))
-    return tuple(methods), factories
+        else:
+            names.append(name)
+    return names, factories
 
 
 @contextmanager
@@ -301,35 +292,12 @@ def known(factories: Mapping[str, Factory]) -> Iterator[None]:
         yield
 
 
-def _axes(vary: Vary) -> tuple[Axis, ...]:
-    """Return the axes of values by name, or of a list of such mappings."""
-    axes = [{name: v} for name, v in vary.items()] if isinstance(vary, Mapping) else vary
-    found = []
-    for one in axes:
-        if not isinstance(one, Mapping):
-            raise InputError(f"vary has {shown(one)}, but must map names to lists of values.")
-        for name, values in one.items():
-            if isinstance(values, str) or not isinstance(values, Iterable):
-                raise InputError(f"{name} is varied by {shown(values)}, but must be a list.")
-        found.append(Axis(values=Changes({name: tuple(plain(v)) for name, v in one.items()})))
-    return tuple(found)
-
-
-def _refuse_unused(sweep: Sweep) -> None:
-    """Refuse parameters that no localizer of the sweep takes."""
-    taken = [sweep.takes(name) for name in sweep.names]
-    if None in taken:
-        return
-    known = {name for names in taken for name in names or ()}
-    groups = [name.partition(".") for axis in sweep.vary for name in axis.values]
-    for name in (*sweep.params, *(rest for group, _, rest in groups if group == "params")):
-        one_of("parameter", name, known)
-
-
 def plain(value: Any) -> Any:
-    """Return a value with Python's numbers and lists for NumPy's."""
+    """Return a value as TOML has it: Python's numbers, lists and dicts."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
+    if isinstance(value, Named):
+        return {"name": value.name, "params": plain(value.params)}
     if isinstance(value, Mapping):
         return {name: plain(own) for name, own in value.items()}
     return [plain(own) for own in value] if isinstance(value, list | tuple | range) else value
@@ -337,7 +305,7 @@ def plain(value: Any) -> Any:
 
 def _with_varied(table: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
     """Return a table with a column for each part of the world, assumption or parameter varied."""
-    for name in [name for axis in sweep.vary for name in axis.values]:
+    for name in sweep.varied:
         group, _, rest = name.partition(".")
         if group in table and rest:
             # a method without the parameter stands beside those with it
@@ -350,6 +318,6 @@ def _with_varied(table: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
 
 def _column(name: str, sweep: Sweep) -> str:
     """Return the last part of a dotted name, or all of it where that is not one's own."""
-    last = [other.rpartition(".")[2] for axis in sweep.vary for other in axis.values]
+    last = [other.rpartition(".")[2] for other in sweep.varied]
     short = name.rpartition(".")[2]
     return short if last.count(short) == 1 and short not in _TAKEN else name

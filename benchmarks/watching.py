@@ -1,19 +1,19 @@
-"""One trial, watched step by step: the truth, the scan, the plan, the belief, and a picture of it."""
+"""One trial, watched step by step: what is true, seen, planned and believed, also as a picture."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.experiment import known, methods_of, plain
+from benchmarks.experiment import known, named, plain
 from benchmarks.pictures.figures import camera_of
 from benchmarks.pictures.film import Camera
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep
 from benchmarks.trials.episode import Step
+from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.validation import integer
 from localizers.registry import Factory
@@ -33,20 +33,20 @@ def run(
     Raises:
         InputError: an unknown name, or a bad value.
     """
-    (method,), factories = methods_of([localizer])
     integer("trial", trial)
+    (name,), factories = named([localizer])
     with known(factories):
         of = Sweep(
             title=scenario,
             scenario=scenario,
-            localizers=(replace(method, params=method.params | Changes(plain(params))),),
+            localizers=(Method(name, Changes(plain(params))),),
             seed=seed,
             trials=trial + 1,
         )
         stage = Stage.of(of.distinct()[trial])
-        camera, name = camera_of(stage), str(of.localizers[0])
+        camera, words = camera_of(stage), str(of.localizers[0])
         for step in stage.moments():
-            yield step._replace(draw=partial(_picture, camera, step, name))
+            yield step._replace(draw=partial(_picture, camera, step, words))
 
 
 def _picture(camera: Camera, step: Step, method: str) -> NDArray[np.uint8]:

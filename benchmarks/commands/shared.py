@@ -117,25 +117,19 @@ def mcap_of(options: argparse.Namespace) -> Path | None:
 
 def add_setting(parser: argparse.ArgumentParser) -> None:
     """Add the scenario, the root seed, and the parameters that most localizers have."""
-    parser.add_argument(
-        "--scenario",
-        default="paper",
-        metavar="NAME",
-        help="a name (deqmcl list), room.toml or file.py:NAME (paper)",
-    )
+    add = parser.add_argument
+    add("--scenario", default="paper", metavar="NAME",
+        help="a name (deqmcl list), room.toml or file.py:NAME (paper)")  # fmt: skip
     add_seed(parser)
-    parser.add_argument("--particles", type=int, default=1000, metavar="N", help="particles (1000)")
-    parser.add_argument("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)")
+    add("--particles", type=int, default=1000, metavar="N", help="particles (1000)")
+    add("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)")
 
 
 def add_params(parser: argparse.ArgumentParser) -> None:
     """Add parameters of single localizers."""
+    help_ = "a parameter of a localizer, as in mcl-map.start_draws=20 (one --param each)"
     parser.add_argument(
-        "--param",
-        action="append",
-        default=[],
-        metavar="NAME.KEY=VALUE",
-        help="a parameter of a localizer, as in mcl-map.start_draws=20 (one --param each)",
+        "--param", action="append", default=[], metavar="NAME.KEY=VALUE", help=help_
     )
 
 
@@ -242,8 +236,7 @@ def with_agents(sweep: "Sweep", listed: str | None) -> "Sweep":
         raise InputError(
             "--agents names no agent: give one or more, as in --agents stale,misplaced."
         )
-    varied = [name for axis in sweep.vary for name in axis.values]
-    if taken := [name for name in varied if name.partition(".")[0] == "agent"]:
+    if taken := [name for name in sweep.varied if name.partition(".")[0] == "agent"]:
         raise InputError(f"the sweep varies {taken[0]} itself: leave out --agents.")
     axis = Axis(values=Changes({"agent": names}))
     baseline = "" if len(names) > 1 else sweep.baseline

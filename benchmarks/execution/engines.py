@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.execution import executors
+from benchmarks.execution.executors import Engine
 from benchmarks.execution.processes import PATIENCE, Processes, TimedOutError, WorkerDiedError
 from benchmarks.execution.sending import Sending, knows
 from benchmarks.trials.attempt import Outcome, attempt
@@ -29,23 +30,6 @@ TRIES = 3  # of a trial whose worker dies
 _LOOK_SECONDS = 2
 
 _InFlight = dict[Future[Outcome], tuple[str, Trial, float]]  # key, trial, when it was submitted
-
-
-@dataclass(frozen=True, kw_only=True)
-class Engine:
-    """What trials are submitted to.
-
-    Attributes:
-        executor: any ``concurrent.futures.Executor``.
-        slots: trials in flight at a time.
-        timeout: seconds after which a trial in flight is given up; None if the executor sees to it.
-        lost: says why nothing more will come of it; "" if it works.
-    """
-
-    executor: Executor
-    slots: int
-    timeout: float | None = None
-    lost: Callable[[], str] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,9 +87,9 @@ class Where:
         dask = self.executor == "dask"
         with (
             executors.dask(cpus, self.scheduler) if dask else executors.made_by(self.executor, cpus)
-        ) as (executor, slots, lost):
-            _refuse_unknown(executor, trials)
-            yield Engine(executor=executor, slots=self.jobs or slots, timeout=timeout, lost=lost)
+        ) as engine:
+            _refuse_unknown(engine.executor, trials)
+            yield engine._replace(slots=self.jobs or engine.slots, timeout=timeout)
 
     @contextmanager
     def _processes(self, workers: int) -> Iterator[Engine]:

@@ -17,11 +17,19 @@ CONNECT_SECONDS = 10  # how long a scheduler may take to answer
 _CLOSE_SECONDS = 1
 
 
-class Place(NamedTuple):
-    """An executor, how many calls it takes at a time, and what says why it is lost, if it is."""
+class Engine(NamedTuple):
+    """What trials are submitted to.
+
+    Attributes:
+        executor: any ``concurrent.futures.Executor``.
+        slots: trials in flight at a time.
+        timeout: seconds after which a trial in flight is given up; None if the executor sees to it.
+        lost: says why nothing more will come of it; "" if it works.
+    """
 
     executor: Executor
     slots: int
+    timeout: float | None = None
     lost: Callable[[], str] | None = None
 
 
@@ -39,7 +47,7 @@ def distributed() -> Any:
 
 
 @contextmanager
-def dask(workers: int, scheduler: str | None) -> Iterator[Place]:
+def dask(workers: int, scheduler: str | None) -> Iterator[Engine]:
     """Connect to a cluster.
 
     Args:
@@ -64,7 +72,7 @@ def dask(workers: int, scheduler: str | None) -> Iterator[Place]:
             gone = client.status not in ("running", "connecting")
             return "the Dask scheduler is lost" if gone else ""
 
-        yield Place(client.get_executor(retries=0), threads, lost)
+        yield Engine(client.get_executor(retries=0), threads, lost=lost)
 
 
 @contextmanager
@@ -94,7 +102,7 @@ def _close(connected: Any) -> None:
 
 
 @contextmanager
-def made_by(name: str, slots: int) -> Iterator[Place]:
+def made_by(name: str, slots: int) -> Iterator[Engine]:
     """Call ``module:factory``; shut down what it returns at the end."""
     try:
         executor = factory(name)()
@@ -108,7 +116,7 @@ def made_by(name: str, slots: int) -> Iterator[Place]:
         kind = type(executor).__name__
         raise InputError(f"the executor {name!r} returned an object of type {kind}{_MUST}")
     try:
-        yield Place(executor, slots)
+        yield Engine(executor, slots)
     finally:
         executor.shutdown(wait=False, cancel_futures=True)
 

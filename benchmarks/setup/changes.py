@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from benchmarks.setup.documents import table, text
-from benchmarks.setup.paths import from_folder
+from benchmarks.setup.documents import from_folder, table, text
 from deqmcl_gym.validation import InputError, one_of, shown
 from localizers.kinds import Placed
 
@@ -48,25 +47,20 @@ class Changes(Mapping[str, Any]):
         return cls(flat)
 
     def __getitem__(self, name: str) -> Any:
-        """Return the value of a name."""
         return self._values[name]
 
     def __iter__(self) -> Iterator[str]:
-        """Iterate over the names."""
         return iter(self._values)
 
     def __len__(self) -> int:
-        """Count the names."""
         return len(self._values)
 
     def __eq__(self, other: object) -> bool:
-        """Compare the JSON of names and values."""
         if not isinstance(other, Mapping):
             return NotImplemented
         return self.text == Changes(other).text
 
     def __hash__(self) -> int:
-        """Hash the JSON of names and values."""
         return hash(self.text)
 
     @property
@@ -77,11 +71,9 @@ class Changes(Mapping[str, Any]):
         return self._text
 
     def __repr__(self) -> str:
-        """Return the values as a dict's."""
         return repr(self._values)
 
     def __or__(self, others: Mapping[str, Any]) -> Self:
-        """Return these changes, and others over them."""
         return type(self)({**self._values, **others})
 
     def json(self) -> dict[str, Any]:

@@ -13,8 +13,8 @@ from benchmarks.agents import AGENTS
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup import documents
 from benchmarks.setup.changes import Changes, Named
+from benchmarks.setup.documents import digest_of_file, from_folder
 from benchmarks.setup.interfaces import Agent
-from benchmarks.setup.paths import file_digest, from_folder
 from benchmarks.setup.scenario import Scenario, Thresholds
 from deqmcl_gym.validation import InputError, part
 from localizers import RobotModel, absolute_name
@@ -154,7 +154,7 @@ def _read(path: Path, within: tuple[str, ...]) -> Scenario:
         assumed = absolute_assumed(assumed, path.parent) | prior
         world = Changes.told("env", given.get("env", {})).beside(path.parent)
         changed = base.changed(world, assumed)
-        own = [base.source, str(content_digest(path)), *map(file_digest, world.files)]
+        own = [base.source, str(content_digest(path)), *map(digest_of_file, world.files)]
         return replace(
             changed,
             words=documents.text("words", given.get("words", path.stem)),

@@ -7,7 +7,8 @@ from statistics import fmean
 
 from tabulate import tabulate
 
-from benchmarks.execution.engines import Engine, Where, available_cpus, outcomes
+from benchmarks.execution.engines import Where, available_cpus, outcomes
+from benchmarks.execution.executors import Engine
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep, cells_of
 from benchmarks.trials.plugins import provenance_of

@@ -4,7 +4,7 @@ Of a run in a world, its journey; of one on a whole log, its track.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated
 
 import numpy as np
@@ -72,6 +72,11 @@ class RecordedTrack(Struct, frozen=True, kw_only=True):
 def finite(scores: Mapping[str, float]) -> dict[str, float | None]:
     """Return scores as a record has them: an infinite one and an unknown one are None."""
     return {name: value if math.isfinite(value) else None for name, value in scores.items()}
+
+
+def unless_nan(values: Iterable[float]) -> list[float | None]:
+    """Return values with None for NaN, which JSON does not have."""
+    return [None if math.isnan(value) else value for value in values]
 
 
 def whole_run(run: Journey, groups: Sequence[Group]) -> WholeRun:

@@ -7,7 +7,7 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.collecting import Number, RecordedTrack, WholeRun, finite
+from benchmarks.trials.collecting import Number, RecordedTrack, WholeRun, finite, unless_nan
 from benchmarks.trials.metrics import Estimates, mean, state_error
 from benchmarks.trials.scores import METRICS
 from benchmarks.trials.spec import Trial
@@ -16,7 +16,6 @@ from benchmarks.trials.trace import (
     OffsetTrace,
     Trace,
     plan_columns,
-    unless_nan,
 )
 
 SCORE_NAMES = tuple(metric.name for metric in METRICS)

@@ -6,8 +6,7 @@ And per step, how the belief read the plan it was shown, and whether that plan w
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from math import isnan
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -20,8 +19,9 @@ from benchmarks.trials.clouds import (
     cloud_of,
     joined,
 )
-from benchmarks.trials.collecting import RecordedTrack, WholeRun
+from benchmarks.trials.collecting import JourneyLog, RecordedTrack, TrackLog, WholeRun, unless_nan
 from benchmarks.trials.episode import Step
+from benchmarks.trials.map_signals import MapSignals
 from benchmarks.trials.scores import METRICS
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
@@ -61,11 +61,6 @@ def plan_columns(rows: Sequence[Sequence[float]]) -> dict[str, list[float | None
     if np.isnan(table).all():
         return None
     return dict(zip(PLAN_COLUMNS, map(unless_nan, table.T.tolist()), strict=True))
-
-
-def unless_nan(values: Iterable[float]) -> list[float | None]:
-    """Return values with None for NaN, which JSON does not have."""
-    return [None if isnan(value) else value for value in values]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,32 +125,12 @@ class Trace:
         return np.isfinite(self.truth[:, 0])
 
 
-class Collector(Protocol):
-    """Sees a run step by step; keeps what its record has of the whole of it."""
-
-    def see(self, moment: Step) -> None:
-        """Take in a step."""
-
-    def kept(self) -> tuple[WholeRun | None, RecordedTrack | None]:
-        """Return the journey and the track."""
-
-
-class Against(Protocol):
-    """Sees a run step by step; keeps what contradicts the map, see ``map_signals``."""
-
-    def see(self, moment: Step) -> None:
-        """Take in a step."""
-
-    def columns(self) -> dict[str, list[float | None]]:
-        """Return numbers after step t = 1 … T by name."""
-
-
 def trace_of(
     episode: Iterable[Step],
     offsets: Iterable[int],
     task: Task,
-    whole: Collector | None = None,
-    against: Against | None = None,
+    whole: JourneyLog | TrackLog | None = None,
+    against: MapSignals | None = None,
 ) -> Trace:
     """Run an episode to its end; keep its trace at these offsets, and what ``whole`` keeps.
 

@@ -110,17 +110,23 @@ def test_a_run_is_a_trial_step_by_step_with_a_picture_of_each():
     ("given", "words"),
     [
         ({"of": "quik"}, "unknown suite or scenario 'quik': did you mean 'quick'?"),
-        ({"trails": 3}, "unknown field of a sweep 'trails': did you mean 'trials'?"),
-        ({"localizers": [3]}, "the localizer is 3, but must be a name, a class or a function"),
+        ({"trails": 3}, "unknown key 'trails': did you mean 'trials'?"),
+        ({"localizers": [3]}, "an entry of localizers is 3, but must be a name"),
         ({"localizers": [lambda robot: Still(robot)]}, "with a name"),  # noqa: PLW0108
         ({"localizers": [Still, type("Still", (Still,), {})]}, "two localizers are called Still"),
-        ({"localizers": [{"name": "mcl", "particles": 3}]}, "must be {'name': …, 'params': {…}}"),
+        (
+            {"localizers": [{"name": "mcl", "particles": 3}]},
+            "unknown key of an entry of localizers 'particles'",
+        ),
         ({"vary": {"particles": [1]}}, "unknown name in [[vary]] 'particles'"),
-        ({"vary": {"params.particles": 3}}, "params.particles is varied by 3, but must be a list"),
-        ({"vary": {"scenario": "paper"}}, "scenario is varied by 'paper', but must be a list"),
-        ({"vary": [3]}, "vary has 3, but must map names to lists"),
-        ({"params": {"particels": 3}}, "unknown parameter 'particels': did you mean 'particles'?"),
-        ({"vary": {"params.particels": [3]}}, "unknown parameter 'particels'"),
+        ({"vary": {"params.particles": 3}}, "[[vary]] params.particles is 3, but must be a list"),
+        ({"vary": {"scenario": "paper"}}, "[[vary]] scenario is 'paper', but must be a list"),
+        ({"vary": [3]}, "vary is 3, but must be a [[vary]] table"),
+        (
+            {"params": {"particels": 3}},
+            "unknown parameter of these localizers 'particels': did you mean 'particles'?",
+        ),
+        ({"vary": {"params.particels": [3]}}, "unknown parameter of these localizers 'particels'"),
     ],
 )
 def test_bad_input_gets_one_sentence(given, words):
