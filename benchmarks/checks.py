@@ -63,13 +63,7 @@ def check_agent(name: str, scenario: str | None = None) -> "Report[Drive]":
 
 
 def check_scan(name: str, scenario: str | None = None) -> "Report[Scans]":
-    """Return the verdicts of all laws on a scan model.
-
-    Args:
-        name: of a built-in kind, or ``file.py:NAME`` as in ``assumed.scan.kind``.
-        scenario: whose map and lidar it is made for; by default the first of ``SCANNED_IN`` that it
-            does not refuse.
-    """
+    """Return the verdicts of all laws on a scan model."""
     kind = absolute_name(SCAN_MODEL.complete(name)) if is_code(name) else name
     worlds = SCANNED_IN if scenario is None else (absolute_scenario(scenario),)
     world = _accepting(worlds, lambda world: Scans(kind, world).model())

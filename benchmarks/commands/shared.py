@@ -134,12 +134,7 @@ def add_params(parser: argparse.ArgumentParser) -> None:
 
 
 def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return NAME.KEY=VALUE words as parameters by localizer; a value is as in a sweep file.
-
-    Args:
-        words: as given; quotes around text may be left out.
-        localizers: that are run.
-    """
+    """Return NAME.KEY=VALUE words as parameters by localizer; a value is as in a sweep file."""
     from benchmarks.setup.changes import OF_LOCALIZERS, Changes
     from deqmcl_gym.validation import InputError, one_of
     from localizers import absolute_name, parameters
@@ -186,15 +181,7 @@ def setting_sweep(
     own: Mapping[str, Mapping[str, Any]] | None = None,
     agent: str | None = None,
 ) -> "Sweep":
-    """Return the localizers on the worlds of the setting.
-
-    Args:
-        options: of ``add_setting``.
-        localizers: by name.
-        trials: number of worlds.
-        own: parameters of single localizers, by name.
-        agent: who drives; None: the scenario's agent.
-    """
+    """Return the localizers on the worlds of the setting."""
     from benchmarks.setup.changes import Changes, Named
     from benchmarks.sweeps.suites import paper_sweep
     from benchmarks.trials.spec import Method
@@ -247,10 +234,6 @@ def changed(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
     """Return a sweep with the worlds, the root seed and the parameters that are asked for.
 
     The method of a limit keeps its own parameters, such as its particles.
-
-    Args:
-        options: of ``add_trials``, ``add_seed`` and ``add_params``.
-        sweep: that is changed.
     """
     from benchmarks.setup.changes import Changes
     from deqmcl_gym.validation import integer

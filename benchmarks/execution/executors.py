@@ -48,12 +48,7 @@ def distributed() -> Any:
 
 @contextmanager
 def dask(workers: int, scheduler: str | None) -> Iterator[Engine]:
-    """Connect to a cluster.
-
-    Args:
-        workers: processes to start, if there is no scheduler.
-        scheduler: address of one that runs; it is left running.
-    """
+    """Connect to a cluster."""
     package = distributed()
     with ExitStack() as stack:
         address = scheduler or stack.enter_context(_local(package, workers))

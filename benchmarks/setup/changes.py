@@ -81,12 +81,7 @@ class Changes(Mapping[str, Any]):
         return {name: jsonable(value) for name, value in self.items()}
 
     def by_part(self, parts: Collection[str], what: str) -> dict[str, Any]:
-        """Return the value of each part: nested dicts of the names in it, or what is given whole.
-
-        Args:
-            parts: names before the first dot.
-            what: they are, for refusals.
-        """
+        """Return the value of each part (of a ``what``): nested dicts, or what is given whole."""
         found: dict[str, Any] = {}
         keyed: dict[str, dict[str, Any]] = {}
         for name, value in self.items():

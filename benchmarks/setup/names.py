@@ -48,13 +48,7 @@ def scenario_names() -> tuple[str, ...]:
 
 
 def absolute(kind: Kind, name: str, folder: Path = Path()) -> str:
-    """Return a name, or a ``Placed``, by which any process finds the same thing.
-
-    Args:
-        kind: of it; ``file.py`` is its only one.
-        name: of it.
-        folder: that a path in the name is relative to; ~ is the home folder.
-    """
+    """Return a name, its path from a folder, by which any process finds the same thing."""
     place, rest = split_path(name)
     if place and not isinstance(name, Placed):
         name = from_folder(folder, place) + rest

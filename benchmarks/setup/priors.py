@@ -88,12 +88,7 @@ class Displaced(Gaussian):
         number("prior.angle", self.angle, low=0, high=math.pi)
 
     def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> GaussianPrior:
-        """Return p(x_0) in the episode that a room has begun last.
-
-        Args:
-            room: has the free space.
-            rng: draws the direction, the same for all distances that are free there.
-        """
+        """Return p(x_0) in the episode that a room has begun last."""
         if rng is None:
             raise InputError("the prior is displaced in a direction that is drawn: give rng.")
         right = super().of(room)

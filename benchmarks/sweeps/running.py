@@ -164,17 +164,7 @@ def run_missing(
 def counted(
     out: Path, total: int, waiting: int, *, shown: bool = True
 ) -> Iterator[Callable[[bool], None]]:
-    """Show a bar on a terminal, elsewhere a line every minute; give what to call after each trial.
-
-    Args:
-        out: folder of the sweep; its name is shown.
-        total: trials of the sweep.
-        waiting: those that are still to be run.
-        shown: False shows nothing.
-
-    Yields:
-        A function of whether the trial failed.
-    """
+    """Show a bar on a terminal, elsewhere a line a minute; give what to call with "it failed"."""
     name = one_line(out.resolve().name)
     notebook = "ipykernel" in sys.modules
     failed, lines = 0, shown and not (notebook or sys.stderr.isatty())

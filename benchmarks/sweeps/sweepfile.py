@@ -26,13 +26,7 @@ _SUITES = Path(__file__).with_name("suites")  # a sweep file each
 
 
 def read_sweep(path: Path | str, added: Sequence[str] = (), *, above: Sequence[Path] = ()) -> Sweep:
-    """Read a sweep file.
-
-    Args:
-        path: of the file.
-        added: localizers to add.
-        above: the files that this one is the base of.
-    """
+    """Read a sweep file, and add localizers; ``above``: the files that this is the base of."""
     path = Path(path)
     given = documents.read(path, "sweep")
     root = (above[0] if above else path).parent

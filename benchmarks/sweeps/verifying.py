@@ -39,14 +39,6 @@ class DifferentError(RuntimeError):
 def verify(folder: Path, where: Where, share: float = SHARE) -> str:
     """Run a sample of a folder's finished trials again; if all agree, its manifest says so.
 
-    Args:
-        folder: of a sweep; nothing in it changes unless all agree.
-        where: the engine.
-        share: of the trials beside the first of each setting and method.
-
-    Returns:
-        What was found, in a sentence.
-
     Raises:
         DifferentError: the first trial that differs, and its first score.
     """

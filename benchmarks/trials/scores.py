@@ -303,10 +303,6 @@ def track_scores(
     *,
     judged: int = 0,
 ) -> dict[str, float]:
-    """Return the scores of a track by records; NaN is not available.
-
-    Args:
-        track, calibrated, thresholds, floor_plan, judged: see ``ScoredTrack``.
-    """
+    """Return the scores of a track by records; NaN is not available."""
     run = ScoredTrack(track, calibrated, thresholds, floor_plan, judged)
     return {name: score.of(run) for name, score in TRACK_SCORES.items()}

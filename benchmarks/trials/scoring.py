@@ -106,16 +106,7 @@ class Finished(Record, frozen=True, kw_only=True):
 
 
 def scores(trace: Trace, lag: int, thresholds: Thresholds) -> list[dict[str, Any]]:
-    """Score each offset of a trace by every metric; NaN is not available.
-
-    Args:
-        trace: what was believed.
-        lag: L; it sets the states that every offset estimates.
-        thresholds: what counts as lost.
-
-    Returns:
-        A row per offset: "offset" and ``SCORE_NAMES``.
-    """
+    """Score each offset of a trace by every metric, a row each; NaN is not available."""
     return [
         {"offset": offset} | {metric.name: metric.of(estimates) for metric in METRICS}
         for offset, kept in trace.offsets.items()
