@@ -130,7 +130,7 @@ class Experiment:
         part = None if shard is None else shard_of(shard)
         options = Options(
             where=where, shard=part, retry_failed=retry_failed, fail_fast=fail_fast,
-            progress=progress,
+            progress=progress
         )  # fmt: skip
         where.check()
         with ExitStack() as stack:

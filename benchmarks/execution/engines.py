@@ -17,14 +17,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.execution import executors
-from benchmarks.execution.executors import Engine
+from benchmarks.execution.executors import Engine, Sending
 from benchmarks.execution.processes import PATIENCE, Processes, TimedOutError, WorkerDiedError
-from benchmarks.execution.sending import Sending, knows
 from benchmarks.trials.attempt import Outcome, attempt
 from benchmarks.trials.plugins import guest_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
-from localizers.registry import LOCALIZER
 
 TRIES = 3  # of a trial whose worker dies
 _LOOK_SECONDS = 2
@@ -78,41 +76,22 @@ class Where:
         """Start an engine for these trials, and end it with all that still runs."""
         cpus = self.jobs or available_cpus()
         if self.executor == "process":
-            with self._processes(max(1, min(cpus, len(trials)))) as engine:
-                _refuse_unknown(engine.executor, trials)
-                yield engine
+            workers = max(1, min(cpus, len(trials)))
+            with Processes(
+                workers, timeout=self.timeout, guest_of=lambda trial, *_: guest_of(trial)
+            ) as processes:
+                if workers == 1 and self.timeout is None:
+                    yield Engine(ThisProcess(processes), slots=1)
+                else:  # one trial waits beside the workers, so that none waits for the store
+                    yield Engine(Sending(processes), slots=workers + 1)
             return
         guests = any(map(guest_of, trials))
         timeout = PATIENCE if guests and self.timeout is None else self.timeout
         dask = self.executor == "dask"
         with (
             executors.dask(cpus, self.scheduler) if dask else executors.made_by(self.executor, cpus)
-        ) as engine:
-            _refuse_unknown(engine.executor, trials)
-            yield engine._replace(slots=self.jobs or engine.slots, timeout=timeout)
-
-    @contextmanager
-    def _processes(self, workers: int) -> Iterator[Engine]:
-        with Processes(
-            workers, timeout=self.timeout, guest_of=lambda trial, *_: guest_of(trial)
-        ) as processes:
-            if workers == 1 and self.timeout is None:
-                yield Engine(executor=ThisProcess(processes), slots=1)
-            else:  # one trial waits beside the workers, so that none waits for the store
-                yield Engine(executor=Sending(processes), slots=workers + 1)
-
-
-def _refuse_unknown(executor: Executor, trials: Iterable[Trial]) -> None:
-    """Refuse a localizer that is registered here, but not where its trials run."""
-    asked = {(t.localizer, guest_of(t)): t for t in trials if LOCALIZER.is_registered(t.localizer)}
-    for trial in asked.values():
-        with contextlib.suppress(RuntimeError):  # the process died: its trials will tell
-            if not executor.submit(knows, trial).result():
-                raise InputError(
-                    f"the localizer {trial.localizer!r} is registered in this process only, but "
-                    "its trials would run in others, which it cannot be sent to: leave out "
-                    "the executor, take agents and scenarios of ours, or name it as file.py:NAME."
-                )
+        ) as (executor, slots, _, lost):
+            yield Engine(Sending(executor), self.jobs or slots, timeout, lost)
 
 
 class ThisProcess(Executor):
@@ -123,12 +102,12 @@ class ThisProcess(Executor):
     """
 
     def __init__(self, guests: Processes) -> None:
-        self._guests = guests
+        self._guests, self._sending = guests, Sending(guests)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Call ``fn``; if that would end this process, its future fails as a dead worker's."""
         if self._guests.guest_of(*args):
-            return self._guests.submit(fn, *args, **kwargs)
+            return self._sending.submit(fn, *args, **kwargs)
         future: Future[Any] = Future()
         try:
             future.set_result(fn(*args, **kwargs))

@@ -15,14 +15,7 @@ from numpy.typing import NDArray
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import (
-    FARTHEST,
-    atan2_64,
-    cos64,
-    sin64,
-    sincos32,
-    wrapped64,
-)
+from deqmcl_gym.numerics.elementary import FARTHEST, atan2_64, cos64, sin64, sincos32, wrapped64
 from deqmcl_gym.numerics.gaussian import cholesky, fit
 from deqmcl_gym.numerics.types import Floats, Ints, Reals, Singles
 from deqmcl_gym.validation import SUM_TOLERANCE, InputError, digits
@@ -384,7 +377,8 @@ def belief_moments(clouds: Clouds) -> Floats:
 def calibration(clouds: Clouds, means: Floats, unit: str) -> Floats:
     """Energy score, rank of the truth, NEES and log score of clouds, (k, 4); NaN: not available.
 
-    ``means`` are those of (x, y, cos θ, sin θ), (k, 4). With X, X' drawn from the belief and z the truth, in (x, y):
+    ``means`` are those of (x, y, cos θ, sin θ), (k, 4). With X, X' drawn from the belief and z the
+    truth, in (x, y):
 
     - energy score E|X - z| - ½ E|X - X'| (Gneiting & Raftery 2007). The first term is that of all
       particles; the second of all pairs of up to ``DESIGNED`` of equal weight, else of the pairs of

@@ -14,13 +14,7 @@ from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import Task, belief_moments, calibration, cloud_of, joined
 from benchmarks.trials.episode import Step
 from benchmarks.trials.fixes import Fixes, Journey, driven, half_turned, weight_near
-from benchmarks.trials.scores import (
-    JOURNEY_SCORES,
-    TRACK_GROUPS,
-    Group,
-    scores_of,
-    track_scores,
-)
+from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_GROUPS, Group, scores_of, track_scores
 from benchmarks.trials.tracks import Track
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map

@@ -11,12 +11,7 @@ from benchmarks.trials.collecting import Number, RecordedTrack, WholeRun, finite
 from benchmarks.trials.metrics import Estimates, mean, state_error
 from benchmarks.trials.scores import METRICS
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.trace import (
-    PROFILE_STRIDE,
-    OffsetTrace,
-    Trace,
-    plan_columns,
-)
+from benchmarks.trials.trace import PROFILE_STRIDE, OffsetTrace, Trace, plan_columns
 
 SCORE_NAMES = tuple(metric.name for metric in METRICS)
 LATER = frozenset(metric.name for metric in METRICS if metric.later)
