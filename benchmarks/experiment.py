@@ -1,4 +1,4 @@
-"""Localizers compared, from Python and by the commands: ``benchmarks.sweep(…).run(…)``.
+"""Localizers compared, ``benchmarks.sweep(…).run(…)``, or watched, ``benchmarks.run(…)``.
 
 A localizer may be a class or a function that is defined in a notebook's cell.
 """
@@ -16,13 +16,16 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from benchmarks.console import checking
 from benchmarks.execution.engines import Where
+from benchmarks.pictures.figures import camera_of
+from benchmarks.pictures.film import Camera
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import write_report
 from benchmarks.scenarios import SCENARIOS
-from benchmarks.setup.changes import Named
+from benchmarks.setup.changes import Changes, Named
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence, summary
 from benchmarks.sweeps.running import Options, Running, begun, check, shard_of
@@ -30,8 +33,10 @@ from benchmarks.sweeps.suites import PAPER_METHODS, SUITES, sweep_named
 from benchmarks.sweeps.sweepfile import refuse_idle, sweep_of
 from benchmarks.sweeps.verifying import adopted
 from benchmarks.tables.csv_files import results_csv, trials_csv
+from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Method
-from deqmcl_gym.validation import InputError, one_of, shown
+from benchmarks.trials.stage import Stage
+from deqmcl_gym.validation import InputError, integer, one_of, shown
 from localizers import registered
 from localizers.registry import Factory
 
@@ -65,15 +70,15 @@ def sweep(
     Raises:
         InputError: an unknown name, or a bad value.
     """
-    given, factories = plain(keys), dict[str, Factory]()
+    given, factories = _plain(keys), dict[str, Factory]()
     if localizers:
         one = isinstance(localizers, str) or callable(localizers)
-        listed, factories = named([localizers] if one else localizers)
-        given["localizers"] = plain(listed)
+        listed, factories = _named([localizers] if one else localizers)
+        given["localizers"] = _plain(listed)
     if vary:
         axes = [{name: v} for name, v in vary.items()] if isinstance(vary, Mapping) else vary
-        given["vary"] = plain(axes)
-    with known(factories):
+        given["vary"] = _plain(axes)
+    with _known(factories):
         base = _base(of)
         made = sweep_of(given, title=base.title, base=base)
         if localizers and "baseline" not in given and base.baseline not in made.names:
@@ -145,7 +150,7 @@ class Experiment:
         self, out: Path, options: Options, command: Sequence[str], *, adopt: bool = False
     ) -> Iterator[Running]:
         """Check it and open its folder, which is held until the block ends; nothing is run yet."""
-        with known(self.factories):
+        with _known(self.factories):
             with checking(shown=options.progress):
                 check(self.sweep)
             if adopt and (verified := adopted(out, self.sweep, options.where)):
@@ -252,6 +257,40 @@ class ExperimentResults:
         ]
 
 
+def run(
+    scenario: str, localizer: str | Factory, *, seed: int = 0, trial: int = 0, **params: Any
+) -> Iterator[Step]:
+    """Run one trial, and yield it step by step.
+
+    Args:
+        scenario: as in ``sweep``.
+        localizer: a name, or what makes a localizer for a robot.
+        seed, trial: the world is that of this trial of a sweep with this seed.
+        params: of the localizer.
+
+    Raises:
+        InputError: an unknown name, or a bad value.
+    """
+    integer("trial", trial)
+    (name,), factories = _named([localizer])
+    with _known(factories):
+        of = Sweep(
+            title=scenario,
+            scenario=scenario,
+            localizers=(Method(name, Changes(_plain(params))),),
+            seed=seed,
+            trials=trial + 1,
+        )
+        stage = Stage.of(of.distinct()[trial])
+        camera, words = camera_of(stage), str(of.localizers[0])
+        for step in stage.moments():
+            yield step._replace(draw=partial(_picture, camera, step, words))
+
+
+def _picture(camera: Camera, step: Step, method: str) -> NDArray[np.uint8]:
+    return np.ascontiguousarray(camera.frame(step, [f"{method}, t = {step.t}"]))
+
+
 def _base(of: str | Path | Sweep) -> Sweep:
     """Return the sweep that a name leads to, or that of a scenario."""
     if isinstance(of, Sweep):
@@ -264,7 +303,7 @@ def _base(of: str | Path | Sweep) -> Sweep:
     return sweep_named(name)
 
 
-def named(given: Sequence[Any]) -> tuple[list[Any], dict[str, Factory]]:
+def _named(given: Sequence[Any]) -> tuple[list[Any], dict[str, Factory]]:
     """Return localizers with classes and functions by their names, and these by name."""
     names, factories = [], dict[str, Factory]()
     for one in given:
@@ -284,7 +323,7 @@ def named(given: Sequence[Any]) -> tuple[list[Any], dict[str, Factory]]:
 
 
 @contextmanager
-def known(factories: Mapping[str, Factory]) -> Iterator[None]:
+def _known(factories: Mapping[str, Factory]) -> Iterator[None]:
     """Know localizers by these names in a ``with`` block."""
     with ExitStack() as stack:
         for name, factory in factories.items():
@@ -292,15 +331,15 @@ def known(factories: Mapping[str, Factory]) -> Iterator[None]:
         yield
 
 
-def plain(value: Any) -> Any:
+def _plain(value: Any) -> Any:
     """Return a value as TOML has it: Python's numbers, lists and dicts."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Named):
-        return {"name": value.name, "params": plain(value.params)}
+        return {"name": value.name, "params": _plain(value.params)}
     if isinstance(value, Mapping):
-        return {name: plain(own) for name, own in value.items()}
-    return [plain(own) for own in value] if isinstance(value, list | tuple | range) else value
+        return {name: _plain(own) for name, own in value.items()}
+    return [_plain(own) for own in value] if isinstance(value, list | tuple | range) else value
 
 
 def _with_varied(table: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:

@@ -67,7 +67,7 @@ def add_share(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--share", type=share, metavar="S", help=help_)
 
 
-def share_of(options: argparse.Namespace) -> float:
+def share_verified(options: argparse.Namespace) -> float:
     """Return that share."""
     from benchmarks.sweeps.verifying import SHARE
     from deqmcl_gym.validation import number
@@ -170,7 +170,7 @@ def _value(word: str, text: str) -> Any:
         value = tomllib.loads(f"value = {text}")["value"]
     except ValueError:
         value = text
-    documents.check({word: value}, [word])
+    documents.check_values({word: value}, [word])
     return value
 
 
@@ -230,7 +230,7 @@ def with_agents(sweep: "Sweep", listed: str | None) -> "Sweep":
     return replace(sweep, agent=None, vary=(*sweep.vary, axis), baseline=baseline)
 
 
-def changed(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
+def with_options(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
     """Return a sweep with the worlds, the root seed and the parameters that are asked for.
 
     The method of a limit keeps its own parameters, such as its particles.

@@ -315,9 +315,9 @@ def _replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) ->
 def _prior_of(start: str) -> dict[str, Any] | None:
     """Return a start that is no single pose, as assumptions; None of a pose."""
     if start.endswith(".toml"):
-        given = documents.read(Path(start), "prior")
+        given = documents.read_toml(Path(start), "prior")
         with documents.errors_name(Path(start)):
-            documents.check(given, ["prior"])
+            documents.check_values(given, ["prior"])
             return dict(Changes.told("prior", {"prior": given.get("prior", {})}))
     word, _, text = start.partition("=")
     if word not in ("global", "room", "near"):

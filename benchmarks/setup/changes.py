@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from benchmarks.setup.documents import from_folder, table, text
+from benchmarks.setup.documents import as_table, as_text, from_folder
 from deqmcl_gym.validation import InputError, one_of, shown
 from localizers.kinds import Placed
 
@@ -37,7 +37,7 @@ class Changes(Mapping[str, Any]):
     def told(cls, what: str, given: Any) -> Self:
         """Return the nested tables of a TOML document as one."""
         flat: dict[str, Any] = {}
-        for key, value in table(what, given, "a table").items():
+        for key, value in as_table(what, given, "a table").items():
             nested = isinstance(value, Mapping) and bool(value)  # {} is a value
             for name, leaf in cls.told(what, value).items() if nested else (("", value),):
                 whole = f"{key}.{name}" if nested else key
@@ -149,14 +149,14 @@ class Named:
     def told(cls, what: str, given: Any) -> Self:
         """Return what a TOML document names: "name", or {name = …, params = {…}}."""
         if isinstance(given, str):
-            return cls(text(what, given))
-        known = table(what, given, "a name, or {name = …, params = {…}}")
+            return cls(as_text(what, given))
+        known = as_table(what, given, "a name, or {name = …, params = {…}}")
         for key in known:
             one_of(f"key of {what}", key, ("name", "params"))
         if "name" not in known:
             raise InputError(f"{what} has no name: write {{name = …, params = {{…}}}}.")
-        params = table(f"params of {what}", known.get("params", {}), "a table")
-        return cls(text(f"name of {what}", known["name"]), Changes(params))
+        params = as_table(f"params of {what}", known.get("params", {}), "a table")
+        return cls(as_text(f"name of {what}", known["name"]), Changes(params))
 
     def __str__(self) -> str:
         return " ".join([self.name, *(f"{name}={value}" for name, value in self.params.items())])

@@ -21,7 +21,7 @@ _ROOT: ContextVar[Path | None] = ContextVar("folder of the sweep file that is re
 _LARGEST = 1e100  # magnitude of a number: charts take no larger ones
 
 
-def read(path: Path, what: str) -> dict[str, Any]:
+def read_toml(path: Path, what: str) -> dict[str, Any]:
     """Return the document in the file of a ``what``: UTF-8, with or without a byte order mark."""
     named = f"the {what} file {path}"
     try:
@@ -53,21 +53,21 @@ def errors_name(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: {error}") from None
 
 
-def check(given: Mapping[str, Any], keys: Sequence[str]) -> None:
+def check_values(given: Mapping[str, Any], keys: Sequence[str]) -> None:
     """Refuse an unknown key, and values that cannot name a result: NaN and dates."""
     for key in given:
         one_of("key", key, keys)
     _check_value(given, "")
 
 
-def table(what: str, value: Any, wanted: str) -> Mapping[str, Any]:
+def as_table(what: str, value: Any, wanted: str) -> Mapping[str, Any]:
     """Return a table; else say that it must be what is ``wanted``."""
     if not isinstance(value, Mapping):
         raise InputError(f"{what} is {value!r}, but must be {wanted}.")
     return value
 
 
-def text(what: str, value: Any) -> str:
+def as_text(what: str, value: Any) -> str:
     """Return a text that is not empty."""
     if not isinstance(value, str) or not value.strip():
         raise InputError(f"{what} is {value!r}, but must be text that is not empty.")

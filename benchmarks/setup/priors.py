@@ -165,7 +165,7 @@ class Uniform:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class WeightedPlace:
     """One of several places: a prior and its weight."""
 
     prior: "Gaussian | Uniform"
@@ -183,7 +183,7 @@ class Places:
         places: a table for each: its ``weight`` (1), and the keys of another kind of prior.
     """
 
-    places: tuple[Place, ...] = ()
+    places: tuple[WeightedPlace, ...] = ()
     may_be_lost = True
 
     def __post_init__(self) -> None:
@@ -206,9 +206,9 @@ class Places:
         return f"one of {len(self.places)} places: {'; '.join(each)}"
 
 
-def _place(given: Any) -> Place:
+def _place(given: Any) -> WeightedPlace:
     """Return a place, of the table of a scenario file."""
-    if isinstance(given, Place):
+    if isinstance(given, WeightedPlace):
         return given
     if not isinstance(given, Mapping):
         raise InputError(f"a place of the prior is {given!r}, but must be a table.")
@@ -221,7 +221,7 @@ def _place(given: Any) -> Place:
     prior = changed("prior", Gaussian(), keys, "px", PRIORS)  # lengths as they are told
     if isinstance(prior, Gaussian) and (prior.mean is None or "sd_position" not in keys):
         raise InputError("a gaussian place of the prior needs mean and sd_position: give both.")
-    return Place(prior=prior, weight=weight)
+    return WeightedPlace(prior=prior, weight=weight)
 
 
 PRIORS = MappingProxyType(

@@ -15,7 +15,7 @@ from benchmarks.trials.spec import Method, Run, Setting, Trial, changes_of
 from deqmcl_gym.validation import InputError, integer, number, one_of
 from localizers import parameters
 
-GROUPS = ("world", "assumed", "params")  # of dotted names; agent.… are the agent's parameters
+PARTS = ("world", "assumed", "params")  # of dotted names; agent.… are the agent's parameters
 SCALARS = ("scenario", "lag", "disturbance", "agent")
 
 
@@ -62,8 +62,8 @@ class Axis:
         lengths = {name: len(values) for name, values in self.values.items()}
         for name, length in lengths.items():
             group, _, rest = name.partition(".")
-            if not (group in (*GROUPS, "agent") and rest):
-                allowed = (*SCALARS, *(f"{g}.…" for g in (*GROUPS, "agent")))
+            if not (group in (*PARTS, "agent") and rest):
+                allowed = (*SCALARS, *(f"{g}.…" for g in (*PARTS, "agent")))
                 one_of("name in [[vary]]", name, allowed)
             if length == 0:
                 raise InputError(f"[[vary]] {name} is empty: give one value or more.")
@@ -99,7 +99,7 @@ class UntilDecided:
         number("margin of until_decided", self.margin, low=0, high=1)
 
 
-MOST = 1_000_000  # trials
+MOST_TRIALS = 1_000_000  # trials
 _SAID = (  # of a sweep, in the order of its manifest
     *("title", "localizers", "scenario", "lag", "world", "assumed", "disturbance", "params"),
     *("seed", "trials", "filter_seeds", "vary"),
@@ -181,10 +181,10 @@ class Sweep:
             known = [method.name for method in self.localizers]
             one_of("baseline", self.baseline, [*known, *self.agents])
         self._refuse_twice()
-        if self.combinations > MOST:
+        if self.combinations > MOST_TRIALS:
             raise InputError(
-                f"the sweep has {self.combinations:,} trials, more than {MOST:,}: vary less, or "
-                "make several sweeps of it."
+                f"the sweep has {self.combinations:,} trials, more than {MOST_TRIALS:,}: vary "
+                "less, or make several sweeps of it."
             )
 
     def _refuse_twice(self) -> None:
@@ -296,7 +296,7 @@ class Sweep:
     def _points(self) -> Iterator[dict[str, Any]]:
         """Yield the base with the values of each point of the design."""
         for point in itertools.product(*(axis.points() for axis in self.vary)):
-            base: dict[str, Any] = {name: getattr(self, name) for name in (*SCALARS, *GROUPS)}
+            base: dict[str, Any] = {name: getattr(self, name) for name in (*SCALARS, *PARTS)}
             tuned: dict[str, Any] = {}  # of the agent, whichever it is
             for name, value in itertools.chain.from_iterable(part.items() for part in point):
                 group, _, rest = name.partition(".")

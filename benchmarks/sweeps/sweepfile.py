@@ -9,8 +9,13 @@ from typing import Any
 from benchmarks.setup import documents
 from benchmarks.setup.changes import OF_LOCALIZERS, Changes, Named, located
 from benchmarks.setup.documents import from_folder, said_from
-from benchmarks.setup.names import absolute, absolute_agent, absolute_assumed, absolute_scenario
-from benchmarks.sweeps.design import GROUPS, Axis, Limit, Sweep, Takes, UntilDecided
+from benchmarks.setup.names import (
+    absolute_agent,
+    absolute_assumed,
+    absolute_reference,
+    absolute_scenario,
+)
+from benchmarks.sweeps.design import PARTS, Axis, Limit, Sweep, Takes, UntilDecided
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, integer, one_of
@@ -28,10 +33,10 @@ _SUITES = Path(__file__).with_name("suites")  # a sweep file each
 def read_sweep(path: Path | str, added: Sequence[str] = (), *, above: Sequence[Path] = ()) -> Sweep:
     """Read a sweep file, and add localizers; ``above``: the files that this is the base of."""
     path = Path(path)
-    given = documents.read(path, "sweep")
+    given = documents.read_toml(path, "sweep")
     root = (above[0] if above else path).parent
     with documents.errors_name(path), said_from(root):
-        documents.check(given, ("base", *_KEYS))
+        documents.check_values(given, ("base", *_KEYS))
         files = (*above, Path(os.path.abspath(path)))
         base = _base(given.pop("base"), files) if "base" in given else None
         title = utf8(path.stem).decode()
@@ -49,7 +54,7 @@ def with_localizers(sweep: Sweep, names: Sequence[str]) -> Sweep:
 
 def _base(name: Any, files: Sequence[Path]) -> Sweep:
     """Return the sweep that the last of these files changes."""
-    if documents.text("base", name).endswith(".toml"):
+    if documents.as_text("base", name).endswith(".toml"):
         path = Path(located(from_folder(files[-1].parent, name)))
         if path in files:
             raise InputError(f"base is {name!r}, which is this file or changes it: name another.")
@@ -96,7 +101,7 @@ def sweep_of(
         folder: that paths are relative to; None: they stay as they are.
         base: says what the document does not.
     """
-    documents.check(given, _KEYS)
+    documents.check_values(given, _KEYS)
     names = _Names(folder)
     plain = {k: given[k] for k in ("lag", "seed", "trials", "filter_seeds") if k in given}
     for key, named in (("scenario", names.scenario), ("agent", names.agent)):
@@ -108,7 +113,7 @@ def sweep_of(
     limits = limits if isinstance(limits, list) else [limits]  # [[limit]], or one [limit]
     methods = _list("localizers", given.get("localizers", None if base is None else []))
     said: dict[str, Any] = plain | {
-        "title": documents.text("title", given.get("title", title)),
+        "title": documents.as_text("title", given.get("title", title)),
         "localizers": tuple(names.method(entry) for entry in methods),
         "world": names.world(Changes.told("world", given.get("world", {}))),
         "assumed": names.assumed(Changes.told("assumed", given.get("assumed", {}))),
@@ -148,8 +153,8 @@ class _Names:
 
     def localizer(self, what: str, value: Any) -> str:
         """Return a localizer's name; ``file.py`` is its only localizer."""
-        name = documents.text(what, value)
-        return name if self.folder is None else absolute(LOCALIZER, name, self.folder)
+        name = documents.as_text(what, value)
+        return name if self.folder is None else absolute_reference(LOCALIZER, name, self.folder)
 
     def world(self, given: Changes) -> Changes:
         return given if self.folder is None else given.beside(self.folder)
@@ -167,7 +172,7 @@ class _Names:
 
     def limit(self, entry: Any) -> Limit:
         wanted = "a table [limit] with name, params, of, trials, filter_seeds"
-        runs = dict(documents.table("limit", entry, wanted))
+        runs = dict(documents.as_table("limit", entry, wanted))
         for key in runs:
             one_of("key in limit", key, ("name", "params", "of", "trials", "filter_seeds"))
         listed = _list("of in limit", runs.pop("of", []))
@@ -176,7 +181,7 @@ class _Names:
         return Limit(method=self.method(own, "limit"), of=of, **runs)
 
     def axis(self, table: Any) -> Axis:
-        values = Changes.told("vary", documents.table("vary", table, "a [[vary]] table"))
+        values = Changes.told("vary", documents.as_table("vary", table, "a [[vary]] table"))
 
         def point(name: str, value: Any) -> Any:
             group, _, key = name.partition(".")
@@ -186,7 +191,7 @@ class _Names:
                 return self.scenario(value)
             if name == "agent":
                 return self.agent(value).json()
-            if group not in GROUPS:
+            if group not in PARTS:
                 return value
             return getattr(self, group)(Changes({key: value}))[key]
 
@@ -199,7 +204,7 @@ class _Names:
 def _until_decided(table: Any) -> UntilDecided | None:
     if table is None:
         return None
-    known = documents.table("until_decided", table, "a table like {margin = 0.05}")
+    known = documents.as_table("until_decided", table, "a table like {margin = 0.05}")
     for key in known:
         one_of("key in until_decided", key, ("margin",))
     return UntilDecided(**known)
@@ -207,7 +212,7 @@ def _until_decided(table: Any) -> UntilDecided | None:
 
 def _wrappers(what: str, value: Any) -> tuple[Changes, ...]:
     wanted = "a table like {kind = 'kidnap', step = 100}"
-    tables = (documents.table(f"an entry of {what}", one, wanted) for one in _list(what, value))
+    tables = (documents.as_table(f"an entry of {what}", one, wanted) for one in _list(what, value))
     return tuple(
         Changes({k: _repeated(v) if k == "actions" else v for k, v in table.items()})
         for table in tables

@@ -252,7 +252,7 @@ _LARGEST = np.array([1e15, 1e15, FARTHEST])  # |x|, |y| and |θ| of a pose: far 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Task:
+class Surroundings:
     """What must be known of a world to measure beliefs about it.
 
     Attributes:

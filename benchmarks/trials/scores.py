@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.clouds import Clouds, Task
+from benchmarks.trials.clouds import Clouds, Surroundings
 from benchmarks.trials.fixes import NEAR, RECOVERED, RECOVERED_STEPS, Journey
 from benchmarks.trials.metrics import (
     Estimates,
@@ -59,7 +59,7 @@ class Score:
     better: str
     words: str
     of: Callable[[Any], float]
-    each: Callable[[Clouds, Task], Floats] | None = None
+    each: Callable[[Clouds, Surroundings], Floats] | None = None
     later: bool = False
     failed: float = math.nan
     tested: bool = False
@@ -107,7 +107,7 @@ def _far(found: Estimates) -> float:
 
 
 def _weight(
-    name: str, words: str, each: Callable[[Clouds, Task], Floats], *, later: bool = True
+    name: str, words: str, each: Callable[[Clouds, Surroundings], Floats], *, later: bool = True
 ) -> Score:
     return Score(name, "share", "low", f"weight {words}", _value_of(name), each, later)
 

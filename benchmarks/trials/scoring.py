@@ -7,7 +7,7 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.collecting import Number, RecordedTrack, WholeRun, finite, unless_nan
+from benchmarks.trials.collecting import Number, RecordedTrack, WholeRun, if_finite, unless_nan
 from benchmarks.trials.metrics import Estimates, mean, state_error
 from benchmarks.trials.scores import METRICS
 from benchmarks.trials.spec import Trial
@@ -115,7 +115,7 @@ def record(trace: Trace, lag: int, thresholds: Thresholds) -> Record:
     return Record(
         unit=trace.unit,
         thresholds=thresholds,
-        scores=[finite(row) for row in scores(trace, lag, thresholds)],
+        scores=[if_finite(row) for row in scores(trace, lag, thresholds)],
         curves={
             offset: ErrorCurve(
                 first_state=int(kept.states[0]),

@@ -19,7 +19,7 @@ from benchmarks.setup.documents import errors_name
 from benchmarks.setup.interfaces import Agent, TrialEnv
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.scenario import Scenario
-from benchmarks.trials.clouds import Task
+from benchmarks.trials.clouds import Surroundings
 from benchmarks.trials.collecting import JourneyLog, TrackLog
 from benchmarks.trials.episode import Step, moments
 from benchmarks.trials.fixes import is_symmetric
@@ -76,9 +76,9 @@ class Stage:
         )
 
     @property
-    def task(self) -> Task:
+    def task(self) -> Surroundings:
         """What scoring must know of the world."""
-        return Task(
+        return Surroundings(
             floor_plan=self.room.floor_plan,
             radius=self.room.radius,
             max_range=self.room.lidar.max_range,

@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.trials.clouds import (
     Cloud,
     Clouds,
-    Task,
+    Surroundings,
     belief_moments,
     calibration,
     cloud_of,
@@ -38,7 +38,7 @@ _CALIBRATION = ("energy", "rank", "nees", "log_score")
 _EACH = {metric.name: metric.each for metric in METRICS if metric.each}
 
 
-def plan_row(belief: Any, truth: Reals, task: Task) -> list[float]:
+def plan_row(belief: Any, truth: Reals, task: Surroundings) -> list[float]:
     """Return whether the plan conflicts with the true pose, then the signals; NaN if none was read.
 
     It conflicts if, laid from where the robot is, it would collide: it is not about this robot, or
@@ -128,7 +128,7 @@ class Trace:
 def trace_of(
     episode: Iterable[Step],
     offsets: Iterable[int],
-    task: Task,
+    task: Surroundings,
     whole: JourneyLog | TrackLog | None = None,
     against: MapSignals | None = None,
 ) -> Trace:
@@ -175,7 +175,7 @@ def trace_of(
 class _Lap:
     """Collects the truth, commands, qualities, readings of plans, and what is counted."""
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: Surroundings) -> None:
         self._task = task
         self.plans: list[list[float]] = []
         self.truth: list[Reals] = []
@@ -188,9 +188,9 @@ class _Lap:
     @property
     def scans_used(self) -> int:
         """Scans with at least one beam that is a number in [0, max_range]."""
-        ranges = np.array(self._ranges, np.float64).reshape(len(self._ranges), -1)
+        ranges = np.array(self._ranges, np.float64)
         usable = (ranges >= 0.0) & (ranges <= self._task.max_range)  # false for NaN
-        return int(usable.any(axis=1).sum())
+        return int(usable.any(axis=-1).sum())
 
     def see(self, moment: Step) -> None:
         self.belief = moment.belief
@@ -262,7 +262,7 @@ class _Beliefs:
             self._due, self._points = [], 0
 
 
-def _measured(clouds: Clouds, task: Task) -> Floats:
+def _measured(clouds: Clouds, task: Surroundings) -> Floats:
     """Moments, calibration, and what metrics ask each state for, side by side."""
     spread = belief_moments(clouds)
     fit = calibration(clouds, spread[:, :4], task.floor_plan.unit)
