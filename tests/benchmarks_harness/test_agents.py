@@ -47,7 +47,7 @@ def test_agents_are_compared_on_the_same_worlds_with_the_same_localizer():
     (panel,) = panels(records, "still")
     rows = {panel.labels[row.method]: row for row in panel.present}
     assert list(rows) == [
-        "still with mcl", "Seeker with mcl", "still with mcl-map", "Seeker with mcl-map",
+        "still with mcl", "Seeker with mcl", "still with mcl-map", "Seeker with mcl-map"
     ]  # fmt: skip
     assert [row.is_baseline for row in rows.values()] == [True, False, True, False]
     for localizer in ("mcl", "mcl-map"):
@@ -88,7 +88,7 @@ def test_a_number_of_an_agent_that_is_swept_has_a_panel_for_each_value():
             records += driven([1.0, 2.0], "misplaced", localizer, shift=shift)
     found = panels(records)
     assert [panel.title for panel in found] == [
-        "scenario paper, agent.shift 0.0", "scenario paper, agent.shift 50.0",
+        "scenario paper, agent.shift 0.0", "scenario paper, agent.shift 50.0"
     ]  # fmt: skip
     assert [list(panel.labels.values()) for panel in found] == [["mcl", "mcl-map"]] * 2
 

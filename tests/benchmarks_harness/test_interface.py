@@ -159,7 +159,7 @@ def test_numpy_s_numbers_are_numbers_and_each_other_axis_has_a_line_of_its_own()
     found = benchmarks.sweep("paper", localizers=["mcl"], vary=varied, **FEW | {"params": {}})
     table = (results := found.run(jobs=1, progress=False)).table
     assert sorted(zip(table["particles"], table["beams"], strict=True)) == [
-        (10, 1), (10, 3), (20, 1), (20, 3),
+        (10, 1), (10, 3), (20, 1), (20, 3)
     ]  # fmt: skip
     (axes,) = results.plot("particles").axes
     assert [line.get_label() for line in axes.lines] == ["mcl, beams = 1", "mcl, beams = 3"]
@@ -218,7 +218,7 @@ def test_a_class_of_a_cell_has_the_same_numbers_in_one_process_and_in_two(tmp_pa
         "script": ["mine.py"],
         "module": ["-c", CELL.split("class Mine", maxsplit=1)[0] + "from mine import Mine\n"
                    + CELL[CELL.index("if __name__"):]],
-        "cell": ["-c", CELL],
+        "cell": ["-c", CELL]
     }[place]  # fmt: skip
     done = subprocess.run(
         [sys.executable, *how], cwd=tmp_path, capture_output=True, text=True, check=False

@@ -187,8 +187,7 @@ def test_results_of_what_cannot_be_read_are_not_gone_on_with(tmp_path, monkeypat
 
 
 @pytest.mark.parametrize(
-    "where",
-    [Where(jobs=2), Where(jobs=1, timeout=60.0), Where(executor="calls:processes")],
+    "where", [Where(jobs=2), Where(jobs=1, timeout=60.0), Where(executor="calls:processes")]
 )
 def test_what_was_registered_goes_along_to_other_processes(tmp_path, where):
     with localizers.registered("sure", Sure):
@@ -278,7 +277,7 @@ def test_weights_add_up_to_1_or_not_whoever_drives(tmp_path, monkeypatch, agent,
     (trial,) = suite(["mcl"], trials=1)
     lost = replace(
         trial, scenario="lost", localizer="nearly", params={}, agent=Named(agent), lag=0,
-        world={"horizon": 10},
+        world={"horizon": 10}
     )  # fmt: skip
     with localizers.registered("nearly", Nearly):
         (reason,) = reasons(*run([lost], tmp_path))
