@@ -3,7 +3,6 @@
 A localizer may be a class or a function that is defined in a notebook's cell.
 """
 
-import io
 import json
 from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,7 +31,8 @@ from benchmarks.sweeps.running import Options, Running, begun, check, shard_of
 from benchmarks.sweeps.suites import PAPER_METHODS, SUITES, sweep_named
 from benchmarks.sweeps.sweepfile import refuse_idle, sweep_of
 from benchmarks.sweeps.verifying import adopted
-from benchmarks.tables.csv_files import results_csv, trials_csv
+from benchmarks.tables.comparison import FURTHER, RESULTS
+from benchmarks.tables.frames import INNER, trials_frame
 from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
@@ -43,10 +43,7 @@ from localizers.registry import Factory
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_TAKEN = {"label", *results_csv([]).strip().split(","), *trials_csv([]).strip().split(",")} - {
-    "scenario",
-    "lag",
-}
+_TAKEN = {"label", *RESULTS, *trials_frame([])} - {"scenario", "lag"}
 _SHOWN = ("error", "error_low", "error_high", "diff", "diff_low", "diff_high")  # in Jupyter
 
 
@@ -180,15 +177,14 @@ class ExperimentResults:
     @cached_property
     def table(self) -> pd.DataFrame:
         """results.csv: a row for each setting, method and offset; what was varied has columns."""
-        panels = self.results.panels
-        table = pd.read_csv(io.StringIO(results_csv(panels)))
-        table.insert(0, "label", [panel.labels[r.method] for panel in panels for r in panel.rows])
-        return _with_varied(table, self.sweep)
+        table = self.results.table
+        exact = [name for name in table if name not in FURTHER]
+        return _with_varied(table[["label", *exact]].copy(), self.sweep)
 
     @cached_property
     def trials(self) -> pd.DataFrame:
         """trials.csv: a row for each trial and offset; what was varied has columns."""
-        table = pd.read_csv(io.StringIO(trials_csv(self.results.finished)))
+        table = trials_frame(self.results.finished).drop(columns=[*INNER])
         return _with_varied(table, self.sweep)
 
     def plot(self, over: str, value: str = "error", *, offset: int = 0) -> "Figure":

@@ -77,6 +77,6 @@ def _table(sweep: "Sweep", results: "Results", style: str) -> str:
         f"N = {sweep.params['particles']}, L = {sweep.lag}, seed {sweep.seed}"
     )
     mark = "# " if style == "github" else ""
-    rows = [row for panel in results.panels for row in panel.rows]
+    rows = results.table
     parts = [f"{mark}{title}; the paper's values beside ours", table_1(rows, style), NOTE]
     return "\n\n".join([*parts, *filter(None, [reading(rows)])]) + "\n"

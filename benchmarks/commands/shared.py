@@ -1,7 +1,6 @@
 """What commands share: arguments, warnings, and the setting of ``paper`` and ``run``."""
 
 import argparse
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -136,42 +135,26 @@ def add_params(parser: argparse.ArgumentParser) -> None:
 def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return NAME.KEY=VALUE words as parameters by localizer; a value is as in a sweep file."""
     from benchmarks.setup.changes import OF_LOCALIZERS, Changes
+    from benchmarks.setup.settings import settings
     from deqmcl_gym.validation import InputError, one_of
     from localizers import absolute_name, parameters
     from localizers.registry import LOCALIZER
 
     as_given = {absolute_name(name): name for name in localizers}
     found: dict[str, dict[str, Any]] = {}
-    for word in words:
-        place, equals, value = word.partition("=")
-        given, _, key = place.strip().rpartition(".")
-        if not (given and key and equals and value.strip()):
-            raise InputError(
-                f"--param is {word!r}, but must be NAME.KEY=VALUE, as mcl-map.start_draws=20."
-            )
+    form = "NAME.KEY=VALUE, as mcl-map.start_draws=20"
+    for place, value in settings("--param", words, form).items():
+        given, _, key = place.rpartition(".")
+        if not (given and key):
+            raise InputError(f"--param has {place!r}, but must be {form}.")
         name = LOCALIZER.complete(given)
         name = as_given.get(absolute_name(name), name)
         one_of("localizer in --param", name, localizers)
         known = parameters(name)
         if known is not None:
             one_of(f"parameter of localizer {name!r} in --param", key, known)
-        own = found.setdefault(name, {})
-        if key in own:
-            raise InputError(f"--param gives {name}.{key} twice: give it once.")
-        own[key] = _value(word, value.strip())
+        found.setdefault(name, {})[key] = value
     return {name: dict(Changes(own).beside(Path(), OF_LOCALIZERS)) for name, own in found.items()}
-
-
-def _value(word: str, text: str) -> Any:
-    """Return a number, a truth value or a list as TOML has them; other text is a word."""
-    from benchmarks.setup import documents
-
-    try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except ValueError:
-        value = text
-    documents.check_values({word: value}, [word])
-    return value
 
 
 def setting_sweep(

@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import shared
+from benchmarks.commands.replay import add_playing
 from benchmarks.console import doing, log_warnings, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.replay.nav2 import Amcl
     from benchmarks.replay.options import Replay
     from benchmarks.tuning.task import Task
-
-_SAID = ("every", "max_beams", "motion", "scan", "radius", "unknown")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,12 +58,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--nav2", type=Path, metavar="PARAMS.yaml", help="your Nav2 parameters: the default to beat"
     )
     add("--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)")
-    for name, metavar in (("--every", "D,A"), ("--motion", "alpha1=…"), ("--scan", "sigma=…")):
-        add(name, metavar=metavar, help="as for replay")
-    add("--max-beams", type=int, metavar="B", help="beams of a scan (60; for amcl 180)")
-    add("--radius", type=float, metavar="R", help="radius of the robot in m (0.16)")
-    add("--unknown", choices=("obstacle", "transparent", "free"), help="as for replay")
-    shared.add_read(parser)
+    add_playing(parser, "0.2m,5deg; for amcl 0.05m,3deg", "60; for amcl 180")
     shared.add_seed(parser)
     shared.add_jobs(parser, "runs")
     shared.add_timeout(parser, "run")
@@ -161,7 +155,7 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
     """Return the logs as the default would play them."""
     from benchmarks.replay.calibration import calibrated
     from benchmarks.replay.command import disagreement
-    from benchmarks.replay.options import reading_of, replay_of
+    from benchmarks.replay.options import replay_of, said_of
     from deqmcl_gym.validation import InputError
 
     files = [Path(log).resolve() for log in options.logs]
@@ -172,16 +166,14 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
     references = _each("--reference", options.reference or [None], options.logs)
     told: dict[str, Any] = {"otherwise": "global"}
     told |= {"every": "0.05m,3deg", "max_beams": 180} if name == "amcl" else {}
-    said = {own: value for own in _SAID if (value := getattr(options, own)) is not None}
-    reading: dict[str, Any] = {}
+    given = said_of(options)
     if nav2 is not None:
-        told |= {"motion": nav2.options["motion"], "scan": nav2.options["scan"]}
-        reading |= nav2.reading
+        told |= {name: nav2.options[name] for name in ("motion", "scan")}
+        given["reading"] = {**nav2.reading, **given["reading"]}
     with doing("reading the logs and the maps"), log_warnings() as warnings:
-        reading |= reading_of(options.read)
         each = zip(options.logs, maps, references, strict=True)
         replays = [
-            replay_of(log, floor_plan, reference=reference, reading=reading, **told | said)
+            replay_of(log, floor_plan, reference=reference, **told | given)
             for log, floor_plan, reference in each
         ]
     for replay, log in zip(replays, options.logs, strict=True):

@@ -11,8 +11,8 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -74,24 +74,36 @@ class Where:
     @contextmanager
     def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
         """Start an engine for these trials, and end it with all that still runs."""
-        cpus = self.jobs or available_cpus()
+        jobs = self.jobs or available_cpus()
         if self.executor == "process":
-            workers = max(1, min(cpus, len(trials)))
-            with Processes(
-                workers, timeout=self.timeout, guest_of=lambda trial, *_: guest_of(trial)
-            ) as processes:
-                if workers == 1 and self.timeout is None:
-                    yield Engine(ThisProcess(processes), slots=1)
-                else:  # one trial waits beside the workers, so that none waits for the store
-                    yield Engine(Sending(processes), slots=workers + 1)
-            return
+            place = self._processes(max(1, min(jobs, len(trials))))
+        elif self.executor == "dask":
+            place = self._elsewhere(executors.dask(jobs, self.scheduler), trials)
+        else:
+            place = self._elsewhere(executors.made_by(self.executor, jobs), trials)
+        with place as engine:
+            yield engine
+
+    @contextmanager
+    def _elsewhere(
+        self, place: AbstractContextManager[Engine], trials: Collection[Trial]
+    ) -> Iterator[Engine]:
+        """Give an engine that does not look after the time of its trials."""
         guests = any(map(guest_of, trials))
         timeout = PATIENCE if guests and self.timeout is None else self.timeout
-        dask = self.executor == "dask"
-        with (
-            executors.dask(cpus, self.scheduler) if dask else executors.made_by(self.executor, cpus)
-        ) as (executor, slots, _, lost):
-            yield Engine(Sending(executor), self.jobs or slots, timeout, lost)
+        with place as engine:
+            sending, slots = Sending(engine.executor), self.jobs or engine.slots
+            yield replace(engine, executor=sending, slots=slots, timeout=timeout)
+
+    @contextmanager
+    def _processes(self, workers: int) -> Iterator[Engine]:
+        with Processes(
+            workers, timeout=self.timeout, guest_of=lambda trial, *_: guest_of(trial)
+        ) as processes:
+            if workers == 1 and self.timeout is None:
+                yield Engine(executor=ThisProcess(processes), slots=1)
+            else:  # one trial waits beside the workers, so that none waits for the store
+                yield Engine(executor=Sending(processes), slots=workers + 1)
 
 
 class ThisProcess(Executor):

@@ -11,9 +11,10 @@ import sysconfig
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchmarks.execution.starting import ONE_THREAD, sheltered
 from benchmarks.trials.spec import Trial
@@ -25,7 +26,8 @@ CONNECT_SECONDS = 10  # how long a scheduler may take to answer
 _CLOSE_SECONDS = 1
 
 
-class Engine(NamedTuple):
+@dataclass(frozen=True, kw_only=True)
+class Engine:
     """What trials are submitted to.
 
     Attributes:
@@ -75,7 +77,7 @@ def dask(workers: int, scheduler: str | None) -> Iterator[Engine]:
             gone = client.status not in ("running", "connecting")
             return "the Dask scheduler is lost" if gone else ""
 
-        yield Engine(client.get_executor(retries=0), threads, lost=lost)
+        yield Engine(executor=client.get_executor(retries=0), slots=threads, lost=lost)
 
 
 @contextmanager
@@ -119,7 +121,7 @@ def made_by(name: str, slots: int) -> Iterator[Engine]:
         kind = type(executor).__name__
         raise InputError(f"the executor {name!r} returned an object of type {kind}{_MUST}")
     try:
-        yield Engine(executor, slots)
+        yield Engine(executor=executor, slots=slots)
     finally:
         executor.shutdown(wait=False, cancel_futures=True)
 
@@ -154,7 +156,7 @@ class Sending(Executor):
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Have ``fn(trial, …)`` run where the trial's localizer is known."""
         trial, *rest = args
-        if not LOCALIZER.is_registered(name := trial.localizer):
+        if (name := trial.localizer) not in LOCALIZER.added:
             return self._executor.submit(fn, *args, **kwargs)
         if name not in self._packed:
             self._packed[name] = _packed(name)
@@ -191,6 +193,7 @@ def _packed(name: str) -> bytes:
 
 
 def _with_sent(trial: Trial, packed: bytes, fn: Callable[..., Any], *rest: Any) -> Any:
-    if not LOCALIZER.is_registered(trial.localizer):
-        LOCALIZER.receive(trial.localizer, pickle.loads(packed))
+    if trial.localizer not in LOCALIZER.added:
+        LOCALIZER.added[trial.localizer] = pickle.loads(packed)
+        LOCALIZER.received.add(trial.localizer)
     return fn(trial, *rest)

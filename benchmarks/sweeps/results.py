@@ -7,6 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from benchmarks.files import is_empty
 from benchmarks.setup import changes, documents
 from benchmarks.sweeps import manifest
@@ -15,10 +17,16 @@ from benchmarks.sweeps.manifest import Manifest, differences
 from benchmarks.sweeps.stopping import due, rule_of
 from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
+from benchmarks.tables.comparison import (
+    LimitRuns,
+    decisions_table,
+    gaps_table,
+    results_table,
+)
 from benchmarks.tables.deciding import Rule
-from benchmarks.tables.gap import LimitRuns
-from benchmarks.tables.pairing import BASELINE
-from benchmarks.tables.panels import Panel, panels
+from benchmarks.tables.frames import trials_frame
+from benchmarks.tables.panels import BASELINE, Panel, panels
+from benchmarks.tables.signals import maps_table, plans_table
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.files import command_line
@@ -75,9 +83,38 @@ class Results:
 
     @cached_property
     def panels(self) -> list[Panel]:
-        """The methods of every setting, compared: all intervals and tests, computed once."""
-        failed = [failure.trial for failure in self.failures]
-        return panels(self.records, self.baseline, self.limits, failed, self.rule)
+        """What is compared with one another: the methods of every setting."""
+        return panels(self.records, self.baseline)
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """A row per panel, method and offset: all intervals and tests, computed once."""
+        return results_table(self.panels, self.trials, self.rule)
+
+    @cached_property
+    def decisions(self) -> pd.DataFrame:
+        """A row per panel, method and look; none if the number of worlds was fixed before."""
+        return decisions_table(self.panels, self.trials, self.rule)
+
+    @cached_property
+    def gaps(self) -> pd.DataFrame:
+        """A row per panel, method and offset that has a limit."""
+        return gaps_table(self.panels, self.trials, self.limits)
+
+    @cached_property
+    def plans(self) -> pd.DataFrame:
+        """A row per setting, method that reads plans, and signal of a plan that conflicts."""
+        return plans_table(self.panels)
+
+    @cached_property
+    def maps(self) -> pd.DataFrame:
+        """A row per panel, method, question and signal of a map that is wrong."""
+        return maps_table(self.panels)
+
+    @cached_property
+    def trials(self) -> pd.DataFrame:
+        """A row per trial that is compared and offset, failed ones, too."""
+        return trials_frame(self.records, [failure.trial for failure in self.failures])
 
     @property
     def made_by(self) -> str:

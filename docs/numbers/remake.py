@@ -31,7 +31,8 @@ from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, results_in
 from benchmarks.sweeps.store import named
 from benchmarks.sweeps.verifying import compare_again, record_parts, sample
-from benchmarks.tables.csv_files import results_csv
+from benchmarks.tables.comparison import FURTHER
+from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.plugins import provenance_of
@@ -210,12 +211,8 @@ def _made(name: str, report: Report, where: Where) -> Report | None:
 
 def with_costs(results: Results) -> str:
     """Return results.csv with what depends on the machine: ms per step, and over the baseline's."""
-    head, *lines = csv.reader(results_csv(results.panels).splitlines())
-    rows = [row for panel in results.panels for row in panel.rows]
-    times = [(f"{row.milliseconds:.4g}", f"{row.cost:.4g}") for row in rows]
-    plain = [[*line, *("" if t == "nan" else t for t in own)]
-             for line, own in zip(lines, times, strict=True)]  # fmt: skip
-    return csv_text([*head, "ms_per_step", "cost"], plain)
+    times = results.table[["ms_per_step", "cost"]].map("{:.4g}".format).replace("nan", "")
+    return csv_of(results.table.drop(columns=[*FURTHER]).join(times))
 
 
 def sampled(results: Results, code: str) -> str:
