@@ -1,13 +1,13 @@
-"""Localizers compared, from Python and by the commands: ``benchmarks.sweep(…).run(…)``.
+"""Localizers compared, ``benchmarks.sweep(…).run(…)``, or watched, ``benchmarks.run(…)``.
 
 A localizer may be a class or a function that is defined in a notebook's cell.
 """
 
 import json
 from collections import ChainMap
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,29 +15,34 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from benchmarks.console import checking
 from benchmarks.execution.engines import Where
+from benchmarks.pictures.figures import camera_of
+from benchmarks.pictures.film import Camera
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import write_report
 from benchmarks.scenarios import SCENARIOS
-from benchmarks.setup.changes import Changes
-from benchmarks.sweeps.design import Axis, Sweep
+from benchmarks.setup.changes import Changes, Named
+from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence, summary
 from benchmarks.sweeps.running import Options, Running, begun, check, shard_of
 from benchmarks.sweeps.suites import PAPER_METHODS, SUITES, sweep_named
+from benchmarks.sweeps.sweepfile import refuse_idle, sweep_of
 from benchmarks.sweeps.verifying import adopted
 from benchmarks.tables.comparison import FURTHER, RESULTS
 from benchmarks.tables.frames import INNER, trials_frame
+from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Method
-from deqmcl_gym.validation import InputError, one_of, shown
+from benchmarks.trials.stage import Stage
+from deqmcl_gym.validation import InputError, integer, one_of, shown
 from localizers import registered
 from localizers.registry import Factory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Vary = Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Sequence[Any]]]
 _TAKEN = {"label", *RESULTS, *trials_frame([])} - {"scenario", "lag"}
 _SHOWN = ("error", "error_low", "error_high", "diff", "diff_low", "diff_high")  # in Jupyter
 
@@ -46,8 +51,8 @@ def sweep(
     of: str | Path | Sweep = "quick",
     *,
     localizers: Sequence[str | Method | Mapping[str, Any] | Factory] = (),
-    vary: Vary = (),
-    **changes: Any,
+    vary: Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Sequence[Any]]] = (),
+    **keys: Any,
 ) -> "Experiment":
     """Return an experiment: settings and methods on paired worlds; nothing is run yet.
 
@@ -57,26 +62,25 @@ def sweep(
             for a robot, or {"name": …, "params": {…}}. A scenario has the methods of the paper.
         vary: values by dotted name, as in ``{"params.particles": [100, 1000]}``; all combinations
             are run. Names that change together stand in one mapping of a list of them.
-        changes: other fields of ``Sweep``: trials, seed, lag, world, assumed, params, baseline, ….
+        keys: others of a sweep file: trials, seed, lag, world, assumed, params, baseline, ….
 
     Raises:
         InputError: an unknown name, or a bad value.
     """
-    changes = plain(changes)
-    listed = [localizers] if isinstance(localizers, str) or callable(localizers) else localizers
-    methods, factories = methods_of(listed)
-    with known(factories):
+    given, factories = _plain(keys), dict[str, Factory]()
+    if localizers:
+        one = isinstance(localizers, str) or callable(localizers)
+        listed, factories = _named([localizers] if one else localizers)
+        given["localizers"] = _plain(listed)
+    if vary:
+        axes = [{name: v} for name, v in vary.items()] if isinstance(vary, Mapping) else vary
+        given["vary"] = _plain(axes)
+    with _known(factories):
         base = _base(of)
-        if methods:
-            changes["localizers"] = methods
-            if base.baseline not in {one.name for one in methods}:
-                changes.setdefault("baseline", "")
-        if vary:
-            changes["vary"] = _axes(vary)
-        for name in changes:
-            one_of("field of a sweep", name, (one.name for one in fields(Sweep)))
-        made = replace(base, **changes)
-        _refuse_unused(made)
+        made = sweep_of(given, title=base.title, base=base)
+        if localizers and "baseline" not in given and base.baseline not in made.names:
+            made = replace(made, baseline="")
+        refuse_idle(made)
     return Experiment(made, factories)
 
 
@@ -128,7 +132,7 @@ class Experiment:
         part = None if shard is None else shard_of(shard)
         options = Options(
             where=where, shard=part, retry_failed=retry_failed, fail_fast=fail_fast,
-            progress=progress,
+            progress=progress
         )  # fmt: skip
         where.check()
         with ExitStack() as stack:
@@ -143,7 +147,7 @@ class Experiment:
         self, out: Path, options: Options, command: Sequence[str], *, adopt: bool = False
     ) -> Iterator[Running]:
         """Check it and open its folder, which is held until the block ends; nothing is run yet."""
-        with known(self.factories):
+        with _known(self.factories):
             with checking(shown=options.progress):
                 check(self.sweep)
             if adopt and (verified := adopted(out, self.sweep, options.where)):
@@ -244,10 +248,43 @@ class ExperimentResults:
         """Columns of what was varied, in the order of the axes."""
         return [
             column
-            for axis in self.sweep.vary
-            for name in axis.values
+            for name in self.sweep.varied
             if (column := _column(name, self.sweep)) in self.table
         ]
+
+
+def run(
+    scenario: str, localizer: str | Factory, *, seed: int = 0, trial: int = 0, **params: Any
+) -> Iterator[Step]:
+    """Run one trial, and yield it step by step.
+
+    Args:
+        scenario: as in ``sweep``.
+        localizer: a name, or what makes a localizer for a robot.
+        seed, trial: the world is that of this trial of a sweep with this seed.
+        params: of the localizer.
+
+    Raises:
+        InputError: an unknown name, or a bad value.
+    """
+    integer("trial", trial)
+    (name,), factories = _named([localizer])
+    with _known(factories):
+        of = Sweep(
+            title=scenario,
+            scenario=scenario,
+            localizers=(Method(name, Changes(_plain(params))),),
+            seed=seed,
+            trials=trial + 1,
+        )
+        stage = Stage.of(of.distinct()[trial])
+        camera, words = camera_of(stage), str(of.localizers[0])
+        for step in stage.moments():
+            yield step._replace(draw=partial(_picture, camera, step, words))
+
+
+def _picture(camera: Camera, step: Step, method: str) -> NDArray[np.uint8]:
+    return np.ascontiguousarray(camera.frame(step, [f"{method}, t = {step.t}"]))
 
 
 def _base(of: str | Path | Sweep) -> Sweep:
@@ -256,40 +293,33 @@ def _base(of: str | Path | Sweep) -> Sweep:
         return of
     name = str(of)
     if name in SCENARIOS and name not in SUITES:
-        return Sweep(title=name, scenario=name, localizers=methods_of(PAPER_METHODS)[0])
+        return Sweep(title=name, scenario=name, localizers=tuple(map(Method, PAPER_METHODS)))
     if not name.endswith(".toml"):
         one_of("suite or scenario", name, {**SUITES, **SCENARIOS})
     return sweep_named(name)
 
 
-def methods_of(given: Sequence[Any]) -> tuple[tuple[Method, ...], dict[str, Factory]]:
-    """Return methods, and what makes those that were given as classes or functions."""
-    methods, factories = [], dict[str, Factory]()
+def _named(given: Sequence[Any]) -> tuple[list[Any], dict[str, Factory]]:
+    """Return localizers with classes and functions by their names, and these by name."""
+    names, factories = [], dict[str, Factory]()
     for one in given:
-        if isinstance(one, Method | str):
-            methods.append(one if isinstance(one, Method) else Method(name=one))
-            continue
-        if isinstance(one, Mapping):
-            if not {"name"} <= one.keys() <= {"name", "params"}:
-                raise InputError(
-                    f"a localizer is {shown(one)}, but must be {{'name': …, 'params': {{…}}}}."
-                )
-            methods.append(Method(name=one["name"], params=Changes(plain(one.get("params", {})))))
-            continue
         name = getattr(one.func if isinstance(one, partial) else one, "__name__", None)
-        if not callable(one) or not isinstance(name, str) or name == "<lambda>":
+        if not callable(one):
+            names.append(one)
+        elif not isinstance(name, str) or name == "<lambda>":
             raise InputError(
                 f"the localizer is {shown(one)}, but must be a name, a class or a function with a "
                 "name."
             )
-        if factories.setdefault(name, one) is not one:
+        elif factories.setdefault(name, one) is not one:
             raise InputError(f"two localizers are called {name}: give one of them another name.")
-        methods.append(Method(name=name))
-    return tuple(methods), factories
+        else:
+            names.append(name)
+    return names, factories
 
 
 @contextmanager
-def known(factories: Mapping[str, Factory]) -> Iterator[None]:
+def _known(factories: Mapping[str, Factory]) -> Iterator[None]:
     """Know localizers by these names in a ``with`` block."""
     with ExitStack() as stack:
         for name, factory in factories.items():
@@ -297,43 +327,20 @@ def known(factories: Mapping[str, Factory]) -> Iterator[None]:
         yield
 
 
-def _axes(vary: Vary) -> tuple[Axis, ...]:
-    """Return the axes of values by name, or of a list of such mappings."""
-    axes = [{name: v} for name, v in vary.items()] if isinstance(vary, Mapping) else vary
-    found = []
-    for one in axes:
-        if not isinstance(one, Mapping):
-            raise InputError(f"vary has {shown(one)}, but must map names to lists of values.")
-        for name, values in one.items():
-            if isinstance(values, str) or not isinstance(values, Iterable):
-                raise InputError(f"{name} is varied by {shown(values)}, but must be a list.")
-        found.append(Axis(values=Changes({name: tuple(plain(v)) for name, v in one.items()})))
-    return tuple(found)
-
-
-def _refuse_unused(sweep: Sweep) -> None:
-    """Refuse parameters that no localizer of the sweep takes."""
-    taken = [sweep.takes(name) for name in sweep.names]
-    if None in taken:
-        return
-    known = {name for names in taken for name in names or ()}
-    groups = [name.partition(".") for axis in sweep.vary for name in axis.values]
-    for name in (*sweep.params, *(rest for group, _, rest in groups if group == "params")):
-        one_of("parameter", name, known)
-
-
-def plain(value: Any) -> Any:
-    """Return a value with Python's numbers and lists for NumPy's."""
+def _plain(value: Any) -> Any:
+    """Return a value as TOML has it: Python's numbers, lists and dicts."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
+    if isinstance(value, Named):
+        return {"name": value.name, "params": _plain(value.params)}
     if isinstance(value, Mapping):
-        return {name: plain(own) for name, own in value.items()}
-    return [plain(own) for own in value] if isinstance(value, list | tuple | range) else value
+        return {name: _plain(own) for name, own in value.items()}
+    return [_plain(own) for own in value] if isinstance(value, list | tuple | range) else value
 
 
 def _with_varied(table: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
     """Return a table with a column for each part of the world, assumption or parameter varied."""
-    for name in [name for axis in sweep.vary for name in axis.values]:
+    for name in sweep.varied:
         group, _, rest = name.partition(".")
         if group in table and rest:
             # a method without the parameter stands beside those with it
@@ -346,6 +353,6 @@ def _with_varied(table: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
 
 def _column(name: str, sweep: Sweep) -> str:
     """Return the last part of a dotted name, or all of it where that is not one's own."""
-    last = [other.rpartition(".")[2] for axis in sweep.vary for other in axis.values]
+    last = [other.rpartition(".")[2] for other in sweep.varied]
     short = name.rpartition(".")[2]
     return short if last.count(short) == 1 and short not in _TAKEN else name

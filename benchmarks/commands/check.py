@@ -19,25 +19,16 @@ class LawsBrokenError(RuntimeError):
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
-    add(
-        "name",
-        metavar="NAME",
-        help="a name (deqmcl list), package.module:NAME or path/to/file.py[:NAME]",
-    )
-    add(
-        "--map",
-        metavar="MAP.yaml",
-        help="try it on this map, in m, instead of a small room of polygons",
-    )
+    add("name", metavar="NAME", help="a name (deqmcl list), package.module:NAME or "
+        "path/to/file.py[:NAME]")  # fmt: skip
+    add("--map", metavar="MAP.yaml", help="try it on this map, in m, instead of a small room of "
+        "polygons")  # fmt: skip
     kinds = parser.add_mutually_exclusive_group()
     kinds.add_argument("--agent", action="store_true", help="NAME is of an agent")
     kinds.add_argument("--scan", action="store_true", help="NAME is of a scan model")
-    add(
-        "--scenario",
-        metavar="NAME",
-        help="where an agent drives (guided; with a goal, driving), or whose map and lidar a scan "
-        "model is for (sharp; if it needs a map of cells, lost)",
-    )
+    add("--scenario", metavar="NAME", help="where an agent drives (guided; with a goal, driving), "
+        "or whose map and lidar a scan model is for (sharp; if it needs a map of cells, lost)"
+        )  # fmt: skip
 
 
 def run(options: argparse.Namespace) -> str:

@@ -66,7 +66,7 @@ def add_share(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--share", type=share, metavar="S", help=help_)
 
 
-def share_of(options: argparse.Namespace) -> float:
+def share_verified(options: argparse.Namespace) -> float:
     """Return that share."""
     from benchmarks.sweeps.verifying import SHARE
     from deqmcl_gym.validation import number
@@ -116,35 +116,24 @@ def mcap_of(options: argparse.Namespace) -> Path | None:
 
 def add_setting(parser: argparse.ArgumentParser) -> None:
     """Add the scenario, the root seed, and the parameters that most localizers have."""
-    parser.add_argument(
-        "--scenario",
-        default="paper",
-        metavar="NAME",
-        help="a name (deqmcl list), room.toml or file.py:NAME (paper)",
-    )
+    add = parser.add_argument
+    add("--scenario", default="paper", metavar="NAME",
+        help="a name (deqmcl list), room.toml or file.py:NAME (paper)")  # fmt: skip
     add_seed(parser)
-    parser.add_argument("--particles", type=int, default=1000, metavar="N", help="particles (1000)")
-    parser.add_argument("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)")
+    add("--particles", type=int, default=1000, metavar="N", help="particles (1000)")
+    add("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)")
 
 
 def add_params(parser: argparse.ArgumentParser) -> None:
     """Add parameters of single localizers."""
+    help_ = "a parameter of a localizer, as in mcl-map.start_draws=20 (one --param each)"
     parser.add_argument(
-        "--param",
-        action="append",
-        default=[],
-        metavar="NAME.KEY=VALUE",
-        help="a parameter of a localizer, as in mcl-map.start_draws=20 (one --param each)",
+        "--param", action="append", default=[], metavar="NAME.KEY=VALUE", help=help_
     )
 
 
 def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return NAME.KEY=VALUE words as parameters by localizer; a value is as in a sweep file.
-
-    Args:
-        words: as given; quotes around text may be left out.
-        localizers: that are run.
-    """
+    """Return NAME.KEY=VALUE words as parameters by localizer; a value is as in a sweep file."""
     from benchmarks.setup.changes import OF_LOCALIZERS, Changes
     from benchmarks.setup.settings import settings
     from deqmcl_gym.validation import InputError, one_of
@@ -175,15 +164,7 @@ def setting_sweep(
     own: Mapping[str, Mapping[str, Any]] | None = None,
     agent: str | None = None,
 ) -> "Sweep":
-    """Return the localizers on the worlds of the setting.
-
-    Args:
-        options: of ``add_setting``.
-        localizers: by name.
-        trials: number of worlds.
-        own: parameters of single localizers, by name.
-        agent: who drives; None: the scenario's agent.
-    """
+    """Return the localizers on the worlds of the setting."""
     from benchmarks.setup.changes import Changes, Named
     from benchmarks.sweeps.suites import paper_sweep
     from benchmarks.trials.spec import Method
@@ -225,22 +206,17 @@ def with_agents(sweep: "Sweep", listed: str | None) -> "Sweep":
         raise InputError(
             "--agents names no agent: give one or more, as in --agents stale,misplaced."
         )
-    varied = [name for axis in sweep.vary for name in axis.values]
-    if taken := [name for name in varied if name.partition(".")[0] == "agent"]:
+    if taken := [name for name in sweep.varied if name.partition(".")[0] == "agent"]:
         raise InputError(f"the sweep varies {taken[0]} itself: leave out --agents.")
     axis = Axis(values=Changes({"agent": names}))
     baseline = "" if len(names) > 1 else sweep.baseline
     return replace(sweep, agent=None, vary=(*sweep.vary, axis), baseline=baseline)
 
 
-def changed(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
+def with_options(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
     """Return a sweep with the worlds, the root seed and the parameters that are asked for.
 
     The method of a limit keeps its own parameters, such as its particles.
-
-    Args:
-        options: of ``add_trials``, ``add_seed`` and ``add_params``.
-        sweep: that is changed.
     """
     from benchmarks.setup.changes import Changes
     from deqmcl_gym.validation import integer

@@ -97,7 +97,7 @@ def asked(options: argparse.Namespace) -> "Sweep":
 
     added = [name for listed in options.added for name in shared.localizers_named(listed)]
     driven = shared.with_agents(sweep_named(options.suite, added), options.agents)
-    sweep = shared.changed(options, driven)
+    sweep = shared.with_options(options, driven)
     for name in added:
         parameters(name)
     until = UntilDecided() if options.until_decided else None

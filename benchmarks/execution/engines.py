@@ -17,14 +17,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.execution import executors
-from benchmarks.execution.executors import Engine
+from benchmarks.execution.executors import Engine, Sending
 from benchmarks.execution.processes import PATIENCE, Processes, TimedOutError, WorkerDiedError
-from benchmarks.execution.sending import Sending, knows
 from benchmarks.trials.attempt import Outcome, attempt
 from benchmarks.trials.plugins import guest_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
-from localizers.registry import LOCALIZER
 
 TRIES = 3  # of a trial whose worker dies
 _LOOK_SECONDS = 2
@@ -84,7 +82,6 @@ class Where:
         else:
             place = self._elsewhere(executors.made_by(self.executor, jobs), trials)
         with place as engine:
-            _refuse_unknown(engine.executor, trials)
             yield engine
 
     @contextmanager
@@ -95,7 +92,8 @@ class Where:
         guests = any(map(guest_of, trials))
         timeout = PATIENCE if guests and self.timeout is None else self.timeout
         with place as engine:
-            yield replace(engine, slots=self.jobs or engine.slots, timeout=timeout)
+            sending, slots = Sending(engine.executor), self.jobs or engine.slots
+            yield replace(engine, executor=sending, slots=slots, timeout=timeout)
 
     @contextmanager
     def _processes(self, workers: int) -> Iterator[Engine]:
@@ -108,19 +106,6 @@ class Where:
                 yield Engine(executor=Sending(processes), slots=workers + 1)
 
 
-def _refuse_unknown(executor: Executor, trials: Iterable[Trial]) -> None:
-    """Refuse a localizer that is registered here, but not where its trials run."""
-    asked = {(t.localizer, guest_of(t)): t for t in trials if t.localizer in LOCALIZER.added}
-    for trial in asked.values():
-        with contextlib.suppress(RuntimeError):  # the process died: its trials will tell
-            if not executor.submit(knows, trial).result():
-                raise InputError(
-                    f"the localizer {trial.localizer!r} is registered in this process only, but "
-                    "its trials would run in others, which it cannot be sent to: leave out "
-                    "the executor, take agents and scenarios of ours, or name it as file.py:NAME."
-                )
-
-
 class ThisProcess(Executor):
     """Runs each call where it is submitted, those of guests in their own processes.
 
@@ -129,12 +114,12 @@ class ThisProcess(Executor):
     """
 
     def __init__(self, guests: Processes) -> None:
-        self._guests = guests
+        self._guests, self._sending = guests, Sending(guests)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Call ``fn``; if that would end this process, its future fails as a dead worker's."""
         if self._guests.guest_of(*args):
-            return self._guests.submit(fn, *args, **kwargs)
+            return self._sending.submit(fn, *args, **kwargs)
         future: Future[Any] = Future()
         try:
             future.set_result(fn(*args, **kwargs))

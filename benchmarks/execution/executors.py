@@ -1,18 +1,26 @@
-"""Executors past the processes of this machine: Dask's, or one of the user's."""
+"""Executors past the processes of this machine: of Dask or of the user; what they are sent."""
 
 import contextlib
 import importlib
 import logging
 import os
+import pickle
 import signal
+import sys
+import sysconfig
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor
+from concurrent.futures import Executor, Future
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 from typing import Any
 
 from benchmarks.execution.starting import ONE_THREAD, sheltered
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words
+from localizers.digests import OURS
+from localizers.registry import LOCALIZER
 
 CONNECT_SECONDS = 10  # how long a scheduler may take to answer
 _CLOSE_SECONDS = 1
@@ -50,12 +58,7 @@ def distributed() -> Any:
 
 @contextmanager
 def dask(workers: int, scheduler: str | None) -> Iterator[Engine]:
-    """Connect to a cluster.
-
-    Args:
-        workers: processes to start, if there is no scheduler.
-        scheduler: address of one that runs; it is left running.
-    """
+    """Connect to a cluster."""
     package = distributed()
     with ExitStack() as stack:
         address = scheduler or stack.enter_context(_local(package, workers))
@@ -141,3 +144,56 @@ _MUST = (
     ": give module:factory, a function without arguments that returns a "
     "concurrent.futures.Executor that runs what is submitted."
 )
+
+
+class Sending(Executor):
+    """An executor that is sent what was registered in this process with each trial of it."""
+
+    def __init__(self, executor: Executor) -> None:
+        self._executor = executor
+        self._packed: dict[str, bytes] = {}
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Have ``fn(trial, …)`` run where the trial's localizer is known."""
+        trial, *rest = args
+        if (name := trial.localizer) not in LOCALIZER.added:
+            return self._executor.submit(fn, *args, **kwargs)
+        if name not in self._packed:
+            self._packed[name] = _packed(name)
+        return self._executor.submit(_with_sent, trial, self._packed[name], fn, *rest)
+
+
+def _packed(name: str) -> bytes:
+    """Return a registered localizer as bytes, with the code of its module if that is one's own."""
+    import cloudpickle
+
+    factory: Any = LOCALIZER.resolve(name)
+    whole = factory
+    while isinstance(whole, partial):
+        whole = whole.func
+    home = sys.modules.get(getattr(whole, "__module__", ""))
+    ours = [Path(__file__).parents[2] / package for package in OURS]
+    installed = [*map(Path, (sys.prefix, *sysconfig.get_paths().values())), *ours]
+    file = getattr(home, "__file__", None)
+    try:
+        with contextlib.ExitStack() as stack:
+            if (
+                home is not None
+                and file is not None
+                and not any(Path(file).is_relative_to(place) for place in installed)
+            ):
+                cloudpickle.register_pickle_by_value(home)
+                stack.callback(cloudpickle.unregister_pickle_by_value, home)
+            return bytes(cloudpickle.dumps(factory))
+    except Exception as error:
+        raise InputError(
+            f"the localizer {name!r} cannot be sent to other processes ({in_words(error)}): give "
+            "jobs=1, or name it as file.py:NAME."
+        ) from None
+
+
+def _with_sent(trial: Trial, packed: bytes, fn: Callable[..., Any], *rest: Any) -> Any:
+    if trial.localizer not in LOCALIZER.added:
+        LOCALIZER.added[trial.localizer] = pickle.loads(packed)
+        LOCALIZER.received.add(trial.localizer)
+    return fn(trial, *rest)

@@ -326,9 +326,9 @@ def _start_of(start: str | Sequence[float]) -> dict[str, Any]:
         InputError: it has another form.
     """
     if isinstance(start, str) and start.endswith(".toml"):
-        given = documents.read(Path(start), "prior")
+        given = documents.read_toml(Path(start), "prior")
         with documents.errors_name(Path(start)):
-            documents.check(given, ["prior"])
+            documents.check_values(given, ["prior"])
             return dict(Changes.told("prior", {"prior": given.get("prior", {})}))
     word, equals, text = start.rpartition("=") if isinstance(start, str) else ("", "", start)
     known = value_of("--start", text) if isinstance(text, str) else text

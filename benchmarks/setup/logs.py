@@ -9,8 +9,8 @@ from typing import Any, Self
 import numpy as np
 
 from benchmarks.setup.changes import NOTHING, Changes
+from benchmarks.setup.documents import digest_of_file
 from benchmarks.setup.interfaces import TrialEnv
-from benchmarks.setup.paths import file_digest
 from benchmarks.setup.priors import Gaussian
 from benchmarks.setup.scenario import Scenario, Thresholds
 from deqmcl_gym.envs.log import LogEnv, log_of
@@ -127,7 +127,7 @@ class LogScenario(Scenario):
 
     @property
     def _digests(self) -> str:
-        return "".join(map(file_digest, Changes(self.env).files))
+        return "".join(map(digest_of_file, Changes(self.env).files))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,7 +30,7 @@ def value_of(what: str, text: str) -> Any:
             break
         except ValueError:
             continue
-    documents.check({what: value}, [what])
+    documents.check_values({what: value}, [what])
     return value
 
 

@@ -30,7 +30,7 @@ class Animation:
         trials: shown side by side, one of each method.
         labels: of the methods.
         keys: the names under which their results are kept.
-        webp: the animation; empty until it is drawn.
+        webp: the animation; empty until it is filmed.
         png: its end, for those who want no motion.
     """
 
@@ -51,10 +51,10 @@ Promise = Callable[[], Animation]
 def drawing() -> Iterator[Callable[[Animation], Promise]]:
     """Start workers that draw what is given: a plug-in that hangs or exits there does no harm."""
     with Processes(available_cpus(), timeout=_PATIENCE) as pool:
-        yield lambda shown: pool.submit(drawn, shown).result
+        yield lambda shown: pool.submit(filmed, shown).result
 
 
-def drawn(shown: Animation) -> Animation:
+def filmed(shown: Animation) -> Animation:
     """Return an animation with its pictures: its trials are run again."""
     if tuple(map(key_of, shown.trials)) != shown.keys:
         raise InputError("code, libraries or a plug-in were changed since its trials were run.")

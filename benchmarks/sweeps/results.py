@@ -197,12 +197,7 @@ def results_in(folder: Path | str) -> Results:
 
 
 def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
-    """Return what folders of the same worlds hold together; a trial that several have counts once.
-
-    Args:
-        folders: each is read as by ``results_in``; limits are those of the first.
-        command: the words that pool them.
-    """
+    """Return what folders of the same worlds hold; a trial that several have counts once."""
     each, made = [results_in(one) for one in folders], [manifest.read(one) for one in folders]
     told: dict[str, Any] = {"code": made[0].identity.code}
     failures: dict[str, Failure] = {}

@@ -33,7 +33,7 @@ from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.stage import check_methods, check_settings
+from benchmarks.trials.stage import check_trials
 from deqmcl_gym.validation import InputError, one_line, shown
 
 MINUTE = 60.0  # s between two lines about the progress, where there is no terminal
@@ -123,14 +123,7 @@ def begun(
 def check(sweep: Sweep) -> None:
     """Build every world and every localizer of a sweep once, before anything is written."""
     rule_of(sweep)
-    settings: dict[str, Trial] = {}
-    methods: dict[str, Trial] = {}
-    for trial in sweep.cells():
-        setting = repr((trial.scenario, trial.world, trial.assumed, trial.disturbance))
-        settings.setdefault(setting + repr(trial.agent), trial)
-        methods.setdefault(setting + repr((trial.localizer, trial.params)), trial)
-    check_settings(settings.values())
-    check_methods(methods.values())
+    check_trials(sweep.cells())
 
 
 def run_missing(
@@ -171,17 +164,7 @@ def run_missing(
 def counted(
     out: Path, total: int, waiting: int, *, shown: bool = True
 ) -> Iterator[Callable[[bool], None]]:
-    """Show a bar on a terminal, elsewhere a line every minute; give what to call after each trial.
-
-    Args:
-        out: folder of the sweep; its name is shown.
-        total: trials of the sweep.
-        waiting: those that are still to be run.
-        shown: False shows nothing.
-
-    Yields:
-        A function of whether the trial failed.
-    """
+    """Show a bar on a terminal, elsewhere a line a minute; give what to call with "it failed"."""
     name = one_line(out.resolve().name)
     notebook = "ipykernel" in sys.modules
     failed, lines = 0, shown and not (notebook or sys.stderr.isatty())

@@ -34,10 +34,7 @@ def rule_of(sweep: Sweep) -> Rule | None:
 
 
 def due(
-    sweep: Sweep,
-    trials: Mapping[K, Trial],
-    records: Iterable[Finished],
-    failures: Iterable[Trial],
+    sweep: Sweep, trials: Mapping[K, Trial], records: Iterable[Finished], failures: Iterable[Trial]
 ) -> dict[K, Trial]:
     """Return those of a sweep's trials that it needs, as far as its results tell; all without rule.
 

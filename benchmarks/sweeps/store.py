@@ -102,12 +102,7 @@ class Store:
         self._append({"key": key, "trial": trial.canonical(), "reason": reason})
 
     def left_out(self, keys: Collection[str], asked: Collection[str]) -> Iterator[tuple[str, str]]:
-        """Yield the lines that belong to none of these keys, and why.
-
-        Args:
-            keys: of the trials asked for.
-            asked: the same trials as ``named``.
-        """
+        """Yield the lines that belong to none of these keys, and why."""
         for key, (line, name) in self._lines.items():
             if key not in keys:
                 same = named(line.trial) in asked

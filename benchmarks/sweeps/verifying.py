@@ -39,14 +39,6 @@ class DifferentError(RuntimeError):
 def verify(folder: Path, where: Where, share: float = SHARE) -> str:
     """Run a sample of a folder's finished trials again; if all agree, its manifest says so.
 
-    Args:
-        folder: of a sweep; nothing in it changes unless all agree.
-        where: the engine.
-        share: of the trials beside the first of each setting and method.
-
-    Returns:
-        What was found, in a sentence.
-
     Raises:
         DifferentError: the first trial that differs, and its first score.
     """
@@ -140,10 +132,10 @@ def _difference(before: Finished, now: Outcome) -> str | None:
     if now.record is None:
         return f"it finished before and fails now: {now.reason}"
     lacking = {name for row in before.scores for name in LATER - row.keys()}
-    return next(differences(parts_of(before), parts_of(now.record, lacking)), None)
+    return next(differences(record_parts(before), record_parts(now.record, lacking)), None)
 
 
-def parts_of(record: Record, without: Collection[str] = ()) -> dict[str, Any]:
+def record_parts(record: Record, without: Collection[str] = ()) -> dict[str, Any]:
     """Return all that is in a record by name, its scores first but those ``without``; no times."""
     scores = {
         f"{name} at offset {row['offset']}": row[name]

@@ -101,7 +101,7 @@ def moments(
         seconds = time.perf_counter() - started
         yield Step(
             step, truth, ranges, belief, seconds, info["command"], ahead, bool(info["collided"]),
-            info.get("goal"), info.get("route"),
+            info.get("goal"), info.get("route")
         )  # fmt: skip
 
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.trials.collecting import unless_nan
 from benchmarks.trials.episode import Step
 from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.residuals import APART, Expected, Lattice, Rays, known_part
-from benchmarks.trials.trace import unless_nan
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics.types import Floats, Reals

@@ -19,14 +19,14 @@ from benchmarks.setup.documents import errors_name
 from benchmarks.setup.interfaces import Agent, TrialEnv
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.scenario import Scenario
-from benchmarks.trials.clouds import Task
+from benchmarks.trials.clouds import Surroundings
 from benchmarks.trials.collecting import JourneyLog, TrackLog
 from benchmarks.trials.episode import Step, moments
 from benchmarks.trials.fixes import is_symmetric
 from benchmarks.trials.map_signals import MapSignals, differs
 from benchmarks.trials.scores import Group, groups_named
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.trace import Collector, Trace, trace_of
+from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.validation import InputError, one_of
 from localizers import Prior, RobotModel, make
@@ -76,9 +76,9 @@ class Stage:
         )
 
     @property
-    def task(self) -> Task:
+    def task(self) -> Surroundings:
         """What scoring must know of the world."""
-        return Task(
+        return Surroundings(
             floor_plan=self.room.floor_plan,
             radius=self.room.radius,
             max_range=self.room.lidar.max_range,
@@ -105,7 +105,7 @@ class Stage:
         key = (number, run) if run else (number,)
         return np.random.default_rng(np.random.SeedSequence(self.trial.seed, spawn_key=key))
 
-    def collector(self) -> Collector | None:
+    def collector(self) -> JourneyLog | TrackLog | None:
         """Return what keeps its journey, or its track on a whole log; None if nothing is asked."""
         if self.scenario.judged is None:
             groups = self.groups
@@ -159,19 +159,24 @@ class Stage:
         make(self.trial.localizer, self.robot, **located(self.trial.params))
 
 
-def check_settings(trials: Iterable[Trial]) -> None:
-    """Build the world of each trial, what its filters assume, and its agent."""
-    for trial in trials:
-        Stage.of(trial).check()
-
-
-def check_methods(trials: Iterable[Trial]) -> None:
-    """Let the localizer of each trial look at its parameters; see ``Stage.check_params``."""
-    for _, own in groupby(trials, lambda t: (t.scenario, t.world, t.assumed, t.disturbance)):
-        first, *others = own
-        stage = Stage.of(first)
-        for trial in (first, *others):
+def check_trials(trials: Iterable[Trial]) -> None:
+    """Build each world, what its filters assume, its agent, and each localizer there, once."""
+    seen: set[str] = set()
+    for driven, own in groupby(trials, lambda t: repr((_setting_of(t), t.agent))):
+        listed = {repr((_setting_of(t), t.localizer, t.params)): t for t in own}
+        new = [trial for method, trial in listed.items() if method not in seen]
+        if not new and driven in seen:
+            continue
+        stage = Stage.of(next(iter(listed.values())))
+        if driven not in seen:
+            stage.check()
+        for trial in new:
             replace(stage, trial=trial).check_params()
+        seen |= {driven, *listed}
+
+
+def _setting_of(trial: Trial) -> tuple[object, ...]:
+    return trial.scenario, trial.world, trial.assumed, trial.disturbance
 
 
 def _errors_name(scenario_name: str) -> AbstractContextManager[None]:

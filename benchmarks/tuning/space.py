@@ -197,7 +197,7 @@ def read_space(path: Path, localizer: str, known: Space) -> Space:
     Raises:
         InputError: the file cannot be read, names something unknown, or has a bad range.
     """
-    given = documents.read(path, "space")
+    given = documents.read_toml(path, "space")
     with documents.errors_name(path):
         only = boolean("only", given.pop("only", False))
         flat: dict[str, Any] = {}

@@ -14,7 +14,7 @@ from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_SCORES, Score
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.stage import Stage, check_methods, check_settings
+from benchmarks.trials.stage import Stage, check_trials
 from benchmarks.tuning.space import ASSUMED, Segment, Space
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
@@ -130,10 +130,11 @@ class Task:
             InputError: something of it is refused.
         """
         first = {one.world["log"]: one for one in self.segments}
-        check_settings([self.trial(NOTHING, one, 0) for one in first.values()])
+        for one in first.values():
+            Stage.of(self.trial(NOTHING, one, 0)).check()
         ends = [Changes({name: end}) for name, one in self.space.items() for end in one.ends]
         try:
-            check_methods([self.trial(one, self.segments[0], 0) for one in (NOTHING, *ends)])
+            check_trials([self.trial(one, self.segments[0], 0) for one in (NOTHING, *ends)])
         except InputError as error:
             raise InputError(f"the default, or an end of a range, is refused: {error}") from None
         _check_score(self.trial(NOTHING, self.training[0], 0), self.score)

@@ -30,7 +30,7 @@ from benchmarks.sweeps import manifest, suites
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, results_in
 from benchmarks.sweeps.store import named
-from benchmarks.sweeps.verifying import compare_again, parts_of, sample
+from benchmarks.sweeps.verifying import compare_again, record_parts, sample
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import csv_text
@@ -230,7 +230,7 @@ def fingerprint(record: Record) -> str:
 
     Parts that a record does not have are left out, so that new ones change no other digest.
     """
-    there = {name: part for name, part in parts_of(record).items() if part is not None}
+    there = {name: part for name, part in record_parts(record).items() if part is not None}
     plain = to_builtins(there, str_keys=True, enc_hook=float)
     return _digest(json.dumps(plain, sort_keys=True))[:32]
 

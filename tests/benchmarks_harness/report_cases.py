@@ -120,7 +120,7 @@ def written(out, given, laps=()):
     """Write the report of results, with these animations (whose pictures they have)."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(animations, "films_of", lambda panel: [*laps])
-        patch.setattr(drawing, "drawn", copy.copy)  # they have their pictures
+        patch.setattr(drawing, "filmed", copy.copy)  # they have their pictures
         return write_report(out, given)
 
 

@@ -86,7 +86,7 @@ def test_a_number_of_an_agent_that_is_swept_has_a_panel_for_each_value():
             records += driven([1.0, 2.0], "misplaced", localizer, shift=shift)
     found = panels(records)
     assert [panel.title for panel in found] == [
-        "scenario paper, agent.shift 0.0", "scenario paper, agent.shift 50.0",
+        "scenario paper, agent.shift 0.0", "scenario paper, agent.shift 50.0"
     ]  # fmt: skip
     assert [list(panel.labels.values()) for panel in found] == [["mcl", "mcl-map"]] * 2
 

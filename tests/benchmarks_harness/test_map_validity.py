@@ -125,7 +125,7 @@ def test_only_a_trial_whose_world_differs_from_the_map_keeps_signals():
     def record_of(**world):
         trial = Trial(
             scenario="sharp", localizer="dead-reckoning", params={}, lag=0, seed=0, trial=0,
-            world=Changes(world),
+            world=Changes(world)
         )  # fmt: skip
         return Stage.of(trial).trace()
 
