@@ -97,7 +97,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="also tell and draw where the map is wrong: cells that beams end in or pass though "
         "the map says otherwise",
     )
-    shared.add_views(parser)
+    shared.add_mcap(parser)
     shared.add_jobs(parser, "runs")
     shared.add_timeout(parser, "run")
     shared.add_out(parser)
@@ -106,7 +106,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.engines import Where
-    from benchmarks.pictures.viewing import Views, shown_again
+    from benchmarks.pictures.messages import shown_again
     from benchmarks.replay.calibration import calibrated, judged_alike, uses_scan, with_fitted_beams
     from benchmarks.replay.command import every_for, gated, replay_sweep, run_replay
     from benchmarks.replay.nav2 import read_nav2
@@ -115,7 +115,7 @@ def run(options: argparse.Namespace) -> str:
     from deqmcl_gym.validation import InputError
 
     where = Where(jobs=options.jobs, timeout=options.timeout)
-    views = shared.views_of(options)
+    mcap = shared.mcap_of(options)
     if options.node is not None and options.nav2 is None:
         raise InputError("--node is given without --nav2: name the file that the node is in.")
     nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)
@@ -160,9 +160,9 @@ def run(options: argparse.Namespace) -> str:
     text = run_replay(
         replay, sweep, options.out, how, options.words, notes, residuals=options.residuals
     )
-    if views == Views():
+    if mcap is None:
         return text
     first = list(replace(sweep, trials=1).distinct())
     with doing("playing the first run of each again, to show it"):
-        shown_again(first, views)
-    return text if views.mcap is None else f"{text}\n\nMCAP, the first run of each: {options.mcap}"
+        shown_again(first, mcap)
+    return f"{text}\n\nMCAP, the first run of each: {options.mcap}"

@@ -22,7 +22,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="also write the lap as a log: .csv, .csv.gz or .npz",
     )
-    shared.add_views(parser)
+    shared.add_mcap(parser)
     shared.add_out(parser)
 
 
@@ -31,11 +31,11 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.pictures.lap import run_lap
     from localizers.registry import LOCALIZER
 
-    views = shared.views_of(options)
+    mcap = shared.mcap_of(options)
     named = (LOCALIZER.complete(options.localizer),)
     own = shared.params_named(options.param, named)
     sweep = shared.setting_sweep(options, named, own=own, agent=options.agent)
     (trial,) = sweep.distinct()
     log = None if options.log is None else options.log.absolute()
     with doing(f"running and drawing a lap of {trial.localizer}"):
-        return run_lap(trial, options.out.absolute(), log, views)
+        return run_lap(trial, options.out.absolute(), log, mcap)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from benchmarks.console import doing, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
-    from benchmarks.pictures.viewing import Views
     from benchmarks.sweeps.design import Sweep
 
 
@@ -138,32 +137,25 @@ def add_out(parser: argparse.ArgumentParser, default: str | None = None) -> None
     parser.add_argument("--out", type=folder, metavar="DIR", help=words, **needed)
 
 
-def add_views(parser: argparse.ArgumentParser) -> None:
-    """Add the file and the server for Foxglove."""
+def add_mcap(parser: argparse.ArgumentParser) -> None:
+    """Add the file for Foxglove."""
     help_ = "also write what is believed, for Foxglove and Lichtblick (needs the extra view)"
     parser.add_argument("--mcap", type=file, metavar="FILE.mcap", help=help_)
-    parser.add_argument(
-        "--live",
-        nargs="?",
-        type=int,
-        const=8765,
-        metavar="PORT",
-        help="also show it live, to a viewer that connects to this port of this machine (8765; "
-        "needs the extra view)",
-    )
 
 
-def views_of(options: argparse.Namespace) -> "Views":
-    """Return where a run is to be looked at, by absolute path.
+def mcap_of(options: argparse.Namespace) -> Path | None:
+    """Return the absolute path of the file for Foxglove, if one is asked for.
 
     Raises:
-        InputError: that cannot be written or served.
+        InputError: it cannot be written.
     """
-    from benchmarks.pictures.viewing import Views
+    from benchmarks.pictures.messages import check_file
 
-    views = Views(mcap=options.mcap, live=options.live)
-    views.check()
-    return views if views.mcap is None else replace(views, mcap=views.mcap.absolute())
+    if options.mcap is None:
+        return None
+    check_file(options.mcap)
+    path: Path = options.mcap.absolute()
+    return path
 
 
 def add_setting(parser: argparse.ArgumentParser) -> None:

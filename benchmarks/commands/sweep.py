@@ -118,7 +118,7 @@ _NO_SHARD = (
 
 def _swept(options: argparse.Namespace) -> str:
     from benchmarks.execution.engines import Where
-    from benchmarks.pictures.viewing import check_folder
+    from benchmarks.pictures.messages import check_folder
     from benchmarks.report.animations import write_laps
     from benchmarks.report.verdict import conclusion
     from benchmarks.report.writing import no_report, write_report

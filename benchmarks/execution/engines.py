@@ -11,12 +11,13 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from benchmarks.execution import executors
+from benchmarks.execution.executors import Engine
 from benchmarks.execution.processes import PATIENCE, Processes, TimedOutError, WorkerDiedError
 from benchmarks.execution.sending import Sending, knows
 from benchmarks.trials.attempt import Outcome, attempt
@@ -29,23 +30,6 @@ TRIES = 3  # of a trial whose worker dies
 _LOOK_SECONDS = 2
 
 _InFlight = dict[Future[Outcome], tuple[str, Trial, float]]  # key, trial, when it was submitted
-
-
-@dataclass(frozen=True, kw_only=True)
-class Engine:
-    """What trials are submitted to.
-
-    Attributes:
-        executor: any ``concurrent.futures.Executor``.
-        slots: trials in flight at a time.
-        timeout: seconds after which a trial in flight is given up; None if the executor sees to it.
-        lost: says why nothing more will come of it; "" if it works.
-    """
-
-    executor: Executor
-    slots: int
-    timeout: float | None = None
-    lost: Callable[[], str] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,20 +84,26 @@ class Where:
         Raises:
             InputError: it cannot be had, or does not know a localizer that is registered here.
         """
-        cpus = self.jobs or available_cpus()
+        jobs = self.jobs or available_cpus()
         if self.executor == "process":
-            with self._processes(max(1, min(cpus, len(trials)))) as engine:
-                _refuse_unknown(engine.executor, trials)
-                yield engine
-            return
+            place = self._processes(max(1, min(jobs, len(trials))))
+        elif self.executor == "dask":
+            place = self._elsewhere(executors.dask(jobs, self.scheduler), trials)
+        else:
+            place = self._elsewhere(executors.made_by(self.executor, jobs), trials)
+        with place as engine:
+            _refuse_unknown(engine.executor, trials)
+            yield engine
+
+    @contextmanager
+    def _elsewhere(
+        self, place: AbstractContextManager[Engine], trials: Collection[Trial]
+    ) -> Iterator[Engine]:
+        """Give an engine that does not look after the time of its trials."""
         guests = any(map(guest_of, trials))
         timeout = PATIENCE if guests and self.timeout is None else self.timeout
-        dask = self.executor == "dask"
-        with (
-            executors.dask(cpus, self.scheduler) if dask else executors.made_by(self.executor, cpus)
-        ) as (executor, slots, lost):
-            _refuse_unknown(executor, trials)
-            yield Engine(executor=executor, slots=self.jobs or slots, timeout=timeout, lost=lost)
+        with place as engine:
+            yield replace(engine, slots=self.jobs or engine.slots, timeout=timeout)
 
     @contextmanager
     def _processes(self, workers: int) -> Iterator[Engine]:

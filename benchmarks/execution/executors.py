@@ -8,7 +8,8 @@ import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any
 
 from benchmarks.execution.starting import ONE_THREAD, sheltered
 from deqmcl_gym.validation import InputError, in_words
@@ -17,11 +18,20 @@ CONNECT_SECONDS = 10  # how long a scheduler may take to answer
 _CLOSE_SECONDS = 1
 
 
-class Place(NamedTuple):
-    """An executor, how many calls it takes at a time, and what says why it is lost, if it is."""
+@dataclass(frozen=True, kw_only=True)
+class Engine:
+    """What trials are submitted to.
+
+    Attributes:
+        executor: any ``concurrent.futures.Executor``.
+        slots: trials in flight at a time.
+        timeout: seconds after which a trial in flight is given up; None if the executor sees to it.
+        lost: says why nothing more will come of it; "" if it works.
+    """
 
     executor: Executor
     slots: int
+    timeout: float | None = None
     lost: Callable[[], str] | None = None
 
 
@@ -43,7 +53,7 @@ def distributed() -> Any:
 
 
 @contextmanager
-def dask(workers: int, scheduler: str | None) -> Iterator[Place]:
+def dask(workers: int, scheduler: str | None) -> Iterator[Engine]:
     """Connect to a cluster.
 
     Args:
@@ -71,7 +81,7 @@ def dask(workers: int, scheduler: str | None) -> Iterator[Place]:
             gone = client.status not in ("running", "connecting")
             return "the Dask scheduler is lost" if gone else ""
 
-        yield Place(client.get_executor(retries=0), threads, lost)
+        yield Engine(executor=client.get_executor(retries=0), slots=threads, lost=lost)
 
 
 @contextmanager
@@ -101,7 +111,7 @@ def _close(connected: Any) -> None:
 
 
 @contextmanager
-def made_by(name: str, slots: int) -> Iterator[Place]:
+def made_by(name: str, slots: int) -> Iterator[Engine]:
     """Call ``module:factory``; shut down what it returns at the end.
 
     Raises:
@@ -119,7 +129,7 @@ def made_by(name: str, slots: int) -> Iterator[Place]:
         kind = type(executor).__name__
         raise InputError(f"the executor {name!r} returned an object of type {kind}{_MUST}")
     try:
-        yield Place(executor, slots)
+        yield Engine(executor=executor, slots=slots)
     finally:
         executor.shutdown(wait=False, cancel_futures=True)
 

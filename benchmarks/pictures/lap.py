@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from benchmarks.files import own_folder, write_files
 from benchmarks.pictures import figures
 from benchmarks.pictures.film import Film, webp
-from benchmarks.pictures.viewing import Views
+from benchmarks.pictures.messages import showing
 from benchmarks.setup.interfaces import TrialEnv
 from benchmarks.tables.text import csv_text, short_name, state_name
 from benchmarks.trials.episode import Moment
@@ -31,10 +31,10 @@ _ERRORS = {  # drawn, by the map's unit
 }
 
 
-def run_lap(trial: Trial, out: Path, log: Path | None, views: Views) -> str:
+def run_lap(trial: Trial, out: Path, log: Path | None, mcap: Path | None) -> str:
     """Run one lap of one localizer; write animation, error curve, trace; return what to print.
 
-    ``log`` is where to write the lap as a log, ``views`` where what is believed is looked at.
+    ``log`` is where to write the lap as a log, ``mcap`` what is believed, for Foxglove.
     """
     figures.require_plots()
     if log is not None:
@@ -50,22 +50,21 @@ def run_lap(trial: Trial, out: Path, log: Path | None, views: Views) -> str:
     episode = _noting(outside, film.of(stage.moments()), stage.room.floor_plan)
     measure, words = _ERRORS[unit]
     heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
-    # all is written inside: at its end a live run waits for its viewer
-    with views.showing({short_name(title): episode}, stage) as rows:
+    with showing(mcap, {short_name(title): episode}, stage) as rows:
         trace = trace_of((moment for (moment,) in rows), trial.offsets, stage.task)
-        curves = {
-            state_name(offset): (kept.states, measure(kept.means, trace.truth[kept.states]))
-            for offset, kept in trace.offsets.items()
-        }
-        files = {
-            "lap.webp": webp(film.frames, figures.LAP_MILLISECONDS),
-            "error.png": figures.error_plot(curves, heading, words),
-            "error.csv": _curves_csv(trace).encode(),
-            "trace.npz": npz(trace),
-        } | trajectories(trace)
-        if log is not None:
-            write(_log(film.moments, stage.room), log)
-        write_files(out, files)
+    curves = {
+        state_name(offset): (kept.states, measure(kept.means, trace.truth[kept.states]))
+        for offset, kept in trace.offsets.items()
+    }
+    files = {
+        "lap.webp": webp(film.frames, figures.LAP_MILLISECONDS),
+        "error.png": figures.error_plot(curves, heading, words),
+        "error.csv": _curves_csv(trace).encode(),
+        "trace.npz": npz(trace),
+    } | trajectories(trace)
+    if log is not None:
+        write(_log(film.moments, stage.room), log)
+    write_files(out, files)
     lines = [_line(row, unit) for row in scores(trace, trial.lag, stage.scenario.thresholds)]
     if outside:
         lines.append(
@@ -75,7 +74,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None, views: Views) -> str:
         )
     lines.append(f"Written to {out}: {', '.join(files)}.")
     lines += [] if log is None else [f"Log: {log}"]
-    lines += [] if views.mcap is None else [f"MCAP: {views.mcap}"]
+    lines += [] if mcap is None else [f"MCAP: {mcap}"]
     return "\n".join([f"{heading}: {trace.steps} steps", *lines])
 
 

@@ -1,18 +1,28 @@
-"""Runs as messages for Foxglove and Lichtblick: docs/look-at-it.md has the table of topics.
+"""Runs as MCAP files for Foxglove and Lichtblick: docs/look-at-it.md has the table of topics.
 
 Made by foxglove-sdk, an optional extra, from the moments that animations are drawn from. Lengths
 are in metres; the frames are ``map`` and ``base_link``.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+import os
+import secrets
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import closing, contextmanager, suppress
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from benchmarks.files import is_empty
 from benchmarks.pictures.film import laid
+from benchmarks.tables.text import short_names
 from benchmarks.trials.episode import Moment
+from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
+from deqmcl_gym.envs.log import LogEnv
+from deqmcl_gym.files import PREFIX, SUFFIX
 from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.maps.polygons import edges_of
@@ -41,7 +51,7 @@ class Messages:
         """Log to a context of foxglove.
 
         Args:
-            context: with a file or a server.
+            context: with a file.
             stage: of any of the runs.
             names: of their localizers.
         """
@@ -55,10 +65,10 @@ class Messages:
         self._channels: dict[str, Any] = {}
         self._kinds: Mapping[str, Any] = vars(channels)
 
-    def write(self, time: float, moments: Sequence[Moment], *, again: bool = False) -> None:
-        """Log what the localizers believe after a step, at a time in s; the map first or again."""
+    def write(self, time: float, moments: Sequence[Moment]) -> None:
+        """Log what the localizers believe after a step, at a time in s; the map first."""
         self._time = round(time * 1e9)
-        if again or "/map" not in self._channels:
+        if "/map" not in self._channels:
             self._write_map()
         first = moments[0]
         known = bool(np.isfinite(first.truth).all())
@@ -269,3 +279,101 @@ def _is_even(lidar: Lidar) -> bool:
     steps = np.diff(lidar.bearings)
     alike = steps.size == 0 or np.abs(steps - steps[0]).max() <= _EVEN
     return bool(alike and len(lidar.places) == 1)
+
+
+def check_file(path: Path) -> None:
+    """Refuse an MCAP file that cannot be written.
+
+    Raises:
+        InputError: foxglove-sdk is not installed, or the file has another ending or exists.
+    """
+    if find_spec("foxglove") is None:
+        raise InputError(
+            "--mcap needs foxglove-sdk, which is not installed: pip install 'deqmcl-gym[view]'."
+        )
+    if path.suffix.lower() != ".mcap":
+        raise InputError(f"--mcap is {path}, but must end in .mcap.")
+    if os.path.lexists(path):
+        raise InputError(f"{path} exists already: give another --mcap.")
+
+
+def check_folder(folder: Path) -> None:
+    """Refuse a folder for MCAP files that holds some, or what else there is.
+
+    Raises:
+        InputError: foxglove-sdk is not installed, or the folder is not empty.
+    """
+    check_file(folder / "any.mcap")
+    if not is_empty(folder) or (folder.exists() and not folder.is_dir()):
+        raise InputError(f"--mcap is {folder}, which is there already: give a new folder.")
+
+
+@contextmanager
+def showing(
+    path: Path | None, runs: Mapping[str, Iterable[Moment]], stage: Stage
+) -> Iterator[Iterator[tuple[Moment, ...]]]:
+    """Yield runs, side by side, that are written to a file as they go on.
+
+    The file is there whole when the runs have ended.
+
+    Args:
+        path: of the file; None: none.
+        runs: moments of one world by the name of the localizer.
+        stage: of the first of them.
+
+    Raises:
+        InputError: a log has times before 0 s.
+    """
+    rows = zip(*runs.values(), strict=True)
+    if path is None:
+        yield rows
+        return
+    with closing(_written(path, rows, tuple(runs), stage)) as written:
+        yield written
+
+
+def shown_again(trials: Sequence[Trial], path: Path) -> None:
+    """Run trials on one log or in one world again, side by side, and write them to a file."""
+    stages = [Stage.of(trial) for trial in trials]
+    short = short_names([trial.localizer for trial in trials])
+    runs = {short[stage.trial.localizer]: stage.moments() for stage in stages}
+    with showing(path, runs, stages[0]) as rows:
+        for _ in rows:
+            pass
+
+
+def _written(
+    path: Path, rows: Iterable[tuple[Moment, ...]], names: Sequence[str], stage: Stage
+) -> Generator[tuple[Moment, ...], None, None]:
+    """Pass runs on, and write them."""
+    from foxglove import Context, open_mcap
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f"{PREFIX}{secrets.token_hex(4)}{SUFFIX}")
+    try:
+        with open_mcap(beside, context=(context := Context())):
+            messages = Messages(context, stage, names)
+            for moments in rows:
+                messages.write(_time(stage, moments[0]), moments)
+                yield moments
+        beside.replace(path)
+    finally:
+        with suppress(FileNotFoundError):
+            beside.unlink()
+
+
+def _time(stage: Stage, moment: Moment) -> float:
+    """Return when a moment is that was just run, s: its record's time, in a room one second a step.
+
+    Raises:
+        InputError: it is before 0.
+    """
+    if not isinstance(stage.room, LogEnv):
+        return float(moment.step)
+    at = stage.room.record.time
+    if at < 0:
+        raise InputError(
+            f"a record of the log is at {at:g} s, but Foxglove has no time before 0 s: give a log "
+            "with later times."
+        )
+    return at

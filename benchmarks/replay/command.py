@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.console import doing, warn
 from benchmarks.files import write_files
 from benchmarks.replay.options import EVERY, NAME, OFTEN, Replay
-from benchmarks.replay.residuals import Residuals, files_of, residuals_of
+from benchmarks.replay.residuals import PICTURE, TABLE, Residuals, files_of, residuals_of
 from benchmarks.report.frames import frames_of
 from benchmarks.report.tracks import accuracy, differences_table, tables_of
 from benchmarks.report.verdict import conclusion
@@ -126,6 +126,8 @@ def run_replay(
         said += warn([_misfit(replay, rows)])
         wrong = residuals_of(replay, rows) if residuals else None
         with doing(f"writing the report in {out}"):
+            for name in (PICTURE, TABLE):  # of a run with other options
+                (out / name).unlink(missing_ok=True)
             files = write_files(out, _contents(replay, rows, results, said, wrong))
     apart = [table for panel in frames_of(results) if (table := differences_table(panel))]
     first, *others = tables_of(rows)

@@ -4,7 +4,7 @@ import math
 import os
 import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -69,12 +69,6 @@ class Replay:
     def log(self) -> Log:
         """The records that are played."""
         return self.scenario.recording()[0]
-
-    @property
-    def unchanged(self) -> "Replay | None":
-        """The same on the map whose walls are not changed on purpose; None if this is it."""
-        own = {n: v for n, v in self.world.items() if not n.startswith("changed_walls.")}
-        return None if len(own) == len(self.world) else replace(self, world=Changes(own))
 
     @property
     def motion(self) -> MotionModel:

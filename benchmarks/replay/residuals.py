@@ -8,14 +8,13 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.pictures import styled
-from benchmarks.replay.known_changes import Recovered, recovered
+from benchmarks.replay.map_places import HIT, LEAST_POSES, THROUGH, Place, Scans, places_of
 from benchmarks.replay.options import Replay
 from benchmarks.report.charts import INK, STYLE, Chart
 from benchmarks.report.tables import Table
 from benchmarks.report.tracks import map_axes
 from benchmarks.tables.text import csv_text, percent
 from benchmarks.tables.tracks import Row, TrackedRun
-from benchmarks.trials.residuals import HIT, LEAST_POSES, THROUGH, Place, Scans, places_of
 from deqmcl_gym.files import utf8
 from deqmcl_gym.maps import Map
 
@@ -36,13 +35,11 @@ class Residuals:
         label: of the localizer.
         run: of it, the one whose scans agree best with the map.
         floor_plan: the map that it was given.
-        true: the map before it was changed on purpose; None if it was not.
     """
 
     label: str
     run: TrackedRun
     floor_plan: Map
-    true: Map | None
 
     @cached_property
     def scans(self) -> Scans:
@@ -55,11 +52,6 @@ class Residuals:
         """Where the map is wrong, the largest place first."""
         return places_of(self.scans.evidence)
 
-    @cached_property
-    def recovered(self) -> Recovered | None:
-        """How well these places tell the changes made on purpose; None without any."""
-        return None if self.true is None else recovered(self.scans, self.places, self.true)
-
     @property
     def said(self) -> str:
         """What was found, in words."""
@@ -69,15 +61,7 @@ class Residuals:
             f"by {int(self.scans.used.sum()):,} of {len(self.scans.used):,} scans of "
             f"{self.label}, seed {self.run.seed}, the run whose scans agree best with the map"
         )
-        texts = [f"Where the map is wrong: {found}, {basis}."]
-        if (told := self.recovered) is not None:
-            texts.append(
-                f"Of {told.changes} changes made on purpose {told.in_view} are in view, of these "
-                f"{told.found} are found{_share(told.found, told.in_view)}; {told.right} of "
-                f"{told.places} places are such changes{_share(told.right, told.places)}, "
-                f"{told.before} of the others are there without them, too."
-            )
-        return " ".join(texts)
+        return f"Where the map is wrong: {found}, {basis}."
 
     @property
     def csv(self) -> str:
@@ -159,8 +143,7 @@ def residuals_of(replay: Replay, rows: Sequence[Row]) -> Residuals | None:
     if not runs:
         return None
     label, run = max(runs, key=lambda one: one[1].scores["agreement_03"])
-    true = None if replay.unchanged is None else replay.unchanged.scenario.recording()[1]
-    return Residuals(label, run, replay.scenario.recording()[1], true)
+    return Residuals(label, run, replay.scenario.recording()[1])
 
 
 def files_of(found: Residuals, *, drawn: bool) -> Mapping[str, bytes]:
@@ -170,7 +153,3 @@ def files_of(found: Residuals, *, drawn: bool) -> Mapping[str, bytes]:
         with styled(STYLE):
             files[PICTURE] = found.chart.drawn("png", dpi=200)
     return files
-
-
-def _share(part: int, of: int) -> str:
-    return f" ({percent(part / of)})" if of else ""

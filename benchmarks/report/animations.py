@@ -11,7 +11,7 @@ import pandas as pd
 
 from benchmarks.console import doing
 from benchmarks.pictures.figures import FIGURES
-from benchmarks.pictures.viewing import Views, shown_again
+from benchmarks.pictures.messages import shown_again
 from benchmarks.report.frames import PanelFrames, frames_of
 from benchmarks.sweeps.drawing import STRIDE, Animation, drawing
 from benchmarks.sweeps.results import Results
@@ -115,8 +115,7 @@ def write_laps(results: Results, folder: Path) -> str:
         for own, trial in zip(file_words(film.labels), film.trials, strict=True):
             path = folder / f"{film.name.rpartition('-')[0]}-{own}.mcap"  # without the world
             with doing(f"writing {path}"):
-                views = Views(mcap=path.absolute())
-                shown_again([trial], views)
+                shown_again([trial], path.absolute())
             names.append(path.name)
     if not names:
         return "No MCAP: the report animates nothing."

@@ -7,7 +7,8 @@ from statistics import fmean
 
 from tabulate import tabulate
 
-from benchmarks.execution.engines import Engine, available_cpus, outcomes
+from benchmarks.execution.engines import available_cpus, outcomes
+from benchmarks.execution.executors import Engine
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep, cells_of
 from benchmarks.sweeps.running import Options

@@ -48,6 +48,11 @@ class Estimates:
         """Of the estimate to the truth in (x, y), (k,)."""
         return position_error(self.means, self.truth)
 
+    @cached_property
+    def angle(self) -> Floats:
+        """Between the directions of estimate and truth, rad, (k,)."""
+        return heading_error(self.means, self.truth)
+
 
 def state_error(means: Floats, truth: Reals) -> Floats:
     """e_t, the norm of (estimate - truth) over (x, y, cos θ, sin θ); the paper's eq. (4), (k,).

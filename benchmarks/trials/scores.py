@@ -19,7 +19,6 @@ from benchmarks.trials.fixes import NEAR, RECOVERED, RECOVERED_STEPS, Journey
 from benchmarks.trials.metrics import (
     Estimates,
     entropy,
-    heading_error,
     mean,
     middle,
     outlier_share,
@@ -112,13 +111,7 @@ METRICS: tuple[Score, ...] = (
     Score("var_cos", "", "", "variance of cos θ", _variance_of(2)),
     Score("var_sin", "", "", "variance of sin θ", _variance_of(3)),
     Score("position_rmse", "length", "low", "position RMSE", lambda it: rms(it.distance)),
-    Score(
-        "heading_rmse",
-        "rad",
-        "low",
-        "heading RMSE",
-        lambda it: rms(heading_error(it.means, it.truth)),
-    ),
+    Score("heading_rmse", "rad", "low", "heading RMSE", lambda it: rms(it.angle)),
     Score("wall_share", "share", "low", "weight in walls", _value_of("wall_share"), wall_share),
     Score("energy_score", "length", "low", "energy score", _value_of("energy")),
     *map(_coverage, LEVELS),
@@ -153,11 +146,17 @@ class Group:
     scores: tuple[Score, ...]
 
 
-def _success(near: str, *, tested: bool = False) -> Score:
+def _share(name: str, words: str, of: Callable[[Journey], float], *, tested: bool = True) -> Score:
+    """A share of runs; one that failed is none of them."""
+    return Score(
+        name, "share", "high", words, lambda run: float(of(run)), failed=0.0, tested=tested
+    )
+
+
+def _success(near: str, *, tested: bool) -> Score:
     place = NEAR[near]
     words = f"localized to the end ({place.distance:g} m, {math.degrees(place.angle):.0f}°)"
-    name, of = f"success_{near}", lambda run: run.fixes.success(near)
-    return Score(name, "share", "high", words, of, failed=0.0, tested=tested)
+    return _share(f"success_{near}", words, lambda run: run.fixes.success(near), tested=tested)
 
 
 def _metres(name: str, words: str, of: Callable[[Journey], float]) -> Score:
@@ -198,7 +197,7 @@ GROUPS = (
         "lost",
         (
             _success("1m", tested=True),
-            _success("05m"),
+            _success("05m", tested=False),
             _metres(
                 "metres_to_localize", "metres to localize", lambda it: it.fixes.metres_to_localize
             ),
@@ -217,14 +216,10 @@ GROUPS = (
     Group(
         "recovery",
         (
-            Score(
+            _share(
                 "recovered",
-                "share",
-                "high",
                 f"recovered ({RECOVERED:g} m, {RECOVERED_STEPS} steps)",
-                lambda run: float(math.isfinite(_to_recover(run))),
-                failed=0.0,
-                tested=True,
+                lambda run: math.isfinite(_to_recover(run)),
             ),
             _metres("metres_to_recover", "metres to recover", _to_recover),
         ),
@@ -246,15 +241,7 @@ GROUPS = (
     Group(
         "driving",
         (
-            Score(
-                "success",
-                "share",
-                "high",
-                "arrived",
-                lambda run: float(run.arrived),
-                failed=0.0,
-                tested=True,
-            ),
+            _share("success", "arrived", lambda run: run.arrived),
             Score("spl", "", "high", "SPL", lambda run: run.spl, failed=0.0),
             Score("contacts", "", "low", "contacts", lambda run: float(run.collided.sum())),
             Score("clearance", "m", "high", "least clearance, m", lambda run: run.clearance),

@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from refusals import refused
 
 from benchmarks.pictures.film import laid
-from benchmarks.pictures.viewing import Views, shown_again
+from benchmarks.pictures.messages import check_file, showing, shown_again
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
@@ -102,7 +102,7 @@ def lap(tmp_path_factory):
     stage, path = Stage.of(trial), tmp_path_factory.mktemp("mcap") / "new" / "a.mcap"
     episode = (moment for moment in stage.moments() if moment.step <= 12)
     kept = []
-    with Views(mcap=path).showing({"H": episode}, stage) as rows:
+    with showing(path, {"H": episode}, stage) as rows:
         for (moment,) in rows:
             belief = moment.belief
             kept.append((moment, belief.points(), belief.advised.points(),
@@ -232,7 +232,7 @@ def test_a_segment_of_a_log_has_the_times_of_its_own_records(hall, tmp_path):
     begun = set()
     for number in range(4):
         trial = segment_of(tmp_path / "lap.csv", number)
-        shown_again([trial], Views(mcap=tmp_path / f"{number}.mcap"))
+        shown_again([trial], tmp_path / f"{number}.mcap")
         shown = read(tmp_path / f"{number}.mcap")["/truth"]
         begun.add(shown[0][0])
         for at, _, data in shown:
@@ -246,7 +246,7 @@ def test_a_log_with_times_before_0_is_refused_and_leaves_no_file(hall, tmp_path)
     logs.write(replace(log, times=log.times - 1000.0), "early.csv")
     there = {path.name for path in tmp_path.iterdir()}
     with refused("is at -", "no time before 0 s"):
-        shown_again([segment_of(tmp_path / "early.csv")], Views(mcap=tmp_path / "a.mcap"))
+        shown_again([segment_of(tmp_path / "early.csv")], tmp_path / "a.mcap")
     assert {path.name for path in tmp_path.iterdir()} == there
 
 
@@ -282,7 +282,7 @@ def test_a_run_that_is_stopped_leaves_no_file(tmp_path):
         scenario="guided", localizer="mcl", params={"particles": 20}, lag=0, seed=1, trial=0
     )
     stage = Stage.of(trial)
-    with Views(mcap=tmp_path / "a.mcap").showing({"mcl": stage.moments()}, stage) as rows:
+    with showing(tmp_path / "a.mcap", {"mcl": stage.moments()}, stage) as rows:
         next(rows)
         assert len([*tmp_path.iterdir()]) == 1
     assert [*tmp_path.iterdir()] == []
@@ -290,13 +290,13 @@ def test_a_run_that_is_stopped_leaves_no_file(tmp_path):
 
 def test_what_cannot_be_written_is_refused_before_anything_is_run(tmp_path, monkeypatch):
     with refused("a.bag", "must end in .mcap"):
-        Views(mcap=tmp_path / "a.bag").check()
+        check_file(tmp_path / "a.bag")
     (tmp_path / "a.mcap").touch()
     with refused("a.mcap", "exists already"):
-        Views(mcap=tmp_path / "a.mcap").check()
+        check_file(tmp_path / "a.mcap")
     monkeypatch.setitem(sys.modules, "foxglove", None)
     with refused("foxglove-sdk", "pip install 'deqmcl-gym[view]'"):
-        Views(mcap=tmp_path / "b.mcap").check()
+        check_file(tmp_path / "b.mcap")
 
 
 SWEEP = """

@@ -9,8 +9,8 @@ import pytest
 from hall import recorded_in_a_hall
 
 from benchmarks.cli import main
-from benchmarks.replay.known_changes import recovered
-from benchmarks.trials.residuals import CLEAR, HIT, THROUGH, Expected, Scans, known_part, places_of
+from benchmarks.replay.map_places import HIT, THROUGH, Scans, places_of
+from benchmarks.trials.residuals import CLEAR, Expected, known_part
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap
 
@@ -59,21 +59,6 @@ def test_a_missing_wall_is_hit_in_free_space_and_a_wall_too_many_is_seen_through
         assert place.poses >= 3
         assert 0.5 <= place.share <= 1
         assert place.at.size == place.cells
-
-
-def test_known_changes_in_view_are_found_and_all_places_are_changes(lap, wrong):
-    scans = scans_of(wrong, lap[1])
-    told = recovered(scans, places_of(scans.evidence), lap[0])
-    assert (told.changes, told.in_view, told.found) == (2, 2, 2)
-    assert told.right == told.places > 0
-    assert told.before == 0
-
-
-def test_what_is_wrong_on_the_true_map_too_is_no_change_but_told_apart(lap, wrong):
-    scans = scans_of(wrong, lap[1])
-    told = recovered(scans, places_of(scans.evidence), wrong)
-    assert (told.changes, told.right) == (0, 0)
-    assert told.before == told.places > 0
 
 
 def test_one_pose_is_no_evidence_however_often_it_looks(lap, wrong):

@@ -48,7 +48,7 @@ def test_an_export_has_tables_figures_and_bibtex_and_can_be_made_again(swept, tm
     ):
         assert exit_code("export", folder, "--out", tmp_path / "out", *flags) == 0
         there = {name.partition("/")[0] for name in files(tmp_path / "out")}
-        assert there == made
+        assert there >= made
     assert "figures/points-1.pdf" in capsys.readouterr().out
 
 

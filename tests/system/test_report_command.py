@@ -12,8 +12,8 @@ from deqmcl_command import METHODS, exit_code, files, lines, lose
 from sweep_command import sweep, write_small
 
 from benchmarks.report.writing import write_report
+from benchmarks.sweeps.manifest import SCHEMA
 from benchmarks.sweeps.results import results_in
-from benchmarks.sweeps.store import SCHEMA
 
 TABLES = {"results.csv", "trials.csv", "timings.csv"}
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
