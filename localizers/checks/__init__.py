@@ -7,7 +7,7 @@ A localizer is loaded and run in this process, where a debugger sees it and Ctrl
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, Literal
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from localizers.checks.subject import (
     Laws,
     LawSkippedError,
     Subject,
-    T,
     default_robot,
     random_drive,
 )
@@ -31,6 +30,7 @@ from localizers.registry import LOCALIZER, Factory, resolve
 if TYPE_CHECKING:
     import pytest
 
+_T = TypeVar("_T")
 __all__ = [
     "LAWS",
     "LawBrokenError",
@@ -66,7 +66,7 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class Report(Generic[T]):
+class Report(Generic[_T]):
     """The verdicts on all laws; each law is tried when it is asked for, after those it needs.
 
     Attributes:
@@ -77,10 +77,10 @@ class Report(Generic[T]):
     """
 
     name: str
-    laws: Laws[T]
-    subject: T
+    laws: Laws[_T]
+    subject: _T
     file: str | None = None
-    _tried: dict[Law[T], Verdict] = field(default_factory=dict, init=False, repr=False)
+    _tried: dict[Law[_T], Verdict] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
@@ -100,13 +100,13 @@ class Report(Generic[T]):
     def __str__(self) -> str:
         return "\n".join([f"{self.name}:", *map(str, self.verdicts)])
 
-    def verdict(self, law: Law[T]) -> Verdict:
+    def verdict(self, law: Law[_T]) -> Verdict:
         """Try a law, unless one that it needs is broken; the process is put back as it was."""
         if law not in self._tried:
             self._tried[law] = self._verdict(law)
         return self._tried[law]
 
-    def _verdict(self, law: Law[T]) -> Verdict:
+    def _verdict(self, law: Law[_T]) -> Verdict:
         name, need = name_of(law), self.laws[law]
         while need is not None:
             if self.verdict(need).status == "FAILED":

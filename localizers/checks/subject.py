@@ -25,9 +25,9 @@ _LONGEST = 20.0  # px, of a step: 0.4 m
 
 Snapshot = Mapping[int, tuple[Floats, Floats]]  # poses and weights by offset
 Seed = int | np.random.Generator
-T = TypeVar("T")
-Law = Callable[[T], str | None]
-Laws = Mapping[Law[T], Law[T] | None]  # each with the one that must hold before it is tried
+_T = TypeVar("_T")
+Law = Callable[[_T], str | None]
+Laws = Mapping[Law[_T], Law[_T] | None]  # each with the one that must hold before it is tried
 
 
 class LawBrokenError(Exception):

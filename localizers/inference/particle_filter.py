@@ -11,16 +11,9 @@ from localizers.api import Motion
 from localizers.inference.belief import FilteredEvents, ParticleBelief, PlanReading
 from localizers.inference.futures import Redraw, Rollout
 from localizers.inference.loss_detector import LossDetector
-from localizers.inference.parts import (
-    Action,
-    Actions,
-    BeamFilter,
-    Feasibility,
-    Initial,
-    Resampling,
-)
+from localizers.inference.parts import Action, Actions, BeamFilter, Feasibility, Initial
 from localizers.inference.plan_evidence import Lookahead
-from localizers.inference.resampling import KeepsSampleSize
+from localizers.inference.resampling import KeepsSampleSize, Resampling
 from localizers.inference.start import InformedStart, Injection, drawn
 from localizers.inference.weights import normalized_with_log_sum
 from localizers.models.scan import Scan, ScanModel

@@ -12,7 +12,7 @@ import numpy as np
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64
 from deqmcl_gym.numerics.types import Floats, Indices, Singles
-from deqmcl_gym.validation import InputError, integer, number, one_of
+from deqmcl_gym.validation import InputError, integer, number
 from localizers.inference.parts import LogWeights, Weights
 from localizers.inference.weights import effective_sample_size, largest
 
@@ -126,39 +126,30 @@ SCHEMES: dict[str, Scheme] = {
 
 
 @dataclass(frozen=True)
-class Always:
-    """Resample at every step, as the paper does."""
+class Resampling:
+    """When to resample, and how.
 
-    scheme: Scheme = systematic
+    The random numbers are drawn whether or not it resamples, so that runs stay comparable.
 
-    def ancestors(self, weights: Weights, rng: np.random.Generator) -> Indices | None:
-        """Return the particles to keep, (n,)."""
-        return self.scheme(weights, rng)
-
-
-@dataclass(frozen=True)
-class WhenDegenerate:
-    """Resample when the effective sample size falls below ``threshold`` times n.
-
-    The random numbers are drawn whether or not it triggers, so that runs stay comparable.
+    Attributes:
+        scheme: how; one of ``SCHEMES``.
+        ess_threshold: only when the effective sample size is below this share of n; None: at every
+            step, as the paper does.
     """
 
-    threshold: float
     scheme: Scheme = systematic
+    ess_threshold: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.ess_threshold is not None:
+            number("ess_threshold", self.ess_threshold, low=0, high=1)
 
     def ancestors(self, weights: Weights, rng: np.random.Generator) -> Indices | None:
-        """Return the particles to keep, (n,), or None to keep all with their weights."""
-        chosen = self.scheme(weights, rng)
-        degenerate = effective_sample_size(weights) < self.threshold * weights.size
-        return chosen if degenerate else None
-
-
-def resampling(resampler: str, ess_threshold: float | None) -> Always | WhenDegenerate:
-    """Return the strategy of these two parameters; ``ess_threshold`` None means always."""
-    scheme = SCHEMES[one_of("resampler", resampler, SCHEMES)]
-    if ess_threshold is None:
-        return Always(scheme)
-    return WhenDegenerate(number("ess_threshold", ess_threshold, low=0, high=1), scheme)
+        """Return the particles to keep by weights of sum 1, (n,); None: all, with their weights."""
+        chosen, threshold = self.scheme(weights, rng), self.ess_threshold
+        if threshold is None or effective_sample_size(weights) < threshold * weights.size:
+            return chosen
+        return None
 
 
 @dataclass(frozen=True)

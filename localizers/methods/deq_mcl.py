@@ -72,7 +72,6 @@ def deq_mcl(robot: RobotModel, shared: Shared, *, pilots: int = 16) -> ParticleF
     """Return DEQ-MCL with a queue of ``lag`` = L steps to either side.
 
     Args:
-        robot, shared: see ``Shared``.
         pilots: M, rollouts per particle when the executed action or the plan differs from the
             actions that the queue was drawn with.
     """

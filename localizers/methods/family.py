@@ -5,13 +5,13 @@ from dataclasses import dataclass, fields
 from inspect import Parameter, Signature, signature
 from typing import Any, Generic, TypeVar
 
-from deqmcl_gym.validation import InputError, integer, keep_plain, number, shown
+from deqmcl_gym.validation import InputError, integer, keep_plain, number, one_of, shown
 from localizers.inference.bayes_filter import Filter, FilterLocalizer
-from localizers.inference.parts import Feasibility, Resampling
+from localizers.inference.parts import Feasibility
 from localizers.inference.plan_evidence import PlanEvidence
-from localizers.inference.resampling import KeepsSampleSize, resampling
+from localizers.inference.resampling import SCHEMES, KeepsSampleSize, Resampling
 from localizers.inference.start import InformedStart, Injection, Recovery
-from localizers.models.cost_map import Cost, CostImage, CostMap, Inflation
+from localizers.models.cost_map import CostImage, CostMap, Inflation
 from localizers.models.plan_sensor import FreeSpace, PlanSensor
 from localizers.models.prior import UniformPrior
 from localizers.models.robot import RobotModel
@@ -100,7 +100,8 @@ class Shared:
     @property
     def resampling(self) -> Resampling:
         """When to resample, and how."""
-        return resampling(self.resampler, self.ess_threshold)
+        scheme = SCHEMES[one_of("resampler", self.resampler, SCHEMES)]
+        return Resampling(scheme, self.ess_threshold)
 
     def charge(self, robot: RobotModel) -> float:
         """β of a step."""
@@ -109,7 +110,7 @@ class Shared:
     def feasibility(self, robot: RobotModel) -> Feasibility:
         """What a step is charged."""
         floor_plan, radius, beta = robot.floor_plan, robot.radius, self.charge(robot)
-        cost: Cost
+        cost: CostImage | Inflation
         if self.cost_map is not None:
             cost = CostImage.load(self.cost_map, floor_plan, radius)
         elif self.inflation_radius is not None:
@@ -152,11 +153,11 @@ class Shared:
         return Injection(recovery=recovery, poses=poses, start=self.start(robot))
 
 
-F = TypeVar("F", bound=Filter[Any])
+_F = TypeVar("_F", bound=Filter[Any])
 
 
 @dataclass(frozen=True)
-class Method(Generic[F]):
+class Method(Generic[_F]):
     """A method of the family: ``method(robot, **parameters)`` makes a localizer.
 
     Attributes:
@@ -164,7 +165,7 @@ class Method(Generic[F]):
         takes: names of the shared parameters it accepts.
     """
 
-    build: Callable[..., F]
+    build: Callable[..., _F]
     takes: tuple[str, ...]
 
     def __call__(self, robot: RobotModel, **params: Any) -> FilterLocalizer[Any]:
@@ -185,6 +186,6 @@ class Method(Generic[F]):
         return Signature([robot, *shared, *own])
 
 
-def method(*takes: str) -> Callable[[Callable[..., F]], Method[F]]:
+def method(*takes: str) -> Callable[[Callable[..., _F]], Method[_F]]:
     """Decorate a build function as a method that accepts these ``Shared`` parameters."""
     return lambda build: Method(build, takes)

@@ -266,7 +266,7 @@ def _emptied(urn: Floats, least: float, sums: Floats, part: Floats, total: Float
 
 
 @compiled
-def shorter(
+def chance_of_shorter(
     ranges: Floats, expected: Singles, weights: Floats, sigma: float, max_range: float, out: Floats
 ) -> None:
     """Fill in Σ w Φ((ô - o_b) / σ) for each beam, ô at most ``max_range``.
