@@ -35,18 +35,18 @@ __all__ = [
     "LAWS",
     "LawBrokenError",
     "LawSkippedError",
+    "LawVerdict",
     "Laws",
     "Report",
-    "Verdict",
     "check_localizer",
     "default_robot",
-    "name_of",
+    "law_name",
     "parametrize_with_laws",
 ]
 
 
 @dataclass(frozen=True)
-class Verdict:
+class LawVerdict:
     """The verdict on one law.
 
     Attributes:
@@ -80,15 +80,15 @@ class Report(Generic[_T]):
     laws: Laws[_T]
     subject: _T
     file: str | None = None
-    _tried: dict[Law[_T], Verdict] = field(default_factory=dict, init=False, repr=False)
+    _tried: dict[Law[_T], LawVerdict] = field(default_factory=dict, init=False, repr=False)
 
     @property
-    def verdicts(self) -> tuple[Verdict, ...]:
+    def verdicts(self) -> tuple[LawVerdict, ...]:
         """One per law, in their order."""
         return tuple(map(self.verdict, self.laws))
 
     @property
-    def failed(self) -> tuple[Verdict, ...]:
+    def failed(self) -> tuple[LawVerdict, ...]:
         """Verdicts of the laws that failed."""
         return tuple(verdict for verdict in self.verdicts if verdict.status == "FAILED")
 
@@ -100,30 +100,30 @@ class Report(Generic[_T]):
     def __str__(self) -> str:
         return "\n".join([f"{self.name}:", *map(str, self.verdicts)])
 
-    def verdict(self, law: Law[_T]) -> Verdict:
+    def verdict(self, law: Law[_T]) -> LawVerdict:
         """Try a law, unless one that it needs is broken; the process is put back as it was."""
         if law not in self._tried:
             self._tried[law] = self._verdict(law)
         return self._tried[law]
 
-    def _verdict(self, law: Law[_T]) -> Verdict:
-        name, need = name_of(law), self.laws[law]
+    def _verdict(self, law: Law[_T]) -> LawVerdict:
+        name, need = law_name(law), self.laws[law]
         while need is not None:
             if self.verdict(need).status == "FAILED":
-                return Verdict(name, "skipped", f"it fails {name_of(need)!r}")
+                return LawVerdict(name, "skipped", f"it fails {law_name(need)!r}")
             need = self.laws[need]
         try:
             with process_state_kept():
-                return Verdict(name, "ok", law(self.subject) or "")
+                return LawVerdict(name, "ok", law(self.subject) or "")
         except LawSkippedError as reason:
-            return Verdict(name, "skipped", str(reason))
+            return LawVerdict(name, "skipped", str(reason))
         except LawBrokenError as reason:
-            return Verdict(name, "FAILED", str(reason), reason)
+            return LawVerdict(name, "FAILED", str(reason), reason)
         except Exception as error:
-            return Verdict(name, "FAILED", f"it raised {raised(error, self.file)}", error)
+            return LawVerdict(name, "FAILED", f"it raised {raised(error, self.file)}", error)
 
 
-def name_of(law: Callable[..., object]) -> str:
+def law_name(law: Callable[..., object]) -> str:
     """Return the name of a law, such as "same rng same result"."""
     return law.__name__.replace("_", " ")
 
@@ -178,7 +178,7 @@ def parametrize_with_laws(
     """
     import pytest
 
-    expected, names = expected_failures or {}, {name_of(law): law for law in LAWS}
+    expected, names = expected_failures or {}, {law_name(law): law for law in LAWS}
     for name in expected:
         one_of("law", name, names)
     report = check_localizer(localizer, robot, **params)

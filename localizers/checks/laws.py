@@ -26,8 +26,8 @@ from deqmcl_gym.validation import InputError
 from localizers.beliefs import mean_pose
 from localizers.checks.process import changes_since, no_global_rng, process_state, running
 from localizers.checks.subject import (
+    DRIVE_STEPS,
     OFFSETS,
-    STEPS,
     LawBrokenError,
     Laws,
     LawSkippedError,
@@ -49,7 +49,7 @@ from localizers.models.motion import increments
 from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.registry import resolve
 
-_HALF = STEPS // 2
+_HALF = DRIVE_STEPS // 2
 _GRACE = 1.0  # s that threads and processes may take to end
 
 
@@ -298,7 +298,7 @@ def short_plan(subject: Subject) -> None:
     for shorter in (
         [plan[:0] for plan in plans],
         [plan[:2] for plan in plans],
-        [plan[: STEPS - t] for t, plan in enumerate(plans)],
+        [plan[: DRIVE_STEPS - t] for t, plan in enumerate(plans)],
     ):
         require_valid(subject.history(plans=shorter))
 
@@ -328,7 +328,7 @@ def picklable(subject: Subject) -> None:
     require_same(subject.history(copy), expected, "a pickled copy differs")
     run = [snapshot(b, t) for t, b in enumerate(islice(beliefs(original, drive), _HALF + 1))]
     copy = pickle.loads(pickle.dumps(original))
-    run += [snapshot(copy.update(*drive.inputs(t)), t) for t in range(_HALF + 1, STEPS + 1)]
+    run += [snapshot(copy.update(*drive.inputs(t)), t) for t in range(_HALF + 1, DRIVE_STEPS + 1)]
     require_same(run, expected, "a copy pickled halfway differs")
 
 

@@ -18,8 +18,8 @@ from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.models.robot import RobotModel
 from localizers.registry import LOCALIZER, Factory
 
-STEPS = 12
-OFFSETS = range(-STEPS, STEPS + 1)
+DRIVE_STEPS = 12
+OFFSETS = range(-DRIVE_STEPS, DRIVE_STEPS + 1)
 _TRIES = 100
 _LONGEST = 20.0  # px, of a step: 0.4 m
 
@@ -39,7 +39,7 @@ class LawSkippedError(Exception):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drive:
+class RandomDrive:
     """The input of a localizer for T steps.
 
     Attributes:
@@ -81,8 +81,8 @@ def robot_on(floor_plan: Map) -> RobotModel:
     )
 
 
-def random_drive(robot: RobotModel, rng: np.random.Generator) -> Drive:
-    """Drive from a free pose, turning where a wall is near; only half of the plan is driven.
+def random_drive(robot: RobotModel, rng: np.random.Generator) -> RandomDrive:
+    """RandomDrive from a free pose, turning where a wall is near; only half of the plan is driven.
 
     The noise is small and not that which the robot assumes: a check tests whether a localizer
     keeps the laws, not how accurate it is.
@@ -91,19 +91,21 @@ def random_drive(robot: RobotModel, rng: np.random.Generator) -> Drive:
     stride = min(size_of(robot.floor_plan) / 30, longest)
     poses = [_free_pose(robot, rng)]
     actions = []
-    for _ in range(2 * STEPS):
+    for _ in range(2 * DRIVE_STEPS):
         action, pose = _free_step(robot, poses[-1], stride, rng)
         actions.append(action)
         poses.append(pose)
     lidar = robot.lidar
-    exact = np.asarray(lidar.ranges(robot.floor_plan, np.array(poses[1 : STEPS + 1]).T), float)
+    exact = np.asarray(
+        lidar.ranges(robot.floor_plan, np.array(poses[1 : DRIVE_STEPS + 1]).T), float
+    )
     noisy = exact + rng.normal(0.0, 0.01 * stride, exact.shape)
     x, y, heading = poses[0].tolist()
-    return Drive(
+    return RandomDrive(
         prior=GaussianPrior(mean=(x, y, heading), sd_position=0.5 * stride, sd_heading=0.1),
-        actions=np.array(actions[:STEPS]),
+        actions=np.array(actions[:DRIVE_STEPS]),
         scans=np.clip(noisy, 0.0, lidar.max_range),
-        plans=[np.array(actions[t:]) for t in range(STEPS + 1)],
+        plans=[np.array(actions[t:]) for t in range(DRIVE_STEPS + 1)],
     )
 
 
@@ -159,7 +161,7 @@ class Subject:
     factory: Factory
     params: Mapping[str, Any]
     robot: RobotModel
-    drive: Drive
+    drive: RandomDrive
     sent: str | Factory | None = None
 
     @property
@@ -184,13 +186,13 @@ class Subject:
         return [snapshot(belief, t) for t, belief in enumerate(run)]
 
 
-def beliefs(localizer: Localizer, drive: Drive, seed: Seed = 0) -> Iterator[Belief]:
+def beliefs(localizer: Localizer, drive: RandomDrive, seed: Seed = 0) -> Iterator[Belief]:
     """Run a localizer along a drive; yield its beliefs at t = 0 … T."""
     return (belief for belief, _ in steps(localizer, drive, seed))
 
 
 def steps(
-    localizer: Localizer, drive: Drive, seed: Seed = 0
+    localizer: Localizer, drive: RandomDrive, seed: Seed = 0
 ) -> Iterator[tuple[Belief, list[Floats]]]:
     """Run a localizer along a drive; yield its beliefs, each with the arrays given for it."""
     given = drive.inputs(0)

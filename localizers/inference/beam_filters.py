@@ -21,7 +21,7 @@ from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import InputError, number, one_of
 from localizers.beliefs import best_cluster
 from localizers.inference.parts import BeamFilter, LogWeights, States, Weights
-from localizers.inference.weights import largest, normalized
+from localizers.inference.weights import maximum, normalized
 from localizers.models import beam_kernels
 from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan, Scan
@@ -184,7 +184,7 @@ def entropies(
         out: (k,).
     """
     for row in range(out.size):
-        top = largest(log_factors[row])
+        top = maximum(log_factors[row])
         masses[:] = 0.0
         total, logs = 0.0, 0.0
         for i in range(weights.size if top > -np.inf else 0):

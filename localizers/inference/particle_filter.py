@@ -14,7 +14,7 @@ from localizers.inference.loss_detector import LossDetector
 from localizers.inference.parts import Action, Actions, BeamFilter, Feasibility, Initial
 from localizers.inference.plan_evidence import Lookahead
 from localizers.inference.resampling import KeepsSampleSize, Resampling
-from localizers.inference.start import InformedStart, Injection, drawn
+from localizers.inference.start import InformedStart, Injection, initial_cloud
 from localizers.inference.weights import normalized_with_log_sum
 from localizers.models.scan import Scan, ScanModel
 
@@ -85,7 +85,7 @@ class ParticleFilter:
         """
         stream = rng.spawn(1)[0]
         draws = self.particles * (1 if self.start is None else self.start.draws)
-        belief = drawn(prior, draws, self.dtype, plan, stream)
+        belief = initial_cloud(prior, draws, self.dtype, plan, stream)
         if self.beams is not None:
             belief = belief._replace(events=FilteredEvents())
         if self.detector is not None:

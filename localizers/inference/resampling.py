@@ -14,7 +14,7 @@ from deqmcl_gym.numerics.elementary import exp64
 from deqmcl_gym.numerics.types import Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, integer, number
 from localizers.inference.parts import LogWeights, Weights
-from localizers.inference.weights import effective_sample_size, largest
+from localizers.inference.weights import effective_sample_size, maximum
 
 
 @compiled
@@ -182,7 +182,7 @@ def power_that_keeps(log_weights: Floats, log_factor: Floats, keep: float) -> fl
     one is infinite.
     """
     scaled = log_weights + log_factor
-    if not abs(largest(scaled)) < np.inf:
+    if not abs(maximum(scaled)) < np.inf:
         return 1.0
     wanted = keep * _sample_size(log_weights)
     low, high, power = 0.0, 1.0, 1.0
@@ -202,7 +202,7 @@ def power_that_keeps(log_weights: Floats, log_factor: Floats, keep: float) -> fl
 @compiled
 def _sample_size(log_weights: Floats) -> float:
     """(Σ w)² / Σ w²."""
-    top, total, square = largest(log_weights), 0.0, 0.0
+    top, total, square = maximum(log_weights), 0.0, 0.0
     for i in range(log_weights.size):
         weight = exp64(log_weights[i] - top)
         total += weight

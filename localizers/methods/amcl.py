@@ -29,7 +29,7 @@ from localizers.inference.parts import BeamFilter, Memory, States
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import KldSampling, searched
 from localizers.inference.start import Averages
-from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed, moved
+from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed_increment, moved
 from localizers.models.nav2_scan import (
     BeamCubes,
     BeamSkipping,
@@ -176,7 +176,7 @@ class AdaptiveLocalizer:
         """Advance one step; see ``Localizer.update``."""
         now = require_reset(self._running)
         scan, command, _ = checked_step(ranges, action, plan, self.robot.lidar)
-        since = composed(now.since, command)
+        since = composed_increment(now.since, command)
         belief = now.belief
         belief = belief._replace(events=belief.events.of_scan(scan))
         if now.updates and not self.gate.opens(since, now.heading):

@@ -157,7 +157,7 @@ _F = TypeVar("_F", bound=Filter[Any])
 
 
 @dataclass(frozen=True)
-class Method(Generic[_F]):
+class FamilyMethod(Generic[_F]):
     """A method of the family: ``method(robot, **parameters)`` makes a localizer.
 
     Attributes:
@@ -186,6 +186,6 @@ class Method(Generic[_F]):
         return Signature([robot, *shared, *own])
 
 
-def method(*takes: str) -> Callable[[Callable[..., _F]], Method[_F]]:
+def method(*takes: str) -> Callable[[Callable[..., _F]], FamilyMethod[_F]]:
     """Decorate a build function as a method that accepts these ``Shared`` parameters."""
-    return lambda build: Method(build, takes)
+    return lambda build: FamilyMethod(build, takes)

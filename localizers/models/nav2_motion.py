@@ -233,7 +233,7 @@ def unknown_motion(kind: str, unit: str) -> MotionModel:
     return scaled(found, pixel(unit) / PIXELS["m"])
 
 
-def composed(first: Floats, then: Floats) -> Floats:
+def composed_increment(first: Floats, then: Floats) -> Floats:
     """Return one increment (3,) for two; the turn in [-π, π]."""
     forward, left, turn = then.tolist()
     cosine, sine = float(arrays.cos([turn])[0]), float(arrays.sin([turn])[0])

@@ -23,8 +23,8 @@ from localizers.inference.resampling import (
 )
 from localizers.inference.weights import (
     effective_sample_size,
-    largest,
     log_sum_exp,
+    maximum,
     normalized_with_log_sum,
 )
 from localizers.models.scan import Scan
@@ -92,7 +92,7 @@ def test_evidence_of_any_size_makes_a_distribution_or_is_dropped_and_counted(giv
 def test_the_mass_of_a_grid_is_a_distribution_or_none_is_left(shares, logs):
     mass = np.resize(shares, max(len(shares), len(logs)))
     mass = mass / max(mass.sum(), 1e-300)
-    mass[mass < grid_motion.NOTHING] = 0.0
+    mass[mass < grid_motion.EMPTY_CELL] = 0.0
     logs, after = np.resize(logs, mass.size), np.empty(mass.size)
     evidence = grid_motion.reweight(mass, logs, after)
     top = logs[mass > 0].max(initial=-INF)
@@ -189,10 +189,10 @@ def test_systematic_resampling_of_weights_that_are_all_zero_gives_the_first_part
 @pytest.mark.parametrize("n", range(10))
 def test_the_largest_of_numbers_is_found_wherever_it_stands(n):
     values = -1.0 - np.arange(n)
-    assert largest(values) == max(values, default=-math.inf)
+    assert maximum(values) == max(values, default=-math.inf)
     for place in range(n):
-        assert largest(np.roll(values, place)) == -1.0
-    assert largest(np.full(n, -math.inf)) == -math.inf
+        assert maximum(np.roll(values, place)) == -1.0
+    assert maximum(np.full(n, -math.inf)) == -math.inf
 
 
 @pytest.mark.parametrize("name", SCHEMES)
