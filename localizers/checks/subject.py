@@ -82,7 +82,7 @@ def robot_on(floor_plan: Map) -> RobotModel:
 
 
 def random_drive(robot: RobotModel, rng: np.random.Generator) -> RandomDrive:
-    """RandomDrive from a free pose, turning where a wall is near; only half of the plan is driven.
+    """Drive from a free pose, turning where a wall is near; only half of the plan is driven.
 
     The noise is small and not that which the robot assumes: a check tests whether a localizer
     keeps the laws, not how accurate it is.
@@ -96,9 +96,8 @@ def random_drive(robot: RobotModel, rng: np.random.Generator) -> RandomDrive:
         actions.append(action)
         poses.append(pose)
     lidar = robot.lidar
-    exact = np.asarray(
-        lidar.ranges(robot.floor_plan, np.array(poses[1 : DRIVE_STEPS + 1]).T), float
-    )
+    seen_from = np.array(poses[1 : DRIVE_STEPS + 1]).T
+    exact = np.asarray(lidar.ranges(robot.floor_plan, seen_from), float)
     noisy = exact + rng.normal(0.0, 0.01 * stride, exact.shape)
     x, y, heading = poses[0].tolist()
     return RandomDrive(
@@ -182,13 +181,8 @@ class Subject:
     ) -> list[Snapshot]:
         """Run a localizer, a new one if none is given, along the drive, changed as told."""
         drive = replace(self.drive, **changes)
-        run = beliefs(self.made() if localizer is None else localizer, drive, seed)
-        return [snapshot(belief, t) for t, belief in enumerate(run)]
-
-
-def beliefs(localizer: Localizer, drive: RandomDrive, seed: Seed = 0) -> Iterator[Belief]:
-    """Run a localizer along a drive; yield its beliefs at t = 0 … T."""
-    return (belief for belief, _ in steps(localizer, drive, seed))
+        run = steps(self.made() if localizer is None else localizer, drive, seed)
+        return [snapshot(belief, t) for t, (belief, _) in enumerate(run)]
 
 
 def steps(
@@ -265,29 +259,27 @@ def require_same(run: Sequence[Snapshot], other: Sequence[Snapshot], otherwise: 
         raise LawBrokenError(f"{otherwise}, first at {where}")
 
 
-def require_valid(run: Sequence[Snapshot]) -> None:
-    """Raise unless all that a run says is finite and its weights are normalized."""
-    require_finite(run)
-    require_normalized(run)
-
-
 def require_finite(run: Sequence[Snapshot]) -> None:
     """Raise unless all poses and weights are finite."""
+    for where, *points in _points_of(run):
+        for name, array in zip(("pose", "weight"), points, strict=True):
+            bad = array[~np.isfinite(array)]
+            if bad.size:
+                raise LawBrokenError(f"a {name} of {where} is {bad[0]:g}")
+
+
+def require_valid(run: Sequence[Snapshot]) -> None:
+    """Raise unless all is finite, and weights are not negative and of sum 1, as benchmarks need."""
+    require_finite(run)
+    for where, _, weights in _points_of(run):
+        if weights.min() < 0:
+            raise LawBrokenError(f"a weight of {where} is {weights.min():g}")
+        total = float(weights.sum(dtype=np.float64))
+        if not abs(total - 1) <= SUM_TOLERANCE:
+            raise LawBrokenError(f"the weights of {where} add up to {digits(total)}, not 1")
+
+
+def _points_of(run: Sequence[Snapshot]) -> Iterator[tuple[str, Floats, Floats]]:
     for t, belief in enumerate(run):
         for offset, points in belief.items():
-            for name, array in zip(("pose", "weight"), points, strict=True):
-                bad = array[~np.isfinite(array)]
-                if bad.size:
-                    raise LawBrokenError(f"a {name} of points({offset}) at step {t} is {bad[0]:g}")
-
-
-def require_normalized(run: Sequence[Snapshot]) -> None:
-    """Raise unless weights are not negative and of sum 1, as near as the benchmarks require."""
-    for t, belief in enumerate(run):
-        for offset, (_, weights) in belief.items():
-            where = f"points({offset}) at step {t}"
-            if weights.min() < 0:
-                raise LawBrokenError(f"a weight of {where} is {weights.min():g}")
-            total = float(weights.sum(dtype=np.float64))
-            if not abs(total - 1) <= SUM_TOLERANCE:
-                raise LawBrokenError(f"the weights of {where} add up to {digits(total)}, not 1")
+            yield f"points({offset}) at step {t}", *points

@@ -20,9 +20,7 @@ from deqmcl_gym.validation import InputError, integer, keep_plain, number
 from localizers.models.beams import normal_pdf
 from localizers.models.motion import OdometryMotion, distance_and_bearing, increments
 
-EMPTY_CELL = (
-    1e-140  # cells of less count as empty: below the normal numbers arithmetic is 100x slower
-)
+EMPTY_CELL = 1e-140  # of less: below the normal numbers arithmetic takes 100 times as long
 _MAX_BYTES = 2**30
 _MOST_HEADINGS = 100_000
 

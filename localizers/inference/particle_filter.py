@@ -13,7 +13,7 @@ from localizers.inference.futures import Redraw, Rollout
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.parts import Action, Actions, BeamFilter, Feasibility, Initial
 from localizers.inference.plan_evidence import Lookahead
-from localizers.inference.resampling import KeepsSampleSize, Resampling
+from localizers.inference.resampling import Resampling, power_that_keeps
 from localizers.inference.start import InformedStart, Injection, initial_cloud
 from localizers.inference.weights import normalized_with_log_sum
 from localizers.models.scan import Scan, ScanModel
@@ -39,7 +39,8 @@ class ParticleFilter:
             plan is not looked at.
         start: chooses the first particles among draws from the prior; None: all are taken.
         beams: chooses the beams of a scan that are used; None: all are.
-        tempering: sets the exponent of a scan's likelihood; None: 1, Bayes' rule.
+        keep: κ in [0, 1], the least share of the effective sample size that a scan leaves: its
+            likelihood gets an exponent, see ``power_that_keeps``; 0: Bayes' rule.
         injection: mixes random poses into the belief, needs ``future`` = 0; None: none.
         detector: evidence for and against its beliefs at t = 0; None: none is kept.
         predictive: how many particles, evenly spaced, tell how well a scan was predicted.
@@ -57,7 +58,7 @@ class ParticleFilter:
     lookahead: Lookahead | None = None
     start: InformedStart | None = None
     beams: BeamFilter | None = None
-    tempering: KeepsSampleSize | None = None
+    keep: float = 0.0
     injection: Injection | None = None
     detector: LossDetector | None = None
     predictive: int = 256
@@ -134,8 +135,8 @@ class ParticleFilter:
             events = belief.events.plus(dropped_beams=scan.beams - kept.beams)
             belief, scan = belief._replace(events=events), kept
         log_likelihood, power = self.scan.log_likelihood(belief.present, scan), 1.0
-        if self.tempering is not None:
-            power = self.tempering(belief.log_weights, log_likelihood)
+        if self.keep > 0.0:
+            power = power_that_keeps(belief.log_weights, log_likelihood, self.keep)
         belief = belief.scanned(scan, log_likelihood, self.predictive, power)
         if self.lookahead is not None:
             return self.lookahead(belief, plan, rng)

@@ -13,7 +13,7 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64
 from deqmcl_gym.numerics.types import Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, integer, number
-from localizers.inference.parts import LogWeights, Weights
+from localizers.inference.parts import Weights
 from localizers.inference.weights import effective_sample_size, maximum
 
 
@@ -152,31 +152,13 @@ class Resampling:
         return None
 
 
-@dataclass(frozen=True)
-class KeepsSampleSize:
-    """λ_t, the largest in [0, 1] that leaves ``keep`` of the effective sample size.
-
-    In a cloud spread over a building no particle is close enough to explain many sharp beams, and
-    the least wrong one would take all the weight. λ grows as the cloud contracts. It depends on
-    the cloud, so the filter is exact only at ``keep`` = 0.
-
-    Attributes:
-        keep: κ in [0, 1].
-    """
-
-    keep: float
-
-    def __post_init__(self) -> None:
-        number("scan_keep", self.keep, low=0, high=1)
-
-    def __call__(self, log_weights: LogWeights, log_likelihood: LogWeights) -> float:
-        """Return λ; 1 if no particle explains the scan."""
-        return power_that_keeps(log_weights, log_likelihood, self.keep)
-
-
 @compiled
 def power_that_keeps(log_weights: Floats, log_factor: Floats, keep: float) -> float:
     """Return the largest λ in [0, 1] at which w f^λ has ``keep`` of the sample size of w.
+
+    In a cloud spread over a building no particle is close enough to explain many sharp beams, and
+    the least wrong one would take all the weight. λ grows as the cloud contracts. It depends on
+    the cloud, so a filter is exact only at ``keep`` = 0.
 
     By bisection, to 2⁻²⁰; the effective sample size is never less. 1 if no weight is left by f, or
     one is infinite.

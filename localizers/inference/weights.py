@@ -103,9 +103,7 @@ def log_sum_exp(log_weights: LogWeights) -> float:
 
 def normalized(log_weights: LogWeights) -> Weights:
     """Weights with sum 1, (n,)."""
-    weights = np.empty(log_weights.size)
-    normalize(log_weights, weights)
-    return weights
+    return normalized_with_log_sum(log_weights)[0]
 
 
 def normalized_with_log_sum(log_weights: LogWeights) -> tuple[Weights, float]:

@@ -50,7 +50,7 @@ def mcl_map(robot: RobotModel, shared: Shared) -> ParticleFilter:
         mcl.build(robot, shared),
         feasibility=shared.feasibility(robot),
         start=shared.start(robot),
-        tempering=shared.tempering,
+        keep=shared.scan_keep,
         injection=shared.injection(robot),
     )
 

@@ -9,7 +9,7 @@ from deqmcl_gym.validation import InputError, integer, keep_plain, number, one_o
 from localizers.inference.bayes_filter import Filter, FilterLocalizer
 from localizers.inference.parts import Feasibility
 from localizers.inference.plan_evidence import PlanEvidence
-from localizers.inference.resampling import SCHEMES, KeepsSampleSize, Resampling
+from localizers.inference.resampling import SCHEMES, Resampling
 from localizers.inference.start import InformedStart, Injection, Recovery
 from localizers.models.cost_map import CostImage, CostMap, Inflation
 from localizers.models.plan_sensor import FreeSpace, PlanSensor
@@ -80,6 +80,7 @@ class Shared:
                 number(name, beta, low=0, finite=False)
         integer("start_draws", self.start_draws, low=1)
         number("start_jitter", self.start_jitter, low=0)
+        number("scan_keep", self.scan_keep, low=0, high=1)
         keep_plain(self)
         if self.start_jitter > 0 and self.start_draws == 1:
             raise InputError(
@@ -103,13 +104,10 @@ class Shared:
         scheme = SCHEMES[one_of("resampler", self.resampler, SCHEMES)]
         return Resampling(scheme, self.ess_threshold)
 
-    def charge(self, robot: RobotModel) -> float:
-        """β of a step."""
-        return robot.beta if self.beta is None else self.beta
-
     def feasibility(self, robot: RobotModel) -> Feasibility:
         """What a step is charged."""
-        floor_plan, radius, beta = robot.floor_plan, robot.radius, self.charge(robot)
+        floor_plan, radius = robot.floor_plan, robot.radius
+        beta = robot.beta if self.beta is None else self.beta
         cost: CostImage | Inflation
         if self.cost_map is not None:
             cost = CostImage.load(self.cost_map, floor_plan, radius)
@@ -135,12 +133,6 @@ class Shared:
             return None
         evidence = PlanEvidence(sensor=self.sensor(robot))
         return InformedStart(evidence=evidence, draws=self.start_draws, jitter=self.start_jitter)
-
-    @property
-    def tempering(self) -> KeepsSampleSize | None:
-        """The exponent of scan likelihoods."""
-        kept = KeepsSampleSize(self.scan_keep)
-        return kept if self.scan_keep > 0 else None
 
     def injection(self, robot: RobotModel) -> Injection | None:
         """Which random poses are mixed in, and when."""

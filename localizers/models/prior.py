@@ -187,14 +187,6 @@ def _is_rare(floor_plan: Map) -> TypeGuard[GridMap]:
     return isinstance(floor_plan, GridMap) and floor_plan.open_share < _RARE
 
 
-def _sides(floor_plan: Map) -> tuple[float, float]:
-    """Sides of a rectangle as large as the ground of ``_free``."""
-    if _is_rare(floor_plan):
-        return len(floor_plan.open_cells) * floor_plan.resolution, floor_plan.resolution
-    x0, y0, x1, y1 = floor_plan.bounds
-    return x1 - x0, y1 - y0
-
-
 _SD_IN_PX = 10.0
 
 
@@ -292,7 +284,11 @@ class UniformPrior:
         at even points, to about one percent.
         """
         if self.region is None:
-            width, height = _sides(self.floor_plan)
+            if _is_rare(plan := self.floor_plan):
+                width, height = len(plan.open_cells) * plan.resolution, plan.resolution
+            else:
+                x0, y0, x1, y1 = plan.bounds
+                width, height = x1 - x0, y1 - y0
             density = 1 / (self._share * width * height * 2 * math.pi)
         else:
             density = 1 / (self._share * self.region.area * 2 * math.pi)

@@ -212,8 +212,9 @@ def test_the_law_of_the_global_random_states_leaves_them_as_they_were():
 
 @pytest.mark.parametrize("change", ProcessStateUntouched.CHANGES)
 def test_a_changed_state_of_the_process_is_named_and_put_back(change):
-    before = process_state()
-    (failed,) = check_localizer(ProcessStateUntouched, change=change).failed
+    before, report = process_state(), check_localizer(ProcessStateUntouched, change=change)
+    failed = report.verdict(laws_of.process_state_untouched)
+    assert failed.status == "FAILED"
     assert f"it changes {change} for its whole process" in failed.note
     assert process_state() == before
 
