@@ -16,16 +16,15 @@ from localizers.inference.gaussian import gaussian_points, sigma_points
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import (
     SCHEMES,
-    Always,
-    WhenDegenerate,
+    Resampling,
     pointed_at,
     stratified,
     systematic,
 )
 from localizers.inference.weights import (
     effective_sample_size,
-    largest,
     log_sum_exp,
+    maximum,
     normalized_with_log_sum,
 )
 from localizers.models.scan import Scan
@@ -93,7 +92,7 @@ def test_evidence_of_any_size_makes_a_distribution_or_is_dropped_and_counted(giv
 def test_the_mass_of_a_grid_is_a_distribution_or_none_is_left(shares, logs):
     mass = np.resize(shares, max(len(shares), len(logs)))
     mass = mass / max(mass.sum(), 1e-300)
-    mass[mass < grid_motion.NOTHING] = 0.0
+    mass[mass < grid_motion.EMPTY_CELL] = 0.0
     logs, after = np.resize(logs, mass.size), np.empty(mass.size)
     evidence = grid_motion.reweight(mass, logs, after)
     top = logs[mass > 0].max(initial=-INF)
@@ -151,7 +150,7 @@ def test_resampling_copies_each_particle_n_w_times_on_average_and_no_weightless_
 @given(lists(LOG).filter(lambda logs: max(logs) > -INF), st.integers(0, 2**32 - 1))
 def test_a_resampled_belief_is_evenly_weighted_and_has_the_evidence_of_before(logs, seed):
     belief = cloud(logs)
-    chosen = Always().ancestors(belief.weights, np.random.default_rng(seed))
+    chosen = Resampling().ancestors(belief.weights, np.random.default_rng(seed))
     after = belief.resampled(chosen, log_sum_exp(belief.log_weights))
     n = len(logs)
     assert after.points()[1].tolist() == pytest.approx([1 / n] * n)
@@ -190,10 +189,10 @@ def test_systematic_resampling_of_weights_that_are_all_zero_gives_the_first_part
 @pytest.mark.parametrize("n", range(10))
 def test_the_largest_of_numbers_is_found_wherever_it_stands(n):
     values = -1.0 - np.arange(n)
-    assert largest(values) == max(values, default=-math.inf)
+    assert maximum(values) == max(values, default=-math.inf)
     for place in range(n):
-        assert largest(np.roll(values, place)) == -1.0
-    assert largest(np.full(n, -math.inf)) == -math.inf
+        assert maximum(np.roll(values, place)) == -1.0
+    assert maximum(np.full(n, -math.inf)) == -math.inf
 
 
 @pytest.mark.parametrize("name", SCHEMES)
@@ -225,7 +224,7 @@ def test_equal_weights_under_systematic_and_stratified_keep_every_particle():
 @pytest.mark.parametrize("weights", [[1, 1, 1, 1.0], [1, 2, 3, 4.0], [1, 1e-9, 0, 0.0]])
 def test_the_rng_is_used_the_same_whether_or_not_resampling_triggers(name, weights):
     states, scheme = [], SCHEMES[name]
-    for strategy in (Always(scheme), *(WhenDegenerate(t, scheme) for t in (0, 0.5, 1))):
+    for strategy in [Resampling(scheme, threshold) for threshold in (None, 0, 0.5, 1)]:
         rng = np.random.default_rng(7)
         with np.errstate(divide="ignore"):
             strategy.ancestors(normalized_with_log_sum(np.log(weights))[0], rng)
@@ -240,7 +239,7 @@ def test_resampling_triggers_iff_the_effective_sample_size_is_below_the_threshol
     for _ in range(200):
         log_weights = np.log(random_weights(20, rng) + 1e-300)
         weights, _ = normalized_with_log_sum(log_weights)
-        chosen = WhenDegenerate(threshold).ancestors(weights, rng)
+        chosen = Resampling(ess_threshold=threshold).ancestors(weights, rng)
         degenerate = weights.sum() ** 2 / (weights**2).sum() < threshold * 20
         assert (chosen is not None) == degenerate
         seen.add(degenerate)
