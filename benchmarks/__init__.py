@@ -3,17 +3,20 @@
 ``benchmarks.sweep`` compares localizers, ``benchmarks.run`` watches one.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from benchmarks.interface import run, sweep
+    from benchmarks.experiment import sweep
+    from benchmarks.watching import run
 
 __all__ = ["run", "sweep"]
 
 
 def __getattr__(name: str) -> Any:
+    """Load what trials and reports need when it is asked for."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from benchmarks import interface  # loads all that trials and reports need
-
-    return getattr(interface, name)
+    return getattr(
+        import_module(f"benchmarks.{'watching' if name == 'run' else 'experiment'}"), name
+    )

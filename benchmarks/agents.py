@@ -26,7 +26,7 @@ from deqmcl_gym.numerics.types import Floats, Point, Pose, Reals
 from deqmcl_gym.validation import InputError, number
 from deqmcl_gym.world.config import Driver, World
 from deqmcl_gym.world.course import Course
-from deqmcl_gym.world.driver import NO_PLAN, GuidedPlan
+from deqmcl_gym.world.driver import NO_PLAN, GuidedPlan, Underway
 from deqmcl_gym.world.presets import WORLDS
 from deqmcl_gym.world.route import Journeys
 from localizers import Belief, RobotModel, best_cluster, mean_pose
@@ -81,7 +81,7 @@ class Misplaced(OpenLoop):
 
     Attributes:
         sees_truth: True; see ``Agent``.
-        step, pose, arc, way: see ``Underway``.
+        pose, arc: see ``Underway``.
     """
 
     sees_truth = True
@@ -96,7 +96,6 @@ class Misplaced(OpenLoop):
         """
         self._shift, self._turn = number("shift", shift, low=0), number("turn", turn, low=0)
         self._plan = _lap(robot)
-        self.step, self.way = 0, 0.0
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
         """Return the plan from the pose seen at the start."""
@@ -122,7 +121,7 @@ class Misplaced(OpenLoop):
         x, y, heading = (truth + self._apart).tolist()
         self.pose: Pose = (x, y, heading)
         self.arc = self._plan.course.path.arc(self.pose[:2])
-        planned, count = self._plan.after(self)
+        planned, count = self._plan.after(Underway(0, self.pose, self.arc, 0.0))
         return planned[:count]
 
 
@@ -179,7 +178,6 @@ class OnEstimate:
 
     def __init__(self, robot: RobotModel) -> None:
         self._plan = _lap(robot)
-        self.step, self.way = 0, 0.0
         self.pose: Pose = (0.0, 0.0, 0.0)
         self.arc = 0.0
 
@@ -193,7 +191,7 @@ class OnEstimate:
             return _LOOK_ROUND, None
         self.pose = mean_pose(*seen)
         self.arc = self._plan.course.path.arc(self.pose[:2])
-        planned, count = self._plan.after(self)
+        planned, count = self._plan.after(Underway(0, self.pose, self.arc, 0.0))
         return planned[0], planned[1 : max(count, 1)]
 
 
@@ -208,7 +206,7 @@ class ToGoal:
 
     Attributes:
         goal: where it drives to; None before the start.
-        step: see ``Underway``; so are pose, arc and way.
+        pose, arc: see ``Underway``.
     """
 
     plan_author = "own"
@@ -221,7 +219,7 @@ class ToGoal:
         self._backing: Reals = NO_PLAN
         self._side = 1.0
         self.goal: Point | None = None
-        self.step, self.arc, self.way = 0, 0.0, 0.0
+        self.arc = 0.0
         self.pose: Pose = (0.0, 0.0, 0.0)
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals | None:
@@ -257,7 +255,7 @@ class ToGoal:
         assert self.goal is not None
         assert route is not None
         if math.dist(self.pose[:2], self.goal) > route.tolerance:
-            planned, count = self._on_its_way().after(self)
+            planned, count = self._on_its_way().after(Underway(0, self.pose, self.arc, 0.0))
             return planned[:count]
         return np.array([(0.0, self._world.lap.turn)], np.float32)
 
@@ -303,7 +301,7 @@ class Dispatched(ToGoal):
             x, y = self._journeys.between(None, self._rng)[-1].tolist()
             self.goal = x, y
             self._plan = None
-        planned, _ = self._on_its_way().after(self)
+        planned, _ = self._on_its_way().after(Underway(0, self.pose, self.arc, 0.0))
         return planned[0], NO_PLAN
 
 

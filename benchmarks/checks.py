@@ -55,9 +55,6 @@ def check_agent(name: str, scenario: str | None = None) -> "Report[Drive]":
     Args:
         name: see ``make_agent``; ``file.py`` is its only agent.
         scenario: where it drives; by default the first of ``DRIVEN_IN`` that it does not refuse.
-
-    Raises:
-        InputError: there is no such agent, or it refuses every world.
     """
     agent = absolute_agent(Named(name))
     worlds = DRIVEN_IN if scenario is None else (absolute_scenario(scenario),)
@@ -72,9 +69,6 @@ def check_scan(name: str, scenario: str | None = None) -> "Report[Scans]":
         name: of a built-in kind, or ``file.py:NAME`` as in ``assumed.scan.kind``.
         scenario: whose map and lidar it is made for; by default the first of ``SCANNED_IN`` that it
             does not refuse.
-
-    Raises:
-        InputError: there is no such scan model, or it refuses every world.
     """
     kind = absolute_name(SCAN_MODEL.complete(name)) if is_code(name) else name
     worlds = SCANNED_IN if scenario is None else (absolute_scenario(scenario),)

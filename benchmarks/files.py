@@ -27,9 +27,6 @@ def own_folder(folder: Path, file: str) -> Path:
     Args:
         folder: to be written to.
         file: that the command always writes.
-
-    Raises:
-        InputError: it holds files, but not this one, or cannot be written to.
     """
     taken = (folder / "manifest.json").exists()  # by a sweep
     if not is_empty(folder) and (taken or not (folder / file).is_file()):

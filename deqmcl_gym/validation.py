@@ -2,8 +2,10 @@
 
 import dataclasses
 import difflib
+import inspect
 import math
 import numbers
+import warnings
 from collections.abc import Iterable, Mapping
 from typing import Any, TypeVar
 
@@ -24,6 +26,14 @@ _MOST = 2_000  # characters of a sentence
 
 class LogWarning(UserWarning):
     """A problem in a log, and how it was handled."""
+
+
+def tell(sentence: str) -> None:
+    """Give a ``LogWarning``, at the line outside this package that has the log read."""
+    level, frame = 2, inspect.currentframe()
+    while frame is not None and frame.f_globals["__name__"].startswith("deqmcl_gym."):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(sentence, LogWarning, stacklevel=level - 1)
 
 
 class InputError(ValueError):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import shared
 from benchmarks.commands.replay import add_playing
-from benchmarks.console import doing, warn
+from benchmarks.console import checking, doing, log_warnings, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.replay.options import Replay
@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> str:
                 f"--segment is {segment:g} m, but must be longer than --within, "
                 f"{question.within:g} m: give a longer segment or a shorter way."
             )
-        with doing("reading the log and the map"), shared.log_warnings() as read:
+        with doing("reading the log and the map"), log_warnings() as read:
             replay = _replay(options)
         said = [*read, disagreement(replay)]
         whole = {name: own for name, own in replay.world.items() if name not in ("start", "judged")}
@@ -87,7 +87,7 @@ def run(options: argparse.Namespace) -> str:
         world = Changes({**whole, "segment": segment})
         title = f"Segments of {segment:g} m of {Path(options.log).name}"
     localizers = shared.localizers_named(options.localizers)
-    with shared.checking():
+    with checking():
         sweep = basin_sweep(
             question,
             localizers,

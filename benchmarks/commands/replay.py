@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.commands import shared
-from benchmarks.console import doing, warn
+from benchmarks.console import doing, log_warnings, warn
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -135,7 +135,7 @@ def run(options: argparse.Namespace) -> str:
     given = said_of(options)
     for name in ("scan", "reading"):  # of these, single values are given
         given[name] = {**told.get(name, {}), **given.get(name, {})}
-    with doing("reading the log and the map"), shared.log_warnings() as said:
+    with doing("reading the log and the map"), log_warnings() as said:
         replay = replay_of(options.log, options.map, reference=options.reference, **told | given)
     notes = warn(said)  # whatever fails later
     if options.fit_beams:

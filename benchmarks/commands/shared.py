@@ -1,14 +1,10 @@
 """What commands share: arguments, warnings, and the setting of ``paper`` and ``run``."""
 
 import argparse
-import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from benchmarks.console import doing, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.sweeps.design import Sweep
@@ -32,37 +28,6 @@ def _path(text: str, what: str) -> Path:
     if not is_possible(Path(text)):
         raise argparse.ArgumentTypeError("it has a name of more than 255 bytes: give a shorter one")
     return Path(text)
-
-
-@contextmanager
-def log_warnings() -> Iterator[list[str]]:
-    """Collect the warnings of log readers, each sentence once; if all fails, say them."""
-    from deqmcl_gym.validation import LogWarning
-
-    said: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", LogWarning)
-        try:
-            yield said
-        except Exception:
-            warn(_sentences(caught))
-            raise
-        said += _sentences(caught)
-
-
-def _sentences(caught: Sequence[warnings.WarningMessage]) -> list[str]:
-    from deqmcl_gym.validation import LogWarning
-
-    words = [str(one.message) for one in caught if issubclass(one.category, LogWarning)]
-    return list(dict.fromkeys(words))
-
-
-@contextmanager
-def checking() -> Iterator[None]:
-    """Say that all worlds and localizers are being checked, and what is wrong with their logs."""
-    with doing("checking every world and localizer"), log_warnings() as said:
-        yield
-    warn(said)
 
 
 def add_read(parser: argparse.ArgumentParser) -> None:
@@ -102,11 +67,7 @@ def add_share(parser: argparse.ArgumentParser) -> None:
 
 
 def share_of(options: argparse.Namespace) -> float:
-    """Return that share.
-
-    Raises:
-        InputError: it is no share.
-    """
+    """Return that share."""
     from benchmarks.sweeps.verifying import SHARE
     from deqmcl_gym.validation import number
 
@@ -143,11 +104,7 @@ def add_mcap(parser: argparse.ArgumentParser) -> None:
 
 
 def mcap_of(options: argparse.Namespace) -> Path | None:
-    """Return the absolute path of the file for Foxglove, if one is asked for.
-
-    Raises:
-        InputError: it cannot be written.
-    """
+    """Return the absolute path of the file for Foxglove, if one is asked for."""
     from benchmarks.pictures.messages import check_file
 
     if options.mcap is None:
@@ -187,9 +144,6 @@ def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, d
     Args:
         words: as given; quotes around text may be left out.
         localizers: that are run.
-
-    Raises:
-        InputError: another form, an unknown localizer or parameter, or one given twice.
     """
     from benchmarks.setup.changes import OF_LOCALIZERS, Changes
     from benchmarks.setup.settings import settings
@@ -221,7 +175,7 @@ def setting_sweep(
     own: Mapping[str, Mapping[str, Any]] | None = None,
     agent: str | None = None,
 ) -> "Sweep":
-    """Return the localizers on the worlds of the setting, every one of them checked.
+    """Return the localizers on the worlds of the setting.
 
     Args:
         options: of ``add_setting``.
@@ -229,12 +183,8 @@ def setting_sweep(
         trials: number of worlds.
         own: parameters of single localizers, by name.
         agent: who drives; None: the scenario's agent.
-
-    Raises:
-        InputError: something of it is refused; nothing was run or written.
     """
     from benchmarks.setup.changes import Changes, Named
-    from benchmarks.sweeps.running import check
     from benchmarks.sweeps.suites import paper_sweep
     from benchmarks.trials.spec import Method
     from deqmcl_gym.validation import InputError, integer
@@ -259,17 +209,11 @@ def setting_sweep(
         sweep = replace(sweep, localizers=tuple(methods))
     if agent is not None:
         sweep = replace(sweep, agent=Named(agent))
-    with checking():
-        check(sweep)
     return sweep
 
 
 def with_agents(sweep: "Sweep", listed: str | None) -> "Sweep":
-    """Return a sweep driven by each of the agents in ``a,b,c`` in turn; None: as it says itself.
-
-    Raises:
-        InputError: the sweep varies the parameters of its agent, or a name is refused.
-    """
+    """Return a sweep driven by each of the agents in ``a,b,c`` in turn; None: as it says itself."""
     from benchmarks.setup.changes import Changes
     from benchmarks.sweeps.design import Axis
     from deqmcl_gym.validation import InputError
@@ -297,9 +241,6 @@ def changed(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
     Args:
         options: of ``add_trials``, ``add_seed`` and ``add_params``.
         sweep: that is changed.
-
-    Raises:
-        InputError: a bad value, or a localizer or parameter that it does not have.
     """
     from benchmarks.setup.changes import Changes
     from deqmcl_gym.validation import integer
@@ -321,17 +262,8 @@ def changed(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
     return replace(sweep, trials=trials, seed=seed, localizers=localizers, limits=tuple(limits))
 
 
-def setting_words(sweep: "Sweep") -> str:
-    """N, L and seed."""
-    return f"N = {sweep.params['particles']}, L = {sweep.lag}, seed {sweep.seed}"
-
-
 def localizers_named(listed: str) -> tuple[str, ...]:
-    """Return the names in ``a,b,c``, without blanks; ``file.py`` is its only localizer.
-
-    Raises:
-        InputError: a file holds none or several, or cannot be read.
-    """
+    """Return the names in ``a,b,c``, without blanks; ``file.py`` is its only localizer."""
     from localizers.registry import LOCALIZER
 
     return tuple(LOCALIZER.complete(name) for part in listed.split(",") if (name := part.strip()))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import shared
 from benchmarks.commands.replay import add_playing
-from benchmarks.console import doing, warn
+from benchmarks.console import doing, log_warnings, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.replay.nav2 import Amcl
@@ -171,7 +171,7 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
     if nav2 is not None:
         told |= {name: nav2.options[name] for name in ("motion", "scan")}
         given["reading"] = {**nav2.reading, **given["reading"]}
-    with doing("reading the logs and the maps"), shared.log_warnings() as warnings:
+    with doing("reading the logs and the maps"), log_warnings() as warnings:
         each = zip(options.logs, maps, references, strict=True)
         replays = [
             replay_of(log, floor_plan, reference=reference, **told | given)

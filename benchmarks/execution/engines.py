@@ -64,11 +64,7 @@ class Where:
             )
 
     def check(self) -> None:
-        """See whether the engine can be had, before anything is written.
-
-        Raises:
-            InputError: it is not installed, or there is none of this name or address.
-        """
+        """See whether the engine can be had, before anything is written."""
         if self.executor == "dask":
             executors.distributed()
             if self.scheduler is not None:
@@ -79,11 +75,7 @@ class Where:
 
     @contextmanager
     def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
-        """Start an engine for these trials, and end it with all that still runs.
-
-        Raises:
-            InputError: it cannot be had, or does not know a localizer that is registered here.
-        """
+        """Start an engine for these trials, and end it with all that still runs."""
         jobs = self.jobs or available_cpus()
         if self.executor == "process":
             place = self._processes(max(1, min(jobs, len(trials))))
@@ -118,7 +110,7 @@ class Where:
 
 def _refuse_unknown(executor: Executor, trials: Iterable[Trial]) -> None:
     """Refuse a localizer that is registered here, but not where its trials run."""
-    asked = {(t.localizer, guest_of(t)): t for t in trials if LOCALIZER.is_registered(t.localizer)}
+    asked = {(t.localizer, guest_of(t)): t for t in trials if t.localizer in LOCALIZER.added}
     for trial in asked.values():
         with contextlib.suppress(RuntimeError):  # the process died: its trials will tell
             if not executor.submit(knows, trial).result():

@@ -36,11 +36,7 @@ class Engine:
 
 
 def distributed() -> Any:
-    """Return the package ``distributed``.
-
-    Raises:
-        InputError: it is not installed.
-    """
+    """Return the package ``distributed``."""
     try:
         import distributed
     except ImportError:
@@ -59,9 +55,6 @@ def dask(workers: int, scheduler: str | None) -> Iterator[Engine]:
     Args:
         workers: processes to start, if there is no scheduler.
         scheduler: address of one that runs; it is left running.
-
-    Raises:
-        InputError: Dask is not installed, the scheduler does not answer, or it has no workers.
     """
     package = distributed()
     with ExitStack() as stack:
@@ -112,11 +105,7 @@ def _close(connected: Any) -> None:
 
 @contextmanager
 def made_by(name: str, slots: int) -> Iterator[Engine]:
-    """Call ``module:factory``; shut down what it returns at the end.
-
-    Raises:
-        InputError: it cannot be loaded or called, or returns no executor.
-    """
+    """Call ``module:factory``; shut down what it returns at the end."""
     try:
         executor = factory(name)()
     except InputError:
@@ -135,11 +124,7 @@ def made_by(name: str, slots: int) -> Iterator[Engine]:
 
 
 def factory(name: str) -> Callable[[], Executor]:
-    """Return what ``module:factory`` leads to.
-
-    Raises:
-        InputError: it cannot be loaded, or is no function.
-    """
+    """Return what ``module:factory`` leads to."""
     module, _, attribute = name.partition(":")
     try:
         found = getattr(importlib.import_module(module), attribute)

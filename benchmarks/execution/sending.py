@@ -19,7 +19,7 @@ from localizers.registry import LOCALIZER
 
 def knows(trial: Trial) -> bool:
     """Whether a trial's localizer is registered where this is called."""
-    return LOCALIZER.is_registered(trial.localizer)
+    return trial.localizer in LOCALIZER.added
 
 
 class Sending(Executor):
@@ -33,13 +33,9 @@ class Sending(Executor):
         self._packed: dict[str, bytes] = {}
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Have ``fn(trial, …)`` run by a process that knows the trial's localizer.
-
-        Raises:
-            InputError: the localizer is registered here only, and cannot be sent.
-        """
+        """Have ``fn(trial, …)`` run by a process that knows the trial's localizer."""
         trial, *rest = args
-        if not LOCALIZER.is_registered(name := trial.localizer):
+        if (name := trial.localizer) not in LOCALIZER.added:
             return self._processes.submit(fn, *args, **kwargs)
         if name not in self._packed:
             self._packed[name] = b"" if self._is_known(trial) else _packed(name)
@@ -84,6 +80,7 @@ def _packed(name: str) -> bytes:
 
 
 def _with_sent(trial: Trial, packed: bytes, fn: Callable[..., Any], *rest: Any) -> Any:
-    if not LOCALIZER.is_registered(trial.localizer):
-        LOCALIZER.receive(trial.localizer, pickle.loads(packed))
+    if trial.localizer not in LOCALIZER.added:
+        LOCALIZER.added[trial.localizer] = pickle.loads(packed)
+        LOCALIZER.received.add(trial.localizer)
     return fn(trial, *rest)

@@ -28,8 +28,8 @@ from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import scenario as named
 from benchmarks.setup.settings import value_of
 from benchmarks.sweeps.design import Axis, Sweep
-from benchmarks.sweeps.results import Results, incomplete_sentence
-from benchmarks.sweeps.running import Options, TrialsFailedError, begun
+from benchmarks.sweeps.results import Results
+from benchmarks.sweeps.running import Options, begun, complete
 from benchmarks.tables.stats import wilson
 from benchmarks.tables.text import csv_text, percent, short_names
 from benchmarks.trials.collecting import WholeRun
@@ -197,10 +197,7 @@ def run_basin(
     lines.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
     if why is not None:
         lines.append(f"No picture: {why}")
-    if lacking := incomplete_sentence(results):
-        print("\n".join(lines))
-        raise TrialsFailedError(lacking)
-    return "\n".join(lines)
+    return complete(results, "\n".join(lines))
 
 
 def cells_of(question: Question, sweep: Sweep, results: Results) -> list[dict[str, Any]]:

@@ -17,8 +17,8 @@ from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import load, no_report
 from benchmarks.setup.changes import NOTHING, Changes, file_names
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.results import Results, incomplete_sentence
-from benchmarks.sweeps.running import Options, TrialsFailedError, begun
+from benchmarks.sweeps.results import Results
+from benchmarks.sweeps.running import Options, begun, complete
 from benchmarks.tables.text import file_words, percent
 from benchmarks.tables.tracks import Row, rows_of, tracks_results_csv, tracks_trials_csv
 from benchmarks.trials.spec import Method
@@ -138,10 +138,7 @@ def run_replay(
     texts.append(f"Written to {out}: {names} and {_TRACKS}/.")
     if (why := no_report()) is not None:
         texts.append(f"Tables only: {why}")
-    if lacking := incomplete_sentence(results):
-        print("\n\n".join(texts))
-        raise TrialsFailedError(lacking)
-    return "\n\n".join(texts)
+    return complete(results, "\n\n".join(texts))
 
 
 def misfit_words(share: float, where: str, scanner: Scanner) -> str | None:
@@ -216,7 +213,7 @@ def _contents(
     wrong: Residuals | None,
 ) -> dict[str, bytes]:
     contents = {
-        "results.csv": utf8(tracks_results_csv(rows, next(iter(results.panels), None))),
+        "results.csv": utf8(tracks_results_csv(rows, results.table)),
         "trials.csv": utf8(tracks_trials_csv(rows)),
         **_tracks(replay, rows),
     }

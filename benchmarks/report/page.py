@@ -21,8 +21,8 @@ from benchmarks.report.tables import Table
 from benchmarks.report.verdict import baseline_of, conclusion, progress, verdict
 from benchmarks.sweeps.drawing import Animation
 from benchmarks.sweeps.results import Results
+from benchmarks.tables.panels import BLIND
 from benchmarks.tables.text import WORDS, short_name
-from benchmarks.tables.verdict import BLIND
 from benchmarks.trials.scores import GROUPS
 from deqmcl_gym.files import command_line, utf8
 

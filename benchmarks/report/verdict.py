@@ -12,9 +12,9 @@ from benchmarks.report.frames import PanelFrames, each, frames_of
 from benchmarks.sweeps.results import Results
 from benchmarks.tables import stats
 from benchmarks.tables.deciding import RELATIONS
+from benchmarks.tables.panels import BLIND
 from benchmarks.tables.stats import ALPHA, Estimate
 from benchmarks.tables.text import interval, p_value, percent, short_name, significant
-from benchmarks.tables.verdict import BLIND
 
 WITHIN = "95 % at all looks"  # what an interval of a decided comparison is
 _COVERAGE_APART = 0.1  # difference of shares inside a region that is told

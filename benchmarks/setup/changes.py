@@ -36,11 +36,7 @@ class Changes(Mapping[str, Any]):
 
     @classmethod
     def told(cls, what: str, given: Any) -> Self:
-        """Return the nested tables of a TOML document as one.
-
-        Raises:
-            InputError: it is no table, or names something twice.
-        """
+        """Return the nested tables of a TOML document as one."""
         flat: dict[str, Any] = {}
         for key, value in table(what, given, "a table").items():
             nested = isinstance(value, Mapping) and bool(value)  # {} is a value
@@ -98,9 +94,6 @@ class Changes(Mapping[str, Any]):
         Args:
             parts: names before the first dot.
             what: they are, for refusals.
-
-        Raises:
-            InputError: unknown part, or one that is given both ways.
         """
         found: dict[str, Any] = {}
         keyed: dict[str, dict[str, Any]] = {}
@@ -167,11 +160,7 @@ class Named:
 
     @classmethod
     def told(cls, what: str, given: Any) -> Self:
-        """Return what a TOML document names: "name", or {name = …, params = {…}}.
-
-        Raises:
-            InputError: it is neither, or has no name.
-        """
+        """Return what a TOML document names: "name", or {name = …, params = {…}}."""
         if isinstance(given, str):
             return cls(text(what, given))
         known = table(what, given, "a name, or {name = …, params = {…}}")

@@ -16,11 +16,7 @@ _LARGEST = 1e100  # magnitude of a number: charts take no larger ones
 
 
 def read(path: Path, what: str) -> dict[str, Any]:
-    """Return the document in the file of a ``what``: UTF-8, with or without a byte order mark.
-
-    Raises:
-        InputError: it cannot be read, or is no TOML.
-    """
+    """Return the document in the file of a ``what``: UTF-8, with or without a byte order mark."""
     named = f"the {what} file {path}"
     try:
         content = content_of(path)

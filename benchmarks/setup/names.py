@@ -54,9 +54,6 @@ def absolute(kind: Kind, name: str, folder: Path = Path()) -> str:
         kind: of it; ``file.py`` is its only one.
         name: of it.
         folder: that a path in the name is relative to; ~ is the home folder.
-
-    Raises:
-        InputError: the file holds none or several, or cannot be loaded.
     """
     place, rest = split_path(name)
     if place and not isinstance(name, Placed):
@@ -65,11 +62,7 @@ def absolute(kind: Kind, name: str, folder: Path = Path()) -> str:
 
 
 def absolute_scenario(name: str, folder: Path = Path()) -> str:
-    """Return the ``absolute`` name of a scenario.
-
-    Raises:
-        InputError: it is neither built in nor says where the scenario is.
-    """
+    """Return the ``absolute`` name of a scenario."""
     if isinstance(name, str) and name.endswith(".toml"):
         return absolute(SCENARIO, name, folder)
     if name not in SCENARIO.builtin:
@@ -78,11 +71,7 @@ def absolute_scenario(name: str, folder: Path = Path()) -> str:
 
 
 def scenario(name: str) -> Scenario:
-    """Return the scenario of a name; if that is a plug-in, its code is run.
-
-    Raises:
-        InputError: there is none, or its file cannot be read or is refused.
-    """
+    """Return the scenario of a name; if that is a plug-in, its code is run."""
     return _scenario(absolute_name(absolute_scenario(name)), ())
 
 
@@ -104,11 +93,7 @@ def absolute_assumed(assumed: Changes, folder: Path = Path()) -> Changes:
 
 
 def make_agent(agent: Named | str, robot: RobotModel) -> Agent:
-    """Return the agent of a name and parameters, made for a robot.
-
-    Raises:
-        InputError: there is none, it refuses its parameters, it cannot be made, or it is no agent.
-    """
+    """Return the agent of a name and parameters, made for a robot."""
     named = Named(agent) if isinstance(agent, str) else agent
     made: Agent = AGENT.make(named.name, named.params, robot)
     return made
@@ -132,11 +117,7 @@ def plug_ins_of_scan(assumed: Changes) -> tuple[str, ...]:
 
 
 def scenario_digest(name: str) -> str:
-    """Return a digest of the files of a scenario, its agent and scan model; "" if built-in.
-
-    Raises:
-        InputError: as ``scenario``.
-    """
+    """Return a digest of the files of a scenario, its agent and scan model; "" if built-in."""
     found = scenario(name)
     scan = SCAN_MODEL.digest(found.scan.kind) if isinstance(found.scan, ScanPlugIn) else ""
     return found.source + AGENT.digest(found.agent.name) + scan

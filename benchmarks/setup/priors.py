@@ -93,9 +93,6 @@ class Displaced(Gaussian):
         Args:
             room: has the free space.
             rng: draws the direction, the same for all distances that are free there.
-
-        Raises:
-            InputError: nothing is free at that distance, or there is nothing to draw with.
         """
         if rng is None:
             raise InputError("the prior is displaced in a direction that is drawn: give rng.")
@@ -246,9 +243,6 @@ def changed(part: str, current: T, keys: Any, unit: str, kinds: Mapping[str, Any
         keys: new values, by name; ``kind`` is one of ``kinds``, or of a scan model its code.
         unit: of lengths on the map, in which those of a fresh kind are.
         kinds: classes of such parts, by name.
-
-    Raises:
-        InputError: unknown name or a bad value.
     """
     if not isinstance(keys, Mapping):
         names = ", ".join(_names(part, current))

@@ -55,11 +55,7 @@ def drawing() -> Iterator[Callable[[Animation], Promise]]:
 
 
 def drawn(shown: Animation) -> Animation:
-    """Return an animation with its pictures: its trials are run again.
-
-    Raises:
-        InputError: its code is another one by now.
-    """
+    """Return an animation with its pictures: its trials are run again."""
     if tuple(map(key_of, shown.trials)) != shown.keys:
         raise InputError("code, libraries or a plug-in were changed since its trials were run.")
     rows = []

@@ -32,9 +32,6 @@ def read_sweep(path: Path | str, added: Sequence[str] = (), *, above: Sequence[P
         path: of the file.
         added: localizers to add.
         above: the files that this one is the base of.
-
-    Raises:
-        InputError: it cannot be read, is no TOML, or has an unknown key or a bad value.
     """
     path = Path(path)
     given = documents.read(path, "sweep")
@@ -73,11 +70,7 @@ def suite_names() -> list[str]:
 
 
 def suite_file(what: str, name: str) -> Path:
-    """Return the sweep file of a suite.
-
-    Raises:
-        InputError: there is none of that name.
-    """
+    """Return the sweep file of a suite."""
     try:
         return _SUITES / f"{one_of(what, name, suite_names())}.toml"
     except InputError as error:
@@ -108,9 +101,6 @@ def sweep_of(
         takes: see ``Sweep``.
         folder: that paths are relative to; None: they stay as they are.
         base: says what the document does not.
-
-    Raises:
-        InputError: unknown key, wrong type or bad value.
     """
     documents.check(given, _KEYS)
     scalars = ("scenario", "lag", "seed", "trials", "filter_seeds", "baseline")

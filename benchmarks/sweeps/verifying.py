@@ -15,8 +15,9 @@ import msgspec
 
 from benchmarks.execution.engines import Where, outcomes
 from benchmarks.sweeps import manifest
-from benchmarks.sweeps.manifest import Manifest, Verified, differences
-from benchmarks.sweeps.results import recorded_sweep
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.manifest import Verified, differences
+from benchmarks.sweeps.results import named_as_in, recorded_sweep
 from benchmarks.sweeps.running import counted
 from benchmarks.sweeps.store import Store
 from benchmarks.trials.attempt import Outcome
@@ -47,7 +48,6 @@ def verify(folder: Path, where: Where, share: float = SHARE) -> str:
         What was found, in a sentence.
 
     Raises:
-        InputError: it is no folder of results, or has no finished trial.
         DifferentError: the first trial that differs, and its first score.
     """
     made = manifest.read(folder)
@@ -112,8 +112,9 @@ def compare_again(
     return differing
 
 
-def adopt(folder: Path, ours: Manifest, where: Where) -> str:
+def adopted(folder: Path, sweep: Sweep, where: Where) -> str:
     """Verify a folder of our sweep that is of other code; return what was found, if it is one."""
+    ours = manifest.of_sweep(named_as_in(folder, sweep), [])
     return verify(folder, where) if manifest.is_of_other_code(folder, ours) else ""
 
 

@@ -309,9 +309,6 @@ def cloud_of(state: int, offset: int, points: Any) -> Cloud:
     """Return a copy of what ``Belief.points(offset)`` gave about a state.
 
     A copy, because a localizer may write into its arrays at the next step.
-
-    Raises:
-        InputError: other than numbers, poses (n, 3) and weights (n,), or no pose.
     """
     what = f"its belief of state {state} at offset {offset}"
     if not (isinstance(points, tuple | list) and len(points) == 2):
@@ -374,10 +371,6 @@ def belief_moments(clouds: Clouds) -> Floats:
     """Weighted mean and variance of (x, y, cos θ, sin θ), (k, 8); NaN variance of one point.
 
     Weights that add up to 1 but for rounding are divided by their sum first, in place.
-
-    Raises:
-        InputError: weights that are negative or do not add up to 1, or a pose that is not finite
-            or huge.
     """
     out = np.empty((len(clouds.each), 10))
     cloud_moments(clouds.poses, clouds.weights, clouds.ends, out)

@@ -12,7 +12,7 @@ from msgspec import Meta, Struct
 
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import Task, belief_moments, calibration, cloud_of, joined
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.episode import Step
 from benchmarks.trials.fixes import Fixes, Journey, driven, half_turned, weight_near
 from benchmarks.trials.scores import (
     JOURNEY_SCORES,
@@ -98,12 +98,12 @@ class JourneyLog:
         self._goal: Reals | None = None
         self._planned = math.nan
 
-    def see(self, moment: Moment) -> None:
+    def see(self, moment: Step) -> None:
         """Take in a step."""
         self._truth.append(moment.truth)
         self._collided.append(moment.collided)
         self._goal = moment.goal
-        if moment.step == 0 and moment.route is not None:
+        if moment.t == 0 and moment.route is not None:
             self._planned = float(np.hypot(*np.diff(moment.route, axis=0).T).sum())
         if moment.action is not None:
             self._commanded.append(moment.action)
@@ -112,7 +112,7 @@ class JourneyLog:
             best = best_cluster(poses, weights, unit=self._task.floor_plan.unit).mean
             quality = quality_of(moment.belief)
             rated = math.nan if quality is None else quality
-            row = [moment.step, *best, rated]
+            row = [moment.t, *best, rated]
             if self._turned:
                 here = np.asarray(moment.truth, np.float64)
                 there = half_turned(self._task.floor_plan, here[None])[0]
@@ -166,12 +166,12 @@ class TrackLog:
         self._best: list[tuple[float, float, float]] = []
         self._rows: list[tuple[float, ...]] = []  # rank, NEES, log score, quality
 
-    def see(self, moment: Moment) -> None:
+    def see(self, moment: Step) -> None:
         """Take in a record."""
         points = moment.belief.points()
         if points is None:
-            raise InputError(f"its belief of state {moment.step} holds no points of the present.")
-        clouds = joined([cloud_of(moment.step, 0, points)], [moment.truth])
+            raise InputError(f"its belief of state {moment.t} holds no points of the present.")
+        clouds = joined([cloud_of(moment.t, 0, points)], [moment.truth])
         means = belief_moments(clouds)[:, :4]
         calibrated = [math.nan] * 3
         if np.isfinite(moment.truth).all():

@@ -34,11 +34,7 @@ def keyed(trials: Iterable[Trial]) -> dict[str, Trial]:
 
 
 def provenance_of(trials: Iterable[Trial]) -> Provenance:
-    """Return what the numbers of these trials depend on, as it is now.
-
-    Raises:
-        InputError: a scenario cannot be read, or is refused.
-    """
+    """Return what the numbers of these trials depend on, as it is now."""
     localizer, setup = cache(LOCALIZER.digest), cache(scenario_digest)  # a file is read once
     digests: dict[str, str] = {}
     for trial in trials:

@@ -21,7 +21,7 @@ from benchmarks.trials.clouds import (
     joined,
 )
 from benchmarks.trials.collecting import RecordedTrack, WholeRun
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.episode import Step
 from benchmarks.trials.scores import METRICS
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
@@ -133,7 +133,7 @@ class Trace:
 class Collector(Protocol):
     """Sees a run step by step; keeps what its record has of the whole of it."""
 
-    def see(self, moment: Moment) -> None:
+    def see(self, moment: Step) -> None:
         """Take in a step."""
 
     def kept(self) -> tuple[WholeRun | None, RecordedTrack | None]:
@@ -143,7 +143,7 @@ class Collector(Protocol):
 class Against(Protocol):
     """Sees a run step by step; keeps what contradicts the map, see ``map_signals``."""
 
-    def see(self, moment: Moment) -> None:
+    def see(self, moment: Step) -> None:
         """Take in a step."""
 
     def columns(self) -> dict[str, list[float | None]]:
@@ -151,7 +151,7 @@ class Against(Protocol):
 
 
 def trace_of(
-    episode: Iterable[Moment],
+    episode: Iterable[Step],
     offsets: Iterable[int],
     task: Task,
     whole: Collector | None = None,
@@ -217,7 +217,7 @@ class _Lap:
         usable = (ranges >= 0.0) & (ranges <= self._task.max_range)  # false for NaN
         return int(usable.any(axis=1).sum())
 
-    def see(self, moment: Moment) -> None:
+    def see(self, moment: Step) -> None:
         self.belief = moment.belief
         self.truth.append(moment.truth)
         action = moment.action
@@ -225,7 +225,7 @@ class _Lap:
         quality = quality_of(moment.belief)
         self.quality.append(np.nan if quality is None else quality)
         self.plans.append(plan_row(moment.belief, moment.truth, self._task))
-        if moment.step > 0:
+        if moment.t > 0:
             self.seconds += moment.seconds
             self._ranges.append(moment.ranges)
 
@@ -252,17 +252,17 @@ class _Beliefs:
         self._labels: list[tuple[int, int]] = []
         self._tables: list[Floats] = []
 
-    def see(self, moment: Moment) -> None:
+    def see(self, moment: Step) -> None:
         for offset in self._offsets:
-            state = moment.step + offset
+            state = moment.t + offset
             if state < 0 or state % self._stride:
                 continue
             if (points := moment.belief.points(offset)) is not None:
                 cloud = cloud_of(state, offset, points)
-                self._ahead.setdefault(max(state, moment.step), []).append(cloud)
+                self._ahead.setdefault(max(state, moment.t), []).append(cloud)
             elif offset == 0:
                 raise InputError(f"its belief of state {state} holds no points of the present.")
-        for cloud in self._ahead.pop(moment.step, ()):
+        for cloud in self._ahead.pop(moment.t, ()):
             self._due.append(cloud)
             self._points += cloud.weights.size
         if self._points >= _BATCH:

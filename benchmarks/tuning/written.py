@@ -16,7 +16,7 @@ from benchmarks.replay.nav2 import nav2_document
 from benchmarks.report.writing import load, no_report
 from benchmarks.setup.changes import NOTHING, Changes, file_names
 from benchmarks.setup.settings import sweep_text
-from benchmarks.tables.pairing import milliseconds_per_step
+from benchmarks.tables.frames import milliseconds_per_step
 from benchmarks.tables.stats import Estimate, estimate
 from benchmarks.tables.text import csv_text, estimated, fixed, percent, significant
 from benchmarks.trials.scores import TRACK_SCORES, Score

@@ -15,16 +15,16 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from deqmcl_gym.envs.belief import BeliefView, Estimator, Seen, StepResult
+from deqmcl_gym.envs.belief import BeliefView, Estimator, Seen
 from deqmcl_gym.maps import Box, Offices
-from deqmcl_gym.maps.clusters import Cluster, Near, best_cluster
+from deqmcl_gym.maps.clusters import Near, best_cluster
 from deqmcl_gym.numerics.types import Floats, Point, Pose, Singles
 from deqmcl_gym.validation import InputError, NoEpisodeError, integer, number, one_of
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import wrapped
 from deqmcl_gym.world.driver import NO_PLAN
 from deqmcl_gym.world.episode import Body, Physics, contacts_of
-from deqmcl_gym.world.rules import Commands, check_options, scan_space, within
+from deqmcl_gym.world.rules import Commands, StepResult, check_options, scan_space, within
 from deqmcl_gym.world.sensor import LidarSensor
 
 _RIGHT = Near(1.0, math.radians(30))  # of the best cluster to the truth
@@ -185,7 +185,7 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         floor_plan, noise = self.floor_plan, self.world.noise
         lidar = LidarSensor(floor_plan.local.caster, floor_plan.datum, self.lidar, sensor)
         sds = float(noise.drive), float(noise.turn), float(noise.drift)
-        self._body = Body(pose, Physics(self._walls, (x, y)), lidar, sds, motion)
+        self._body = Body(pose, Physics(self._walls, self.world, (x, y)), lidar, sds, motion)
         self._scan = self._body.scan
         self._belief = self._localizer.reset(prior, NO_PLAN, own)
         self.steps, self._ended = 0, False
@@ -302,9 +302,8 @@ class LocalizeEnv(ActingEnv):
         share: in (0, 1).
         hold: steps, 1 or more.
         max_steps: of an episode.
-        particles: how many poses drawn from the belief are shown.
-        cell: side of the squares of ``occupancy``, in the map's unit; None: it is not shown.
-        render_mode: None or "rgb_array".
+        shown: ``particles`` and ``cell``, as of ``BeliefView``, and ``render_mode``, None or
+            "rgb_array".
     """
 
     def __init__(
@@ -314,15 +313,11 @@ class LocalizeEnv(ActingEnv):
         share: float = 0.9,
         hold: int = 30,
         max_steps: int = 300,
-        particles: int = 0,
-        cell: float | None = None,
-        render_mode: str | None = None,
+        **shown: Any,
     ) -> None:
         self.share = number("share", share, low=0, high=1)
         self.hold = integer("hold", hold, low=1)
-        super().__init__(
-            site, max_steps=max_steps, particles=particles, cell=cell, render_mode=render_mode
-        )
+        super().__init__(site, max_steps=max_steps, **shown)
 
     def _shows(self) -> dict[str, gym.spaces.Box]:
         return {"confident": gym.spaces.Box(0.0, 1.0, (1,))}
@@ -336,10 +331,8 @@ class LocalizeEnv(ActingEnv):
         best = best_cluster(*self.belief.points(), unit=self.floor_plan.unit)
         sure = best.share > self.share
         self._confident = self._confident + 1 if sure else 0
-        self._right = self._right + 1 if sure and self._is_right(best) else 0
-
-    def _is_right(self, best: Cluster) -> bool:
-        return bool(_RIGHT([best.mean], self.pose, unit=self.floor_plan.unit)[0])
+        right = sure and _RIGHT([best.mean], self.pose, unit=self.floor_plan.unit)[0]
+        self._right = self._right + 1 if right else 0
 
     def _judged(self, on: NDArray[np.bool_], collided: bool) -> tuple[float, bool, bool]:
         declared, right = bool(on[-1]), self._right >= self.hold
@@ -373,9 +366,8 @@ class TrackEnv(ActingEnv):
         tolerance: from the goal, in the map's unit.
         least: distance from start to goal, in the map's unit.
         max_steps: of an episode.
-        particles: how many poses drawn from the belief are shown.
-        cell: side of the squares of ``occupancy``, in the map's unit; None: it is not shown.
-        render_mode: None or "rgb_array".
+        shown: ``particles`` and ``cell``, as of ``BeliefView``, and ``render_mode``, None or
+            "rgb_array".
     """
 
     _heads = ("sense", "declare")
@@ -388,16 +380,12 @@ class TrackEnv(ActingEnv):
         tolerance: float = 40.0,
         least: float = 150.0,
         max_steps: int = 200,
-        particles: int = 0,
-        cell: float | None = None,
-        render_mode: str | None = None,
+        **shown: Any,
     ) -> None:
         self._around = around
         self.tolerance = number("tolerance", tolerance, low=0, above=True)
         self._least = number("least", least, low=0)
-        super().__init__(
-            site, max_steps=max_steps, particles=particles, cell=cell, render_mode=render_mode
-        )
+        super().__init__(site, max_steps=max_steps, **shown)
 
     @property
     def goal(self) -> Point:

@@ -2,7 +2,7 @@
 
 import copy
 import math
-from typing import Any, Protocol, SupportsFloat, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import gymnasium as gym
 import numpy as np
@@ -13,9 +13,9 @@ from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals, Singles
 from deqmcl_gym.validation import InputError, integer, number, shown
+from deqmcl_gym.world.rules import StepResult
 
 Seen = dict[str, Any]
-StepResult = tuple[Seen, SupportsFloat, bool, bool, dict[str, Any]]
 
 # (0.1 px)², 10⁻⁶ rad²: the entropy of a single pose is finite
 _FLOOR = np.array([1e-2, 1e-2, 1e-6])

@@ -10,8 +10,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces.utils import is_space_dtype_shape_equiv
 
 from deqmcl_gym.validation import InputError, integer, number
-
-StepResult = tuple[Any, Any, bool, bool, dict[str, Any]]
+from deqmcl_gym.world.rules import StepResult
 
 
 def made(envs: Sequence[str], success: float, window: int, **each: Any) -> "Curriculum":

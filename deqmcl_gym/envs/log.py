@@ -5,7 +5,7 @@ import re
 from collections.abc import Mapping, Sequence
 from inspect import signature
 from os import PathLike
-from typing import Any, SupportsFloat, cast
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -29,17 +29,13 @@ from deqmcl_gym.validation import (
 )  # fmt: skip
 from deqmcl_gym.world.differences import map_changed
 from deqmcl_gym.world.presets import WORLDS
-from deqmcl_gym.world.rules import check_options
+from deqmcl_gym.world.rules import StepResult, check_options
 
 PLANS = ("odometry", "reference", "none")
 
 
 def log_of(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> logs.Log:
-    """Return a log given as a ``Log`` or by its path, with its reference.
-
-    Raises:
-        InputError: it is neither, or cannot be read.
-    """
+    """Return a log given as a ``Log`` or by its path, with its reference."""
     if not isinstance(given, logs.Log):
         if not isinstance(given, str | PathLike | list | tuple):
             raise InputError(f"log is {given!r}, but must be the path of a log, or a Log.")
@@ -56,12 +52,7 @@ def log_of(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> log
 
 
 def map_of(given: Any, unknown: Any, log: logs.Log) -> Map | None:
-    """Return a map given as a ``Map``, by its path or by its corners; None is none.
-
-    Raises:
-        InputError: it is none of these, or not in the log's unit; or it is told what unknown cells
-            count as, but is not the path of a yaml.
-    """
+    """Return a map given as a ``Map``, by its path or by its corners; None is none."""
     if unknown is not None:
         if not (isinstance(given, str | PathLike) and str(given).endswith((".yaml", ".yml"))):
             raise InputError(
@@ -88,9 +79,6 @@ def planned_of(plan: str, log: logs.Log, segments: Indices) -> Floats:
         plan: one of ``PLANS``.
         log: the records.
         segments: see ``segments_of``.
-
-    Raises:
-        InputError: it is "reference", but a record of a segment has no reference pose.
     """
     if one_of("plan", plan, PLANS) == "none":
         return np.empty((0, 3))
@@ -112,9 +100,6 @@ def segments_of(log: logs.Log, length: float | None) -> Indices:
     Args:
         log: the records; where it has a reference, each record of a segment must have one.
         length: of a segment, by odometry; None is the whole log.
-
-    Raises:
-        InputError: no segment has this length.
     """
     if length is None:
         return np.array([[0, len(log) - 1]])
@@ -143,11 +128,7 @@ def _unknown(log: logs.Log) -> Indices:
 
 
 def spacing(what: str, given: object, unit: str) -> tuple[float, float]:
-    """Return a distance and an angle (rad) of "0.2m,5deg", "0.2m", "5deg", "0.1rad" or a pair.
-
-    Raises:
-        InputError: it is none of these, or not in the log's unit.
-    """
+    """Return a distance and an angle (rad) of "0.2m,5deg", "0.2m", "5deg", "0.1rad" or a pair."""
     if not isinstance(given, str):
         distance, angle = array(what, cast(ArrayLike, given), (2,)).tolist()
         return distance, angle
@@ -378,7 +359,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         self._step = self._first
         return self._scans[self._step].copy(), self._info(np.zeros(3, np.float32))
 
-    def step(self, action: ArrayLike) -> tuple[Singles, SupportsFloat, bool, bool, dict[str, Any]]:
+    def step(self, action: ArrayLike) -> StepResult:
         """Play the next record."""
         recorded = self.next_action
         self._compare(array("the action (forward, left, turn)", action, (3,)), recorded)

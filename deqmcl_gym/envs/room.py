@@ -1,7 +1,7 @@
 """RoomEnv: the Gymnasium environment, wired from the parts in ``deqmcl_gym.world``."""
 
 from collections.abc import Callable, Hashable
-from typing import TYPE_CHECKING, Any, SupportsFloat, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -16,7 +16,7 @@ from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
 from deqmcl_gym.world.driver import FixedPlan
 from deqmcl_gym.world.episode import Episode, contacts_of
 from deqmcl_gym.world.people import People
-from deqmcl_gym.world.rules import RoomInfo, RoomRules, check_options
+from deqmcl_gym.world.rules import RoomInfo, RoomRules, StepResult, check_options
 from deqmcl_gym.world.sensor import Stream
 
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
@@ -228,7 +228,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         info = self._info(episode, nothing, collided=False)
         return self._seen(episode, info), info
 
-    def step(self, action: Singles) -> tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]:
+    def step(self, action: Singles) -> StepResult:
         """Turn, then drive; stop at the first contact with a wall."""
         episode = self._begun
         if episode is None or episode.ended:
@@ -311,7 +311,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         return self._begun is None and self._rules.journeys is None
 
     def _info(self, episode: Episode, command: Singles, collided: bool) -> dict[str, Any]:
-        planned, count = episode.plan.after(episode)
+        planned, count = episode.plan.after(episode.underway)
         info: RoomInfo = {
             "planned_actions": planned,
             "planned_count": np.int64(count),

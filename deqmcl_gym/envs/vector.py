@@ -26,10 +26,9 @@ from deqmcl_gym.world.course import Course
 from deqmcl_gym.world.rules import RoomRules, check_options
 
 Info = dict[str, Any]
-StepResult = tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], Info]
 
 _MODES = {mode.value: mode for mode in AutoresetMode}
-MAX_BYTES = 16 * 2**30  # of all rooms
+MOST_ROOM_BYTES = 16 * 2**30  # of all rooms
 
 
 class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
@@ -156,7 +155,9 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         none = np.zeros_like(chosen)
         return self._seen(), self._info(chosen, nothing, none, none)
 
-    def step(self, actions: RoomActions) -> StepResult:
+    def step(
+        self, actions: RoomActions
+    ) -> tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], Info]:
         """Turn, then drive in each room; where an episode ended, begin the next one.
 
         Raises:
@@ -319,10 +320,10 @@ def _limit(steps: int | None) -> int:
 
 def _number(rooms: int, rules: RoomRules) -> int:
     given, each = integer("num_envs", rooms, low=1), Rooms.bytes_each(rules)
-    if given > (most := MAX_BYTES // each):
+    if given > (most := MOST_ROOM_BYTES // each):
         raise InputError(
             f"num_envs is {shown(given)}, but a room takes {each:,} bytes, and all may take "
-            f"{MAX_BYTES // 2**30} GiB: allowed values: 1 to {most:,}."
+            f"{MOST_ROOM_BYTES // 2**30} GiB: allowed values: 1 to {most:,}."
         )
     return given
 

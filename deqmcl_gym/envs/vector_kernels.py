@@ -12,12 +12,11 @@ from deqmcl_gym.maps.contact_kernels import (
     first_contact_with_walls,
     gap_to_walls,
 )
-from deqmcl_gym.maps.grid_kernels import cast as cast_from
-from deqmcl_gym.maps.grid_kernels import distances
+from deqmcl_gym.maps.grid_kernels import cast_cells, distances
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.world.driver_kernels import room_for_noise, steer
-from deqmcl_gym.world.path_kernels import drawn, judged, roll_out
+from deqmcl_gym.world.path_kernels import drive_along, judged_step, noisy_drive
 
 
 def sides(walls: Floats) -> Floats:
@@ -133,7 +132,7 @@ class DriverNumbers(NamedTuple):
     """The driver of all rooms.
 
     Attributes:
-        rules: the first four of ``path_kernels.roll_out``.
+        rules: the first four of ``path_kernels.drive_along``.
         near: distance from the end of the path at which it is done.
         clearance: most room kept to walls on a route among cells; -1: they are not looked at.
     """
@@ -202,7 +201,7 @@ def step(
         chance = normals[i, at[i], 0], normals[i, at[i], 1]
         slot = slots[i]
         skin = sizes[slot, 1]
-        heading, way, dx, dy = drawn(heading, distance, turn, chance, noise, sizes[slot, 2])
+        heading, way, dx, dy = noisy_drive(heading, distance, turn, chance, noise, sizes[slot, 2])
         at[i] += 1
         steps[i] += 1
         collided = False
@@ -218,7 +217,7 @@ def step(
         drive = poses[i, 0], poses[i, 1], x, y
         poses[i, 0], poses[i, 1], poses[i, 2] = x, y, heading
         path = edges[i, : edge_counts[i]]
-        arcs[i], gained, reward, done = judged(
+        arcs[i], gained, reward, done = judged_step(
             drive, arcs[i], progress[i], collided, path, periods[i], rewards
         )
         progress[i] += gained
@@ -243,8 +242,7 @@ def plan(
     """Fill in what the drivers of some rooms would do, as ``driver.GuidedPlan.after``.
 
     Args:
-        robots, grounds, courses: as :func:`step`.
-        driver: :class:`DriverNumbers`.
+        robots, grounds, courses, driver: as :func:`step`; a :class:`DriverNumbers`.
         rooms: which they are, (k,).
         shown: the next h actions, zero-padded, (n, h, 2).
         counts: number of these, (n,).
@@ -261,7 +259,7 @@ def plan(
         path = edges[i, : edge_counts[i]]
         actions = np.empty((left if clearance >= 0.0 else min(left, horizon), 2), np.float32)
         if clearance < 0.0:
-            count = roll_out(pose, arcs[i], progress[i], path, periods[i], rules, actions)
+            count = drive_along(pose, arcs[i], progress[i], path, periods[i], rules, actions)
         else:
             grid, goal = _grid(cells, slots[i]), (goals[i, 0], goals[i, 1])
             body = room_for_noise(pose, grid, sizes[slots[i], 0], clearance)
@@ -276,15 +274,7 @@ def plan(
 def cast(
     poses: Singles, bearings: Singles, cells: tuple[Any, ...], rooms: Indices, out: Singles
 ) -> None:
-    """Fill in the ranges from one pose in each of ``rooms`` (k,), each a map of ``cells``.
-
-    Args:
-        poses: rows x, y, θ, (3, k).
-        bearings: (B,) rad.
-        cells: :class:`CellRows`, as a plain tuple, one for each room.
-        rooms: (k,).
-        out: (B, k).
-    """
+    """Fill in the ranges (B, k) from a pose in each of ``rooms`` (k,), each a map of ``cells``."""
     _, _, _, sight, shapes, frames, yaws, endless = cells
     pose, seen = np.empty((3, 1), poses.dtype), np.empty((bearings.size, 1), np.float32)
     for k in range(rooms.size):
@@ -293,7 +283,7 @@ def cast(
         reach = sight[slot, : rows * columns].reshape(rows, columns)
         pose[0, 0], pose[1, 0], pose[2, 0] = poses[0, k], poses[1, k], poses[2, k]
         frame = _frame(frames, slot)
-        cast_from(pose, bearings, reach, frame, yaws[slot], endless[slot], seen)
+        cast_cells(pose, bearings, reach, frame, yaws[slot], endless[slot], seen)
         out[:, k] = seen[:, 0]
 
 
@@ -344,3 +334,26 @@ def _ahead(
         return gap, np.inf
     end = x + dx, y + dy
     return gap, 0.0 if gap < 0.0 else first_contact((x, y), end, reach, frame, radius)
+
+
+@compiled
+def report(
+    rooms: Indices,
+    exact: Singles,
+    normals: Floats,
+    at: Indices,
+    sigma: float,
+    max_range: float,
+    out: Singles,
+) -> None:
+    """Fill in scans as ``LidarSensor`` reports them, (n, B), of ``rooms`` (k,).
+
+    ``exact`` is (B, k). Each uses the next row of its normal numbers, (n, rows, B).
+    """
+    for i in range(rooms.size):
+        room = rooms[i]
+        row = at[room]
+        at[room] = row + 1
+        for beam in range(out.shape[1]):
+            seen = exact[beam, i] + sigma * normals[room, row, beam]
+            out[room, beam] = min(max(seen, 0.0), max_range)

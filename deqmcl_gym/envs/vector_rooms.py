@@ -2,20 +2,20 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from deqmcl_gym.envs import vector_kernels as kernels
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.maps.map import Caster
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Pose, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import MAX_STEPS, Course
-from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan
+from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan, Underway
 from deqmcl_gym.world.reality import Beginning
 from deqmcl_gym.world.rules import RoomRules
-from deqmcl_gym.world.sensor import LidarSensors, NormalTable, Stream, episode_stream
+from deqmcl_gym.world.sensor import NormalTable, Stream, episode_stream
 
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing
@@ -39,7 +39,7 @@ class Rooms:
         self._rules = rules
         self._grounds = Grounds(world, number, own=_own(rules))
         self._motion = NormalTable(number, 2, most)
-        self._lidars = LidarSensors(self._grounds, world.lidar, number, most + 1)
+        self._noise = NormalTable(number, world.lidar.beams, most + 1)  # of the lidars
         self._own_rules = [rules] * number  # in the office of each
         self.begun: list[Beginning | None] = [None] * number
         self.buildings = np.zeros(number, np.int64)
@@ -59,10 +59,10 @@ class Rooms:
         if world.route is not None and rules.ends_at_goal:
             near = world.route.tolerance
         self._numbers = tuple(kernels.Rules(rules.noise, rules.rewards, near, limit))
-        self.scans = self._lidars.scans
+        self.scans = np.zeros((number, world.lidar.beams), np.float32)
         self._lap = None if world.route is not None else rules.plan
         self._driver = _driver(rules)
-        self._shown = np.zeros((number, horizon_of(rules), 2), np.float32)
+        self._shown = np.zeros((number, rules.rows, 2), np.float32)
         self._counts = np.zeros(number, np.intp)
         self._every = np.arange(number)
 
@@ -71,7 +71,7 @@ class Rooms:
         """Approximate memory of a room: its random numbers, scan, plan, and map of its own."""
         beams, steps = rules.world.lidar.beams, _steps(rules)
         rows = NormalTable.rows(2, steps), NormalTable.rows(beams, steps + 1)
-        numbers = 2 * rows[0] + beams * (rows[1] + 2) + 4 * horizon_of(rules) + 64
+        numbers = 2 * rows[0] + beams * (rows[1] + 2) + 4 * rules.rows + 64
         return 8 * numbers + (Grounds.bytes_each(rules.world) if _own(rules) else 0)
 
     def plans(self) -> tuple[Singles, Indices]:
@@ -120,7 +120,7 @@ class Rooms:
             self._robots.gaps[room] = self.progress[room] = 0.0
             self.steps[room] = 0
             self._motion.renew(room, episode_stream(*episode, Stream.MOTION))
-            self._lidars.renew(room, episode_stream(*episode, Stream.SENSOR))
+            self._noise.renew(room, episode_stream(*episode, Stream.SENSOR))
         if not isinstance(self._lap, FixedPlan):
             self._plan(rooms)
 
@@ -150,9 +150,15 @@ class Rooms:
     def observe(self, rooms: Indices | None = None) -> None:
         """Take a scan in each of ``rooms``; None: in all."""
         if rooms is None:
-            self._lidars.scan(self._every, self.poses)
-        else:
-            self._lidars.scan(rooms, self.poses[rooms])
+            rooms = self._every
+        lidar, noise = self._rules.world.lidar, self._noise
+        exact = np.empty((lidar.beams, rooms.size), np.float32)
+        local = self._grounds.local(rooms, self.poses[rooms])
+        lidar.cast(self._grounds.caster(rooms), local, exact)
+        noise.fill()
+        limits = lidar.sigma, lidar.max_range
+        kernels.report(rooms, exact, noise.drawn, noise.at, *limits, self.scans)
+        lidar.lose(self.scans)
 
     def _put(self, room: int, course: Course, plan: Plan) -> None:
         """Let a room have a course."""
@@ -177,25 +183,8 @@ class Rooms:
             assert begun is not None
             x, y, heading = self.poses[room].tolist()
             way, arc = float(self.progress[room]), float(self._robots.arcs[room])
-            underway = _Underway(int(self.steps[room]), (x, y, heading), arc, way)
+            underway = Underway(int(self.steps[room]), (x, y, heading), arc, way)
             self._shown[room], self._counts[room] = begun.plan.after(underway)
-
-
-class _Underway(NamedTuple):
-    """See ``driver.Underway``."""
-
-    step: int
-    pose: Pose
-    arc: float
-    way: float
-
-
-def horizon_of(rules: RoomRules) -> int:
-    """Number of planned actions that each room shows."""
-    if rules.journeys is None:
-        return rules.plan.horizon
-    assert rules.horizon is not None  # or the env has refused
-    return rules.horizon
 
 
 def _own(rules: RoomRules) -> bool:

@@ -1,7 +1,7 @@
 """Wrappers that disturb a room (kidnapping, beam drop-out, a change of plan), or record it."""
 
 from collections.abc import Iterator
-from typing import Any, SupportsFloat
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -15,14 +15,11 @@ from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.numerics.types import Floats, Pose, Singles
 from deqmcl_gym.validation import InputError, NoEpisodeError, boolean, integer, number, shown
-from deqmcl_gym.world.rules import scan_space
+from deqmcl_gym.world.rules import StepResult, scan_space
 from deqmcl_gym.world.sensor import Stream
 
-Action = Singles
-StepResult = tuple[Singles, SupportsFloat, bool, bool, dict[str, Any]]
 
-
-class _Once(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordConstructorArgs):
+class _Once(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.RecordConstructorArgs):
     """Something that happens to the robot at one step of every episode.
 
     Gymnasium's logger warns of an episode that ends before.
@@ -30,7 +27,7 @@ class _Once(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordConst
 
     what: str
 
-    def __init__(self, env: gym.Env[Singles, Action], step: int, **arguments: Any) -> None:
+    def __init__(self, env: gym.Env[Singles, Singles], step: int, **arguments: Any) -> None:
         gym.utils.RecordConstructorArgs.__init__(self, step=step, **arguments)
         super().__init__(env)
         self.room = room_of(env)
@@ -41,7 +38,7 @@ class _Once(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordConst
         """Number of steps that an episode has after this; None: as planned."""
         return None
 
-    def step(self, action: Action) -> StepResult:
+    def step(self, action: Singles) -> StepResult:
         """Let it happen if it is time, then step; neither if the action is refused."""
         if self.room.elapsed_steps + 1 == self.due:
             self.room.before_step[self] = self.happen
@@ -92,7 +89,7 @@ class Kidnap(_Once):
 
     def __init__(
         self,
-        env: gym.Env[Singles, Action],
+        env: gym.Env[Singles, Singles],
         step: int,
         pose: Pose | None = None,
         noticed: bool = True,
@@ -113,7 +110,7 @@ class Kidnap(_Once):
         self.room.place(pose, self._noticed)
 
 
-class BeamDropout(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.RecordConstructorArgs):
+class BeamDropout(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.RecordConstructorArgs):
     """Lose single beams: each reads +inf ("no return", as in ROS REP 117) with some probability.
 
     Args:
@@ -121,7 +118,7 @@ class BeamDropout(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.Recor
         probability: of each beam in each scan, in [0, 1].
     """
 
-    def __init__(self, env: gym.Env[Singles, Action], probability: float) -> None:
+    def __init__(self, env: gym.Env[Singles, Singles], probability: float) -> None:
         gym.utils.RecordConstructorArgs.__init__(self, probability=probability)
         super().__init__(env)
         self._room = room_of(env)
@@ -145,7 +142,7 @@ class BeamDropout(gym.Wrapper[Singles, Action, Singles, Action], gym.utils.Recor
         self._rng = self._room.stream(Stream.DROPOUT, self._twin)
         return self._thinned(scan), info
 
-    def step(self, action: Action) -> StepResult:
+    def step(self, action: Singles) -> StepResult:
         """Step, and lose beams of the scan."""
         scan, reward, terminated, truncated, info = self.env.step(action)
         return self._thinned(scan), reward, terminated, truncated, info
@@ -166,7 +163,7 @@ class PlanChange(_Once):
 
     what = "the change of plan"
 
-    def __init__(self, env: gym.Env[Singles, Action], step: int, actions: ArrayLike) -> None:
+    def __init__(self, env: gym.Env[Singles, Singles], step: int, actions: ArrayLike) -> None:
         given = validation.actions("actions", actions)
         super().__init__(env, step, actions=given.tolist())
         self._actions = self.room.checked_plan("actions", given)
@@ -182,7 +179,7 @@ class PlanChange(_Once):
         self.room.replace_plan(self._actions)
 
 
-def room_of(env: gym.Env[Any, Action]) -> RoomEnv:
+def room_of(env: gym.Env[Any, Singles]) -> RoomEnv:
     """Return the room inside the wrappers of an env, else refuse it."""
     room = env.unwrapped
     if not isinstance(room, RoomEnv):
@@ -252,7 +249,7 @@ class RecordLog(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.Recor
         self._scans, self._actions, self._poses = [scan.copy()], [], [_truth(info)]
         return scan, info
 
-    def step(self, action: Singles) -> tuple[Singles, SupportsFloat, bool, bool, dict[str, Any]]:
+    def step(self, action: Singles) -> StepResult:
         """Step, and record the result."""
         said = self.env.step(action)
         self._scans.append(said[0].copy())

@@ -15,7 +15,7 @@ from deqmcl_gym.logs.transforms import ODOMETRY, frame_name
 from deqmcl_gym.validation import InputError
 
 SCAN = "sensor_msgs/msg/LaserScan"
-POSES: dict[str, Callable[[Any], Any]] = {
+POSE_TYPES: dict[str, Callable[[Any], Any]] = {
     "geometry_msgs/msg/PoseStamped": lambda message: message.pose,
     "geometry_msgs/msg/PoseWithCovarianceStamped": lambda message: message.pose.pose,
     ODOMETRY: lambda message: message.pose.pose,
@@ -139,11 +139,7 @@ class Bag:
 
 
 def require_rosbags() -> None:
-    """Check that ``rosbags`` is installed.
-
-    Raises:
-        InputError: it is not installed.
-    """
+    """Check that ``rosbags`` is installed."""
     try:
         import rosbags.highlevel  # noqa: F401
     except ModuleNotFoundError:
@@ -153,7 +149,7 @@ def require_rosbags() -> None:
 
 
 @contextmanager
-def opened(paths: Sequence[Path]) -> Iterator[Bag]:
+def opened_bag(paths: Sequence[Path]) -> Iterator[Bag]:
     """Open the parts of a bag; any error inside becomes an ``InputError``."""
     require_rosbags()
     name = names_of(paths)
@@ -191,8 +187,8 @@ def _reader(path: Path) -> Any:
 
 
 def row_of(sent: Sent, message: Any) -> list[float]:
-    """Return the row of ``PoseRows`` of a message of ``POSES``."""
-    pose = POSES[sent.kind](message)
+    """Return the row of ``PoseRows`` of a message of ``POSE_TYPES``."""
+    pose = POSE_TYPES[sent.kind](message)
     at, turned = pose.position, pose.orientation
     stamp = seconds_of(message.header.stamp)
     return [*sent.row, stamp, at.x, at.y, at.z, turned.x, turned.y, turned.z, turned.w]

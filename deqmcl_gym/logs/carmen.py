@@ -14,7 +14,6 @@ logs that former versions wrote have ``PARAM deqmcl_scanner``, with all digits o
 
 import math
 import re
-import warnings
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -30,9 +29,9 @@ from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecords, usable
 from deqmcl_gym.logs.scans import Fan
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.validation import InputError, LogWarning, number, one_of
+from deqmcl_gym.validation import InputError, number, one_of, tell
 
-SCANS = ("FLASER", "ROBOTLASER1", "RAWLASER1")
+SCAN_KINDS = ("FLASER", "ROBOTLASER1", "RAWLASER1")
 SICK_RANGE = 79.0  # m: an LMS in its 80 m mode reports 81.83 or 81.91 where nothing is in range
 _NARROWEST = math.radians(10)  # of a field of view: less is none, or rad
 _SICK = (90, 91, 180, 181, 360, 361)  # numbers of beams of an LMS over 180°
@@ -75,10 +74,8 @@ class _Messages:
         try:
             if kind == "FLASER":
                 self._front_laser(words)
-            elif kind == "ROBOTLASER1":
-                self._robot_laser(words)
-            elif kind == "RAWLASER1":
-                self._raw_laser(words)
+            elif kind in ("ROBOTLASER1", "RAWLASER1"):
+                self._laser(kind, words)
             elif kind == "ODOM":
                 self.odometry.append([self.lines, *numbers_of([words[6], *words[:3]])])
             elif kind == "PARAM":
@@ -102,30 +99,24 @@ class _Messages:
         ranges, rest = numbers_of(words[1 : 1 + n]), numbers_of(words[1 + n : 8 + n])
         self.scans["FLASER"].add(rest[6], rest[3:6], ranges)
 
-    def _robot_laser(self, words: list[str]) -> None:
+    def _laser(self, kind: str, words: list[str]) -> None:
         n = int(words[7])
-        m = int(words[8 + n])
-        if n < 1 or m < 0 or len(words) - n - m not in (22, 23):
+        m, more = int(words[8 + n]), 11 if kind == "ROBOTLASER1" else 0
+        if n < 1 or m < 0 or len(words) - n - m not in (11 + more, 12 + more):
             raise ValueError("another number of words")
-        ranges = numbers_of(words[8 : 8 + n])
-        rest = numbers_of(words[9 + n + m : 21 + n + m])
-        self.scans["ROBOTLASER1"].add(rest[11], rest[3:6], ranges, _fan(words))
-        self.mounts.append(rest[:6])
-
-    def _raw_laser(self, words: list[str]) -> None:
-        n = int(words[7])
-        m = int(words[8 + n])
-        if n < 1 or m < 0 or len(words) - n - m not in (11, 12):
-            raise ValueError("another number of words")
-        stamp = numbers_of([words[9 + n + m]])[0]
-        self.scans["RAWLASER1"].add(stamp, (0, 0, 0), numbers_of(words[8 : 8 + n]), _fan(words))
-        self.raw_lines.append(self.lines)
+        *poses, stamp = numbers_of(words[9 + n + m : 10 + n + m + more])
+        ranges, fan = numbers_of(words[8 : 8 + n]), _fan(words)
+        self.scans[kind].add(stamp, poses[3:6] or (0, 0, 0), ranges, fan)
+        if poses:
+            self.mounts.append(poses[:6])
+        else:
+            self.raw_lines.append(self.lines)
 
     def records(self, kind: str, field_of_view: float | None) -> RawRecords:
         """Return the records of a kind of scan, with all that other messages say of them.
 
         Args:
-            kind: of ``SCANS``.
+            kind: of ``SCAN_KINDS``.
             field_of_view: of FLASER's scanner, rad; None: by PARAM, or that of a SICK LMS.
         """
         records = self.scans[kind]
@@ -138,7 +129,7 @@ class _Messages:
             unknown = np.full(len(table), np.nan)
             judged = JudgedOdometry.of(table[:, 0], unknown, table[:, 1:], self.unit)
             for remark in judged.remarks:
-                warnings.warn(f"{records.source}: {remark}.", LogWarning, stacklevel=3)
+                tell(f"{records.source}: {remark}.")
             return records.with_odometry(self.raw_lines, judged)
         elif kind == "FLASER":
             told = math.radians(self._param("laser_front_laser_fov", math.nan))
@@ -152,12 +143,10 @@ class _Messages:
             ]
             sizes = Counter(map(len, records.ranges))
             if field_of_view is None and (beams := sizes.most_common(1)[0][0]) not in _SICK:
-                warnings.warn(
+                tell(
                     f"{records.source}: FLASER lines do not say their angles: {beams} beams are "
                     "taken as those of a SICK LMS, from -90° to 90°; for another lidar give "
-                    "field_of_view in rad, as 4.712 for 270°.",
-                    LogWarning,
-                    stacklevel=3,
+                    "field_of_view in rad, as 4.712 for 270°."
                 )
         return records
 
@@ -220,17 +209,14 @@ def read_carmen(
 
     Args:
         paths: of its files, in order.
-        scan_topic: one of ``SCANS``; None takes the one in the file.
+        scan_topic: one of ``SCAN_KINDS``; None takes the one in the file.
         max_gap, reference_tolerance: of the true poses in it; see ``referenced``.
         field_of_view: of FLASER's scanner, rad.
-
-    Raises:
-        InputError: there is no scan, a choice of two kinds, or no usable record.
     """
     if field_of_view is not None:
         number("field_of_view", field_of_view, low=0, above=True, high=2 * math.pi)
     name = names_of(paths)
-    messages = _Messages({kind: RawRecords(name) for kind in SCANS})
+    messages = _Messages({kind: RawRecords(name) for kind in SCAN_KINDS})
     for line in _lines(paths):
         messages.read(line)
     kind = _kind(name, messages, scan_topic)
@@ -238,7 +224,7 @@ def read_carmen(
     log = records.log(lambda beams, _, fan: messages.scanner(beams, kind, fan), unit=messages.unit)
     if messages.others:
         left_out = ", ".join(f"{count:,} {kind}" for kind, count in messages.others.most_common())
-        warnings.warn(f"{name}: left out messages of other kinds: {left_out}.", LogWarning, 2)
+        tell(f"{name}: left out messages of other kinds: {left_out}.")
     return with_own_reference(log, messages.truth, max_gap, reference_tolerance)
 
 
@@ -254,7 +240,7 @@ def _lines(paths: Sequence[Path]) -> list[str]:
 def _stamped(line: str) -> float | None:
     """Return the time in a message with odometry or a scan, s; None for another."""
     kind, *words = line.split()
-    if kind not in ("ODOM", *SCANS):
+    if kind not in ("ODOM", *SCAN_KINDS):
         return None
     try:
         return numbers_of([words[-3]])[0]
@@ -270,7 +256,7 @@ def _fan(words: Sequence[str]) -> Fan:
 
 def _kind(name: str, messages: _Messages, asked: str | None) -> str:
     if asked is not None:
-        return one_of("kind of scan in a CARMEN log", asked, SCANS)
+        return one_of("kind of scan in a CARMEN log", asked, SCAN_KINDS)
     there = [kind for kind, found in messages.scans.items() if found.times]
     whole = [kind for kind in there if kind != "RAWLASER1"] or there  # raw ones are the same scans
     if len(whole) == 1:
@@ -284,5 +270,5 @@ def _kind(name: str, messages: _Messages, asked: str | None) -> str:
     others = f", but {', '.join(lasers)}, which are not read" if lasers else ""
     raise InputError(
         f"{name} has no scan{damaged}{others}: a CARMEN log has lines that begin with "
-        f"{', '.join(SCANS)}."
+        f"{', '.join(SCAN_KINDS)}."
     )

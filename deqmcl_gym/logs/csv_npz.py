@@ -39,9 +39,6 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
     Args:
         path: the file, gzipped or not.
         scanner: if the file does not contain it.
-
-    Raises:
-        InputError: a column or the scanner is missing, or no record is usable.
     """
     lines = text_of(path).splitlines()
     at_head = itertools.takewhile(lambda line: line.startswith("#"), lines)

@@ -8,7 +8,6 @@ CSV: a header with ``time,x,y,heading`` (s, m, rad) and, if known, the covarianc
 """
 
 import math
-import warnings
 from collections import Counter
 from os import PathLike
 from pathlib import Path
@@ -16,15 +15,23 @@ from pathlib import Path
 import numpy as np
 
 from deqmcl_gym.files import numbers_of, text_of
-from deqmcl_gym.logs.bags import POSES, TRANSFORMS, Bag, frame_of_header, opened, row_of, seconds_of
+from deqmcl_gym.logs.bags import (
+    POSE_TYPES,
+    TRANSFORMS,
+    Bag,
+    frame_of_header,
+    opened_bag,
+    row_of,
+    seconds_of,
+)
 from deqmcl_gym.logs.motion import composed
 from deqmcl_gym.logs.odometry import JudgedOdometry
-from deqmcl_gym.logs.raw_records import in_order, usable
+from deqmcl_gym.logs.raw_records import stamped
 from deqmcl_gym.logs.ros import warn_of_frames
-from deqmcl_gym.logs.trajectory import Trajectory, clock_words, tum_rows
+from deqmcl_gym.logs.trajectory import Trajectory, sound_poses, tum_rows
 from deqmcl_gym.logs.transforms import MAP_FRAME, ODOMETRY, PoseRows, Transforms
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError, LogWarning
+from deqmcl_gym.validation import InputError
 
 _POSE = ("time", "x", "y", "heading")
 _UPPER = ("var_x", "cov_xy", "cov_x_heading", "var_y", "cov_y_heading", "var_heading")
@@ -54,13 +61,15 @@ def read_estimate(path: str | PathLike[str], topic: str | None = None) -> Trajec
     ending = "" if file.is_dir() else (Path(file.stem) if packed else file).suffix.lower()
     if ending in _BAGS and (file.is_dir() or ending):
         rows, covariances = _read_topic(file, topic)
-        return _sound(rows, covariances, f"{file}:{topic}" if topic else str(file))
+        source = f"{file}:{topic}" if topic else str(file)
+        return sound_poses(stamped(rows), source, Counter(), covariances)
     if topic is not None:
         raise InputError(f"{file} is no bag, so it has no topic {topic}: leave it out.")
     if ending == ".csv":
-        return _sound(*_read_csv(file), str(file))
-    rows, unreadable = tum_rows(file)
-    return _sound(rows, None, str(file), unreadable)
+        rows, covariances = _read_csv(file)
+        return sound_poses(stamped(rows), str(file), Counter(), covariances)
+    rows, source, damage = tum_rows(file)
+    return sound_poses(stamped(rows), source, damage)
 
 
 def with_covariances(estimate: Trajectory, path: str | PathLike[str]) -> Trajectory:
@@ -137,11 +146,8 @@ def _read_topic(path: Path, topic: str | None) -> tuple[Floats, Floats | None]:
     Returns:
         Rows t, x, y, θ by the messages' headers, (n, 4), NaN where they are; and the covariances of
         (x, y, θ), (n, 3, 3), NaN where a message has zeros instead, None if the type has none.
-
-    Raises:
-        InputError: the bag cannot be read, or the topic is missing or has to be chosen.
     """
-    with opened([path]) as bag:
+    with opened_bag([path]) as bag:
         chosen = _chosen(bag, topic)
         if bag.topics.get(chosen) in TRANSFORMS:
             return _composed(bag, chosen), None
@@ -163,7 +169,7 @@ def _chosen(bag: Bag, asked: str | None) -> str:
     if asked is None and _ESTIMATE in bag.topics:
         return _ESTIMATE
     if asked is None:
-        estimates = [kind for kind in POSES if kind != ODOMETRY]
+        estimates = [kind for kind in POSE_TYPES if kind != ODOMETRY]
         if not any(kind in estimates for kind in bag.topics.values()):
             moving = [topic for topic, kind in bag.topics.items() if kind in TRANSFORMS]
             for topic in sorted(moving):
@@ -173,7 +179,7 @@ def _chosen(bag: Bag, asked: str | None) -> str:
             found = bag.topic(estimates, "the topic in FILE:TOPIC", None)
             assert found is not None
             return found
-    found = bag.topic((*POSES, *TRANSFORMS), "the topic in FILE:TOPIC", asked)
+    found = bag.topic((*POSE_TYPES, *TRANSFORMS), "the topic in FILE:TOPIC", asked)
     assert found is not None
     return found
 
@@ -219,22 +225,3 @@ def _composed(bag: Bag, topic: str) -> Floats:
     known = np.array([one is not None for one in found])
     here = np.array([one[1] for one in found if one is not None]).reshape(-1, 3)
     return np.column_stack([there[known, 0], composed(there[known, 1:], here)])
-
-
-def _sound(
-    rows: Floats, covariances: Floats | None, source: str, unreadable: int = 0
-) -> Trajectory:
-    """Return the trajectory of the finite rows t, x, y, θ, (n, 4), in the order of their times."""
-    rows = rows.copy()
-    if len(rows) and np.median(rows[:, 0]) > 1e6:
-        rows[rows[:, 0] == 0, 0] = np.nan  # a first message before the clock was known
-    kept, n = np.flatnonzero(usable(rows)), len(rows) + unreadable
-    if not kept.size:
-        raise InputError(f"{source} has no pose, of {n:,} lines or messages{clock_words(rows)}.")
-    late: Counter[str] = Counter()
-    kept = kept[in_order(rows[kept, 0], late)]
-    if lost := n - len(kept):
-        said = f"{source}: {lost:,} of {n:,} poses are left out: unreadable, not finite or late."
-        warnings.warn(said, LogWarning, stacklevel=3)
-    spread = None if covariances is None else covariances[kept]
-    return Trajectory(rows[kept, 0], rows[kept, 1:], source, spread)

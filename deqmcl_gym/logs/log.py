@@ -78,11 +78,7 @@ class Scanner(Lidar):
 
     @classmethod
     def of_json(cls, what: str, text: str) -> "Scanner":
-        """Return the scanner that :attr:`json` describes; ``what`` names the text in messages.
-
-        Raises:
-            InputError: the text is not JSON, or has an unknown name or a bad value.
-        """
+        """Return the scanner that :attr:`json` describes; ``what`` names the text in messages."""
         try:
             values = json.loads(text)
         except (ValueError, RecursionError):
@@ -150,6 +146,19 @@ class Scanner(Lidar):
         ), kept
 
 
+def ascending_times(source: str, what: str, given: ArrayLike) -> Floats:
+    """Return times, s, which must be in order and not none; ``what`` has each of them."""
+    times = array(f"times of {source}", given, (None,))
+    if not times.size:
+        raise InputError(f"{source} has no {what}.")
+    if (back := np.diff(times) < 0).any():
+        raise InputError(
+            f"times of {source} run backwards after {times[back.argmax()]:.6f} s: give {what}s in "
+            "the order of their times."
+        )
+    return times
+
+
 @dataclass(frozen=True)
 class Record:
     """One record of a log.
@@ -197,15 +206,8 @@ class Log:
 
     def __post_init__(self) -> None:
         one_of("unit of length", self.unit, PIXELS)
-        times = array(f"times of {self.source}", self.times, (None,))
+        times = ascending_times(self.source, "record", self.times)
         n, beams = times.size, self.scanner.beams
-        if n == 0:
-            raise InputError(f"{self.source} has no record.")
-        if (back := np.diff(times) < 0).any():
-            raise InputError(
-                f"times of {self.source} run backwards after {times[back.argmax()]:.6f} s: give "
-                "records in the order of their times."
-            )
         odometry = array(f"odometry of {self.source}", self.odometry, (n, 3))
         if (shape := np.shape(self.ranges)) != (n, beams):
             raise InputError(

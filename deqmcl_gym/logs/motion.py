@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Pose
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Pose
 
 
 def increments_of(poses: Floats) -> Floats:
@@ -112,3 +112,14 @@ def heading_of(quaternions: Floats) -> Floats:
     size = (quaternions**2).sum(axis=1)
     heading = np.asarray(arrays.arctan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z))
     return np.where(size > 1e-12, heading, np.nan)
+
+
+def nearest_in_time(times: Floats, at: Floats) -> tuple[Indices, Floats]:
+    """Return which of ``times`` (k,), ascending, is nearest to each of ``at``, (n,), and how far.
+
+    Indices and distances, (n,) each.
+    """
+    after = np.clip(np.searchsorted(times, at), 1, max(times.size - 1, 1))
+    pair = np.minimum(np.stack([after - 1, after]), times.size - 1)
+    off = np.abs(times[pair] - at)
+    return pair[off.argmin(axis=0), np.arange(at.size)], off.min(axis=0)

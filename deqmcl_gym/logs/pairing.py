@@ -1,7 +1,6 @@
 """Scans of several lidars, each with stamps and a rate of its own, paired as records of one log."""
 
 import math
-import warnings
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from deqmcl_gym.logs.log import Log, Scanner, said_of_skipped
-from deqmcl_gym.logs.motion import relative
+from deqmcl_gym.logs.motion import nearest_in_time, relative
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Indices, Singles
-from deqmcl_gym.validation import InputError, LogWarning
+from deqmcl_gym.validation import InputError, tell
 
 MAX_APART = 0.1  # s
 
@@ -28,9 +27,6 @@ def paired(scanned: Mapping[str, Log], source: str, max_apart: float = MAX_APART
         scanned: the log of each lidar, by its topic; its scanner has mounts.
         source: of the log.
         max_apart: of the stamps of a record's scans, s.
-
-    Raises:
-        InputError: no scans are so close together, or the scanners do not make one.
     """
     slowest = min(scanned, key=lambda topic: len(scanned[topic]))
     base = scanned[slowest]
@@ -63,11 +59,7 @@ def paired(scanned: Mapping[str, Log], source: str, max_apart: float = MAX_APART
 
 def _partners(base: Log, other: Log, max_apart: float) -> Indices:
     """Return for each record of ``base`` the scan nearest in time, its own alone; -1 for none."""
-    after = np.clip(np.searchsorted(other.times, base.times), 1, max(len(other) - 1, 1))
-    pair = np.minimum(np.stack([after - 1, after]), len(other) - 1)
-    apart = np.abs(other.times[pair] - base.times)
-    found: Indices = pair[apart.argmin(axis=0), np.arange(len(base))]
-    least = apart.min(axis=0)
+    found, least = nearest_in_time(other.times, base.times)
     found[least > max_apart + 1e-9] = -1
     # of two records with one scan the nearer has it
     order = np.argsort(least, kind="stable")
@@ -123,12 +115,10 @@ def _tell(
     """Warn of records left out, and of scans that are in no record."""
     if lost:
         said = said_of_skipped(lost, len(kept))
-        warnings.warn(f"{source}: {said}.", LogWarning, stacklevel=3)
+        tell(f"{source}: {said}.")
     for topic, log in scanned.items():
         if topic != slowest and (unused := len(log) - len(kept)):
-            warnings.warn(
+            tell(
                 f"{source}: {unused:,} of {len(log):,} scans of {topic} are in no record: "
-                f"records are those of {slowest}, which has the fewest scans.",
-                LogWarning,
-                stacklevel=3,
+                f"records are those of {slowest}, which has the fewest scans."
             )

@@ -2,7 +2,6 @@
 
 import bisect
 import math
-import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,7 +25,7 @@ from deqmcl_gym.logs.scans import (
     no_return_codes,
 )
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
-from deqmcl_gym.validation import LARGEST, InputError, LogWarning
+from deqmcl_gym.validation import LARGEST, InputError, tell
 
 UNREADABLE = "unreadable"
 OTHER_FRAME = "with a scan of another frame"
@@ -35,6 +34,7 @@ DOUBLED = "doubled"
 NOT_FINITE = f"with a time or pose that is not finite or beyond {LARGEST:g}"
 BACKWARDS = "whose time runs backwards"
 NO_ODOMETRY = "without odometry at that time"
+_EPOCH = 1e6  # s: where most stamps are larger, one of 0 is none
 _FEW = 0.5  # share of records with a reference pose below which a warning is given
 
 
@@ -112,9 +112,6 @@ class RawRecords:
 
         The scanner has the usual beams and limits of the scans, and is made by
         ``scanner_of(beams, frame, fan)``; scans with other angles are resampled.
-
-        Raises:
-            InputError: no record is sound.
         """
         times, poses = np.array(self.times), np.array(self.odometry).reshape(-1, 3)
         kept, remarks = np.arange(times.size), []
@@ -167,7 +164,7 @@ class RawRecords:
 
     def _tell(self, remarks: Sequence[str | None]) -> None:
         for remark in filter(None, remarks):
-            warnings.warn(f"{self.source}: {remark}.", LogWarning, stacklevel=4)
+            tell(f"{self.source}: {remark}.")
 
     def _seen(
         self, kept: Indices, frame: str, scanner_of: Callable[[int, str, Fan | None], Scanner]
@@ -192,7 +189,7 @@ class RawRecords:
         known = int(np.isfinite(poses[:, 0]).sum())
         if bad := sum(len(self.references[index]) > 0 for index in kept) - known:
             said = f"{bad:,} reference poses left out: not finite or beyond {LARGEST:g}"
-            warnings.warn(f"{self.source}: {said}.", LogWarning, stacklevel=3)
+            tell(f"{self.source}: {said}.")
         return poses if known else None
 
     def _without(self, kept: Indices, sound: Bools, reason: str) -> Indices:
@@ -210,12 +207,16 @@ def doubled(times: Sequence[float]) -> list[int]:
 def warn_of_few(log: Log, reference: str) -> None:
     """Warn if a log has a reference at few of its records."""
     if log.reference is not None and log.referenced.size < _FEW * len(log):
-        warnings.warn(
+        tell(
             f"the reference {reference} has a pose for only {log.referenced.size:,} of "
-            f"{len(log):,} records of {log.source}.",
-            LogWarning,
-            stacklevel=3,
+            f"{len(log):,} records of {log.source}."
         )
+
+
+def stamped(rows: Floats) -> Floats:
+    """Return rows t, … (n, k), NaN for a time of 0 before the clock was known."""
+    unknown = (rows[:, 0] == 0) & (len(rows) > 0 and bool(np.median(rows[:, 0]) > _EPOCH))
+    return np.where(unknown[:, None], np.nan, rows)
 
 
 def usable(rows: Floats) -> Bools:

@@ -123,11 +123,7 @@ def read(
 
 
 def _reader_of(files: Sequence[Path]) -> Callable[..., Log]:
-    """Return what reads all of some files.
-
-    Raises:
-        InputError: a file is of an unknown format, or they are no parts of one log.
-    """
+    """Return what reads all of some files."""
     readers = []
     for file in files:
         reader = _READERS.get(_ending(file))

@@ -3,7 +3,6 @@
 Transforms between the frames of a robot give the scanner's mounting and, if need be, the odometry.
 """
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,20 +12,20 @@ import numpy as np
 
 from deqmcl_gym.files import names_of
 from deqmcl_gym.logs.bags import (
-    POSES,
+    POSE_TYPES,
     SCAN,
     TRANSFORMS,
     Bag,
     Sent,
     frame_of_header,
-    opened,
+    opened_bag,
     row_of,
     seconds_of,
 )
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.odometry import JudgedOdometry, publisher_words, publishers
 from deqmcl_gym.logs.pairing import MAX_APART, paired
-from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecords
+from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecords, stamped
 from deqmcl_gym.logs.scans import Fan
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.logs.transforms import (
@@ -37,14 +36,13 @@ from deqmcl_gym.logs.transforms import (
     frame_name,
     only_frame,
 )
-from deqmcl_gym.validation import InputError, LogWarning, integer, number, one_of, shown
+from deqmcl_gym.validation import InputError, integer, number, one_of, shown, tell
 
 UNIT_TOPIC, REFERENCE_TOPIC = "/deqmcl_unit", "/reference"
 _ROBOT = "base_link"
 _SHORTEST = 1e-12  # square of the length of a quaternion
 _APART, _PARTS = 0.2, 4  # s between stamps of one time that is told, and parts of a log
 _ALIKE = 0.05  # share of an increment
-_EPOCH = 1e6  # s: where most stamps are larger, one of 0 is none
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,10 +70,6 @@ def read_bag(
     A scan's time is that of its header; its odometry is interpolated between the two messages
     around it. Transforms give the mounting of the scanner, which may hang upside down. Scans of
     several topics are ``paired``.
-
-    Raises:
-        InputError: the bag is missing or damaged, a topic is missing or has to be chosen, the
-            scanner is tilted, or no record is usable.
     """
     asked = _scan_topics(scan_topic)
     if max_apart is not None:
@@ -83,7 +77,7 @@ def read_bag(
         if len(asked) < 2:
             raise InputError("max_apart is given, but pairs the scans of 2 scan topics or more.")
     told = Reading(**reading)
-    with opened(paths) as bag:
+    with opened_bag(paths) as bag:
         scans = [bag.topic((SCAN,), "scan_topic", one) for one in asked]
         odometry = bag.topic(
             (ODOMETRY,), "odometry_topic", told.odometry_topic, beside=scans[0], needed=False
@@ -94,7 +88,7 @@ def read_bag(
             reference = None
         else:
             named = reference_topic or REFERENCE_TOPIC
-            reference = bag.topic(tuple(POSES), "reference_topic", named)
+            reference = bag.topic(tuple(POSE_TYPES), "reference_topic", named)
         messages = _Messages(names_of(paths), [one for one in scans if one], odometry, reference)
         messages.read(bag)
     warn_of_frames(messages.name, reference, messages.frames)
@@ -116,12 +110,10 @@ def _scan_topics(given: str | Sequence[str] | None) -> Sequence[str | None]:
 def warn_of_frames(name: str, topic: str | None, frames: set[str]) -> None:
     """Warn of poses that are not in the map's frame, as the headers of their messages say."""
     if other := sorted(frames - {"", MAP_FRAME}):
-        warnings.warn(
+        tell(
             f"the poses of {topic} in {name} are in frame {' and '.join(other)}, but are taken as "
             f"poses in {MAP_FRAME}: what lies between the frames, such as the drift of odometry, "
-            f"counts as error, so give a topic of poses in {MAP_FRAME}.",
-            LogWarning,
-            stacklevel=3,
+            f"counts as error, so give a topic of poses in {MAP_FRAME}."
         )
 
 
@@ -254,9 +246,6 @@ class _Messages:
         """Return the robot's frame and its odometry, judged.
 
         From the topic, or from transforms if there is none or what it says is of no use.
-
-        Raises:
-            InputError: there is none, or it has to be chosen.
         """
         (topic, scans), *_ = self.scanned.items()
         frames = self.transforms.of(topic)
@@ -295,7 +284,7 @@ class _Messages:
         return base, self._judged(rows, "the transforms", told)
 
     def _tell(self, remark: str) -> None:
-        warnings.warn(f"{self.name}: {remark}.", LogWarning, stacklevel=4)
+        tell(f"{self.name}: {remark}.")
 
     def _doubt(self, moved: PoseRows) -> str | None:
         """Say why poses on a topic of odometry may be none; None if they look like it."""
@@ -333,9 +322,7 @@ class _Messages:
 
     def _judged(self, moved: PoseRows, where: str, told: Reading) -> JudgedOdometry:
         """Return odometry, judged, of one publisher; tell what is not as usual."""
-        table, rows = moved.table, moved.poses
-        if np.median(rows[:, 0]) > _EPOCH:
-            rows[rows[:, 0] == 0, 0] = np.nan  # a first message before the clock was known
+        table, rows = moved.table, stamped(moved.poses)
         finite = np.flatnonzero(np.isfinite(rows).all(axis=1))
         own = publishers(rows[finite, 0], rows[finite, 1:], table[finite, 2], self.unit)
         chosen = integer("odometry_publisher", told.odometry_publisher or 1, low=1, high=len(own))

@@ -80,11 +80,7 @@ class Varying:
 
     @classmethod
     def of(cls, sizes: Sequence[int], fans: Sequence[Fan]) -> "Varying":
-        """Return what stands for scans.
-
-        Raises:
-            InputError: no scan has a beam.
-        """
+        """Return what stands for scans."""
         counts = Counter((size, fan[:2]) for size, fan in zip(sizes, fans, strict=True) if size)
         if not counts:
             raise InputError("no scan has a beam.")
@@ -228,9 +224,6 @@ def resampled(ranges: ArrayLike, bearings: ArrayLike, onto: Floats) -> Singles:
         ranges: (B,).
         bearings: of these beams, (B,) rad.
         onto: bearings asked for, (b,) rad, in any order.
-
-    Raises:
-        InputError: not as many bearings as ranges.
     """
     given = np.asarray(ranges, dtype=np.float32)
     angles = array("bearings", bearings, (None,)) if np.size(bearings) else np.empty(0)

@@ -1,7 +1,6 @@
 """Trajectories in the TUM format, and interpolation of their poses at the times of a log."""
 
 import math
-import warnings
 from collections import Counter
 from dataclasses import dataclass, replace
 from os import PathLike
@@ -12,14 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.files import numbers_of, save, text_of
-from deqmcl_gym.logs.log import Log, said_of_skipped
-from deqmcl_gym.logs.motion import between, composed, heading_of, relative
+from deqmcl_gym.logs.log import Log, ascending_times, said_of_skipped
+from deqmcl_gym.logs.motion import between, composed, heading_of, nearest_in_time, relative
 from deqmcl_gym.logs.odometry import jumps_in, times_words
 from deqmcl_gym.logs.raw_records import NOT_FINITE, UNREADABLE, in_order, usable, warn_of_few
 from deqmcl_gym.maps.map import PIXELS
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
-from deqmcl_gym.validation import LARGEST, InputError, LogWarning, array, number, real, shown
+from deqmcl_gym.validation import LARGEST, InputError, array, number, real, shown, tell
 
 MAX_GAP = 2.0  # m
 TOLERANCE = 0.02  # s, at most, and half the usual time between two records
@@ -47,15 +46,8 @@ class Trajectory:
     covariances: Floats | None = None
 
     def __post_init__(self) -> None:
-        times = array(f"times of {self.source}", self.times, (None,))
+        times = ascending_times(self.source, "pose", self.times)
         poses = array(f"poses of {self.source}", self.poses, (times.size, 3))
-        if not times.size:
-            raise InputError(f"{self.source} has no pose.")
-        if (back := np.diff(times) < 0).any():
-            raise InputError(
-                f"times of {self.source} run backwards after {times[back.argmax()]:.6f} s: give "
-                "poses in the order of their times."
-            )
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "poses", poses)
         if self.covariances is not None:
@@ -78,12 +70,10 @@ class Trajectory:
         wrong |= (np.diagonal(found[known], axis1=1, axis2=2) == 0).any(axis=1)
         found[np.flatnonzero(known)[wrong]] = np.nan
         if wrong.any():
-            warnings.warn(
+            tell(
                 f"{self.source}: {int(wrong.sum()):,} of {wrong.size:,} covariances count as "
                 "unknown: they are not symmetric with eigenvalues of 0 or more, or have a variance "
-                "of 0.",
-                LogWarning,
-                stacklevel=4,
+                "of 0."
             )
         return found
 
@@ -111,17 +101,16 @@ def read_tum(path: str | PathLike[str]) -> Trajectory:
     """
     if not isinstance(path, str | PathLike):
         raise InputError(f"the reference is {shown(path)}, but must be the path of a TUM file.")
-    rows, unreadable = tum_rows(Path(path))
-    return _sound(rows, str(path), Counter({UNREADABLE: unreadable} if unreadable else {}))
+    return sound_poses(*tum_rows(Path(path)))
 
 
-def tum_rows(file: Path) -> tuple[Floats, int]:
-    """Return t, x, y, θ of the lines of a TUM file, (n, 4), and how many are none.
+def tum_rows(file: Path) -> tuple[Floats, str, Counter[str]]:
+    """Return t, x, y, θ of the lines of a TUM file, (n, 4), its name, and what else is in it.
 
     NaN is where a number or the quaternion of a line is no pose.
     """
     rows: list[list[float]] = []
-    unreadable = 0
+    damage: Counter[str] = Counter()
     for line in text_of(file).splitlines():
         if not (words := line.replace(",", " ").split()) or words[0].startswith("#"):
             continue
@@ -130,7 +119,7 @@ def tum_rows(file: Path) -> tuple[Floats, int]:
         except ValueError:
             quaternion = []
         if len(quaternion) != 4:
-            unreadable += 1
+            damage[UNREADABLE] += 1
         else:
             rows.append([time, x, y, *quaternion])
     table = np.array(rows).reshape(-1, 7)
@@ -138,7 +127,7 @@ def tum_rows(file: Path) -> tuple[Floats, int]:
     table[known, 3:] = _upright(table[known, 3:], str(file))
     headings = np.full(len(table), np.nan)
     headings[known] = heading_of(table[known, 3:])
-    return np.column_stack([table[:, :3], headings]), unreadable
+    return np.column_stack([table[:, :3], headings]), str(file), damage
 
 
 def _upright(quaternions: Floats, source: str) -> Floats:
@@ -152,11 +141,9 @@ def _upright(quaternions: Floats, source: str) -> Floats:
     remedy = "they are read with qw first"
     if not first:
         remedy = "give poses of the robot's base with z up, if these are a camera's, with z ahead"
-    warnings.warn(
+    tell(
         f"{source}: with quaternions as qx qy qz qw, its poses are tilted by up to {tilt:.0f}°: "
-        f"{remedy}.",
-        LogWarning,
-        stacklevel=4,
+        f"{remedy}."
     )
     return quaternions[:, [1, 2, 3, 0]] if first else quaternions
 
@@ -171,23 +158,25 @@ def clock_words(rows: Floats) -> str:
     return ""
 
 
-def _sound(rows: Floats, source: str, damage: Counter[str]) -> Trajectory:
-    """Return the trajectory of the sound rows t, x, y, θ, (n, 4); warn of the others."""
-    given, sound = rows, usable(rows)
+def sound_poses(
+    rows: Floats, source: str, damage: Counter[str], covariances: Floats | None = None
+) -> Trajectory:
+    """Return the trajectory of the sound rows t, x, y, θ, (n, 4), in order; tell of the others."""
+    sound = usable(rows)
     if not sound.all():
         damage[NOT_FINITE] += int((~sound).sum())
-    rows = rows[sound]
-    if not len(rows):
+    kept = np.flatnonzero(sound)
+    if not kept.size:
         why = f" ({said_of_skipped(damage, 0)})" if damage else ""
         raise InputError(
-            f"{source} has no usable reference pose{why}{clock_words(given)}: a TUM trajectory has "
-            "lines of 8 numbers, t x y z qx qy qz qw."
+            f"{source} has no usable pose{why}{clock_words(rows)}: each needs a time and finite x, "
+            "y and heading; a TUM trajectory has lines t x y z qx qy qz qw."
         )
-    rows = rows[in_order(rows[:, 0], damage)]
+    kept = kept[in_order(rows[kept, 0], damage)]
     if damage:
-        said = said_of_skipped(damage, len(rows))
-        warnings.warn(f"reference {source}: {said}.", LogWarning, stacklevel=3)
-    return Trajectory(rows[:, 0], rows[:, 1:], source)
+        tell(f"{source}: {said_of_skipped(damage, kept.size)}.")
+    spread = None if covariances is None else covariances[kept]
+    return Trajectory(rows[kept, 0], rows[kept, 1:], source, spread)
 
 
 def tolerance_of(log: Log, tolerance: float | None = None) -> float:
@@ -231,7 +220,10 @@ def referenced(
     times, poses = trajectory.times, trajectory.poses
     inside = (log.times >= times[0]) & (log.times <= times[-1])
     exact, own = _stamped(log.times, times)
-    moved, close = _moved(log, times, poses, tolerance_of(log, tolerance))
+    nearest, off = nearest_in_time(times, log.times)
+    close = off <= tolerance_of(log, tolerance)
+    then = between(log.times, log.odometry, times[nearest])
+    moved = composed(poses[nearest], relative(then, log.odometry))
     after = np.clip(np.searchsorted(times, log.times), 1, max(times.size - 1, 1))
     before = after - 1
     after = np.minimum(after, times.size - 1)
@@ -265,32 +257,17 @@ def referenced(
     return done
 
 
-def _moved(log: Log, times: Floats, poses: Floats, within: float) -> tuple[Floats, Bools]:
-    """Return the nearest pose for each record, moved by the odometry since, and whether it is near.
-
-    (n, 3), (n,). The odometry between records lies on straight lines.
-    """
-    after = np.clip(np.searchsorted(times, log.times), 1, max(times.size - 1, 1))
-    pair = np.minimum(np.stack([after - 1, after]), times.size - 1)
-    off = np.abs(times[pair] - log.times)
-    nearest = pair[off.argmin(axis=0), np.arange(len(log))]
-    then = between(log.times, log.odometry, times[nearest])
-    return composed(poses[nearest], relative(then, log.odometry)), off.min(axis=0) <= within
-
-
 def _warn_of_jumps(trajectory: Trajectory, unit: str) -> None:
     """Warn of steps of a reference that no robot drives."""
     jumps = jumps_in(trajectory.times, trajectory.poses, unit)
     if not (at := np.flatnonzero(jumps)).size:
         return
     steps = np.hypot(*np.diff(trajectory.poses[:, :2], axis=0)[at].T)
-    warnings.warn(
+    tell(
         f"the reference {trajectory.source} jumps farther than a robot drives, "
         f"{times_words(at.size)}, first at {trajectory.times[at[0] + 1]:.2f} s, by up to "
         f"{steps.max():.2f} {unit}: what is "
-        "before or after may be wrong, and so are errors there.",
-        LogWarning,
-        stacklevel=4,
+        "before or after may be wrong, and so are errors there."
     )
 
 
@@ -299,11 +276,9 @@ def _warn_of_shared_stamps(trajectory: Trajectory) -> None:
     same = np.diff(trajectory.times) == 0
     moved = (np.diff(trajectory.poses, axis=0) != 0).any(axis=1)
     if (shared := np.mean(same & moved) if same.size else 0.0) > _SHARED:
-        warnings.warn(
+        tell(
             f"{shared:.0%} of the poses of {trajectory.source} have the stamp of the pose before, "
-            "but are other poses: write stamps with all digits.",
-            LogWarning,
-            stacklevel=4,
+            "but are other poses: write stamps with all digits."
         )
 
 
@@ -317,7 +292,7 @@ def with_own_reference(
     given = np.asarray(rows, dtype=np.float64).reshape(-1, 4)
     if not len(given):
         return log
-    return referenced(log, _sound(given, log.source, Counter()), max_gap, tolerance)
+    return referenced(log, sound_poses(given, log.source, Counter()), max_gap, tolerance)
 
 
 def _stamped(records: Floats, times: Floats) -> tuple[Bools, Indices]:

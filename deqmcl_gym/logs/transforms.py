@@ -1,7 +1,6 @@
 """Transforms between the frames of a robot: where its scanners are mounted, and odometry."""
 
 import math
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,7 +11,7 @@ import numpy as np
 from deqmcl_gym.logs.motion import heading_of
 from deqmcl_gym.maps import Mount
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError, LogWarning, one_of
+from deqmcl_gym.validation import InputError, one_of, tell
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 ODOMETRY_FRAME, MAP_FRAME = "odom", "map"
@@ -74,12 +73,10 @@ class Transforms:
         """
         namespaces = [one for one in self._edges if one == "" or topic.startswith(f"{one}/")]
         if not namespaces and len(self._edges) > 1:
-            warnings.warn(
+            tell(
                 f"{topic} is of none of the robots whose transforms are there, "
                 f"{', '.join(sorted(self._edges))}: places on the robot may be another's, so give "
-                "odometry_topic and mounting.",
-                LogWarning,
-                stacklevel=3,
+                "odometry_topic and mounting."
             )
         edges: dict[Edge, PoseRows] = {}
         for namespace in sorted(namespaces or self._edges, key=len):
@@ -110,9 +107,6 @@ class Frames:
 
         These are the transforms from ``odometry_frame``; None: from ``odom``, whatever stands
         before a slash, or those that move and have the scanner above them.
-
-        Raises:
-            InputError: there are none, or several frames move so.
         """
         if odometry_frame is not None:
             parents = {parent for parent, _ in self.edges}
@@ -159,39 +153,30 @@ class Frames:
         """Return where the scanner of a frame is mounted on the robot, seen from above.
 
         By the mean of transforms that rock, as on springs; their spread is told.
-
-        Raises:
-            InputError: the scanner is tilted.
         """
         scanner = self._known(frame)
         chain, spread = self._chain(self._known(base), scanner)
         if chain is None and (root := self._root(scanner)) != scanner:
-            warnings.warn(
+            tell(
                 f"{name} has no static transform from {base} to {frame}: the scanner's place on "
                 f"{root} is taken; if that is not {base}, seen from above, give "
-                "mounting=(x, y, turn).",
-                LogWarning,
-                stacklevel=2,
+                "mounting=(x, y, turn)."
             )
             chain, spread = self._chain(root, scanner)
         if chain is None:
             broken = [" to ".join(edge) for edge, rows in self.edges.items() if not rows.rows]
             why = f" (no finite one from {', '.join(broken)})" if broken else ""
-            warnings.warn(
+            tell(
                 f"{name} has no static transform from {base} to {frame}{why}: the scanner is "
                 "assumed in the robot's centre, looking ahead; if it is not, give "
-                "mounting=(x, y, turn).",
-                LogWarning,
-                stacklevel=2,
+                "mounting=(x, y, turn)."
             )
             chain = np.eye(4)
         if max(spread) > _STEADY:
-            warnings.warn(
+            tell(
                 f"{name}: the place of {frame} on {base} is the mean of transforms that vary, "
                 f"standard deviation {spread[0]:.3f} m, turn {math.degrees(spread[1]):.2g}°, tilt "
-                f"{math.degrees(spread[2]):.2g}°.",
-                LogWarning,
-                stacklevel=2,
+                f"{math.degrees(spread[2]):.2g}°."
             )
         up = chain[2, 2]
         if abs(up) < _UPRIGHT:
@@ -273,11 +258,7 @@ def _turned_back(quaternions: Floats, mean: Floats) -> Floats:
 
 
 def only_frame(frames: Iterable[str], where: str) -> str:
-    """Return the only one of some frames.
-
-    Raises:
-        InputError: there are several; ``where`` says in what.
-    """
+    """Return the only one of some frames."""
     first, *others = sorted(frames)
     if others:
         said = ", ".join([first, *others])

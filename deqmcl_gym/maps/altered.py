@@ -125,9 +125,6 @@ def inner_walls(floor_plan: Map) -> InnerWalls:
 
     A wall has nothing occupied beside it and is free on one side at least; walls at the map's edge
     are outer ones. Of polygons, only those with all edges along x or y are looked at.
-
-    Raises:
-        InputError: there are none.
     """
     return _inner_walls(floor_plan)  # type: ignore[arg-type] # hashable
 

@@ -11,7 +11,7 @@ from deqmcl_gym.maps import ray_kernels, stride_kernels
 from deqmcl_gym.maps.map import Box, Caster
 from deqmcl_gym.maps.polygons import Polygon, as_box, oriented_edges
 from deqmcl_gym.maps.ray_kernels import AllWalls
-from deqmcl_gym.maps.stride_kernels import Table
+from deqmcl_gym.maps.stride_kernels import CellTable
 from deqmcl_gym.numerics.types import Floats, Singles
 
 _PER_WALL = 4  # cells; the fastest of 2 to 16 among 256 and 1,024 walls
@@ -28,7 +28,7 @@ class SortedWalls(NamedTuple):
 
     corner: tuple[float, float]
     side: float
-    table: Table
+    table: CellTable
 
 
 def cells_of(walls: Floats, directed: Singles, margin: float) -> SortedWalls:
@@ -59,7 +59,9 @@ def cells_of(walls: Floats, directed: Singles, margin: float) -> SortedWalls:
     scaled = directed.astype(np.float64)
     scaled[:, :2] = (scaled[:, :2] - corner) / side
     scaled[:, 4:] /= side
-    return SortedWalls(corner, side, Table(reach, first, listed, scaled.astype(np.float32), False))
+    return SortedWalls(
+        corner, side, CellTable(reach, first, listed, scaled.astype(np.float32), False)
+    )
 
 
 # px: walls are extended by this at both ends, so that no ray slips between two at a corner
@@ -78,7 +80,7 @@ FEW_POSES = 8
 
 # Rectangles that no ray leaves, and that none enters.
 EVERYWHERE: Box = (-math.inf, -math.inf, math.inf, math.inf)
-NOWHERE: Box = (math.inf, math.inf, math.inf, math.inf)
+NO_BOX: Box = (math.inf, math.inf, math.inf, math.inf)
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ class AllAtOnce:
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """See ``Caster``."""
-        kernel = ray_kernels.cast_fans if poses.shape[1] < FEW_POSES else ray_kernels.cast
+        kernel = ray_kernels.cast_fans if poses.shape[1] < FEW_POSES else ray_kernels.cast_all
         kernel(poses, bearings, tuple(self.walls), out)
 
     @property
@@ -125,7 +127,7 @@ def all_at_once(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> AllA
     room, found = as_box(outer), [as_box(polygon) for polygon in obstacles]
     polygons = zip((outer, *obstacles), (room, *found), strict=True)
     walls = _edges([polygon for polygon, box in polygons if box is None])
-    boxes = np.array([box for box in found if box is not None] or [NOWHERE], np.float32)
+    boxes = np.array([box for box in found if box is not None] or [NO_BOX], np.float32)
     x0, y0, x1, y1 = walls.T
     upright, level = x0 == x1, y0 == y1
     overlap = OVERLAP * px

@@ -4,6 +4,10 @@ Loops run over blocks of ``LANES`` items with the wall outside and the lanes ins
 branches, so that the compiler turns the inner loop into SIMD code. The arithmetic is IEEE 754's
 (see ``deqmcl_gym.numerics``): every processor gives the same bits.
 
+Poses are rows x, y, θ, (3, n), points rows x and y (further ones are ignored), (2+, n), moves rows
+forward, left, turn, (3, n), walls (x₀, y₀, x₁, y₁), (S, 4), radii those of the robot's disc.
+Kernels fill in their last argument, which must not be the memory of another one.
+
 In this order: discs along single moves, one path laid from many poses, and a grid of distances to
 walls that decides most steps without looking at them.
 """
@@ -17,7 +21,6 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import sincos32, wrapped32
 from deqmcl_gym.numerics.types import Bools, Ints, Singles
 
-Single = Any  # a float32
 LANES = 64
 BLOCK = 2048
 
@@ -45,13 +48,7 @@ class Clearance(NamedTuple):
 
 @compiled
 def drive(poses: Singles, moves: Singles, out: Singles) -> None:
-    """θ' = θ + turn, wrapped to [-π, π]; (x', y') = (x, y) + R(θ') (forward, left).
-
-    Args:
-        poses: rows x, y, θ, (3, n).
-        moves: increments, rows forward, left, turn, (3, n).
-        out: (3, n), not the memory of the poses.
-    """
+    """θ' = θ + turn, wrapped to [-π, π]; (x', y') = (x, y) + R(θ') (forward, left)."""
     x, y, heading = poses[0], poses[1], poses[2]
     forward, left, turn = moves[0], moves[1], moves[2]
     new_x, new_y, new_heading = out[0], out[1], out[2]
@@ -66,13 +63,7 @@ def drive(poses: Singles, moves: Singles, out: Singles) -> None:
 
 @compiled
 def mounted(poses: Singles, ahead: float, aside: float, out: Singles) -> None:
-    """Fill in the poses of a sensor, (x, y) + R(θ) (ahead, aside) and θ, of robots at ``poses``.
-
-    Args:
-        poses: rows x, y, θ, (3, n).
-        ahead, aside: place of the sensor on the robot, ahead and to the left.
-        out: (3, n), not the memory of the poses.
-    """
+    """Fill in the poses of a sensor, (x, y) + R(θ) (ahead, aside) and θ, of robots at ``poses``."""
     x, y, heading = poses[0], poses[1], poses[2]
     forward, left = np.float32(ahead), np.float32(aside)
     sincos32(heading, out[1], out[0])
@@ -85,13 +76,7 @@ def mounted(poses: Singles, ahead: float, aside: float, out: Singles) -> None:
 
 @compiled
 def wind(poses: Singles, walls: Singles, out: Ints) -> None:
-    """Fill in the winding number of the walls around each point.
-
-    Args:
-        poses: rows x and y (further rows are ignored), (2+, n).
-        walls: (x₀, y₀, x₁, y₁), (S, 4).
-        out: (n,).
-    """
+    """Fill in the winding number of the walls around each point, (n,)."""
     x, y = poses[0], poses[1]
     for i in range(x.size):
         out[i] = 0
@@ -106,13 +91,7 @@ def wind(poses: Singles, walls: Singles, out: Ints) -> None:
 
 @compiled
 def sweep(starts: Singles, ends: Singles, walls: Singles, out: Singles) -> None:
-    """Fill in the squared distance between each path and the nearest wall; 0 if they cross.
-
-    Args:
-        starts, ends: rows x and y of the paths' ends (further rows are ignored), (2+, n).
-        walls: (x₀, y₀, x₁, y₁), (S, 4).
-        out: (n,).
-    """
+    """Fill in the squared distance of each path to the nearest wall, (n,); 0 if they cross."""
     n = starts.shape[1]
     ax = np.zeros(LANES, np.float32)
     ay = np.zeros(LANES, np.float32)
@@ -206,13 +185,7 @@ def directed(poses: Singles, out: Singles) -> None:
 
 @compiled
 def laid(poses: Singles, path: Singles, out: Singles) -> None:
-    """Fill in the points of a path that begins at each pose.
-
-    Args:
-        poses: rows x, y, θ, (3, n).
-        path: points in the frame of the pose, (k, 2).
-        out: rows x, y of each point, (k, 2, n).
-    """
+    """Fill in the points (k, 2, n) of a path, (k, 2) in the frame of each pose it begins at."""
     rows = np.empty((4, poses.shape[1]), np.float32)
     directed(poses, rows)
     for k in range(len(path)):
@@ -236,10 +209,9 @@ def _undecided(
     than (a + b - d) / 2. Where one end is in a solid or nearer to a wall than the radius, it hits.
 
     Args:
-        here, there: rows x and y of the steps' ends (further rows are ignored), (2+, n).
+        here, there: the steps' ends.
         near, next_near: bounds of ``look_up`` there, (n,).
-        radius: of the disc.
-        slack: of the bounds, see ``Clearance``.
+        radius, slack: see ``Clearance``.
         hits: number of colliding steps, counted up, (n,).
         chosen: indices of the steps to look at closely, as many as are returned, (n,).
     """
@@ -300,14 +272,9 @@ def feasible(
 ) -> None:
     """Fill in whether a disc swept along each path stays clear of walls and ends in free space.
 
-    Free space is what the walls wind around once. Only paths for which the bounds of clearance do
-    not decide are compared with the walls.
-
-    Args:
-        starts, ends, walls: as ``sweep``.
-        radius: of the disc.
-        clearance: a :class:`Clearance`, as a plain tuple: numba takes it faster.
-        out: (n,).
+    Free space is what the walls wind around once. Only paths for which the bounds of a
+    :class:`Clearance` (as a plain tuple: numba takes it faster) do not decide are compared with the
+    walls.
     """
     n, grid = starts.shape[1], Clearance(*clearance)
     near, next_near = np.empty(n, np.float32), np.empty(n, np.float32)
@@ -349,9 +316,8 @@ def roll_out(
     ``feasible``.
 
     Args:
-        poses: rows x, y, θ, (3, n).
-        moves: increments, (F, 3, n); as ``drive``.
-        walls, radius, clearance: as ``feasible``.
+        poses, walls, radius, clearance: as ``feasible``.
+        moves: (F, 3, n).
         collisions: number of steps of each that collide, (n,).
         out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).
     """
@@ -396,14 +362,7 @@ def collisions(
     clearance: tuple[Any, ...],
     out: Ints,
 ) -> None:
-    """Fill in the number of steps that collide on a path laid from each pose; as ``roll_out``.
-
-    Args:
-        poses: rows x, y, θ, (3, n).
-        path: points in the frame of the pose, (k + 1, 2), k ≥ 1.
-        walls, radius, clearance: as ``feasible``.
-        out: (n,).
-    """
+    """Fill in the number of steps that collide on a path (k + 1, 2) laid from each pose, k ≥ 1."""
     n, grid = poses.shape[1], Clearance(*clearance)
     squares, chosen = np.empty(BLOCK, np.int32), np.empty(BLOCK, np.int32)
     late, owners = np.empty((4, 2 * BLOCK), np.float32), np.empty(2 * BLOCK, np.int32)

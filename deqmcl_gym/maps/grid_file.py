@@ -60,9 +60,6 @@ def image_with_place(path: str | os.PathLike[str]) -> tuple[NDArray[Any], dict[s
 
     Args:
         path: of that yaml file, or of an image alone, of which nothing is said: {}.
-
-    Raises:
-        InputError: a file is missing or damaged, or has a bad value.
     """
     given = Path(os.path.abspath(os.path.expanduser(path)))
     of_map = given.suffix in (".yaml", ".yml")
@@ -84,7 +81,7 @@ def check_thresholds(free: Any, occupied: Any) -> None:
         )
 
 
-def write(
+def write_map(
     path: str | os.PathLike[str],
     mode: str,
     cells: Occupancy,

@@ -3,7 +3,9 @@
 Positions are in cells: square (i, j) of a table is [i, i + 1] × [j, j + 1]. All but ``distances``
 use one table, the *reach* of each cell: the number of cells, along an axis or a diagonal, to the
 nearest solid one; 0 is solid. The table has a ring of solid cells around the map, so that no ray
-leaves it, and all cells nearer than the reach of an open one are open too.
+leaves it, and all cells nearer than the reach of an open one are open too. ``frame`` is a
+:class:`Frame`, as a plain tuple: numba takes it faster. All else is as in ``drive_kernels``, but
+that poses and points may be float64.
 """
 
 from typing import Any, NamedTuple
@@ -12,13 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.maps.drive_kernels import BLOCK, copy_columns, directed, drive, put
-from deqmcl_gym.maps.stride_kernels import FARTHEST, Reach, cast_among, no_walls
+from deqmcl_gym.maps.stride_kernels import FARTHEST_CELL, Reach, cast_among, no_walls
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos32, sin32
-from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Ints, Scalar, Singles
 
-Runs = NDArray[np.int16]
-Scalar = Any  # a float32 or float64 inside a kernel
+CellRuns = NDArray[np.int16]
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _TINY = np.float32(1e-12)
 _NAN = np.float32(np.nan)
@@ -41,7 +42,7 @@ class Frame(NamedTuple):
 
 
 @compiled
-def fill_runs(reach: Reach, up: Runs, down: Runs) -> None:
+def fill_runs(reach: Reach, up: CellRuns, down: CellRuns) -> None:
     """Fill in the number of cells up and down to the next one of the other kind, solid or open.
 
     The ring is of neither kind.
@@ -82,7 +83,7 @@ def open_at(us: Floats, vs: Floats, reach: Reach, out: Bools) -> None:
 
 
 @compiled
-def cast(
+def cast_cells(
     poses: Any,
     bearings: Singles,
     reach: Reach,
@@ -93,16 +94,8 @@ def cast(
 ) -> None:
     """Fill in the distance along each beam to the nearest face between an open and a solid cell.
 
-    The map's edge is a face, too, or ∞ far away; NaN for a pose that is not on the map.
-
-    Args:
-        poses: rows x, y, θ, (3, n), float32 or float64.
-        bearings: (B,) rad.
-        reach: of the map's cells, those solid that stop beams.
-        frame: a :class:`Frame`, as a plain tuple: numba takes it faster.
-        yaw: of the map.
-        endless: whether beams go on beyond the map's edge.
-        out: (B, n).
+    The map's edge is a face, too, or ∞ far away if it is ``endless``; NaN for a pose that is not on
+    the map. Bearings are (B,) rad, the yaw is the map's, ``out`` is (B, n).
     """
     n = poses.shape[1]
     u, v, headings = np.empty(n, np.float32), np.empty(n, np.float32), np.empty(n, np.float32)
@@ -140,7 +133,7 @@ def _from_within(x: Scalar, y: Scalar, dx: Scalar, dy: Scalar, reach: Reach) -> 
 
 @compiled
 def distances(
-    points: Any, reach: Reach, up: Runs, down: Runs, frame: tuple[float, ...], out: Singles
+    points: Any, reach: Reach, up: CellRuns, down: CellRuns, frame: tuple[float, ...], out: Singles
 ) -> None:
     """Fill in the distance of points (2+, n) to the nearest face between open and solid cells.
 
@@ -161,7 +154,7 @@ def distances(
 
 
 @compiled
-def _nearest(u: float, v: float, reach: Reach, up: Runs, down: Runs) -> float:
+def _nearest(u: float, v: float, reach: Reach, up: CellRuns, down: CellRuns) -> float:
     """Return the squared distance of a point on the map to the nearest face, in cells."""
     row, middle = int(v), int(u)
     columns, solid, above = reach.shape[1], reach[row, middle] == 0, v - row
@@ -196,21 +189,14 @@ class CellGrid(NamedTuple):
     """
 
     reach: Reach
-    up: Runs
-    down: Runs
+    up: CellRuns
+    down: CellRuns
     frame: tuple[float, ...]
 
 
 @compiled
 def feasible(starts: Any, ends: Any, reach: Reach, frame: Any, radius: float, out: Bools) -> None:
-    """Fill in whether a disc swept along each path meets no solid cell and stays on the map.
-
-    Args:
-        starts, ends: rows x and y (further rows are ignored), (2+, n), float32 or float64.
-        reach, frame: as ``cast``.
-        radius: of the disc.
-        out: (n,).
-    """
+    """Fill in whether a disc swept along each path meets no solid cell and stays on the map."""
     n = out.size
     here, there = np.empty((2, n)), np.empty((2, n))
     near, next_near = np.empty(n, np.int16), np.empty(n, np.int16)
@@ -232,15 +218,7 @@ def roll_out(
     collisions: Ints,
     out: Singles,
 ) -> None:
-    """Drive poses through several moves; fill in the poses reached and the steps that collide.
-
-    Args:
-        poses: rows x, y, θ, (3, n).
-        moves: increments, (F, 3, n); as ``drive_kernels.drive``.
-        reach, frame, radius: as ``feasible``.
-        collisions: number of steps of each that collide, (n,).
-        out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).
-    """
+    """Do as ``drive_kernels.roll_out``."""
     n, size = poses.shape[1], radius / frame[4]
     for start in range(0, n, BLOCK):
         end = min(start + BLOCK, n)
@@ -267,14 +245,7 @@ def roll_out(
 def collisions(
     poses: Singles, path: Singles, reach: Reach, frame: tuple[float, ...], radius: float, out: Ints
 ) -> None:
-    """Fill in the number of steps that collide on a path laid from each pose.
-
-    Args:
-        poses: rows x, y, θ, (3, n).
-        path: points in the frame of the pose, (k + 1, 2), k ≥ 1.
-        reach, frame, radius: as ``feasible``.
-        out: (n,).
-    """
+    """Do as ``drive_kernels.collisions``."""
     n, size = poses.shape[1], radius / frame[4]
     out[:] = 0
     for start in range(0, n, BLOCK):
@@ -333,7 +304,7 @@ def _count(
         spare = np.float64(near[i]) + np.float64(next_near[i]) - 2.0 - 2.0 * size
         clear = (spare > 0.0) & (spare * spare > du * du + dv * dv)
         least = min(near[i], next_near[i])
-        hit = (least <= 0) | ((least * _DIAGONAL < size) & (least < FARTHEST))
+        hit = (least <= 0) | ((least * _DIAGONAL < size) & (least < FARTHEST_CELL))
         hits[i] += hit
         unsure[i] = not (hit | clear)
     count = 0

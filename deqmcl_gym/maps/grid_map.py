@@ -107,7 +107,7 @@ class GridMap:
             InputError: the mode is unknown, an image of it cannot hold the map, or the path cannot
                 be written to.
         """
-        grid_file.write(
+        grid_file.write_map(
             path, mode, self.occupancy, resolution=self.resolution, origin=self.origin,
             thresholds=(self.free_thresh, self.occupied_thresh),
         )  # fmt: skip
@@ -197,7 +197,7 @@ class GridMap:
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """See ``Caster``."""
         reach, endless = self.sight
-        grid_kernels.cast(poses, bearings, reach, self._frame, self.origin[2], endless, out)
+        grid_kernels.cast_cells(poses, bearings, reach, self._frame, self.origin[2], endless, out)
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
         """See ``Map.ranges``."""

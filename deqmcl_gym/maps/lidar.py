@@ -68,11 +68,7 @@ class Mount:
 
     @classmethod
     def of(cls, given: Any) -> "Mount":
-        """Return a mount of itself, a mapping of its attributes, or a row (x, y, heading).
-
-        Raises:
-            InputError: it is none of these.
-        """
+        """Return a mount of itself, a mapping of its attributes, or a row (x, y, heading)."""
         if isinstance(given, cls | Mapping):
             return part("a mount of a lidar", cls, given, cls())
         x, y, heading = array("a mount of a lidar", given, (3,)).tolist()

@@ -162,11 +162,7 @@ POSE: Mapping[str, tuple[int, ...]] = MappingProxyType({"length": (1, 1, 0)})
 
 
 def pixel(unit: str) -> float:
-    """Return the length of a pixel of the paper's room in a unit.
-
-    Raises:
-        InputError: the unit is unknown.
-    """
+    """Return the length of a pixel of the paper's room in a unit."""
     return PIXELS[one_of("unit of length", unit, PIXELS)]
 
 

@@ -276,11 +276,7 @@ KEYS = ("outer", "obstacles", "unit")
 
 
 def read_polygons(path: str | os.PathLike[str]) -> PolygonMap:
-    """Read a map.
-
-    Raises:
-        InputError: the file is missing or damaged, or has a bad value.
-    """
+    """Read a map."""
     try:
         given = json_of(content_of(Path(os.path.expanduser(path))))
     except FileNotFoundError:

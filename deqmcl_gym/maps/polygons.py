@@ -115,10 +115,6 @@ def parse_polygon(
         polygon: its corners.
         shortest: least length of an edge, and least distance of two edges that share no corner.
         farthest: largest coordinate.
-
-    Raises:
-        InputError: it has fewer than three corners, NaN, a coordinate that is too large, an edge of
-            zero length, or edges that cross, touch or fold back.
     """
     try:
         corners = array(name, list(polygon), (None, 2))

@@ -13,12 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from deqmcl_gym.maps.drive_kernels import wind
-from deqmcl_gym.maps.stride_kernels import Table, cast_among
+from deqmcl_gym.maps.stride_kernels import CellTable, cast_among
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos32, sin32, sincos32
-from deqmcl_gym.numerics.types import Bools, Singles
+from deqmcl_gym.numerics.types import Bools, Single, Singles
 
-Single = Any  # a float32
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TINY = np.float32(1e-12)
@@ -226,14 +225,10 @@ def _has_more(walls: AllWalls) -> bool:
 
 
 @compiled
-def cast(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out: Singles) -> None:
-    """Fill in the distance along each beam to the nearest wall; NaN outside the outer wall.
+def cast_all(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out: Singles) -> None:
+    """Fill in the distance along each beam to the nearest wall, as ``Caster.cast``.
 
-    Args:
-        poses: rows x, y, θ, (3, n).
-        bearings: of the beams against the heading, (B,) rad.
-        arrays: an :class:`AllWalls`, as a plain tuple: numba takes it faster.
-        out: (B, n).
+    ``arrays`` are an :class:`AllWalls`, as a plain tuple: numba takes it faster.
     """
     walls = AllWalls(*arrays)
     sine, cosine = np.empty(_RAYS, np.float32), np.empty(_RAYS, np.float32)
@@ -273,7 +268,7 @@ def cast(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out: Si
 
 @compiled
 def cast_fans(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], out: Singles) -> None:
-    """Do the same as ``cast``, with the lanes over the beams, for a handful of poses.
+    """Do the same as ``cast_all``, with the lanes over the beams, for a handful of poses.
 
     Room and box are repeated here: with lanes over poses, their sides differ between lanes, and a
     common loop takes a fifth longer.
@@ -317,17 +312,13 @@ def cast_through(
     place: tuple[float, float, float],
     out: Singles,
 ) -> None:
-    """Fill in the distance along each beam to the nearest wall, walking from cell to cell.
-
-    A ray takes as long as the cells that it crosses, not as all walls. NaN outside the outer wall.
+    """Do the same, walking from cell to cell: a ray takes as long as the cells that it crosses.
 
     Args:
-        poses: rows x, y, θ, (3, n).
-        bearings: of the beams against the heading, (B,) rad.
+        poses, bearings, out: as ``cast_all``.
         outer: the outer wall, as in :class:`AllWalls`.
-        table: a ``Table``, as a plain tuple: numba takes it faster.
+        table: a ``CellTable``, as a plain tuple: numba takes it faster.
         place: of its lower left corner (x, y), and a cell's side.
-        out: (B, n).
     """
     n = poses.shape[1]
     u, v = np.empty(n, np.float32), np.empty(n, np.float32)
@@ -335,5 +326,5 @@ def cast_through(
     for i in range(n):
         u[i] = (np.float64(poses[0, i]) - x0) / side
         v[i] = (np.float64(poses[1, i]) - y0) / side
-    cast_among(u, v, poses[2], bearings, Table(*table), np.float32(side), out)
+    cast_among(u, v, poses[2], bearings, CellTable(*table), np.float32(side), out)
     _blind(_enclosed(poses, outer), out)

@@ -5,18 +5,17 @@ says how many cells away, along an axis or a diagonal, the nearest one is that i
 is 0 then. The cells along the edge of a table are never open, so that nothing walks off it.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import sincos32
-from deqmcl_gym.numerics.types import Bools, Floats, Ints, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Ints, Single, Singles
 
 Reach = NDArray[np.uint8]
-Single = Any  # a float32
-FARTHEST = 255  # cells told apart by the reach
+FARTHEST_CELL = 255  # cells told apart by the reach
 
 _RAYS = 1024  # traced side by side: what they need fits the second cache
 _STRIDES = 4  # between two looks at which of them have arrived
@@ -24,7 +23,7 @@ _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _INF, _TINY = np.float32(np.inf), np.float32(1e-12)
 
 
-class Table(NamedTuple):
+class CellTable(NamedTuple):
     """Cells, and the walls in those that are not open.
 
     Attributes:
@@ -45,33 +44,33 @@ class Table(NamedTuple):
 
 
 @compiled
-def no_walls(reach: Reach, endless: bool) -> Table:
+def no_walls(reach: Reach, endless: bool) -> CellTable:
     """Return a table in which rays end where they enter a cell that is not open."""
     none = np.empty(0, np.int32)
-    return Table(reach, none, none, np.empty((0, 6), np.float32), endless)
+    return CellTable(reach, none, none, np.empty((0, 6), np.float32), endless)
 
 
 @compiled
 def fill_reach(solid: Bools, out: Reach) -> None:
-    """Fill in how many cells away the nearest solid one is, at most ``FARTHEST``.
+    """Fill in how many cells away the nearest solid one is, at most ``FARTHEST_CELL``.
 
     The chessboard distance in two passes (Rosenfeld & Pfaltz 1968). ``solid`` has a solid ring.
     """
     rows, columns = solid.shape
     for row in range(rows):
         for column in range(columns):
-            out[row, column] = 0 if solid[row, column] else FARTHEST
+            out[row, column] = 0 if solid[row, column] else FARTHEST_CELL
     for row in range(1, rows - 1):
         for column in range(1, columns - 1):
             if out[row, column]:
                 below = min(out[row - 1, column - 1], out[row - 1, column])
                 beside = min(out[row - 1, column + 1], out[row, column - 1])
-                out[row, column] = min(below, beside, FARTHEST - 1) + 1
+                out[row, column] = min(below, beside, FARTHEST_CELL - 1) + 1
     for row in range(rows - 2, 0, -1):
         for column in range(columns - 2, 0, -1):
             above = min(out[row + 1, column + 1], out[row + 1, column])
             beside = min(out[row + 1, column - 1], out[row, column + 1])
-            nearest = min(above, beside, FARTHEST - 1) + 1
+            nearest = min(above, beside, FARTHEST_CELL - 1) + 1
             out[row, column] = min(out[row, column], nearest)
 
 
@@ -126,19 +125,13 @@ def cast_among(
     v: Singles,
     headings: Singles,
     bearings: Singles,
-    cells: Table,
+    cells: CellTable,
     side: Single,
     out: Singles,
 ) -> None:
     """Fill in how far the beams of poses come, ∞ if for ever; NaN for poses not on the table.
 
-    Args:
-        u, v: of the poses, in cells, (n,).
-        headings: (n,) rad.
-        bearings: (B,) rad.
-        cells: what stands in the way.
-        side: of a cell.
-        out: (B, n).
+    u and v are those of the poses, (n,), in cells of this ``side``; bearings (B,), out (B, n).
     """
     n, beams = u.size, bearings.size
     rows, columns = np.float32(cells.reach.shape[0]), np.float32(cells.reach.shape[1])
@@ -179,7 +172,12 @@ def cast_among(
 
 @compiled
 def _trace(
-    from_x: Singles, from_y: Singles, along_x: Singles, along_y: Singles, cells: Table, out: Singles
+    from_x: Singles,
+    from_y: Singles,
+    along_x: Singles,
+    along_y: Singles,
+    cells: CellTable,
+    out: Singles,
 ) -> None:
     """Fill in how far rays from points along directions, (n,) each, come.
 

@@ -5,15 +5,13 @@ NumPy's own functions differ between instruction sets. They are free of branches
 inner loop needs that to become SIMD code. Coefficients: Moshier's Cephes library.
 """
 
-from typing import Any
-
 import numpy as np
 
 from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.types import Scalar
 
-Scalar = Any  # a float32 or float64 inside a kernel
 _F = np.float32
-LANES = 512  # of an array worked on in one go: what they need fits the fastest cache
+ARRAY_LANES = 512  # of an array worked on in one go: what they need fits the fastest cache
 TURN = 2 * np.pi
 # Adding and subtracting it rounds to the nearest integer: 1.5 * 2**23, 1.5 * 2**52.
 ROUNDER32, ROUNDER64 = _F(12582912.0), 6755399441055744.0
@@ -103,10 +101,10 @@ def sincos32(angles: Scalar, sines: Scalar, cosines: Scalar) -> None:
 
     In loops so short that the compiler keeps their constants in registers: quicker than one loop.
     """
-    quarters = np.empty(LANES, np.int32)
-    r = np.empty(LANES, np.float32)
-    for start in range(0, angles.size, LANES):
-        count = min(LANES, angles.size - start)
+    quarters = np.empty(ARRAY_LANES, np.int32)
+    r = np.empty(ARRAY_LANES, np.float32)
+    for start in range(0, angles.size, ARRAY_LANES):
+        count = min(ARRAY_LANES, angles.size - start)
         angle = angles[start : start + count]
         sine, cosine = sines[start : start + count], cosines[start : start + count]
         for i in range(count):
@@ -301,10 +299,10 @@ def log64(x: Scalar) -> Scalar:
 @compiled
 def logs64(x: Scalar, out: Scalar) -> None:
     """Fill in log64 of numbers (n,); the arrays share no memory. In short loops, as sincos32."""
-    e = np.empty(LANES, np.float64)
-    s = np.empty(LANES, np.float64)
-    for start in range(0, x.size, LANES):
-        count = min(LANES, x.size - start)
+    e = np.empty(ARRAY_LANES, np.float64)
+    s = np.empty(ARRAY_LANES, np.float64)
+    for start in range(0, x.size, ARRAY_LANES):
+        count = min(ARRAY_LANES, x.size - start)
         given, log = x[start : start + count], out[start : start + count]
         for i in range(count):
             e[i], s[i] = _log_reduced(given[i])

@@ -13,5 +13,8 @@ Indices = NDArray[np.intp]
 Ints = NDArray[np.int32]
 RoomActions = Singles  # (distance, turn) of rooms, (..., 2)
 
+Single = Any  # a float32 inside a kernel
+Scalar = Any  # a float32 or float64 there
+
 Pose = tuple[float, float, float]  # x, y, θ
 Point = tuple[float, float]  # x, y

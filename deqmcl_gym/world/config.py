@@ -22,11 +22,7 @@ from deqmcl_gym.world.people import People
 
 
 def floor_plan_of(given: Any) -> Map:
-    """Return the map that is given; see ``World.changed`` for how it may be.
-
-    Raises:
-        InputError: it is given in no such way, or its file cannot be read.
-    """
+    """Return the map that is given; see ``World.changed`` for how it may be."""
     if isinstance(given, PolygonMap | GridMap):
         return given
     if isinstance(given, Office):
@@ -46,11 +42,7 @@ def floor_plan_of(given: Any) -> Map:
 
 
 def offices_of(given: Any) -> Offices | None:
-    """Return the offices of ``{"office": {"seeds": [0, 1000], …}}``; None of another floor plan.
-
-    Raises:
-        InputError: they are given with a seed too, or with a bad value.
-    """
+    """Return the offices of ``{"office": {"seeds": [0, 1000], …}}``; None of another floor plan."""
     if not (isinstance(given, Mapping) and isinstance(given.get("office"), Mapping)):
         return None
     office = dict(given["office"])

@@ -133,12 +133,7 @@ class Course:
 
     @classmethod
     def of(cls, world: World) -> "Course":
-        """Plan the lap of a world.
-
-        Raises:
-            InputError: the robot does not fit along the path or at its start, has no free straight
-                line from there to the path, or cannot take such steps.
-        """
+        """Plan the lap of a world."""
         path = path_of(world)
         given = world.start.pose
         arc = path.bottom_centre() if given is None else path.arc(given[:2])
@@ -183,11 +178,7 @@ def _radius(world: World) -> str:
 
 
 def path_of(world: World) -> Path:
-    """Return the closed path of a world's lap.
-
-    Raises:
-        InputError: the robot does not fit along it.
-    """
+    """Return the closed path of a world's lap."""
     given = world.lap.waypoints
     corners = mid_corridor(world.floor_plan) if given is None else np.array(given)
     path = Path(corners)
@@ -243,9 +234,6 @@ def plan_actions(path: Path, arc: float, start: Pose, world: World) -> Singles:
     """Return the actions (distance, turn) that drive from ``start`` along a path, (T, 2).
 
     Turns and drives are split into steps of ``lap.turn`` and ``lap.step``; the last one is shorter.
-
-    Raises:
-        InputError: a step is larger than the robot can do, or there are too many.
     """
     lap, robot = world.lap, world.robot
     for name, step, most in (

@@ -109,11 +109,7 @@ class Clutter:
         boolean("clutter.keep_route", self.keep_route)
 
     def drawn(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> list[Floats]:
-        """Draw it: convex polygons, counterclockwise, (c, 2) each.
-
-        Raises:
-            InputError: there is not enough room.
-        """
+        """Draw it: convex polygons, counterclockwise, (c, 2) each."""
         things = self._each(floor_plan, way, rng)
         if self.share is None:
             return list(islice(things, self.number))
@@ -187,7 +183,7 @@ def _is_corridor(seen: Floats) -> bool:
     return bool(lines[longest] >= _OBLONG * lines[across % half].max())
 
 
-class Changes(NamedTuple):
+class WallChanges(NamedTuple):
     """What is changed of a map's walls.
 
     Attributes:
@@ -242,12 +238,8 @@ class ChangedWalls:
                 f"whole cells of {step:g} {floor_plan.unit}: give at least that."
             )
 
-    def drawn(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> Changes:
-        """Draw what is changed.
-
-        Raises:
-            InputError: there are no inner walls, or not so many can be changed.
-        """
+    def drawn(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> WallChanges:
+        """Draw what is changed."""
         self.check(floor_plan)
         walls, _, _ = inner_walls(floor_plan)
         cleared, filled, changed = [np.empty((0, 4, 2))], list[Floats](), 0.0
@@ -270,7 +262,7 @@ class ChangedWalls:
                     f"{' or '.join(self.kinds)} beside the robot's way: give a smaller share, or "
                     'let kinds have "removed".'
                 )
-        return Changes(np.vstack(cleared), filled)
+        return WallChanges(np.vstack(cleared), filled)
 
     def _tried(
         self, floor_plan: Map, piece: Piece, rng: np.random.Generator
@@ -360,11 +352,7 @@ class Glass:
         inner_walls(floor_plan)
 
     def drawn(self, floor_plan: Map, rng: np.random.Generator) -> Floats:
-        """Draw which walls are glass: boxes, (k, 4, 2).
-
-        Raises:
-            InputError: there are no inner walls.
-        """
+        """Draw which walls are glass: boxes, (k, 4, 2)."""
         walls, _, _ = inner_walls(floor_plan)
         order = rng.permutation(len(walls))
         lengths = np.array([walls[k].length for k in order])

@@ -25,7 +25,7 @@ MAPPED: Color = (40, 90, 200)  # the map, where something else is there
 GLASS: Color = (120, 220, 225)
 PERSON: Color = (150, 95, 40)
 
-MAX_SIDE = 8_192  # pixels: 200 MB
+MOST_PIXELS = 8_192  # pixels: 200 MB
 _OF_CELLS = 480  # largest side of a picture of a map of cells, in pixels at scale 1
 _LEAST = 3.0  # pixels: smallest radius at which a robot is drawn
 _SHADES = np.array((PALE[0], 255, BLACK[0]), np.uint8)  # of unknown, free and occupied cells
@@ -50,10 +50,10 @@ class View:
 
     def __post_init__(self) -> None:
         width, height = self.size
-        if max(width, height) > MAX_SIDE:
+        if max(width, height) > MOST_PIXELS:
             raise InputError(
                 f"a picture of the floor plan would have {width} x {height} pixels, but may have "
-                f"at most {MAX_SIDE:,} per side: give a smaller floor plan, or a smaller scale."
+                f"at most {MOST_PIXELS:,} per side: give a smaller floor plan, or a smaller scale."
             )
 
     @property

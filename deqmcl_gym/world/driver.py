@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,29 +14,25 @@ from deqmcl_gym.validation import InputError, integer
 from deqmcl_gym.world.config import Driver, World
 from deqmcl_gym.world.course import MAX_STEPS, Course, Path
 from deqmcl_gym.world.driver_kernels import NEARER, room_for_noise, steer
-from deqmcl_gym.world.path_kernels import once_round, roll_out
+from deqmcl_gym.world.path_kernels import drive_along, once_round
 
 NO_PLAN = np.empty((0, 2), np.float32)  # of one who shows nothing of what is to come
 
 
-class Underway(Protocol):
-    """The state of an episode that a plan depends on."""
+class Underway(NamedTuple):
+    """The state of an episode that a plan depends on.
 
-    @property
-    def step(self) -> int:
-        """Steps carried out."""
+    Attributes:
+        step: steps carried out.
+        pose: the true pose (x, y, θ).
+        arc: arc length at which the robot is on the path.
+        way: distance along the path since reset; the shorter way round if the robot was carried.
+    """
 
-    @property
-    def pose(self) -> Pose:
-        """The true pose (x, y, θ)."""
-
-    @property
-    def arc(self) -> float:
-        """Arc length at which the robot is on the path."""
-
-    @property
-    def way(self) -> float:
-        """Distance along the path since reset; the shorter way round if the robot was carried."""
+    step: int
+    pose: Pose
+    arc: float
+    way: float
 
 
 @dataclass(frozen=True)
@@ -113,7 +109,7 @@ class GuidedPlan:
     Attributes:
         world: in which it drives.
         course: the path to follow.
-        rules: as :func:`deqmcl_gym.world.path_kernels.roll_out` takes them.
+        rules: as :func:`deqmcl_gym.world.path_kernels.drive_along` takes them.
         horizon: h, actions shown ahead.
         limit: the most steps of an episode.
     """
@@ -136,10 +132,6 @@ class GuidedPlan:
             course: the path.
             horizon: actions shown ahead.
             begun: step of the episode after which it begins.
-
-        Raises:
-            InputError: a bad horizon, or even without noise the driver meets a wall or does not
-                come round.
         """
         lap, limit = world.lap, min(begun + _LAPS * len(course.actions), MAX_STEPS)
         end, near = once_round(course.path.length, world.robot.radius), -1.0
@@ -184,12 +176,20 @@ class GuidedPlan:
         path, ground, route = self.course.path, self.world.floor_plan, self.world.route
         if route is None:
             return self._along(path, 1.0, pose, arc, way, most)
-        if isinstance(ground, GridMap) and not path.closed:
-            return self._among_cells(ground, route.clearance, pose, arc, way, most)
+        if isinstance(ground, GridMap) and self.course.goal is not None:
+            cells, goal = ground.cells, self.course.goal
+            body = room_for_noise(pose, cells, self.world.body, route.clearance)
+            done, length = np.empty((most, 2), np.float32), path.length
+            edges, rules = path.edges, self.rules
+            count = steer(pose, arc, way, edges, length, goal, rules, cells, body, done)
+            return done[:count]
         room = float(ground.distance([pose[:2]])[0]) - self.world.body
         body = self.world.body + max(0.0, min(room, route.clearance)) / 2
+        corners = np.vstack([pose[:2], path.corners_from(arc)])  # straight back onto the path
+        apart = (np.diff(corners, axis=0) != 0).any(axis=1)
+        back = Path(corners[np.append(True, apart)], closed=False)
         farthest, clear = np.empty((0, 2), np.float32), -1
-        for onto, begin in ((path, arc), (_back_onto(path, arc, pose), 0.0)):
+        for onto, begin in ((path, arc), (back, 0.0)):
             for share in NEARER:
                 actions = self._along(onto, share, pose, begin, way, most)
                 blocked = _blocked(pose, actions, ground, body)
@@ -199,37 +199,15 @@ class GuidedPlan:
                     farthest, clear = actions, int(blocked.argmax())
         return farthest
 
-    def _among_cells(
-        self, ground: GridMap, clearance: float, pose: Pose, arc: float, way: float, most: int
-    ) -> RoomActions:
-        """Return the same on a map of cells, in one kernel."""
-        path, goal = self.course.path, self.course.goal
-        assert goal is not None  # of a route
-        body = room_for_noise(pose, ground.cells, self.world.body, clearance)
-        actions = np.empty((most, 2), np.float32)
-        return actions[
-            : steer(
-                pose, arc, way, path.edges, path.length, goal, self.rules, ground.cells, body,
-                actions,
-            )
-        ]  # fmt: skip
-
     def _along(
         self, path: Path, share: float, pose: Pose, arc: float, way: float, most: int
     ) -> RoomActions:
         rules = (share * self.rules[0], *self.rules[1:])
         actions = np.empty((most, 2), np.float32)
-        return actions[: roll_out(pose, arc, way, path.edges, path.period, rules, actions)]
+        return actions[: drive_along(pose, arc, way, path.edges, path.period, rules, actions)]
 
 
 Plan = FixedPlan | GuidedPlan
-
-
-def _back_onto(path: Path, arc: float, pose: Pose) -> Path:
-    """Return the rest of an open path, and before it the straight way there."""
-    corners = np.vstack([pose[:2], path.corners_from(arc)])
-    apart = (np.diff(corners, axis=0) != 0).any(axis=1)
-    return Path(corners[np.append(True, apart)], closed=False)
 
 
 def _check_drivable(plan: GuidedPlan) -> None:

@@ -11,7 +11,7 @@ from deqmcl_gym.maps.grid_kernels import distances, feasible
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.numerics.types import Floats, RoomActions
-from deqmcl_gym.world.path_kernels import roll_out
+from deqmcl_gym.world.path_kernels import drive_along
 
 NEARER = (1.0, 0.7, 0.5, 0.35, 0.25)  # shares of the look-ahead that are tried on a route
 _BLOCK = 64  # steps looked at together: the first blocked one ends the search
@@ -48,11 +48,11 @@ def steer(
     """Fill in what a driver does from ``pose`` on a route, and return the number of actions.
 
     Args:
-        pose, arc, way: as ``path_kernels.roll_out``.
+        pose, arc, way: as ``path_kernels.drive_along``.
         edges: of the route.
         length: of the route, as ``Path.length`` adds it up.
         goal: its last corner.
-        rules: as ``path_kernels.roll_out``, with the longest look-ahead.
+        rules: as ``path_kernels.drive_along``, with the longest look-ahead.
         cells: a ``grid_kernels.CellGrid``, as a plain tuple.
         body: radius of the disc for which the way must be free.
         actions: distance, turn, (n, 2).
@@ -65,7 +65,7 @@ def steer(
             onto, begin = back_onto(pose, arc, edges, length, goal), 0.0
         for share in NEARER:
             own = (share * rules[0], rules[1], rules[2], rules[3], rules[4], rules[5])
-            steps = roll_out(pose, begin, way, onto, np.inf, own, tried)
+            steps = drive_along(pose, begin, way, onto, np.inf, own, tried)
             blocked = _first_blocked(pose, tried[:steps], cells, body)
             if blocked < 0 or blocked > clear:
                 clear, count = blocked, steps

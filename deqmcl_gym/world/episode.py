@@ -13,8 +13,8 @@ from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.maps.polygons import oriented_edges
 from deqmcl_gym.numerics.types import Floats, Point, Pose
 from deqmcl_gym.world.config import Route, World
-from deqmcl_gym.world.driver import GuidedPlan
-from deqmcl_gym.world.path_kernels import drawn, judged
+from deqmcl_gym.world.driver import GuidedPlan, Underway
+from deqmcl_gym.world.path_kernels import judged_step, noisy_drive
 from deqmcl_gym.world.people import Contacts, Crowded
 from deqmcl_gym.world.reality import Beginning
 from deqmcl_gym.world.rules import RoomRules
@@ -26,23 +26,22 @@ if TYPE_CHECKING:  # OpenCV is only loaded for pictures
 _WALLS = pymunk.ShapeFilter()  # the space has nothing but walls
 
 
-class Cells:
-    """The solid cells of a grid, for a robot; the arithmetic is that of ``GridMap.collides``."""
+class CellContacts:
+    """The solid cells of a grid; the arithmetic is that of ``GridMap.collides``."""
 
-    def __init__(self, floor_plan: GridMap, world: World) -> None:
-        self._floor_plan, self._radius = floor_plan, world.body
-        self.skin, self.reach = world.skin, world.reach
+    def __init__(self, floor_plan: GridMap, radius: float) -> None:
+        self._floor_plan, self._radius = floor_plan, radius
 
     def gap(self, centre: Point) -> float:
-        """Distance of the disc's rim from the nearest wall, negative if they overlap."""
+        """See ``Contacts.gap``."""
         return float(self._floor_plan.distance([centre])[0]) - self._radius
 
     def first_contact(self, start: Point, end: Point) -> float | None:
-        """Share of a drive at which a disc that starts clear of walls touches one; None: never."""
+        """See ``Contacts.first_contact``."""
         return self._floor_plan.first_contact(start, end, self._radius)
 
 
-class Walls:
+class WallContacts:
     """The walls of a floor plan in a pymunk space.
 
     Each wall is grown by the disc's radius, so that its centre touches the grown wall where the
@@ -51,13 +50,11 @@ class Walls:
 
     Attributes:
         space: all walls as static segments; nothing is ever inside an obstacle.
-        skin, reach: as of ``World``, like those of ``Cells``.
     """
 
-    def __init__(self, floor_plan: PolygonMap, world: World) -> None:
+    def __init__(self, floor_plan: PolygonMap, radius: float) -> None:
         """Build the space; it never changes."""
-        self.space, radius = pymunk.Space(), world.body
-        self.skin, self.reach = world.skin, world.reach
+        self.space = pymunk.Space()
         body = self.space.static_body
         outlines = [oriented_edges(floor_plan.outer, solid=False)]
         outlines += [oriented_edges(obstacle, solid=True) for obstacle in floor_plan.obstacles]
@@ -71,13 +68,13 @@ class Walls:
         self.space.add(*(shapes[i] for i in shuffled))
 
     def gap(self, centre: Point) -> float:
-        """See ``Cells.gap``."""
+        """See ``Contacts.gap``."""
         nearest = self.space.point_query_nearest(centre, math.inf, _WALLS)
         assert nearest is not None  # a room has walls
         return nearest.distance
 
     def first_contact(self, start: Point, end: Point) -> float | None:
-        """See ``Cells.first_contact``."""
+        """See ``Contacts.first_contact``."""
         contact = self.space.segment_query_first(start, end, 0.0, _WALLS)
         return None if contact is None else contact.alpha
 
@@ -85,22 +82,22 @@ class Walls:
 def contacts_of(world: World) -> Contacts:
     """Return the walls of a world for its robot."""
     if isinstance(world.floor_plan, GridMap):
-        return Cells(world.floor_plan, world)
+        return CellContacts(world.floor_plan, world.body)
     assert isinstance(world.floor_plan, PolygonMap)  # the forms of Map
-    return Walls(world.floor_plan, world)
+    return WallContacts(world.floor_plan, world.body)
 
 
 class Physics:
     """The robot's disc among the walls.
 
     Attributes:
-        walls: of the room.
         position: of the disc's centre; :meth:`place` sets it.
+        reach: as of ``World``.
     """
 
-    def __init__(self, walls: Contacts, position: Point) -> None:
-        """Put the disc somewhere."""
-        self.walls = walls
+    def __init__(self, walls: Contacts, world: World, position: Point) -> None:
+        """Put the robot of a world somewhere among its walls."""
+        self._walls, self._skin, self.reach = walls, world.skin, world.reach
         self.place(position)
 
     def place(self, position: Point) -> None:
@@ -119,21 +116,21 @@ class Physics:
         """
         if way == 0.0:
             return False
-        if way >= self._gap - self.walls.skin:
-            self._gap = self.walls.gap(self.position)
+        if way >= self._gap - self._skin:
+            self._gap = self._walls.gap(self.position)
             if self._gap < 0.0:
                 return True
         x, y = start = self.position
         end = (x + dx, y + dy)
-        if way < self._gap - self.walls.skin:
+        if way < self._gap - self._skin:
             self.position = end
             self._gap -= way
             return False
-        first = self.walls.first_contact(start, end)
+        first = self._walls.first_contact(start, end)
         if first is None:
             self.place(end)
             return False
-        share = max(first - self.walls.skin / way, 0.0)
+        share = max(first - self._skin / way, 0.0)
         self.place((x + share * dx, y + share * dy))
         return True
 
@@ -179,8 +176,8 @@ class Body:
         """Turn, then drive, with noise; return whether a wall stopped the robot."""
         physics, heading = self._physics, self.pose[2]
         of_drive, of_turn = self._motion.standard_normal(2).tolist()
-        heading, *drive = drawn(
-            heading, distance, turn, (of_drive, of_turn), self._noise, physics.walls.reach
+        heading, *drive = noisy_drive(
+            heading, distance, turn, (of_drive, of_turn), self._noise, physics.reach
         )
         collided = physics.drive(*drive)
         self.pose = (*physics.position, heading)
@@ -207,11 +204,7 @@ class Episode(Body):
     """
 
     def __init__(self, rules: RoomRules, walls: Contacts, *, seed: int, number: int) -> None:
-        """Begin the ``number``-th episode after seeding, and take its first scan.
-
-        Raises:
-            InputError: no drawn start is free, or no route was found.
-        """
+        """Begin the ``number``-th episode after seeding, and take its first scan."""
         self._rules = rules
         self._seed, self._number = seed, number
         begun = Beginning.drawn(rules, seed, number)
@@ -226,10 +219,16 @@ class Episode(Body):
         if self._crowd is not None:
             solid = Crowded(solid, self._crowd, world.body)
         motion = self.stream(Stream.MOTION)
-        super().__init__(self.pose, Physics(solid, self.pose[:2]), sensor, rules.noise, motion)
+        physics = Physics(solid, world, self.pose[:2])
+        super().__init__(self.pose, physics, sensor, rules.noise, motion)
         self.arc = begun.arc
         self.way = self.progress = 0.0
         self.step, self.done, self.ended = 0, False, False
+
+    @property
+    def underway(self) -> Underway:
+        """What its plan depends on."""
+        return Underway(self.step, self.pose, self.arc, self.way)
 
     def picture(self, view: "View") -> "Drawing":
         """Draw what is there, without the robot."""
@@ -245,14 +244,11 @@ class Episode(Body):
         Args:
             pose: (x, y, θ).
             noticed: whether a driver notices and replans; otherwise its plan stays as it is.
-
-        Raises:
-            InputError: a driver on a route is already at its goal there.
         """
         journeys, goal, onwards = self.there.journeys, self.course.goal, None
         if isinstance(self.plan, GuidedPlan):
             if not noticed:
-                self.plan = self.plan.left_as_it_is(self)
+                self.plan = self.plan.left_as_it_is(self.underway)
             elif journeys is not None and goal is not None:
                 onwards = journeys.onwards(goal, pose)
         self.pose = pose
@@ -276,7 +272,7 @@ class Episode(Body):
         before = self.pose[:2]
         collided = self.move(distance, turn)
         self.step += 1
-        self.arc, gained, reward, self.done = judged(
+        self.arc, gained, reward, self.done = judged_step(
             (*before, *self.pose[:2]), self.arc, self.progress, collided,
             path.edges, path.period, rules.rewards,
         )  # fmt: skip

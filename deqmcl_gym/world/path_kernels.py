@@ -12,7 +12,7 @@ from deqmcl_gym.numerics.types import Floats, RoomActions
 
 
 @compiled
-def drawn(
+def noisy_drive(
     heading: float,
     distance: float,
     turn: float,
@@ -94,7 +94,7 @@ def follow(
 
 
 @compiled
-def roll_out(
+def drive_along(
     pose: tuple[float, float, float],
     arc: float,
     way: float,
@@ -171,7 +171,7 @@ def once_round(length: float, radius: float) -> float:
 
 
 @compiled
-def judged(
+def judged_step(
     drive: tuple[float, float, float, float],
     before: float,
     progress: float,

@@ -60,11 +60,7 @@ class Crowd:
     def __init__(
         self, people: People, floor_plan: Map, robot: Point, body: float, rng: np.random.Generator
     ) -> None:
-        """Draw who walks where; nobody begins within 1 m (50 px) of the robot's rim.
-
-        Raises:
-            InputError: there is no room for them.
-        """
+        """Draw who walks where; nobody begins within 1 m (50 px) of the robot's rim."""
         self.radius, px = people.radius, pixel(floor_plan.unit)
         starts = _free(people, floor_plan, robot, people.radius + body + _LEAST * px, rng)
         self._ground, self._least, self._rng = floor_plan, _LEAST * px, rng
@@ -100,14 +96,7 @@ class Crowd:
 
 
 class Contacts(Protocol):
-    """What a disc can touch.
-
-    Attributes:
-        skin, reach: as of ``World``.
-    """
-
-    skin: float
-    reach: float
+    """What a disc can touch."""
 
     def gap(self, centre: Point) -> float:
         """Distance of the disc's rim from the nearest of it, negative if they overlap."""
@@ -122,14 +111,13 @@ class Crowded:
     def __init__(self, walls: Contacts, crowd: Crowd, body: float) -> None:
         """Put a crowd, for a robot of radius ``body``, among walls."""
         self._walls, self._crowd, self._size = walls, crowd, crowd.radius + body
-        self.skin, self.reach = walls.skin, walls.reach
 
     def gap(self, centre: Point) -> float:
-        """Distance of the disc's rim from the nearest wall or person, negative if they overlap."""
+        """See ``Contacts.gap``."""
         return min(self._walls.gap(centre), _gap(*centre, self._crowd.places) - self._size)
 
     def first_contact(self, start: Point, end: Point) -> float | None:
-        """Share of a drive at which a disc that starts clear touches something; None: never."""
+        """See ``Contacts.first_contact``."""
         of_walls = self._walls.first_contact(start, end)
         of_people = _first_contact(*start, *end, self._crowd.places, self._size)
         first = min(math.inf if of_walls is None else of_walls, of_people)
@@ -194,7 +182,8 @@ def _next(
     shares = rng.random(n * _LOOKS)
     befores = np.repeat(starts, _LOOKS, axis=0)
     seen = floor_plan.ranges(np.column_stack([befores, bearings]), [0.0])[:, 0].astype(np.float64)
-    ways = shares * np.minimum(seen, _farthest(floor_plan))
+    x0, y0, x1, y1 = floor_plan.bounds
+    ways = shares * np.minimum(seen, x1 - x0 + y1 - y0)
     places = befores + ways[:, None] * np.column_stack([arrays.cos(bearings), arrays.sin(bearings)])
     clear = ~floor_plan.collides(befores, places, radius)
     if away is not None:
@@ -202,11 +191,6 @@ def _next(
     fits: Bools = np.reshape((ways >= least) & clear, (n, _LOOKS))
     chosen = places.reshape(n, _LOOKS, 2)[np.arange(n), fits.argmax(axis=1)]
     return np.where(fits.any(axis=1, keepdims=True), chosen, starts)
-
-
-def _farthest(floor_plan: Map) -> float:
-    x0, y0, x1, y1 = floor_plan.bounds
-    return x1 - x0 + y1 - y0
 
 
 @compiled

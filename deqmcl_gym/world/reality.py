@@ -13,7 +13,7 @@ from deqmcl_gym.maps.map import Caster
 from deqmcl_gym.numerics.types import Floats, Point, Pose
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import Course
-from deqmcl_gym.world.differences import Changes, Way
+from deqmcl_gym.world.differences import WallChanges, Way
 from deqmcl_gym.world.driver import GuidedPlan, Plan, points_of
 from deqmcl_gym.world.people import AmongPeople, Crowd
 from deqmcl_gym.world.rules import RoomRules
@@ -53,12 +53,9 @@ class Reality:
             world: as configured.
             course, plan: made on the map.
             streams: of the episode.
-
-        Raises:
-            InputError: there is no room for it.
         """
         ground, clutter, walls = world.floor_plan, world.clutter, world.changed_walls
-        changes, things = Changes(np.empty((0, 4, 2)), []), list[Floats]()
+        changes, things = WallChanges(np.empty((0, 4, 2)), []), list[Floats]()
         kept = [part.keep_route for part in (clutter, walls) if part is not None]
         if walls is not None:
             way = _way(world, course, plan, walls.keep_route)
@@ -123,12 +120,7 @@ class Beginning:
 
     @classmethod
     def drawn(cls, rules: RoomRules, seed: int, number: int) -> "Beginning":
-        """Draw the ``number``-th episode after seeding.
-
-        Raises:
-            InputError: no drawn start is free, no route was found, or there is no room for what
-                is not on the map.
-        """
+        """Draw the ``number``-th episode after seeding."""
         course, plan = rules.begun(seed, number)
         streams = partial(episode_stream, seed, number)
         reality = Reality.drawn(rules.world, course, plan, streams)
@@ -149,7 +141,8 @@ class Beginning:
     @property
     def arc(self) -> float:
         """Arc length at which it begins."""
-        return self.there.first_arc(self.course, self.start[:2])
+        course = self.course
+        return course.path.follow(course.start[:2], self.start[:2], course.arc)[0]
 
 
 def _way(world: World, course: Course, plan: Plan, whole: bool) -> Way:

@@ -39,11 +39,7 @@ class Routes:
     comfort: float
 
     def to(self, goal: Point) -> "RoutesTo":
-        """Return the routes from anywhere to a goal.
-
-        Raises:
-            InputError: the goal is not in free space.
-        """
+        """Return the routes from anywhere to a goal."""
         self.check("goal", goal)
         costs = np.full(len(self.centres), np.inf)
         following = np.empty(len(costs), np.intp)
@@ -154,11 +150,7 @@ class RoutesTo:
         return float(self.costs[cell]) if cell >= 0 else np.inf
 
     def start_at(self, start: Point) -> Floats:
-        """Return the corners of the route from a place, both ends included, (k, 2).
-
-        Raises:
-            InputError: it is not in free space, or there is no route.
-        """
+        """Return the corners of the route from a place, both ends included, (k, 2)."""
         self.routes.check("start", start)
         if not np.isfinite(self.cost_from(start)):
             raise InputError(
@@ -211,28 +203,16 @@ class Journeys:
 
         They depend only on the seed and the ``number`` of the episode after seeding. The last two
         courses are cached.
-
-        Raises:
-            InputError: the robot does not fit at a named place, or no drawn route has the length
-                asked for.
         """
         return _drawn(self, seed, number)
 
     def onwards(self, goal: Point, pose: Pose) -> Course:
-        """Plan the route to a goal from the robot's pose.
-
-        Raises:
-            InputError: the pose is at the goal already.
-        """
+        """Plan the route to a goal from the robot's pose."""
         self._check_apart("the pose", pose[:2], goal)
         return Course.along(_routes_to(self.routes, goal).start_near(pose[:2]), pose, self.world)
 
     def elsewhere(self, goal: Point, rng: np.random.Generator) -> Pose:
-        """Draw another start for a goal.
-
-        Raises:
-            InputError: no drawn route has the length asked for.
-        """
+        """Draw another start for a goal."""
         corners = self._drawn_to(goal, rng)
         if corners is None:
             raise self._none_found()

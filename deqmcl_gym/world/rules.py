@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from operator import le
-from typing import TYPE_CHECKING, Any, NotRequired, TypedDict
+from typing import TYPE_CHECKING, Any, NotRequired, SupportsFloat, TypedDict
 
 import gymnasium as gym
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym import validation
 from deqmcl_gym.maps import Box, Lidar, Offices, PolygonMap
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.types import Bools, Floats, Point, Pose, RoomActions, Singles
+from deqmcl_gym.numerics.types import Bools, Floats, Pose, RoomActions, Singles
 from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of, shown
 from deqmcl_gym.world.config import Robot, World, extent_of, offices_of
 from deqmcl_gym.world.course import MAX_STEPS, Course, wrapped
@@ -58,11 +58,7 @@ class Commands:
         )
 
     def checked(self, action: Any) -> RoomActions:
-        """Return an action as a fresh array, (2,) float32, or longer by the heads.
-
-        Raises:
-            InputError: anything but so many real numbers in the space.
-        """
+        """Return an action as a fresh array, (2,) float32, or longer by the heads."""
         command = _as_float32(action)
         if command is not None and command.shape == self.space.shape:
             given = command.tolist()
@@ -74,9 +70,6 @@ class Commands:
         """Return one action for each room as a fresh array, (n, 2) float32.
 
         Actions of rooms that are ``resting`` (n,) are ignored, but must be numbers.
-
-        Raises:
-            InputError: the shape is wrong, or an action is outside the space.
         """
         commands = _as_float32(actions)
         if commands is None or commands.shape != (resting.size, 2):
@@ -94,11 +87,7 @@ class Commands:
         return commands
 
     def checked_plan(self, what: str, actions: ArrayLike) -> RoomActions:
-        """Return actions as a fresh array, (k, 2) float32; [] has none.
-
-        Raises:
-            InputError: wrong shape, NaN, or an action outside the space.
-        """
+        """Return actions as a fresh array, (k, 2) float32; [] has none."""
         plan = validation.actions(what, actions)
         for row in plan:
             self.checked(row)
@@ -127,6 +116,9 @@ def _first_outside(commands: RoomActions, low: Singles, high: Singles, resting: 
                 if not low[i] <= commands[room, i] <= high[i]:
                     return room
     return -1
+
+
+StepResult = tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]  # as Gymnasium's envs return
 
 
 class RoomInfo(TypedDict):
@@ -204,11 +196,7 @@ class RoomRules:
         observation: str = "scan",
         **parts: Any,
     ) -> "RoomRules":
-        """Return the rules that the environment's arguments describe.
-
-        Raises:
-            InputError: an unknown argument or key, a bad value, or a lap that cannot be driven.
-        """
+        """Return the rules that the environment's arguments describe."""
         check_arguments(parts, _ARGUMENTS)
         offices = offices_of(given := parts.get("floor_plan"))
         if offices is not None:
@@ -255,12 +243,13 @@ class RoomRules:
         """The plan of the lap, from which ``info`` shows the coming actions."""
         return self.plan_for(self.course)
 
-    def begun(self, seed: int, number: int) -> tuple[Course, Plan]:
-        """Return course and plan of the ``number``-th episode after seeding.
+    @property
+    def rows(self) -> int:
+        """Number of planned actions that are shown; of routes, only with a horizon."""
+        return self.horizon or self.plan.horizon
 
-        Raises:
-            InputError: no route was found.
-        """
+    def begun(self, seed: int, number: int) -> tuple[Course, Plan]:
+        """Return course and plan of the ``number``-th episode after seeding."""
         if self.journeys is None:
             return self.course, self.plan
         course = self.journeys.drawn(seed, number)
@@ -306,7 +295,7 @@ class RoomRules:
         scans = scan_space(self.world.lidar)
         if self.observation == "scan":
             return scans
-        actions, shape = self.commands.space, (self.horizon or self.plan.horizon, 1)
+        actions, shape = self.commands.space, (self.rows, 1)
         goal: dict[str, Any] = {}
         if self.world.route is not None:
             goal["goal"] = within(self.extent or self.world.floor_plan.bounds)
@@ -346,26 +335,27 @@ class RoomRules:
             "clock": np.asarray(elapsed, np.float32)[..., None],
         }
 
-    def first_arc(self, course: Course, start: Point) -> float:
-        """Return the arc length at which an episode begins, near that of the course."""
-        arc, _ = course.path.follow(course.start[:2], start, course.arc)
-        return arc
-
     def start(self, course: Course, seed: int, number: int) -> Pose:
-        """Return the true start of the ``number``-th episode after seeding, heading in [-π, π).
-
-        Raises:
-            InputError: no drawn start is free.
-        """
-        x, y, heading = self._drawn_start(course, seed, number)
+        """Return the true start of the ``number``-th episode after seeding, heading in [-π, π)."""
+        x, y, heading = course.start
+        start = self.world.start
+        if not start.sd_position == start.sd_heading == 0.0:
+            rng = episode_stream(seed, number, Stream.START)
+            sd = np.array([start.sd_position, start.sd_position, start.sd_heading])
+            for _ in range(_START_TRIES):
+                dx, dy, turn = (sd * rng.standard_normal(3)).tolist()
+                if self.world.floor_plan.free([(x + dx, y + dy)], self.world.body)[0]:
+                    break
+            else:
+                raise InputError(
+                    f"none of {_START_TRIES} starts drawn around ({x:g}, {y:g}) is free: give a "
+                    "smaller start.sd_position."
+                )
+            x, y, heading = x + dx, y + dy, heading + turn
         return x, y, heading if -np.pi <= heading < np.pi else wrapped(heading)
 
     def elsewhere(self, course: Course, rng: np.random.Generator) -> Pose:
-        """Draw a free pose: anywhere for a lap; for a route, as its start is drawn.
-
-        Raises:
-            InputError: no free pose was found.
-        """
+        """Draw a free pose: anywhere for a lap; for a route, as its start is drawn."""
         if self.journeys is not None and course.goal is not None:
             return self.journeys.elsewhere(course.goal, rng)
         x0, y0, x1, y1 = self.world.floor_plan.bounds
@@ -392,30 +382,10 @@ class RoomRules:
 
     @cached_property
     def view(self) -> "View":
-        """How the map is seen in pictures.
-
-        Raises:
-            InputError: the room is too large for a picture.
-        """
+        """How the map is seen in pictures."""
         from deqmcl_gym.world.drawing import View
 
         return View(self.world.floor_plan)
-
-    def _drawn_start(self, course: Course, seed: int, number: int) -> Pose:
-        start, radius = self.world.start, self.world.body
-        if start.sd_position == start.sd_heading == 0.0:
-            return course.start
-        x, y, heading = course.start
-        rng = episode_stream(seed, number, Stream.START)
-        sd = np.array([start.sd_position, start.sd_position, start.sd_heading])
-        for _ in range(_START_TRIES):
-            dx, dy, turn = (sd * rng.standard_normal(3)).tolist()
-            if self.world.floor_plan.free([(x + dx, y + dy)], radius)[0]:
-                return x + dx, y + dy, heading + turn
-        raise InputError(
-            f"none of {_START_TRIES} starts drawn around ({x:g}, {y:g}) is free: give a smaller "
-            "start.sd_position."
-        )
 
 
 def within(extent: Box) -> gym.spaces.Box:

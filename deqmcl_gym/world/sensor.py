@@ -7,14 +7,13 @@ a second wrapper, has the key (i, k, j).
 
 import enum
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import Caster
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.types import Floats, Indices, Point, Pose, Singles
+from deqmcl_gym.numerics.types import Floats, Point, Pose, Singles
 from deqmcl_gym.world.differences import Glass
 
 
@@ -154,71 +153,9 @@ class LidarSensor:
         return seen
 
 
-class Casters(Protocol):
-    """What beams meet in each of many rooms."""
-
-    def local(self, rooms: Indices, poses: Floats) -> Singles:
-        """Return ``poses`` (k, 3) of ``rooms`` as their caster takes them, (3, k)."""
-
-    def caster(self, rooms: Indices) -> Caster:
-        """Return a caster for one pose in each of ``rooms`` (k,), in this order."""
-
-
-class LidarSensors:
-    """The same lidar in each of many rooms, of which each may have walls of its own.
-
-    Attributes:
-        scans: the last ones, (n, B) float32.
-    """
-
-    def __init__(self, casters: Casters, lidar: Lidar, rooms: int, most: int) -> None:
-        """Mount ``lidar`` in n ``rooms``, for about ``most`` scans in an episode."""
-        self._casters, self._lidar = casters, lidar
-        self._max_range, self._sigma = lidar.max_range, lidar.sigma
-        self._noise = NormalTable(rooms, lidar.beams, most)
-        self.scans = np.zeros((rooms, lidar.beams), np.float32)
-
-    def renew(self, room: int, rng: np.random.Generator) -> None:
-        """Draw the noise of a room from another stream from now on."""
-        self._noise.renew(room, rng)
-
-    def scan(self, rooms: Indices, poses: Floats) -> None:
-        """Take a scan in each of ``rooms`` (k,), at ``poses`` (k, 3)."""
-        exact = np.empty((self._lidar.beams, rooms.size), np.float32)
-        local = self._casters.local(rooms, poses)
-        self._lidar.cast(self._casters.caster(rooms), local, exact)
-        noise = self._noise
-        noise.fill()
-        _report_rooms(rooms, exact, noise.drawn, noise.at, self._sigma, self._max_range, self.scans)
-        self._lidar.lose(self.scans)
-
-
 @compiled
 def _report(exact: Singles, normals: Floats, sigma: float, max_range: float, out: Singles) -> None:
     """Fill in clip(exact (B, 1) + σ normals (B,), 0, max_range) in one pass: NumPy takes five."""
     for beam in range(out.size):
         seen = exact[beam, 0] + sigma * normals[beam]
         out[beam] = min(max(seen, 0.0), max_range)
-
-
-@compiled
-def _report_rooms(
-    rooms: Indices,
-    exact: Singles,
-    normals: Floats,
-    at: Indices,
-    sigma: float,
-    max_range: float,
-    out: Singles,
-) -> None:
-    """Do the same for ``rooms`` (k,) out of n, each with its next row of the normal numbers.
-
-    ``exact`` is (B, k).
-    """
-    for i in range(rooms.size):
-        room = rooms[i]
-        row = at[room]
-        at[room] = row + 1
-        for beam in range(out.shape[1]):
-            seen = exact[beam, i] + sigma * normals[room, row, beam]
-            out[room, beam] = min(max(seen, 0.0), max_range)

@@ -144,7 +144,7 @@ def check_localizer(
     robot = default_robot() if robot is None else robot
     if isinstance(localizer, str):
         name, factory = localizer, resolve(localizer)
-        sent = factory if LOCALIZER.is_registered(name) else absolute_name(name)
+        sent = factory if name in LOCALIZER.added else absolute_name(name)
     else:
         name, factory, sent = getattr(localizer, "__name__", repr(localizer)), localizer, localizer
     known = parameters_of(factory)

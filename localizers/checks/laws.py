@@ -24,7 +24,13 @@ from deqmcl_gym.numerics.arrays import wrapped
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
 from localizers.beliefs import mean_pose
-from localizers.checks.process import changes_since, no_global_rng, process_state, running
+from localizers.checks.process import (
+    changes_since,
+    no_global_rng,
+    process_state,
+    running,
+    safe_path,
+)
 from localizers.checks.subject import (
     OFFSETS,
     STEPS,
@@ -342,7 +348,7 @@ def runs_in_a_worker(subject: Subject) -> None:
             f"it cannot be sent to another process ({type(error).__name__}: {error}): check it by "
             "its name, as package.module:NAME or path/to/file.py:NAME"
         ) from error
-    with ProcessPoolExecutor(1, get_context("spawn")) as worker:
+    with safe_path(), ProcessPoolExecutor(1, get_context("spawn")) as worker:
         try:
             answer = worker.submit(_history_of, sent).result()
         except BrokenProcessPool:

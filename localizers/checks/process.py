@@ -101,3 +101,17 @@ def running() -> dict[str, str]:
             if state != "Z" and parent == str(os.getpid()):
                 names[f"process {stat.parent.name}"] = f"the process {stat.parent.name}"
     return names
+
+
+@contextmanager
+def safe_path() -> Iterator[None]:
+    """Let Python processes that are started here find no modules in the working folder."""
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["PYTHONSAFEPATH"]
+        else:
+            os.environ["PYTHONSAFEPATH"] = before

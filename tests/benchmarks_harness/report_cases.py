@@ -15,7 +15,8 @@ from benchmarks.setup.changes import Changes
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps import drawing
 from benchmarks.sweeps.results import Failure, Results
-from benchmarks.tables.panels import panels
+from benchmarks.tables.comparison import FURTHER
+from benchmarks.tables.frames import INNER, csv_of, trials_frame
 from benchmarks.trials.collecting import WholeRun
 from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished
 from benchmarks.trials.spec import Trial
@@ -68,11 +69,6 @@ def trials(localizer, errors, **how):
     return [finished(localizer, world, error, **how) for world, error in enumerate(errors)]
 
 
-def comparisons(records):
-    """Rows of all panels."""
-    return [row for panel in panels(records) for row in panel.rows]
-
-
 def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl", limits=()):
     """Results of these records."""
     return Results(
@@ -86,6 +82,22 @@ def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl",
         limits=list(limits),
         environment={"deqmcl-gym": "0.1.0", "code": "f00d"},
     )
+
+
+def table_of(records, **how):
+    """Rows of results.csv of all panels, by method and offset."""
+    table = results(records, **how).table
+    return table.set_index(["method", "offset"], drop=False)
+
+
+def results_csv(records, **how):
+    """The text of results.csv."""
+    return csv_of(results(records, **how).table, FURTHER)
+
+
+def trials_csv(records):
+    """The text of trials.csv."""
+    return csv_of(trials_frame(records), INNER)
 
 
 def frames(records, **how):

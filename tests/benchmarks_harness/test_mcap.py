@@ -100,7 +100,7 @@ def lap(tmp_path_factory):
         trial=0,
     )  # fmt: skip
     stage, path = Stage.of(trial), tmp_path_factory.mktemp("mcap") / "new" / "a.mcap"
-    episode = (moment for moment in stage.moments() if moment.step <= 12)
+    episode = (moment for moment in stage.moments() if moment.t <= 12)
     kept = []
     with showing(path, {"H": episode}, stage) as rows:
         for (moment,) in rows:

@@ -22,7 +22,7 @@ import localizers
 from benchmarks.report import tables
 from benchmarks.report.verdict import conclusion, verdict
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.tables.gap import LimitRuns
+from benchmarks.tables.comparison import LimitRuns
 from benchmarks.tables.panels import panels
 from benchmarks.tables.text import WORDS
 from benchmarks.trials.collecting import RecordedTrack

@@ -11,7 +11,7 @@ import pytest
 from bags import written
 from deqmcl_command import records, stored
 from hall import recorded_in_a_hall, write_lap
-from report_cases import lines_of, panel_of
+from report_cases import lines_of, panel_of, table_of
 
 from benchmarks.cli import main
 from benchmarks.replay.command import methods_of
@@ -19,10 +19,9 @@ from benchmarks.replay.options import replay_of
 from benchmarks.report.tracks import differences_table, tables_of, told
 from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.tables.panels import panels
 from benchmarks.tables.tracks import rows_of
 from benchmarks.trials.collecting import TrackLog
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.episode import Step
 from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished
 from benchmarks.trials.spec import Trial
 from deqmcl_gym import logs
@@ -97,7 +96,7 @@ def kept_at(errors, cloud=(0.0,), judged=0, interpolated=None):
     kept = TrackLog(log, ROOM, Thresholds(far=1.0, lost=1.0), judged)
     for step, error in enumerate(errors):
         points = np.column_stack([error + np.array(cloud), *np.zeros((2, len(cloud)))])
-        kept.see(Moment(step, np.zeros(3), log.ranges[step], PointsBelief(points), 0.0))
+        kept.see(Step(step, np.zeros(3), log.ranges[step], PointsBelief(points), 0.0))
     return kept
 
 
@@ -353,12 +352,10 @@ def test_differences_that_many_runs_show_are_confirmed_and_others_say_what_it_ta
         for name, middle in (("mcl", 0.1), ("amcl", 0.2), ("ekf", 0.1))
         for seed, error in enumerate(rng.normal(middle, 0.01, 12))
     ]
-    (panel,) = panels(records, "mcl")
-    far, same = (row.journey["position_median"] for row in panel.present[1:])
-    assert far.p == pytest.approx(2 / 2**12)  # all on one side
-    assert far.significant
-    assert far.diff.mean == pytest.approx(0.1, abs=0.01)
-    assert not same.significant
+    far, same = (row for _, row in table_of(records).iloc[1:].iterrows())
+    assert far.position_median_p == pytest.approx(2 / 2**12, rel=1e-5)  # all on one side
+    assert far.position_median_p_holm < 0.05 < same.position_median_p_holm
+    assert far.position_median_diff == pytest.approx(0.1, abs=0.01)
     lines = lines_of(differences_table(panel_of(records)))
     assert [line[-1] == "–" for line in lines] == [True, False]
     assert all(line[2] == "+0 (0 to 0)" for line in lines)  # all are localized

@@ -321,7 +321,7 @@ def test_a_reference_that_does_not_overlap_is_refused_and_a_bad_line_of_it_count
     with pytest.warns(logs.LogWarning, match="skipped 3 of 5"):
         assert logs.read_tum(path).times.tolist() == [1.0, 5.0]
     path.write_text("# nothing\n")
-    with pytest.raises(InputError, match="no usable reference pose"):
+    with pytest.raises(InputError, match="no usable pose"):
         logs.read_tum(path)
 
 

@@ -97,7 +97,7 @@ def test_poses_in_another_frame_than_the_map_s_are_warned_of(tmp_path, frame, ot
 
 def test_poses_that_are_not_finite_are_left_out_and_counted(tmp_path):
     (tmp_path / "x.csv").write_text("time,x,y,heading\n1,0,0,0\n2,nan,0,0\n3,,0,0\n4,1,0,0\n")
-    with pytest.warns(LogWarning, match="2 of 4 poses are left out"):
+    with pytest.warns(LogWarning, match="skipped 2 of 4 records"):
         assert read_estimate(tmp_path / "x.csv").times.tolist() == [1.0, 4.0]
     (tmp_path / "x.tum").write_text("1 0 0 0 0 0 0 1\nno\n2 0 0 0 0 0 0 0\n")
     with pytest.warns(LogWarning, match="2 of 3"):
@@ -107,7 +107,7 @@ def test_poses_that_are_not_finite_are_left_out_and_counted(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("x.tum", "# nothing\n", "has no pose"),
+        ("x.tum", "# nothing\n", "has no usable pose"),
         ("x.csv", "time,x,y\n1,2,3\n", "'heading' 0 times"),
         ("x.csv", "time,x,y,heading,var_x\n", "'cov_xy' 0 times"),
         ("x.csv", "time,x,y,heading\n1,2,3,4\n1,2\n", "line 3 of"),

@@ -587,7 +587,7 @@ def test_a_pose_out_of_order_or_without_a_stamp_and_a_covariance_that_is_none_ar
     with pytest.warns(logs.LogWarning) as caught:
         found = read_estimate(tmp_path / "x.csv.gz")
     words = " ".join(str(one.message) for one in caught)
-    assert "2 of 8 poses are left out: unreadable, not finite or late" in words
+    assert "skipped 2 of 8 records" in words
     assert "3 of 6 covariances count as unknown" in words
     assert np.isnan(found.covariances[:, 0, 0]).tolist() == [False] * 3 + [True] * 3
 

@@ -44,8 +44,6 @@ BAD = [  # arguments, and what the sentence must name
     (["run", "--out", "out"], ["--localizer"]),
     (["check"], ["NAME"]),
     (["check", "dec-mcl"], ["did you mean 'deq-mcl'?"]),
-    (["check", "mcl", "--timeout", "0"], ["timeout", "0"]),
-    (["check", "mcl", "--timeout", "x"], ["--timeout", "x"]),
     (["new-localizer", "my_localizer"], ["must end in .py"]),
     (["new-localizer", "no/such/folder/mine.py"], ["the folder of the new file"]),
     ([*MAP, "--door", "0.85"], ["door", "0.85"]),

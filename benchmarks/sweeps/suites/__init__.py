@@ -42,9 +42,6 @@ def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
     Args:
         name: of a suite, or a path that ends in .toml.
         added: localizers to add.
-
-    Raises:
-        InputError: there is no such suite or file, or no localizer of an added name.
     """
     if name.endswith(".toml"):
         return read_sweep(Path(name), added)

@@ -1,4 +1,4 @@
-"""Reference scores of every environment: ``python -m benchmarks.studies.acting --help``.
+"""Reference scores of every environment: ``python docs/examples/acting/scores.py --help``.
 
 Policies see what the env shows, and the belief where there is one; only ``route`` sees the true
 pose. In ``Localize-v0`` all declare when ``confident`` is 1, in ``Track-v0`` when 90 % of the
@@ -188,7 +188,7 @@ def _mean(values: Floats) -> str:
 
 def main() -> None:
     """Print the tables asked for."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.studies.acting", description=(
+    parser = argparse.ArgumentParser(prog="python docs/examples/acting/scores.py", description=(
         "Scores of reference policies. Return: mean ± two standard errors; steps: the median over "
         "all episodes, those not done as endless, – if that is endless."))  # fmt: skip
     parser.add_argument("tasks", nargs="*", metavar="TASK", help=f"of {', '.join(SCORED)}; all")

@@ -1,51 +1,44 @@
-"""What a notebook types: compare localizers, look at the numbers, watch a run.
+"""Localizers compared, from Python and by the commands: ``benchmarks.sweep(…).run(…)``.
 
-``import benchmarks``; a localizer may be a class or a function that is defined in a cell.
+A localizer may be a class or a function that is defined in a notebook's cell.
 """
 
-import io
 import json
 from collections import ChainMap
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from benchmarks.console import checking
 from benchmarks.execution.engines import Where
-from benchmarks.pictures.figures import camera_of
-from benchmarks.pictures.film import Camera
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import write_report
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Axis, Sweep
-from benchmarks.sweeps.results import Results, incomplete_sentence
-from benchmarks.sweeps.running import Options, begun, check
+from benchmarks.sweeps.results import Results, incomplete_sentence, summary
+from benchmarks.sweeps.running import Options, Running, begun, check, shard_of
 from benchmarks.sweeps.suites import PAPER_METHODS, SUITES, sweep_named
-from benchmarks.tables.csv_files import results_csv, trials_csv
-from benchmarks.trials.episode import Moment
+from benchmarks.sweeps.verifying import adopted
+from benchmarks.tables.comparison import FURTHER, RESULTS
+from benchmarks.tables.frames import INNER, trials_frame
 from benchmarks.trials.spec import Method
-from benchmarks.trials.stage import Stage
-from deqmcl_gym.numerics.types import Reals
-from deqmcl_gym.validation import InputError, integer, one_of, shown
-from localizers import Belief, registered
+from deqmcl_gym.validation import InputError, one_of, shown
+from localizers import registered
 from localizers.registry import Factory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Vary = Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Sequence[Any]]]
-_TAKEN = {"label", *results_csv([]).strip().split(","), *trials_csv([]).strip().split(",")} - {
-    "scenario",
-    "lag",
-}
+_TAKEN = {"label", *RESULTS, *trials_frame([])} - {"scenario", "lag"}
 _SHOWN = ("error", "error_low", "error_high", "diff", "diff_low", "diff_high")  # in Jupyter
 
 
@@ -69,10 +62,10 @@ def sweep(
     Raises:
         InputError: an unknown name, or a bad value.
     """
-    changes = _plain(changes)
+    changes = plain(changes)
     listed = [localizers] if isinstance(localizers, str) or callable(localizers) else localizers
-    methods, factories = _methods(listed)
-    with _known(factories):
+    methods, factories = methods_of(listed)
+    with known(factories):
         base = _base(of)
         if methods:
             changes["localizers"] = methods
@@ -100,7 +93,20 @@ class Experiment:
     factories: Mapping[str, Factory] = field(default_factory=dict)
 
     def run(
-        self, jobs: int | None = None, out: str | Path | None = None, *, progress: bool = True
+        self,
+        jobs: int | None = None,
+        out: str | Path | None = None,
+        *,
+        executor: str = "process",
+        scheduler: str | None = None,
+        timeout: float | None = None,
+        shard: str | None = None,
+        retry_failed: bool = False,
+        fail_fast: bool = False,
+        adopt: bool = False,
+        report: bool = False,
+        progress: bool = True,
+        command: Sequence[str] = ("python",),
     ) -> "ExperimentResults":
         """Run what is missing, and return all results.
 
@@ -108,18 +114,42 @@ class Experiment:
             jobs: trials at a time; None: one per processor.
             out: folder that keeps the trials, so that a second run goes on, as that of the command
                 does; None: nothing is kept but the results.
-            progress: show a bar.
+            executor, scheduler, timeout: see ``Where``.
+            shard: "i/n" runs every n-th trial, from the i-th.
+            retry_failed, fail_fast, progress: see ``Options``.
+            adopt: go on in a folder of other code, if its sample is verified.
+            report: write tables and page into the folder.
+            command: the words that started it, for the folder.
 
         Raises:
             InputError: something of it is refused; nothing is run then.
         """
-        options = Options(where=Where(jobs=jobs), progress=progress)
+        where = Where(jobs=jobs, executor=executor, scheduler=scheduler, timeout=timeout)
+        part = None if shard is None else shard_of(shard)
+        options = Options(
+            where=where, shard=part, retry_failed=retry_failed, fail_fast=fail_fast,
+            progress=progress,
+        )  # fmt: skip
+        where.check()
         with ExitStack() as stack:
-            stack.enter_context(_known(self.factories))
-            check(self.sweep)
             folder = Path(out or f"{stack.enter_context(TemporaryDirectory())}/experiment")
-            running = stack.enter_context(begun(self.sweep, folder, options, command=["python"]))
-            return ExperimentResults(self.sweep, running.results())
+            running = stack.enter_context(self.begun(folder, options, command, adopt=adopt))
+            results = running.results()
+            files = write_report(folder, results) if report else []
+            return ExperimentResults(self.sweep, results, tuple(files))
+
+    @contextmanager
+    def begun(
+        self, out: Path, options: Options, command: Sequence[str], *, adopt: bool = False
+    ) -> Iterator[Running]:
+        """Check it and open its folder, which is held until the block ends; nothing is run yet."""
+        with known(self.factories):
+            with checking(shown=options.progress):
+                check(self.sweep)
+            if adopt and (verified := adopted(out, self.sweep, options.where)):
+                print(verified)
+            with begun(self.sweep, out, options, command=command) as running:
+                yield running
 
     def __repr__(self) -> str:
         methods = ", ".join(map(str, self.sweep.localizers))
@@ -133,23 +163,24 @@ class ExperimentResults:
     Attributes:
         sweep: what was run.
         results: all of it, for whom the tables are not enough.
+        files: of its report, if one was written where it ran.
     """
 
     sweep: Sweep
     results: Results
+    files: tuple[Path, ...] = ()
 
     @cached_property
     def table(self) -> pd.DataFrame:
         """results.csv: a row for each setting, method and offset; what was varied has columns."""
-        panels = self.results.panels
-        table = pd.read_csv(io.StringIO(results_csv(panels)))
-        table.insert(0, "label", [panel.labels[r.method] for panel in panels for r in panel.rows])
-        return _with_varied(table, self.sweep)
+        table = self.results.table
+        exact = [name for name in table if name not in FURTHER]
+        return _with_varied(table[["label", *exact]].copy(), self.sweep)
 
     @cached_property
     def trials(self) -> pd.DataFrame:
         """trials.csv: a row for each trial and offset; what was varied has columns."""
-        table = pd.read_csv(io.StringIO(trials_csv(self.results.finished)))
+        table = trials_frame(self.results.finished).drop(columns=[*INNER])
         return _with_varied(table, self.sweep)
 
     def plot(self, over: str, value: str = "error", *, offset: int = 0) -> "Figure":
@@ -191,6 +222,13 @@ class ExperimentResults:
         write_report(Path(out), self.results)
         return Path(out) / "report.html"
 
+    def __str__(self) -> str:
+        """Return what the command prints."""
+        if not self.files:
+            return repr(self)
+        said = summary(self.sweep, self.results, self.files[0].parent, self.files)
+        return f"{said}\n{conclusion(self.results)}"
+
     def __repr__(self) -> str:
         lines = [conclusion(self.results), incomplete_sentence(self.results)]
         return "\n".join(filter(None, lines))
@@ -212,78 +250,19 @@ class ExperimentResults:
         ]
 
 
-class Step(NamedTuple):
-    """A step of a run.
-
-    Attributes:
-        t: its number, from 0 (reset).
-        truth: the true pose (x, y, θ).
-        ranges: the scan, (B,).
-        action: the command that led here; None at t = 0.
-        plan: the planned actions that the localizer was shown, (h, 2); None: not known.
-        belief: what the localizer believes after it.
-        draw: returns a picture of it, (height, width, 3) uint8: past, present and future.
-    """
-
-    t: int
-    truth: Reals
-    ranges: Reals
-    action: Reals | None
-    plan: Reals | None
-    belief: Belief
-    draw: Callable[[], NDArray[np.uint8]]
-
-
-def run(
-    scenario: str, localizer: str | Factory, *, seed: int = 0, trial: int = 0, **params: Any
-) -> Iterator[Step]:
-    """Run one trial, and yield it step by step.
-
-    Args:
-        scenario: as in ``sweep``.
-        localizer: a name, or what makes a localizer for a robot.
-        seed, trial: the world is that of this trial of a sweep with this seed.
-        params: of the localizer.
-
-    Raises:
-        InputError: an unknown name, or a bad value.
-    """
-    (method,), factories = _methods([localizer])
-    integer("trial", trial)
-    with _known(factories):
-        of = Sweep(
-            title=scenario,
-            scenario=scenario,
-            localizers=(replace(method, params=method.params | Changes(_plain(params))),),
-            seed=seed,
-            trials=trial + 1,
-        )
-        stage = Stage.of(of.distinct()[trial])
-        camera = camera_of(stage)
-        for moment in stage.moments():
-            yield Step(
-                moment.step, moment.truth, moment.ranges, moment.action, moment.plan,
-                moment.belief, _drawing(camera, moment, str(of.localizers[0])),
-            )  # fmt: skip
-
-
-def _drawing(camera: Camera, moment: Moment, method: str) -> Callable[[], NDArray[np.uint8]]:
-    return lambda: np.ascontiguousarray(camera.frame(moment, [f"{method}, t = {moment.step}"]))
-
-
 def _base(of: str | Path | Sweep) -> Sweep:
     """Return the sweep that a name leads to, or that of a scenario."""
     if isinstance(of, Sweep):
         return of
     name = str(of)
     if name in SCENARIOS and name not in SUITES:
-        return Sweep(title=name, scenario=name, localizers=_methods(PAPER_METHODS)[0])
+        return Sweep(title=name, scenario=name, localizers=methods_of(PAPER_METHODS)[0])
     if not name.endswith(".toml"):
         one_of("suite or scenario", name, {**SUITES, **SCENARIOS})
     return sweep_named(name)
 
 
-def _methods(given: Sequence[Any]) -> tuple[tuple[Method, ...], dict[str, Factory]]:
+def methods_of(given: Sequence[Any]) -> tuple[tuple[Method, ...], dict[str, Factory]]:
     """Return methods, and what makes those that were given as classes or functions."""
     methods, factories = [], dict[str, Factory]()
     for one in given:
@@ -295,7 +274,7 @@ def _methods(given: Sequence[Any]) -> tuple[tuple[Method, ...], dict[str, Factor
                 raise InputError(
                     f"a localizer is {shown(one)}, but must be {{'name': …, 'params': {{…}}}}."
                 )
-            methods.append(Method(name=one["name"], params=Changes(_plain(one.get("params", {})))))
+            methods.append(Method(name=one["name"], params=Changes(plain(one.get("params", {})))))
             continue
         name = getattr(one.func if isinstance(one, partial) else one, "__name__", None)
         if not callable(one) or not isinstance(name, str) or name == "<lambda>":
@@ -310,7 +289,7 @@ def _methods(given: Sequence[Any]) -> tuple[tuple[Method, ...], dict[str, Factor
 
 
 @contextmanager
-def _known(factories: Mapping[str, Factory]) -> Iterator[None]:
+def known(factories: Mapping[str, Factory]) -> Iterator[None]:
     """Know localizers by these names in a ``with`` block."""
     with ExitStack() as stack:
         for name, factory in factories.items():
@@ -328,7 +307,7 @@ def _axes(vary: Vary) -> tuple[Axis, ...]:
         for name, values in one.items():
             if isinstance(values, str) or not isinstance(values, Iterable):
                 raise InputError(f"{name} is varied by {shown(values)}, but must be a list.")
-        found.append(Axis(values=Changes({name: tuple(_plain(v)) for name, v in one.items()})))
+        found.append(Axis(values=Changes({name: tuple(plain(v)) for name, v in one.items()})))
     return tuple(found)
 
 
@@ -343,13 +322,13 @@ def _refuse_unused(sweep: Sweep) -> None:
         one_of("parameter", name, known)
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Return a value with Python's numbers and lists for NumPy's."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Mapping):
-        return {name: _plain(own) for name, own in value.items()}
-    return [_plain(own) for own in value] if isinstance(value, list | tuple | range) else value
+        return {name: plain(own) for name, own in value.items()}
+    return [plain(own) for own in value] if isinstance(value, list | tuple | range) else value
 
 
 def _with_varied(table: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
