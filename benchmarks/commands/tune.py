@@ -110,7 +110,8 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     from benchmarks.replay.nav2 import usual_params
     from benchmarks.replay.options import length_and_angle
     from benchmarks.setup.changes import Changes
-    from benchmarks.tuning.space import built_in, read_space, segments_of
+    from benchmarks.tuning.segments import segments_of
+    from benchmarks.tuning.space import built_in, read_space
     from benchmarks.tuning.task import Task
     from deqmcl_gym.validation import InputError, integer, number
     from localizers import parameters

@@ -16,10 +16,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import pairwise, product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from msgspec import to_builtins
+from msgspec import Struct, to_builtins
 
 from benchmarks.files import is_empty
 from benchmarks.setup.changes import NOTHING, Changes
@@ -30,9 +30,10 @@ from benchmarks.tables.frames import milliseconds_per_step
 from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scoring import Finished
-from benchmarks.tuning.space import DRAWS, ORDER, Segment, beside, spread, stream
+from benchmarks.tuning.segments import DRAWS, ORDER, Segment, stream
+from benchmarks.tuning.space import beside, spread
 from benchmarks.tuning.task import ETA, Task, value_of
-from deqmcl_gym.files import UnreadableError, content_of, json_of, write_text
+from deqmcl_gym.files import UnreadableError, content_of, json_of, typed, write_text
 from deqmcl_gym.validation import InputError
 
 STATE = "tune.json"
@@ -41,11 +42,7 @@ RUNS = 3  # of default and winner on each held-out segment
 _FINALISTS, _FINAL_RUNS = 3, 2
 
 
-class Measured(NamedTuple):
-    """What the search keeps of a run: its score and the ms per step; NaN is not known."""
-
-    value: float
-    ms: float
+_FAILED = math.nan, math.nan  # score and ms per step of a run
 
 
 @dataclass(kw_only=True)
@@ -91,6 +88,20 @@ class Found:
     rounds: int
 
 
+class Round(Struct):
+    """How many candidates a round has measured, once it is done, and in how many seconds."""
+
+    candidates: int = 0
+    seconds: float = 0.0
+
+
+class State(Struct):
+    """How far a search is: its rounds; the identity is all that its numbers depend on."""
+
+    identity: dict[str, Any]
+    rounds: list[Round]
+
+
 @dataclass
 class Searching:
     """A search in its folder.
@@ -100,15 +111,15 @@ class Searching:
         store: of its runs.
         options: how they run.
         now: what their numbers depend on.
-        state: of ``STATE``: of each round its candidates, once it is done, and its seconds.
+        state: of ``STATE``.
     """
 
     task: Task
     store: Store
     options: Options
     now: Provenance
-    state: dict[str, Any]
-    _measured: dict[tuple[Changes, int, int], Measured | None] = field(default_factory=dict)
+    state: State
+    _measured: dict[tuple[Changes, int, int], tuple[float, float]] = field(default_factory=dict)
 
     def found(self, *, candidates: int | None, budget: float | None) -> Found:
         """Search until so many candidates were tried, or the budget (s) leaves no further round.
@@ -142,15 +153,16 @@ class Searching:
 
     def save(self) -> None:
         """Write how far it is."""
-        write_text(self.store.out / STATE, json.dumps(self.state, indent=1) + "\n")
+        text = json.dumps(to_builtins(self.state), indent=1)
+        write_text(self.store.out / STATE, text + "\n")
 
     def _time_left(self, number: int, budget: float) -> bool:
         """Whether a further round, the final and the held-out runs fit; rounds done always do."""
-        rounds = self.state["rounds"]
-        if number < len(rounds) and rounds[number]["candidates"] == ROUND:
+        rounds = self.state.rounds
+        if number < len(rounds) and rounds[number].candidates == ROUND:
             return True
-        before, spent = rounds[number - 1], sum(one["seconds"] for one in rounds[:number])
-        task, last = self.task, before["seconds"] * ROUND / before["candidates"]
+        before, spent = rounds[number - 1], sum(one.seconds for one in rounds[:number])
+        task, last = self.task, before.seconds * ROUND / before.candidates
         train, held = len(task.training), len(task.held_out)
         rungs, left, runs = [0, *task.rungs], ROUND, 0
         for smaller, size in pairwise(rungs):
@@ -180,8 +192,8 @@ class Searching:
                 kept = alive[: -(-len(alive) // ETA)]
                 lost = [one for one in alive if one.values == NOTHING and one not in kept]
                 alive = kept + lost  # the default is compared with to the end
-        done = self.state["rounds"][number]
-        done["candidates"] = max(count, done["candidates"])
+        done = self.state.rounds[number]
+        done.candidates = max(count, done.candidates)
         self.save()
         return drawn
 
@@ -202,14 +214,14 @@ class Searching:
     @contextmanager
     def _timed(self, number: int, count: int) -> Iterator[None]:
         """Count the seconds of a part of a round, unless that was done before."""
-        rounds, began = self.state["rounds"], time.monotonic()
+        rounds, began = self.state.rounds, time.monotonic()
         if number == len(rounds):
-            rounds.append({"candidates": 0, "seconds": 0.0})
+            rounds.append(Round())
         try:
             yield
         finally:
-            if rounds[number]["candidates"] < count:
-                rounds[number]["seconds"] += time.monotonic() - began
+            if rounds[number].candidates < count:
+                rounds[number].seconds += time.monotonic() - began
                 self.save()
 
     def _final(self, tried: Sequence[Tried]) -> Tried:
@@ -237,11 +249,11 @@ class Searching:
     def _judge(self, one: Tried, segments: Sequence[Segment], runs: int) -> None:
         """Set a candidate's score on segments, each counting as much as any other."""
         each = [self._measured[one.values, s.number, run] for s in segments for run in range(runs)]
-        values = [math.nan if own is None else own.value for own in each]
-        times = [own.ms for own in each if own is not None and not math.isnan(own.ms)]
+        values, times = np.array(each).T
         one.segments = len(segments)
         one.value = math.inf if np.isnan(values).any() else float(np.mean(values))
-        one.ms = float(np.median(times)) if times else math.nan
+        known = times[~np.isnan(times)]
+        one.ms = float(np.median(known)) if known.size else math.nan
 
     def _refuse_unscored(self, one: Tried, segments: Sequence[Segment], runs: int) -> None:
         """Refuse a default that failed, or that has no such score."""
@@ -272,11 +284,10 @@ class Searching:
         run_missing(trials, self.store, self.options, self.now)
         for one, segment, run in asked:
             record = self._record(one, segment, run)
-            self._measured[one, segment.number, run] = (
-                None
-                if record is None
-                else Measured(value_of(self.task.goal, record), milliseconds_per_step([record]))
-            )
+            measured = _FAILED
+            if record is not None:
+                measured = value_of(self.task.goal, record), milliseconds_per_step([record])
+            self._measured[one, segment.number, run] = measured
 
     def _record(self, one: Changes, segment: Segment, run: int) -> Finished | None:
         trial = self.task.trial(one, segment, run)
@@ -289,7 +300,7 @@ class Searching:
 
     def _say(self, tried: Sequence[Tried], number: int) -> None:
         best, default = self._best(tried)[0], tried[0]
-        spent = sum(one["seconds"] for one in self.state["rounds"]) / 60
+        spent = sum(one.seconds for one in self.state.rounds) / 60
         print(
             f"deqmcl: round {number}: {len(tried)} candidates in {spent:.1f} min; on the training "
             f"segments default {default.value:.3f}, best {best.value:.3f}",
@@ -308,10 +319,10 @@ def searching(task: Task, out: Path, options: Options) -> Iterator[Searching]:
     first = {one.world["log"]: one for one in task.segments}
     now = provenance_of([task.trial(NOTHING, one, 0) for one in first.values()])
     ours = json.loads(json.dumps({"search": task.identity, **to_builtins(now)}))
-    state = {"identity": ours, "rounds": []}
+    state = State(ours, [])
     if not is_empty(out):
         state = _read(out)
-        if apart := list(differences(state["identity"], ours)):
+        if apart := list(differences(state.identity, ours)):
             raise InputError(
                 f"{out} holds a search for something else ({'; '.join(apart[:3])}): give a new "
                 "--out, or the same options."
@@ -322,19 +333,10 @@ def searching(task: Task, out: Path, options: Options) -> Iterator[Searching]:
         yield search
 
 
-def _read(out: Path) -> dict[str, Any]:
+def _read(out: Path) -> State:
     try:
-        state = json_of(content_of(out / STATE))
+        return typed(json_of(content_of(out / STATE)), State)
     except FileNotFoundError:
         raise InputError(f"{out} holds files, but no {STATE}: give a new --out.") from None
     except UnreadableError as error:
         raise InputError(f"{out / STATE} {error}: give a new --out.") from None
-    try:
-        rounds = [
-            {"candidates": int(one["candidates"]), "seconds": float(one["seconds"])}
-            for one in state["rounds"]
-        ]
-    except (KeyError, TypeError, ValueError):
-        why = f"{out / STATE} is not as deqmcl tune writes it: give a new --out."
-        raise InputError(why) from None
-    return {"identity": state.get("identity"), "rounds": rounds}

@@ -9,13 +9,16 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
+from msgspec import to_builtins
+
 from benchmarks.replay.options import NAME
 from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_SCORES, Score
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage, check_trials
-from benchmarks.tuning.space import ASSUMED, Segment, Space
+from benchmarks.tuning.segments import Segment
+from benchmarks.tuning.space import ASSUMED, Space
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
 from localizers.kinds import is_ctrl_c
@@ -145,7 +148,7 @@ class Task:
         return {
             "localizer": self.localizer,
             "params": self.base.json(),
-            "space": {name: one.json() for name, one in self.space.items()},
+            "space": {name: to_builtins(one) for name, one in self.space.items()},
             "score": self.score,
             "max_ms": self.max_ms,
             "seed": self.seed,

@@ -19,17 +19,17 @@ from benchmarks.replay.options import replay_of
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.tuning.search import RUNS, Found, Tried
+from benchmarks.tuning.segments import segments_of
 from benchmarks.tuning.space import (
     Choice,
     Range,
     beside,
     built_in,
     read_space,
-    segments_of,
     spread,
 )
 from benchmarks.tuning.task import GOALS
-from benchmarks.tuning.written import _segments, importance, verdict
+from benchmarks.tuning.written import importance, segment_rows, verdict
 from deqmcl_gym import logs
 
 COMMAND = ("tune", "lap.csv", "--map", "hall.yaml", "--segment", "0.8", "--gap", "0.1")
@@ -119,7 +119,8 @@ def test_the_search_does_not_see_the_held_out_segments(here, tmp_path):
     ranges = log.ranges.copy()
     for one in segments_of([replay], 0.8, 0.1, (0.2, 0.1), 3):
         if one.held_out:
-            ranges[one.start : one.start + one.length] = 0.5
+            start = one.world["start"]
+            ranges[start : start + one.world["length"]] = 0.5
     bare = logs.Log(log.scanner, log.times, log.odometry, ranges, None, "m")
     logs.write(bare, tmp_path / "lap.csv")
     words = [tmp_path / "lap.csv" if word == "lap.csv" else word for word in MCL]
@@ -289,16 +290,14 @@ def run(error):
 
 
 def said_of(found):
-    return verdict(found, _segments(found, found.task.goal))
+    return verdict(found, segment_rows(found))
 
 
 def test_no_gain_is_told_where_the_tuned_parameters_fail_and_the_default_does_not():
     found = held_out([0.2] * 11, [0.1] * 8 + [None] * 3)
     assert "8 of 8 segments better" in said_of(found)
     assert "a gain is not shown" in said_of(found)
-    assert said_of(found).endswith(
-        "3 (those of the default on 0, those of the tuned parameters on 3)."
-    )
+    assert "on 8 of 11 held-out segments" in said_of(found)
     assert "a gain is not shown" in said_of(held_out([None, None] + [0.2] * 9, [0.1] * 10 + [None]))
     found = held_out([0.2] * 8 + [None] * 3, [0.1] * 11)
     assert "The 95 % interval excludes 0." in said_of(found)
@@ -395,12 +394,14 @@ def test_what_navs_filter_does_not_have_gives_no_file(params, words):
 def test_segments_share_no_record_and_take_turns(here):
     replay = replay_of("lap.csv", "hall.yaml", reference="lap.tum", every="0.1m,5deg")
     whole = replay.scenario.whole
-    found = sorted(segments_of([replay], 0.8, 0.1, (0.2, 0.1), 0), key=lambda one: one.start)
+    found = sorted(
+        segments_of([replay], 0.8, 0.1, (0.2, 0.1), 0), key=lambda one: one.world["start"]
+    )
     assert [one.held_out for one in found] == [i % 2 == 1 for i in range(len(found))]
-    for one, following in pairwise(found):
-        last = one.start + one.length - 1
-        assert whole.driven[last] - whole.driven[one.start] >= 0.8
-        assert whole.driven[following.start] - whole.driven[last] >= 0.1
+    for one, following in pairwise(one.world for one in found):
+        last = one["start"] + one["length"] - 1
+        assert whole.driven[last] - whole.driven[one["start"]] >= 0.8
+        assert whole.driven[following["start"]] - whole.driven[last] >= 0.1
     ground = replay.scenario.recording()[1]
     assert ground.free(np.array([one.assumed["prior.mean"] for one in found])).all()
 
@@ -410,7 +411,7 @@ def test_starts_are_off_by_as_much_as_is_said(here):
     off = []
     for seed in range(60):
         for one in segments_of([replay], 0.8, 0.1, (0.02, 0.1), seed):
-            true = replay.scenario.whole.reference[one.start]
+            true = replay.scenario.whole.reference[one.world["start"]]
             off.append((np.array(one.assumed["prior.mean"]) - true) / [0.02, 0.02, 0.1])
     n = len(off)
     assert np.std(off, axis=0) == pytest.approx(1, abs=4 / math.sqrt(2 * n))  # once in 16,000
@@ -452,13 +453,14 @@ def test_a_candidate_beside_another_stays_in_the_space_and_moves_something():
         ("particles = [5]", "two or more values"),
         ("particles = [5, 5]", "each once"),
         ("particles = [[1], [2]]", "numbers, words, true or false"),
-        ("particles = { low = 5 }", "lacks low or high"),
+        ("particles = { low = 5 }", "has no high, but must be a table like"),
         ("particles = { low = 5, high = 5 }", "low must be below high"),
         ("particles = { low = 2000, high = 2004, whole = true }", "one number in 3 digits"),
         ("particles = { low = 0, high = 5, log = true }", "needs low above 0"),
         ("particles = { low = 1.5, high = 5, whole = true }", "whole number"),
         ("particles = { low = 1, high = 5, step = 1 }", "step"),
-        ("particles = { low = 1, high = 5, log = 1 }", "True or False"),
+        ("particles = { low = 1, high = 5, log = 1 }", "has int instead of bool at log"),
+        ("particles = { low = 1, high = inf }", "out of range at high"),
         ("only = true", "nothing is left"),
         ("particles = [", "not valid TOML"),
     ],
@@ -486,7 +488,7 @@ def test_a_range_with_few_values_has_a_group_for_each():
     tried = [
         replace(Tried(values=own, round=0, free=True), rank=(own["n"] != 2) / 2) for own in drawn
     ]
-    share, chance, best = importance({"n": one}, tried)["n"]
+    ((_, share, chance, best),) = importance({"n": one}, tried)
     assert share == pytest.approx(1)
     assert chance < 0.2
     assert best == "2"
@@ -539,7 +541,8 @@ def test_importance_is_the_share_of_variance_between_groups_beyond_chance():
         replace(Tried(values=one, round=0, free=True), rank=rank)
         for one, rank in zip(drawn, ranks.tolist(), strict=True)
     ]
-    found = importance(space, [*tried, Tried(values=Changes(), round=0, free=False)])
+    rows = importance(space, [*tried, Tried(values=Changes(), round=0, free=False)])
+    found = {name: own for name, *own in rows}
     groups = {kind: [r for one, r in zip(drawn, ranks, strict=True) if one["c"] == kind]
               for kind in (1, 2)}  # fmt: skip
     within = sum(sum((r - np.mean(own)) ** 2 for r in own) for own in groups.values())
