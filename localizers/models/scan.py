@@ -80,7 +80,7 @@ def fill_where_nan(marks: Singles, value: float, out: Floats) -> None:
         out[i] = value if np.isnan(marks[i]) else out[i]
 
 
-_OUTSIDE = -30.0
+OUTSIDE = -30.0
 _BLOCK = 8192  # poses per block: their exact ranges fit the processor's cache
 _VERBS = ("log_likelihood", "least_density")
 
@@ -142,7 +142,7 @@ class LidarScan:
         likelier outside than at any pose inside, whatever the number of its beams.
         """
         least = self.beam.least_density(self.lidar.max_range)
-        return min(_OUTSIDE, float(arrays.log(least)))
+        return min(OUTSIDE, float(arrays.log(least)))
 
 
 def _leave_out(expected: Singles, lidar: Lidar) -> None:
