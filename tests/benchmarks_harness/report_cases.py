@@ -13,7 +13,6 @@ from benchmarks.report.frames import frames_of
 from benchmarks.report.writing import write_report
 from benchmarks.setup.changes import Changes
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.sweeps import drawing
 from benchmarks.sweeps.results import Failure, Results
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import INNER, csv_of, trials_frame
@@ -120,7 +119,7 @@ def written(out, given, laps=()):
     """Write the report of results, with these animations (whose pictures they have)."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(animations, "films_of", lambda panel: [*laps])
-        patch.setattr(drawing, "filmed", copy.copy)  # they have their pictures
+        patch.setattr(animations, "filmed", copy.copy)  # they have their pictures
         return write_report(out, given)
 
 

@@ -11,8 +11,7 @@ from fake_episode import FakeBelief
 from report_cases import finished, panel_of
 
 from benchmarks.pictures.film import Camera, Film, laid
-from benchmarks.report.animations import films_of
-from benchmarks.sweeps.drawing import Animation, drawing
+from benchmarks.report.animations import Animation, drawing, films_of
 from benchmarks.trials.episode import Step
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
