@@ -1,8 +1,6 @@
 """deqmcl_gym/Log-v0: a log comes out of it as it went in, and the truth by one way only."""
 
 import contextlib
-import json
-import math
 import warnings
 from dataclasses import replace
 
@@ -10,9 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from bags import written
-from checked import has_nothing_to_say
 from drives import ENDINGS, NAN, SQUARE, episode, real, same
-from gymnasium.envs.registration import EnvSpec
 from hall import recorded_in_a_hall, write_lap
 from hypothesis import given
 from hypothesis import strategies as st
@@ -114,22 +110,6 @@ def test_a_room_played_back_from_a_file_says_what_the_room_said(tmp_path, ending
         assert (reward, ended, truncated) == (0.0, t == len(said) - 1, False)
     with pytest.raises(RuntimeError, match="has ended"):
         env.step(np.zeros(3, np.float32))
-
-
-@pytest.mark.parametrize(
-    "options", [{}, {"plan": "none"}, {"map": SQUARE, "every": (0.2, 0.1)}, {"segment": 0.2}]
-)
-def test_the_env_checker_has_nothing_to_say(options):
-    env = gym.make(LOG_ID, log=real(), on_mismatch="ignore", **options).unwrapped
-    has_nothing_to_say(env)
-
-
-def test_a_spec_is_json_and_makes_the_same_env_again(tmp_path):
-    logs.write(real(), tmp_path / "x.npz")
-    env = gym.make(LOG_ID, log=str(tmp_path / "x.npz"), map=SQUARE, every="0.1m,5deg", max_beams=3)
-    spec = env.spec.to_json()
-    assert json.loads(spec)["id"] == "deqmcl_gym/Log-v0"
-    np.testing.assert_equal(played(gym.make(EnvSpec.from_json(spec))), played(env))
 
 
 @pytest.mark.parametrize("mode", ["sync", "async"])
