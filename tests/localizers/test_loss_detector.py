@@ -70,17 +70,6 @@ def test_of_scans_beyond_the_memory_only_time_remains():
     assert quality(evidence) == pytest.approx(quality(forgotten), rel=1e-12)
 
 
-def test_the_latest_scans_are_remembered_and_time_passes_over_the_others():
-    detector, start = DETECTOR, 1 - LOST
-    for i in range(4 * MEMORY + 1):
-        seen = [evidence.scan.ranges[0] for evidence in detector.evidence]
-        assert seen == list(range(max(0, i - MEMORY), i))
-        assert detector.start == start
-        detector = detector.scanned(scan_of(i), -1.0)
-        if i >= MEMORY:
-            start = start * (1 - LOST) + (1 - start) * FOUND_AGAIN
-
-
 def test_impossible_and_unknown_evidence_leaves_a_number():
     assert quality([-math.inf]) == 0.0
     assert quality([math.nan]) == pytest.approx((1 - LOST) ** 2 + LOST * FOUND_AGAIN)
