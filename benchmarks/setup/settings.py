@@ -19,9 +19,6 @@ def value_of(what: str, text: str) -> Any:
     Args:
         what: it is of, for refusals.
         text: of the value.
-
-    Raises:
-        InputError: it cannot name a result, such as NaN.
     """
     value: Any = text.strip()
     for toml in (value, f"[{value}]") if "," in value else (value,):
@@ -44,9 +41,6 @@ def settings(
         words: in their order.
         form: of one of them, for readers.
         often: names that may be given more than once: their values make a list.
-
-    Raises:
-        InputError: a word has another form, or another name is given twice.
     """
     found: dict[str, Any] = {}
     for word in (one.strip() for whole in words for one in _NEXT.split(whole)):

@@ -127,11 +127,7 @@ class Task:
         )
 
     def check(self) -> None:
-        """Set up each log, let the localizer look at the ends of all ranges, and begin a run.
-
-        Raises:
-            InputError: something of it is refused.
-        """
+        """Set up each log, let the localizer look at the ends of all ranges, and begin a run."""
         first = {one.world["log"]: one for one in self.segments}
         check_settings([self.trial(NOTHING, one, 0) for one in first.values()])
         ends = [Changes({name: end}) for name, one in self.space.items() for end in one.ends]
@@ -158,11 +154,7 @@ class Task:
 
 
 def _check_score(trial: Trial, name: str) -> None:
-    """Take the first step of a run, and refuse a score that its belief has nothing for.
-
-    Raises:
-        InputError: there is nothing. Any other trouble is left to the run.
-    """
+    """Take the first step of a run, and refuse a score that its belief has nothing for."""
     if name not in _NEEDS:
         return
     need, has = _NEEDS[name]

@@ -242,8 +242,7 @@ def _made(found: Found, words: Sequence[str]) -> str:
     limit = "" if task.max_ms is None else f" At most {task.max_ms:g} ms per step were allowed."
     return (
         f"    {command_line(words)}\n\n"
-        f"{count} candidates in {found.rounds} rounds; `--candidates {count}` instead of a budget "
-        f"gives the same candidates. Segments of {metres:.0f} m: {len(task.training)} trained on, "
+        f"{count} candidates. Segments of {metres:.0f} m: {len(task.training)} trained on, "
         f"{len(task.held_out)} held out, in turn; the search does not see the latter.{limit} "
         f"Winner on the training segments: {found.best.value:.4g}, default "
         f"{found.tried[0].value:.4g}; these two are what was searched for, so their difference is "
