@@ -37,14 +37,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "(position error), localized, false-commitment (log-score)",
     )
     add("--max-ms", type=float, metavar="MS", help="most ms per step that the winner may take")
-    many = parser.add_mutually_exclusive_group()
-    many.add_argument(
-        "--budget", type=float, metavar="MINUTES", help="how long, in minutes; one round at least "
-        "(20)",
+    add(
+        "--candidates", type=int, default=108, metavar="N", help="how many candidates, in rounds "
+        "of 18; more go on in the same folder (108)",
     )  # fmt: skip
-    many.add_argument(
-        "--candidates", type=int, metavar="N", help="how many candidates, however long it takes"
-    )
     add("--segment", type=float, default=15.0, metavar="M", help="m driven in a segment (15)")
     add("--gap", type=float, default=2.0, metavar="M", help="m driven between two (2)")
     add(
@@ -83,10 +79,7 @@ def run(options: argparse.Namespace) -> str:
     one_of("score", options.score, GOALS)
     if options.max_ms is not None:
         number("--max-ms", options.max_ms, low=0, above=True)
-    if options.candidates is not None:
-        integer("--candidates", options.candidates, low=2, high=100_000)
-    budget = 20.0 if options.budget is None else options.budget
-    number("--budget", budget, low=0, high=1e5, above=True)
+    integer("--candidates", options.candidates, low=2, high=100_000)
     if options.node is not None and options.nav2 is None:
         raise InputError("--node is given without --nav2: name the file that the node is in.")
     if options.nav2 is not None and name != "amcl":
@@ -98,10 +91,7 @@ def run(options: argparse.Namespace) -> str:
         task.check()
     how = Options(where=where, retry_failed=options.retry_failed, progress=False)
     with searching(task, options.out, how) as search:
-        found = search.found(
-            candidates=options.candidates,
-            budget=None if options.candidates is not None else 60 * budget,
-        )
+        found = search.found(options.candidates)
         return write(found, options.out, options.words, options.nav2, options.node)
 
 

@@ -70,11 +70,7 @@ class Question:
 
     @classmethod
     def told(cls, distances: str, angles: str, spread: str, near: str, within: str) -> "Question":
-        """Return what the options say.
-
-        Raises:
-            InputError: one of them has another form, or a number is out of range.
-        """
+        """Return what the options say."""
         match = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(m|steps)\s*", within)
         if match is None or not float(match[1]) > 0:
             raise InputError(
@@ -127,11 +123,7 @@ def basin_sweep(
     trials: int,
     seed: int,
 ) -> Sweep:
-    """Return the sweep over all errors of the start.
-
-    Raises:
-        InputError: an unknown localizer, one named twice, or something of the world is refused.
-    """
+    """Return the sweep over all errors of the start."""
     methods = methods_of(localizers, particles, own)
     rooms = (
         {}

@@ -51,9 +51,6 @@ def segments_of(
         length, gap: m driven in a segment, and between two.
         sd: standard deviations of the start's position (m) and heading (rad).
         seed: of the errors of the starts, normal with these, drawn again where no robot can be.
-
-    Raises:
-        InputError: there are fewer than two of a kind.
     """
     cut = [(replay, ends) for replay in replays for ends in _cut(replay, length, gap)]
     kinds = [cut[0::2], cut[1::2]]

@@ -143,9 +143,6 @@ def built_in(localizer: str, noise: Sequence[str], base: Mapping[str, Any] = NOT
         noise: names of the numbers of the motion model that filters assume.
         base: its parameters before the search; the ranges of amcl's numbers of particles keep to
             the other number of these.
-
-    Raises:
-        InputError: none is known, as of a plug-in: a file must name them.
     """
     taken = parameters(localizer)
     if localizer == "amcl":
@@ -184,9 +181,6 @@ def read_space(path: Path, localizer: str, known: Space) -> Space:
         path: of the TOML file.
         localizer: its name.
         known: the built-in ranges; empty if there are none.
-
-    Raises:
-        InputError: the file cannot be read, names something unknown, or has a bad range.
     """
     given = documents.read_toml(path, "space")
     with documents.errors_name(path):

@@ -127,11 +127,7 @@ class Task:
         )
 
     def check(self) -> None:
-        """Set up each log, let the localizer look at the ends of all ranges, and begin a run.
-
-        Raises:
-            InputError: something of it is refused.
-        """
+        """Set up each log, let the localizer look at the ends of all ranges, and begin a run."""
         first = {one.world["log"]: one for one in self.segments}
         for one in first.values():
             Stage.of(self.trial(NOTHING, one, 0)).check()
@@ -159,11 +155,7 @@ class Task:
 
 
 def _check_score(trial: Trial, name: str) -> None:
-    """Take the first step of a run, and refuse a score that its belief has nothing for.
-
-    Raises:
-        InputError: there is nothing. Any other trouble is left to the run.
-    """
+    """Take the first step of a run, and refuse a score that its belief has nothing for."""
     if name not in _NEEDS:
         return
     need, has = _NEEDS[name]

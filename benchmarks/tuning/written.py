@@ -34,6 +34,7 @@ _BINS = 4  # of a range
 _FEW = 20  # candidates below which importance says nothing
 _LEAST = 6  # segments: of fewer, a sign test could not tell any difference from chance (p < 0.05)
 _COLUMNS = ("log", "begins_s", "metres", "runs", "default", "tuned", "difference")
+_KINDS = ("dropped on fewer segments", "on all training segments", "default", "winner")
 _UNITS = {"share": (100, ".1f", " %"), "nats": (1, ",.2f", " nats"), "m": (1, ".3f", " m")}
 
 
@@ -242,8 +243,7 @@ def _made(found: Found, words: Sequence[str]) -> str:
     limit = "" if task.max_ms is None else f" At most {task.max_ms:g} ms per step were allowed."
     return (
         f"    {command_line(words)}\n\n"
-        f"{count} candidates in {found.rounds} rounds; `--candidates {count}` instead of a budget "
-        f"gives the same candidates. Segments of {metres:.0f} m: {len(task.training)} trained on, "
+        f"{count} candidates. Segments of {metres:.0f} m: {len(task.training)} trained on, "
         f"{len(task.held_out)} held out, in turn; the search does not see the latter.{limit} "
         f"Winner on the training segments: {found.best.value:.4g}, default "
         f"{found.tried[0].value:.4g}; these two are what was searched for, so their difference is "
@@ -291,6 +291,8 @@ def _nav2(task: Task, best: Tried, path: Path | None, node: str | None) -> tuple
 
 def _trade_off(found: Found) -> bytes:
     """Return the picture of score and time of all candidates on all training segments."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
     from benchmarks.pictures import styled
     from benchmarks.report.charts import STYLE, Chart, canvas, line
 
@@ -299,13 +301,14 @@ def _trade_off(found: Found) -> bytes:
 
     def kind(one: Tried) -> str:
         if one.values == NOTHING or one is found.best:
-            return "default" if one.values == NOTHING else "winner"
-        return "on all training segments" if one.segments == last else "dropped on fewer segments"
+            return _KINDS[2 if one.values == NOTHING else 3]
+        return _KINDS[one.segments == last]
 
     x, y = "ms per step", goal.words.replace("share of records ", "") + f",{unit}"
     known = [one for one in found.tried if math.isfinite(one.value) and one.ms > 0]
     frame = pd.DataFrame([(one.ms, factor * one.value, kind(one)) for one in known])
     frame.columns = pd.Index([x, y, "label"])
+    frame["label"] = pd.Categorical(frame["label"], _KINDS)
     with styled(STYLE):
         axes = line(frame, x, y, axes=canvas(6.4, 3.8), ls="")
         axes.set(xlabel=x, ylabel=y, xscale="log")
@@ -313,7 +316,9 @@ def _trade_off(found: Found) -> bytes:
             axes.set_yscale("symlog", linthresh=10)
         elif goal.unit == "m" and (frame[y] > 0).all():
             axes.set_yscale("log")
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_major_formatter("{x:g}")
+        for axis in (axes.xaxis, axes.yaxis)[: 1 + (axes.get_yscale() == "log")]:
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.set_minor_locator(NullLocator())
+            axis.set_major_formatter("{x:g}")
         caption = "Score and time of the candidates, on training segments."
         return Chart("trade-off", caption, caption, axes.figure).drawn("png", dpi=200)
