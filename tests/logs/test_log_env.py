@@ -1,6 +1,7 @@
 """deqmcl_gym/Log-v0: a log comes out of it as it went in, and the truth by one way only."""
 
 import contextlib
+import math
 import warnings
 from dataclasses import replace
 
