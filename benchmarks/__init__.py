@@ -6,7 +6,7 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from benchmarks.interface import run, sweep
+    from benchmarks.experiment import run, sweep
 
 __all__ = ["run", "sweep"]
 
@@ -14,6 +14,6 @@ __all__ = ["run", "sweep"]
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from benchmarks import interface  # loads all that trials and reports need
+    from benchmarks import experiment  # loads all that trials and reports need
 
-    return getattr(interface, name)
+    return getattr(experiment, name)

@@ -30,9 +30,9 @@ from localizers.scan_plug_in import SCAN_MODEL, is_code
 
 DRIVEN_IN = ("guided", "driving")  # the first that an agent does not refuse
 SCANNED_IN = ("sharp", "lost")  # the first that a scan model does not refuse
-STEPS = 40
+_STEPS = 40
 FREE, ANYWHERE = 200, 100  # poses that a scan is held against; the last on and around the map
-SCANS = 100
+_SCANS = 100
 # Of a model for which the truth is likelier than another pose in three scans of four, fewer than 60
 # of 100 have a probability below 0.001 (binomial).
 FEWEST = 60
@@ -49,37 +49,25 @@ _TRIAL: dict[str, Any] = {
 Answer = tuple[Reals, Reals | None]
 
 
-def check_agent(name: str, scenario: str | None = None) -> "Report[Drive]":
+def check_agent(name: str, scenario: str | None = None) -> "Report[AgentDrive]":
     """Return the verdicts of all laws on an agent.
 
     Args:
         name: see ``make_agent``; ``file.py`` is its only agent.
         scenario: where it drives; by default the first of ``DRIVEN_IN`` that it does not refuse.
-
-    Raises:
-        InputError: there is no such agent, or it refuses every world.
     """
     agent = absolute_agent(Named(name))
     worlds = DRIVEN_IN if scenario is None else (absolute_scenario(scenario),)
-    world = _accepting(worlds, lambda world: Drive(agent, world).watched(0))
-    return Report(name, AGENT_LAWS, Drive(agent, world), agent.name.rpartition(":")[0])
+    world = _accepting(worlds, lambda world: AgentDrive(agent, world).watched(0))
+    return Report(name, AGENT_LAWS, AgentDrive(agent, world), agent.name.rpartition(":")[0])
 
 
-def check_scan(name: str, scenario: str | None = None) -> "Report[Scans]":
-    """Return the verdicts of all laws on a scan model.
-
-    Args:
-        name: of a built-in kind, or ``file.py:NAME`` as in ``assumed.scan.kind``.
-        scenario: whose map and lidar it is made for; by default the first of ``SCANNED_IN`` that it
-            does not refuse.
-
-    Raises:
-        InputError: there is no such scan model, or it refuses every world.
-    """
+def check_scan(name: str, scenario: str | None = None) -> "Report[ScanTests]":
+    """Return the verdicts of all laws on a scan model."""
     kind = absolute_name(SCAN_MODEL.complete(name)) if is_code(name) else name
     worlds = SCANNED_IN if scenario is None else (absolute_scenario(scenario),)
-    world = _accepting(worlds, lambda world: Scans(kind, world).model())
-    return Report(name, SCAN_LAWS, Scans(kind, world), kind.rpartition(":")[0])
+    world = _accepting(worlds, lambda world: ScanTests(kind, world).model())
+    return Report(name, SCAN_LAWS, ScanTests(kind, world), kind.rpartition(":")[0])
 
 
 def _accepting(worlds: Sequence[str], begin: Callable[[str], object]) -> str:
@@ -144,7 +132,7 @@ def _same(before: Any, after: Any) -> bool:
 
 
 @dataclass(frozen=True)
-class Drive:
+class AgentDrive:
     """An agent in a world."""
 
     agent: Named
@@ -154,7 +142,7 @@ class Drive:
         """Return what an agent, made anew, answers at each step of one and the same drive."""
         return self.watched().answers
 
-    def watched(self, steps: int = STEPS, *, blind: bool = False) -> _Watched:
+    def watched(self, steps: int = _STEPS, *, blind: bool = False) -> _Watched:
         """Return an agent, made anew, after the drive; all that a blind one sees is empty."""
         stage = Stage.of(Trial(scenario=self.scenario, agent=self.agent, **_TRIAL))
         agent = _Watched(make_agent(self.agent, stage.robot), blind)
@@ -167,7 +155,7 @@ class Drive:
 
 
 @dataclass(frozen=True)
-class Scans:
+class ScanTests:
     """A scan model in a world, with poses and scans to try it on.
 
     Attributes:
@@ -220,7 +208,7 @@ def _require(holds: bool, otherwise: str) -> None:
         raise LawBrokenError(otherwise)
 
 
-def answers_with_actions(drive: Drive) -> None:
+def answers_with_actions(drive: AgentDrive) -> None:
     """At every step an action is two finite numbers; a plan is None or finite rows (h, 2)."""
     for step, (action, plan) in enumerate(drive.answers()):
         shape = np.shape(action)
@@ -233,7 +221,7 @@ def answers_with_actions(drive: Drive) -> None:
             _require(bool(np.isfinite(plan).all()), f"its plan at step {step} is not finite")
 
 
-def same_rng_same_result(drive: Drive) -> None:
+def same_rng_same_result(drive: AgentDrive) -> None:
     """Two agents, made anew, answer alike to the same beliefs and scans."""
     first, second = drive.answers(), drive.answers()
     _require(len(first) == len(second), "two drives with the same seeds differ in length")
@@ -245,26 +233,26 @@ def same_rng_same_result(drive: Drive) -> None:
         )
 
 
-def inputs_not_changed(drive: Drive) -> None:
+def inputs_not_changed(drive: AgentDrive) -> None:
     """It writes neither into the belief nor into info."""
     changed = drive.watched().changed
     _require(not changed, f"it changed {changed}: make a copy")
 
 
-def global_rng_untouched(subject: Drive | Scans) -> None:
+def global_rng_untouched(subject: AgentDrive | ScanTests) -> None:
     """It neither seeds nor draws from the global generators of NumPy and Python."""
     with no_global_rng("make a generator of your own"):
         subject.answers()
 
 
-def survives_an_empty_belief(drive: Drive) -> None:
+def survives_an_empty_belief(drive: AgentDrive) -> None:
     """It answers with finite actions to a belief without points."""
     for step, (action, _) in enumerate(drive.watched(blind=True).answers):
         finite = bool(np.isfinite(action).all())
         _require(finite, f"its action at step {step} on an empty belief is {action}")
 
 
-AGENT_LAWS: Laws[Drive] = dict.fromkeys(
+AGENT_LAWS: Laws[AgentDrive] = dict.fromkeys(
     (
         answers_with_actions,
         same_rng_same_result,
@@ -275,7 +263,7 @@ AGENT_LAWS: Laws[Drive] = dict.fromkeys(
 )
 
 
-def answers_with_numbers(scans: Scans) -> None:
+def answers_with_numbers(scans: ScanTests) -> None:
     """It answers with (n,) numbers, finite or -inf, also where half of the beams are missing."""
     model = scans.model()
     for number in range(10):
@@ -283,7 +271,7 @@ def answers_with_numbers(scans: Scans) -> None:
             model.log_likelihood(scans.poses, scans.scan(number, missing))
 
 
-def same_input_same_answer(scans: Scans) -> None:
+def same_input_same_answer(scans: ScanTests) -> None:
     """Two models, made anew, answer alike, and so does one that has seen other scans."""
     model = scans.model()
     first, _, again = (scans.answers(number, model) for number in (0, 1, 0))
@@ -291,7 +279,7 @@ def same_input_same_answer(scans: Scans) -> None:
     _require(np.array_equal(first, scans.answers()), "made anew, it answers otherwise")
 
 
-def poses_and_scan_not_changed(scans: Scans) -> None:
+def poses_and_scan_not_changed(scans: ScanTests) -> None:
     """It writes neither into the poses nor into the scan."""
     scan, poses = scans.scan(0), scans.poses
     ranges, usable = scan.ranges.copy(), scan.usable.copy()
@@ -301,7 +289,7 @@ def poses_and_scan_not_changed(scans: Scans) -> None:
     _require(same and np.array_equal(usable, scan.usable), "it changed the scan: make a copy")
 
 
-def each_pose_by_itself(scans: Scans) -> None:
+def each_pose_by_itself(scans: ScanTests) -> None:
     """What it says of a pose does not depend on the other poses, nor on their order."""
     model = scans.model()
     order, whole = np.random.default_rng(2).permutation(FREE + ANYWHERE), scans.answers(model=model)
@@ -312,21 +300,21 @@ def each_pose_by_itself(scans: Scans) -> None:
         _require(alike, f"it says otherwise of the same poses in a batch of {some.size}")
 
 
-def the_truth_is_likelier(scans: Scans) -> None:
+def the_truth_is_likelier(scans: ScanTests) -> None:
     """The pose of a scan is mostly likelier than another free pose."""
     model, likelier = scans.model(), 0
-    for number in range(SCANS):
-        two = np.ascontiguousarray(scans.poses[:, [number, (number + SCANS) % FREE]])
+    for number in range(_SCANS):
+        two = np.ascontiguousarray(scans.poses[:, [number, (number + _SCANS) % FREE]])
         truth, other = model.log_likelihood(two, scans.scan(number))
         likelier += bool(truth > other)
     _require(
         likelier >= FEWEST,
-        f"the truth is likelier than another free pose in {likelier} of {SCANS} scans, but must be "
-        f"in {FEWEST}",
+        f"the truth is likelier than another free pose in {likelier} of {_SCANS} scans, but must "
+        f"be in {FEWEST}",
     )
 
 
-SCAN_LAWS: Laws[Scans] = dict.fromkeys(
+SCAN_LAWS: Laws[ScanTests] = dict.fromkeys(
     (
         answers_with_numbers,
         same_input_same_answer,

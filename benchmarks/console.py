@@ -6,7 +6,8 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn, TextIO, cast
 
@@ -67,6 +68,40 @@ def warn(sentences: Iterable[str | None]) -> list[str]:
     for warning in said:
         print(f"deqmcl: {warning}", file=sys.stderr)
     return said
+
+
+@contextmanager
+def log_warnings() -> Iterator[list[str]]:
+    """Collect the warnings of log readers, each sentence once; if all fails, say them."""
+    from deqmcl_gym.validation import LogWarning
+
+    said: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", LogWarning)
+        try:
+            yield said
+        except Exception:
+            warn(_sentences(caught))
+            raise
+        said += _sentences(caught)
+
+
+def _sentences(caught: Sequence[warnings.WarningMessage]) -> list[str]:
+    from deqmcl_gym.validation import LogWarning
+
+    words = [str(one.message) for one in caught if issubclass(one.category, LogWarning)]
+    return list(dict.fromkeys(words))
+
+
+@contextmanager
+def checking(*, shown: bool = True) -> Iterator[None]:
+    """Say that all worlds and localizers are being checked, and what is wrong with their logs."""
+    if not shown:
+        yield
+        return
+    with doing("checking every world and localizer"), log_warnings() as said:
+        yield
+    warn(said)
 
 
 @contextmanager

@@ -22,15 +22,7 @@ def _is_begun(path: Path) -> bool:
 
 
 def own_folder(folder: Path, file: str) -> Path:
-    """Make a folder for the files of a command, or take one where it wrote before.
-
-    Args:
-        folder: to be written to.
-        file: that the command always writes.
-
-    Raises:
-        InputError: it holds files, but not this one, or cannot be written to.
-    """
+    """Make a folder for the files of a command, or take one where it wrote before."""
     taken = (folder / "manifest.json").exists()  # by a sweep
     if not is_empty(folder) and (taken or not (folder / file).is_file()):
         raise InputError(

@@ -109,10 +109,6 @@ class LookAhead(Still):
     a lower bound for normal beams (Kolchinsky & Tracey 2017); ô_i are the exact scans on the way
     from x_i, σ that of the beam model, tempered. The first motion of the best is carried out, then
     it looks again; after a contact at once. It turns on the spot while nothing is believed.
-
-    Args:
-        robot: map, lidar, radius and beam model.
-        depth: motions in a sequence.
     """
 
     def __init__(self, robot: RobotModel, *, depth: int = 1) -> None:

@@ -8,7 +8,6 @@ folder, as in ``SHIPS = ("table.bin", "nets/*.npy")``. What it imports or downlo
 """
 
 import ast
-import dis
 import glob
 import hashlib
 import importlib.util
@@ -25,7 +24,7 @@ from typing import Any
 from deqmcl_gym.files import UnreadableError, content_of, opened
 
 UNREAD = "unread"  # in place of the digest of what is there, but not in a file
-_MADE = ("__pycache__", ".git")
+_MADE = {"__pycache__", ".git"}
 OURS = ("deqmcl_gym", "localizers", "benchmarks")  # results have a digest of their own
 _PLAIN = (type(None), type(...), bool, int, float, complex, str, bytes)
 _DEFINED = (type, types.FunctionType)
@@ -53,7 +52,7 @@ def module_digest(place: str) -> str | None:
         return None
     roots = [Path(root) for root in found.submodule_search_locations or []]
     if not roots:
-        return file_digest(found.origin) or UNREAD
+        return source_digest_of_file(found.origin) or UNREAD
     files = [(path, path.relative_to(root)) for root in roots for path in _files(root)]
     return (_digest(files) if files else None) or UNREAD
 
@@ -65,11 +64,9 @@ def loaded_digest(thing: Any) -> str:
     of other packages the file of the module counts. ``UNREAD`` if a value cannot be read.
     """
     home = _home(thing)
-    module = sys.modules.get(home)
-    scripted = getattr(module, "__spec__", None) is None  # a script, a prompt, a file of its own
-    file = _file_of(home) if scripted else module_digest(home)
+    file = _file_of(home) if _is_scripted(home) else module_digest(home)
     try:
-        code = "\0".join(_Loaded(home.partition(".")[0]).words(thing))
+        code = "\0".join(_words(thing, home.partition(".")[0], {}))
     except Exception:  # whatever pickle raises, or a class of somebody's own
         return file or UNREAD
     return hashlib.sha256(f"{file}\0{code}".encode(errors="surrogatepass")).hexdigest()
@@ -83,82 +80,79 @@ def _home(thing: Any) -> str:
     return home if isinstance(home, str) else type(thing).__module__
 
 
+def _is_scripted(module: str) -> bool:
+    """Whether a module is a script, a prompt, or a file of its own."""
+    return getattr(sys.modules.get(module), "__spec__", None) is None
+
+
 def _file_of(module: str) -> str | None:
     """Digest of the file of a module that is loaded; None if it has none."""
-    return file_digest(getattr(sys.modules.get(module), "__file__", None))
+    return source_digest_of_file(getattr(sys.modules.get(module), "__file__", None))
 
 
-class _Loaded:
-    """What objects are made of, in words that are the same in any process."""
+def _words(thing: Any, top: str, seen: dict[int, Any]) -> Iterator[str]:
+    """Say what an object is made of, in words that are the same in any process.
 
-    def __init__(self, top: str) -> None:
-        self._top = top  # package or module whose code is read, not only named
-        self._seen: dict[int, Any] = {}  # by id; held, so that no other gets it
-
-    def words(self, thing: Any) -> Iterator[str]:
-        """Yield them."""
-        kind = type(thing)
-        if kind in _PLAIN:
-            yield repr(thing)
-        elif kind in (set, frozenset):
-            yield f"{kind.__name__} {sorted(map(repr, thing))}"
-        elif id(thing) in self._seen:
-            yield f"again {[*self._seen].index(id(thing))}"
-        else:
-            self._seen[id(thing)] = thing
-            yield kind.__qualname__
-            for part in self._parts(thing):
-                yield from self.words(part)
-
-    def _parts(self, thing: Any) -> Iterator[Any]:
-        inside = self._is_inside(thing if isinstance(thing, _DEFINED) else type(thing))
-        if isinstance(thing, types.CodeType):
-            yield from [getattr(thing, name) for name in _CODE]
-        elif isinstance(thing, dict | types.MappingProxyType):
-            yield from [part for item in thing.items() for part in item]
-        elif type(thing) in (list, tuple):
-            yield from thing
-        elif isinstance(thing, types.ModuleType):
-            yield from [thing.__name__, _file_of(thing.__name__)]
-        elif isinstance(thing, _DEFINED) and not inside:
-            home = _home(thing)
-            ours = home.partition(".")[0] in OURS
-            yield from [home, thing.__qualname__, None if ours else _file_of(home)]
-        elif isinstance(thing, type):
-            made = (*_WRAPPERS, types.FunctionType)  # all else with such names is Python's
-            own = {n: v for n, v in vars(thing).items() if n[:2] != "__" or isinstance(v, made)}
-            own.pop("_abc_impl", None)
-            yield from [thing.__qualname__, thing.__bases__, type(thing), own]
-        elif isinstance(thing, types.FunctionType):
-            known, code = thing.__globals__, thing.__code__
-            used = {name: known[name] for name in _globals(code) if name in known}
-            closed = [cell.cell_contents for cell in thing.__closure__ or ()]
-            yield from [code, thing.__defaults__, thing.__kwdefaults__, closed, used, vars(thing)]
-        elif isinstance(thing, _WRAPPERS) or hasattr(thing, "__wrapped__"):
-            yield from [getattr(thing, name, None) for name in _WRAPS]
-        elif inspect.isroutine(thing) or inspect.ismemberdescriptor(thing):  # of C
-            yield from [getattr(thing, "__module__", None), thing.__qualname__]
-        elif inside and hasattr(thing, "__dict__"):
-            yield from [type(thing), vars(thing)]
-        else:
-            yield pickle.dumps(thing)
-
-    def _is_inside(self, thing: Any) -> bool:
-        home = _home(thing)
-        top = home.partition(".")[0]
-        in_memory = getattr(sys.modules.get(home), "__spec__", None) is None
-        return top not in OURS and (top == self._top or in_memory)
+    Args:
+        thing: the object.
+        top: package or module whose code is read, not only named.
+        seen: objects by id, which are held, so that no other gets it.
+    """
+    kind = type(thing)
+    if kind in _PLAIN:
+        yield repr(thing)
+    elif kind in (set, frozenset):
+        yield f"{kind.__name__} {sorted(map(repr, thing))}"
+    elif id(thing) in seen:
+        yield f"again {[*seen].index(id(thing))}"
+    else:
+        seen[id(thing)] = thing
+        yield kind.__qualname__
+        for part in _parts(thing, top):
+            yield from _words(part, top, seen)
 
 
-def _globals(code: types.CodeType) -> list[str]:
-    """Return the names of the globals that code asks for, that within it too."""
-    loads = ("LOAD_GLOBAL", "LOAD_NAME")
-    found = {one.argval for one in dis.get_instructions(code) if one.opname in loads}
-    inner = [name for c in code.co_consts if isinstance(c, types.CodeType) for name in _globals(c)]
-    return sorted({*found, *inner})
+def _parts(thing: Any, top: str) -> Iterator[Any]:
+    home = _home(thing if isinstance(thing, _DEFINED) else type(thing))
+    package = home.partition(".")[0]
+    inside = package not in OURS and (package == top or _is_scripted(home))
+    if isinstance(thing, types.CodeType):
+        yield from [getattr(thing, name) for name in _CODE]
+    elif isinstance(thing, dict):
+        yield from [part for item in thing.items() for part in item]
+    elif type(thing) in (list, tuple):
+        yield from thing
+    elif isinstance(thing, types.ModuleType):
+        yield from [thing.__name__, _file_of(thing.__name__)]
+    elif isinstance(thing, _DEFINED) and not inside:
+        yield from [home, thing.__qualname__, None if package in OURS else _file_of(home)]
+    elif isinstance(thing, type):
+        made = (*_WRAPPERS, types.FunctionType)  # all else with such names is Python's
+        own = {n: v for n, v in vars(thing).items() if n[:2] != "__" or isinstance(v, made)}
+        own.pop("_abc_impl", None)
+        yield from [thing.__qualname__, thing.__bases__, type(thing), own]
+    elif isinstance(thing, types.FunctionType):
+        known, code = thing.__globals__, thing.__code__
+        used = {name: known[name] for name in sorted(_names(code)) if name in known}
+        closed = [cell.cell_contents for cell in thing.__closure__ or ()]
+        yield from [code, thing.__defaults__, thing.__kwdefaults__, closed, used, vars(thing)]
+    elif isinstance(thing, _WRAPPERS) or hasattr(thing, "__wrapped__"):
+        yield from [getattr(thing, name, None) for name in _WRAPS]
+    elif inspect.isroutine(thing) or inspect.ismemberdescriptor(thing):  # of C
+        yield from [getattr(thing, "__module__", None), thing.__qualname__]
+    elif inside and hasattr(thing, "__dict__"):
+        yield from [type(thing), vars(thing)]
+    else:
+        yield pickle.dumps(thing)
 
 
-def file_digest(file: str | None) -> str | None:
+def _names(code: types.CodeType) -> set[str]:
+    """Return the names that code asks for, that within it too."""
+    inner = (_names(c) for c in code.co_consts if isinstance(c, types.CodeType))
+    return {*code.co_names}.union(*inner)
+
+
+def source_digest_of_file(file: str | None) -> str | None:
     """Digest of a Python file and of what it ships, whatever folder it is in; None: not there."""
     if file is None:
         return None
@@ -199,11 +193,8 @@ def _matching(folder: Path, pattern: str) -> list[Path]:
 
 def _files(root: Path) -> list[Path]:
     """Return all files in a folder except those that Python generates."""
-    return sorted(
-        path
-        for path in root.rglob("*")
-        if path.is_file() and not set(_MADE) & set(path.relative_to(root).parts)
-    )
+    own = (p for p in root.rglob("*") if not _MADE & set(p.relative_to(root).parts))
+    return sorted(path for path in own if path.is_file())
 
 
 def _digest(files: Iterable[tuple[Path, Path]]) -> str | None:

@@ -26,9 +26,8 @@ from typing import Any, Self
 
 from deqmcl_gym.files import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, in_words, one_of
-from localizers.digests import file_digest, loaded_digest, module_digest
+from localizers.digests import loaded_digest, module_digest, source_digest_of_file
 
-_MODULE = "_localizer_"  # begins the name of a module that is a file of its own
 _LOADERS = (__file__, str(importlib.__file__), "<frozen importlib")  # of code, in a traceback
 _MISSING = (
     "install it, put its folder on PYTHONPATH, or give path/to/file.py:NAME; a file stands alone, "
@@ -49,8 +48,8 @@ class Kind:
         holds: type of what a name leads to, if that is the thing itself.
         own: how one's own is named.
         gone: names that there were; what to use instead. Folders may hold them.
-        added: registered in this process, by name.
-        received: names of those that came from the process that sends the trials.
+        added: registered in this process, by name; other processes do not know them.
+        received: names of those that the process has sent that sends the trials.
     """
 
     word: str
@@ -84,7 +83,7 @@ class Kind:
         named = f"the {self.word} name"
         if name in self.builtin:
             raise InputError(f"{named} {name!r} is taken by a built-in one: choose another.")
-        if not isinstance(name, str) or is_reference(name):
+        if not isinstance(name, str) or ":" in name:
             raise InputError(f"{named} is {name!r}, but must be text without a colon.")
         if self.added.get(name, factory) is not factory:
             warnings.warn(
@@ -110,19 +109,6 @@ class Kind:
             if before is not None:
                 self.added[name] = before
 
-    def receive(self, name: str, factory: Any) -> None:
-        """Know ``factory`` as ``name``, as the process does that sent it."""
-        self.added[name] = factory
-        self.received.add(name)
-
-    def is_received(self, name: str) -> bool:
-        """Whether a name came from the process that sends the trials: its code is the sender's."""
-        return name in self.received
-
-    def is_registered(self, name: str) -> bool:
-        """Whether a name was registered in this process: other processes do not know it."""
-        return name in self.added
-
     def is_plug_in(self, name: str) -> bool:
         """Whether a name leads to other people's code, which ``resolve`` runs."""
         return not any(name in known for known in (self.builtin, self.added, self.gone))
@@ -133,7 +119,7 @@ class Kind:
         Raises:
             InputError: a plain name that nobody has, or that several packages offer.
         """
-        if isinstance(name, str) and (is_reference(name) or is_file(name)):
+        if isinstance(name, str) and (":" in name or name.endswith(".py")):
             return name
         if name in self.gone:
             raise InputError(f"{name} is gone: {self.gone[name]}")
@@ -154,7 +140,7 @@ class Kind:
         Raises:
             InputError: the file holds none or several, or cannot be loaded.
         """
-        if not is_file(name):
+        if not name.endswith(".py"):
             return name
         module = self._module(name, absolute_name(name))
         fitting = [own for own, value in vars(module).items() if self._is_in(module, own, value)]
@@ -167,11 +153,7 @@ class Kind:
         )
 
     def resolve(self, name: str) -> Any:
-        """Return what a name leads to, from the first of these that has it.
-
-        A built-in name; a registered one; an entry point of an installed package;
-        ``package.module:NAME``; ``path/to/file.py:NAME``, or ``path/to/file.py`` if that holds one.
-        This runs the code of a plug-in.
+        """Return the factory, or the thing, that a name leads to; this runs a plug-in's code.
 
         Raises:
             InputError: there is no such name, its code cannot be imported, or it is none.
@@ -227,15 +209,17 @@ class Kind:
     def digest(self, name: str) -> str:
         """Digest of the source of a plug-in; "" of what is built in or not there.
 
-        Files are read, not run, so what cannot be imported has one, too; see ``digests``.
+        It changes whenever a file, a package or weights are edited, and is stored with results.
+        Files are read, not run, so what cannot be imported has one, too; ``localizers.digests``
+        says what is covered, and when it is ``UNREAD``.
         """
         if name in self.added:
             return loaded_digest(self.added[name])
         if name in self.builtin:
             return ""
-        is_place = is_reference(name) or is_file(name)
+        is_place = ":" in name or name.endswith(".py")
         place = _split(absolute_name(name if is_place else self.installed().get(name, "")))[0]
-        return (file_digest(place) if _is_path(place) else module_digest(place)) or ""
+        return (source_digest_of_file(place) if _is_path(place) else module_digest(place)) or ""
 
     @property
     def _methods(self) -> list[str]:
@@ -252,9 +236,17 @@ class Kind:
 
     def _module(self, name: str, place: str) -> ModuleType:
         """Return the module at a place; a file is run, once per content."""
-        named = f"the {self.word} {name!r}"
-        source = _source(Path(place), named) if _is_path(place) else None
-        run = (importlib.import_module, place) if source is None else (_run, place, source)
+        named, run = f"the {self.word} {name!r}", (importlib.import_module, place)
+        if _is_path(place):
+            path = Path(place)
+            try:
+                run = (_run, place, content_of(path))  # type: ignore[assignment]
+            except UnreadableError as error:
+                raise InputError(f"{named} cannot be read: {path} {error}.") from None
+            except FileNotFoundError as error:
+                hint = _nearest(path.name, [file.name for file in path.parent.glob("*.py")])
+                words = f"{path}: {error.strerror}{hint}"
+                raise InputError(f"{named} cannot be read: {words}.") from None
         module: ModuleType = _called(f"{named} cannot be imported", place, *run)
         return module
 
@@ -319,16 +311,6 @@ class Placed(str):
         return Placed(f"{self}{end}", self.place + end)
 
 
-def is_file(name: str) -> bool:
-    """Whether a name is that of a Python file, without the name of anything in it."""
-    return name.endswith(".py")
-
-
-def is_reference(name: str) -> bool:
-    """Whether a name says where the code is, as ``package.module:NAME`` or ``file.py:NAME``."""
-    return ":" in name
-
-
 def absolute_name(name: str) -> str:
     """Return a name by which a process in any other folder finds the same thing.
 
@@ -357,22 +339,13 @@ def raised(error: BaseException, file: str | None = None) -> str:
 
     The line is the deepest one in ``file``, or the deepest of all.
     """
-    words = reason_of(error).rstrip(".")
+    words = in_words(error).rstrip(".")
     if isinstance(error, SyntaxError):  # they say where
         return words
     frames = traceback.extract_tb(error.__traceback__)
     theirs = [frame for frame in frames if not frame.filename.startswith(_LOADERS)]
     own = [frame for frame in theirs if frame.filename == file] or theirs
     return f"{words} ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else words
-
-
-def reason_of(error: BaseException) -> str:
-    """Return an error in words; of a file whose own processes cannot import it, what to do."""
-    shown = "".join(traceback.format_exception(error))  # and what caused it
-    if "BrokenProcessPool" not in shown and f"No module named '{_MODULE}" not in shown:
-        return in_words(error)
-    remedy = "its file.py cannot be imported by processes that it starts, so make it a package"
-    return f"{in_words(error).rstrip('.')}: {remedy}"
 
 
 def _called(
@@ -397,7 +370,7 @@ def _called(
 def _run(path: str, source: bytes) -> ModuleType:
     """Run a file as a module of its own, once per content: an edited file is another module."""
     content = hashlib.sha256(b"\0".join((path.encode(), source))).hexdigest()
-    name = f"{_MODULE}{content[:16]}"
+    name = f"_localizer_{content[:16]}"
     if name not in sys.modules:
         code = compile(source, path, "exec")
         module = sys.modules[name] = ModuleType(name)  # dataclasses and pickle look it up
@@ -408,16 +381,6 @@ def _run(path: str, source: bytes) -> ModuleType:
             del sys.modules[name]
             raise
     return sys.modules[name]
-
-
-def _source(path: Path, named: str) -> bytes:
-    try:
-        return content_of(path)
-    except UnreadableError as error:
-        raise InputError(f"{named} cannot be read: {path} {error}.") from None
-    except FileNotFoundError as error:
-        hint = _nearest(path.name, [file.name for file in path.parent.glob("*.py")])
-        raise InputError(f"{named} cannot be read: {path}: {error.strerror}{hint}.") from None
 
 
 def _attribute(named: str, module: ModuleType, place: str, attribute: str) -> Any:

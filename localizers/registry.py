@@ -8,13 +8,7 @@ from localizers.kinds import Kind
 from localizers.methods.amcl import amcl
 from localizers.methods.cbgl import cbgl
 from localizers.methods.dead_reckoning import dead_reckoning
-from localizers.methods.deq_mcl import (
-    deq_mcl,
-    mcl,
-    mcl_map,
-    mcl_map_smoother,
-    mcl_smoother,
-)
+from localizers.methods.deq_mcl import deq_mcl, mcl, mcl_map, mcl_map_smoother, mcl_smoother
 from localizers.methods.ekf import ekf
 from localizers.methods.grid import grid
 from localizers.methods.plan_aware import deq_mcl_fresh, mcl_plan, mcl_plan_hedged
@@ -48,34 +42,16 @@ LOCALIZER = Kind(
         "deq-mcl-rejuvenated": "use deq-mcl-fresh.",
     },
 )
-register, registered = LOCALIZER.register, LOCALIZER.registered
-
-
-def names() -> tuple[str, ...]:
-    """Names of the localizers that are built in, registered or installed; none is loaded."""
-    return LOCALIZER.names()
-
-
-def resolve(name: str) -> Factory:
-    """Return the factory that a name leads to; see ``Kind.resolve``. It runs a plug-in's code.
-
-    Raises:
-        InputError: there is no such name, its code cannot be imported, or it is no factory.
-    """
-    factory: Factory = LOCALIZER.resolve(name)
-    return factory
-
-
-def parameters(name: str) -> tuple[str, ...] | None:
-    """Names of a localizer's parameters; None if its factory takes any."""
-    return LOCALIZER.parameters(name)
+names, parameters, register = LOCALIZER.names, LOCALIZER.parameters, LOCALIZER.register
+registered = LOCALIZER.registered
+resolve: Callable[[str], Factory] = LOCALIZER.resolve
 
 
 def make(name: str, robot: RobotModel, **params: Any) -> Localizer:
     """Make a localizer.
 
     Args:
-        name: see ``resolve``.
+        name: see ``localizers.kinds``.
         robot: its map, its sensor and the assumed noise.
         params: parameters of the method, see ``parameters(name)``.
 
@@ -88,10 +64,5 @@ def make(name: str, robot: RobotModel, **params: Any) -> Localizer:
 
 
 def source_digest(name: str) -> str | None:
-    """Digest of a plug-in: it changes whenever its file, its package or its weights are edited.
-
-    ``localizers.digests`` documents what it covers. Files are read, not run, so a plug-in that
-    cannot be imported has one too. None for a built-in localizer, whose source is this package's,
-    and if there is none; ``UNREAD`` if there is nothing to read. It is stored with results.
-    """
+    """Digest of a plug-in, see ``Kind.digest``; None of a built-in localizer, or of none."""
     return LOCALIZER.digest(name) or None

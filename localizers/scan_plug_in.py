@@ -10,7 +10,7 @@ import numpy as np
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import number
-from localizers.kinds import Kind, absolute_name, raised
+from localizers.kinds import Kind, absolute_name, raised, split_path
 from localizers.models.scan import Scan, ScanModel
 
 SCAN_MODEL = Kind(
@@ -106,7 +106,7 @@ class CheckedScan:
         try:
             found = np.asarray(self.model.log_likelihood(states, scan), np.float64)
         except Exception as error:
-            said = raised(error, _file_of(self.kind))
+            said = raised(error, split_path(self.kind)[0])
             raise RuntimeError(f"{named} raised {said}.") from error
         if found.shape != (n,):
             raise RuntimeError(
@@ -131,9 +131,4 @@ def is_code(kind: object) -> bool:
 
 def scan_name(kind: str) -> str:
     """Return a scan model's name without the folder of its file."""
-    return Path(kind).name if _file_of(kind) else kind
-
-
-def _file_of(kind: str) -> str | None:
-    file = kind.rpartition(":")[0]
-    return file if file.endswith(".py") else None
+    return Path(kind).name if split_path(kind)[0] else kind

@@ -6,13 +6,20 @@ table and a heat map per localizer: docs/how-wrong-may-the-start-be.md.
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import shared
-from benchmarks.console import doing, warn
+from benchmarks.commands.replay import add_playing
+from benchmarks.console import checking, doing, log_warnings, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.replay.options import Replay
+
+
+_OF_LOG = (
+    *("map", "reference", "read", "segment", "every"),
+    *("max_beams", "radius", "unknown", "motion", "scan"),
+)
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,11 +28,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("log", nargs="?", metavar="LOG", help="a CARMEN log, ROS bag, CSV or npz file")
     add("--map", metavar="MAP.yaml", help="the map of the log, as for ROS' map_server")
     add("--reference", metavar="REF.tum", help="true poses (the log's own, if any)")
-    shared.add_read(parser)
+    add_playing(parser, "0.2m,5deg; with amcl 0.0625m,3deg")
     add("--segment", type=float, metavar="M", help="metres of a run on a log (20)")
-    add("--every", metavar="D,A", help="play a record each time the robot has moved this far "
-        "(0.2m,5deg)")  # fmt: skip
-    add("--scan", metavar="sigma=…,power=…", help="the beam model, as for replay")
     add("--scenario", metavar="NAME", help="a scenario instead of a log")
     add("--localizers", default="mcl-map,amcl", metavar="A,B,…", help="methods (mcl-map,amcl)")
     shared.add_params(parser)
@@ -57,12 +61,12 @@ def run(options: argparse.Namespace) -> str:
     question = Question.told(
         options.distances, options.angles, options.spread, options.localized, options.within
     )
-    of_log = ("map", "reference", "read", "segment", "every", "scan")
-    given = [name for name in of_log if getattr(options, name) not in (None, [])]
+    given = [name for name in _OF_LOG if getattr(options, name) not in (None, [])]
     if (options.log is None) == (options.scenario is None):
         raise InputError("give one of them: a LOG with --map, or --scenario NAME.")
     if options.scenario is not None and given:
-        raise InputError(f"--{given[0]} is of a log, but --scenario is given: leave one out.")
+        option = given[0].replace("_", "-")
+        raise InputError(f"--{option} is of a log, but --scenario is given: leave one out.")
     if options.log is not None and options.map is None:
         raise InputError(f"{options.log} is given without --map: name its map.")
     said: list[str | None] = []
@@ -70,8 +74,12 @@ def run(options: argparse.Namespace) -> str:
     if options.log is not None:
         asked = 20.0 if options.segment is None else options.segment
         segment = number("--segment", asked, low=0, above=True)
-        question.check_segment(segment)
-        with doing("reading the log and the map"), shared.log_warnings() as read:
+        if question.unit == "m" and segment <= question.within:
+            raise InputError(
+                f"--segment is {segment:g} m, but must be longer than --within, "
+                f"{question.within:g} m: give a longer segment or a shorter way."
+            )
+        with doing("reading the log and the map"), log_warnings() as read:
             replay = _replay(options)
         said = [*read, disagreement(replay)]
         whole = {name: own for name, own in replay.world.items() if name not in ("start", "judged")}
@@ -79,7 +87,7 @@ def run(options: argparse.Namespace) -> str:
         world = Changes({**whole, "segment": segment})
         title = f"Segments of {segment:g} m of {Path(options.log).name}"
     localizers = shared.localizers_named(options.localizers)
-    with shared.checking():
+    with checking():
         sweep = basin_sweep(
             question,
             localizers,
@@ -102,15 +110,10 @@ def _replay(options: argparse.Namespace) -> "Replay":
     """Return the log as ``deqmcl replay`` reads it, with a power of the scan model."""
     from benchmarks.replay.calibration import calibrated
     from benchmarks.replay.command import every_for
-    from benchmarks.replay.options import reading_of, replay_of
+    from benchmarks.replay.options import replay_of, said_of
 
+    told: dict[str, Any] = {"start": "reference", "every": every_for(options.localizers)}
     replay = replay_of(
-        options.log,
-        options.map,
-        reference=options.reference,
-        reading=reading_of(options.read),
-        start="reference",
-        every=options.every or every_for(options.localizers),
-        scan=options.scan or "",
+        options.log, options.map, reference=options.reference, **told | said_of(options)
     )
     return replay if "scan.power" in replay.assumed else calibrated(replay)

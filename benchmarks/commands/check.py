@@ -19,35 +19,26 @@ class LawsBrokenError(RuntimeError):
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
-    add(
-        "name",
-        metavar="NAME",
-        help="a name (deqmcl list), package.module:NAME or path/to/file.py[:NAME]",
-    )
-    add(
-        "--map",
-        metavar="MAP.yaml",
-        help="try it on this map, in m, instead of a small room of polygons",
-    )
+    add("name", metavar="NAME", help="a name (deqmcl list), package.module:NAME or "
+        "path/to/file.py[:NAME]")  # fmt: skip
+    add("--map", metavar="MAP.yaml", help="try it on this map, in m, instead of a small room of "
+        "polygons")  # fmt: skip
     kinds = parser.add_mutually_exclusive_group()
     kinds.add_argument("--agent", action="store_true", help="NAME is of an agent")
     kinds.add_argument("--scan", action="store_true", help="NAME is of a scan model")
-    add(
-        "--scenario",
-        metavar="NAME",
-        help="where an agent drives (guided; with a goal, driving), or whose map and lidar a scan "
-        "model is for (sharp; if it needs a map of cells, lost)",
-    )
+    add("--scenario", metavar="NAME", help="where an agent drives (guided; with a goal, driving), "
+        "or whose map and lidar a scan model is for (sharp; if it needs a map of cells, lost)"
+        )  # fmt: skip
 
 
 def run(options: argparse.Namespace) -> str:
     """Run the command, printing each law as it is tried; return the last line."""
-    from localizers.checks import name_of
+    from localizers.checks import law_name
 
     with doing(f"loading {options.name}"):
         kind, report = _report(options)
     for law in report.laws:
-        with doing(f"trying the law {name_of(law)!r}"):
+        with doing(f"trying the law {law_name(law)!r}"):
             verdict = report.verdict(law)
         print(verdict, flush=True)
     verdicts, failed = report.verdicts, report.failed

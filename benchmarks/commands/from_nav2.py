@@ -19,4 +19,4 @@ def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.replay.nav2 import read_nav2
 
-    return read_nav2(options.params, options.node).toml
+    return read_nav2(options.params, options.node).toml.rstrip()

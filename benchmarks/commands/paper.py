@@ -22,10 +22,9 @@ NOTE = (
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    add = parser.add_argument
     shared.add_setting(parser)
     shared.add_trials(parser, 10)
-    add(
+    parser.add_argument(
         "--localizers", metavar="A,B,…", help="methods, comma-separated (the paper's and baselines)"
     )
     shared.add_jobs(parser)
@@ -39,31 +38,29 @@ def run(options: argparse.Namespace) -> str:
     prepare()  # while this process loads what it needs
     from benchmarks.execution.engines import Where
     from benchmarks.execution.processes import PATIENCE, Processes
+    from benchmarks.experiment import Experiment
     from benchmarks.files import write_files
     from benchmarks.pictures.figures import chosen, paper_figures
     from benchmarks.report.verdict import conclusion
     from benchmarks.report.writing import load, write_report
-    from benchmarks.sweeps.results import incomplete_sentence, summary
-    from benchmarks.sweeps.running import Options, TrialsFailedError, begun
+    from benchmarks.sweeps.results import summary
+    from benchmarks.sweeps.running import Options, complete
     from benchmarks.sweeps.suites import PAPER_METHODS
 
     out, named = options.out, options.localizers
-    figures = out / "figures"
     how = Options(where=Where(jobs=options.jobs), retry_failed=True)
     localizers = PAPER_METHODS if named is None else shared.localizers_named(named)
     sweep = shared.setting_sweep(options, localizers, options.trials)
     if not (out / "report.html").exists():
         load()  # while the workers load theirs
-    with begun(sweep, out, how, command=options.words) as running:
+    with Experiment(sweep).begun(out, how, options.words) as running:
         with Processes(1, timeout=PATIENCE) as beside:  # where the kernels are loaded
-            drawing = beside.submit(paper_figures, chosen(sweep.distinct()), figures)
+            drawing = beside.submit(paper_figures, chosen(sweep.distinct()), out / "figures")
             results = running.results()
             drawn = [] if results.failures or results.missing else drawing.result()
             # figures/lap.webp is a lap; three more would be a second of waiting
             files = write_report(out, results, draw=False) + drawn
-            if lacking := incomplete_sentence(results):
-                print(summary(sweep, results, out, files))
-                raise TrialsFailedError(lacking)
+            complete(results, summary(sweep, results, out, files))
         write_files(out, {"table.md": _table(sweep, results, "github").encode()})
     named = ", ".join(str(file.relative_to(out)) for file in files if file.parent.name != "images")
     table = _table(sweep, results, "simple")
@@ -76,9 +73,10 @@ def _table(sweep: "Sweep", results: "Results", style: str) -> str:
 
     worlds = "1 world" if sweep.trials == 1 else f"{sweep.trials} worlds"
     title = (
-        f"Table 1, scenario {short_name(sweep.scenario)}: {worlds}, {shared.setting_words(sweep)}"
+        f"Table 1, scenario {short_name(sweep.scenario)}: {worlds}, "
+        f"N = {sweep.params['particles']}, L = {sweep.lag}, seed {sweep.seed}"
     )
     mark = "# " if style == "github" else ""
-    rows = [row for panel in results.panels for row in panel.rows]
+    rows = results.table
     parts = [f"{mark}{title}; the paper's values beside ours", table_1(rows, style), NOTE]
     return "\n\n".join([*parts, *filter(None, [reading(rows)])]) + "\n"

@@ -6,11 +6,10 @@ Writes tables, trajectories (TUM, for evo) and a page: docs/your-map-your-log.md
 import argparse
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from benchmarks.commands import shared
-from benchmarks.console import doing, warn
-
-_SAID = ("start", "every", "max_beams", "motion", "scan", "radius", "unknown", "changed_walls")
+from benchmarks.console import doing, log_warnings, warn
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,24 +18,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("log", nargs="+", metavar="LOG", help="a CARMEN log or ROS bag, or its parts; CSV or npz")
     add("--map", required=True, metavar="MAP.yaml", help="the map, as for ROS' map_server")
     add(
-        "--unknown",
-        choices=("obstacle", "transparent", "free"),
-        default="obstacle",
-        help="what unknown cells of the map are: in the way of beams and of the robot, of the "
-        "robot alone, or of neither (obstacle)",
-    )
-    add(
-        "--changed-walls",
-        metavar="share=…,seed=…,…",
-        help="what if the map were out of date: change this share of its inner walls, which are "
-        "removed, added or shifted (distance=0.5, in m; kinds=removed+added+shifted; seed=0)",
-    )
-    add(
         "--reference",
         metavar="REF.tum",
         help="true poses in the map's frame (the log's own, if any)",
     )
-    shared.add_read(parser)
     add(
         "--localizers",
         default="mcl,amcl",
@@ -50,14 +35,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="where the robot starts: reference, global, x,y,θ in m and rad, as in --start=1,2,0, "
         "room=x,y,x,y,…, near=x,y,within[,beyond], or a .toml file (reference, if there is one)",
     )
-    add(
-        "--every",
-        metavar="D,A",
-        help="play a record each time the robot has moved this far (0.2m,5deg; with amcl "
-        "0.0625m,3deg, so that it updates as often as on a robot)",
+    add_playing(
+        parser, "0.2m,5deg; with amcl 0.0625m,3deg, so that it updates as often as on a robot"
     )
-    add("--max-beams", type=int, metavar="B", help="beams used of a scan, evenly spread (60)")
-    add("--radius", type=float, metavar="R", help="radius of the robot in m (0.16)")
+    add(
+        "--changed-walls",
+        action="append",
+        metavar="share=…,seed=…,…",
+        help="what if the map were out of date: change this share of its inner walls, which are "
+        "removed, added or shifted (distance=0.5, in m; kinds=removed+added+shifted; seed=0)",
+    )
     add(
         "--particles",
         type=int,
@@ -66,18 +53,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--seeds", type=int, default=10, metavar="K", help="runs of each localizer (10)")
     shared.add_seed(parser)
-    add(
-        "--motion",
-        metavar="alpha1=…,alpha2=…,…",
-        help="motion noise, Nav2's alphas; kind=omni or kind=odometry selects another model "
-        "(kind=differential; estimated from the reference, at least half of Nav2's defaults)",
-    )
-    add(
-        "--scan",
-        metavar="sigma=…,power=…,…",
-        help="parameters of the beam model; kind=NAME selects another model (sigma=0.2, in m; "
-        "power is fitted to the first part of the log)",
-    )
     add(
         "--fit-beams",
         action="store_true",
@@ -103,6 +78,41 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_out(parser)
 
 
+def add_playing(
+    parser: argparse.ArgumentParser, every: str = "0.2m,5deg", beams: str = "60"
+) -> None:
+    """Add how a log is read and played, and what localizers assume; ``said_of`` takes them."""
+    add = parser.add_argument
+    shared.add_read(parser)
+    add(
+        "--every",
+        metavar="D,A",
+        help=f"play a record each time the robot has moved this far ({every})",
+    )
+    add("--max-beams", type=int, metavar="B", help=f"beams used of a scan, evenly spread ({beams})")
+    add("--radius", type=float, metavar="R", help="radius of the robot in m (0.16)")
+    add(
+        "--unknown",
+        choices=("obstacle", "transparent", "free"),
+        help="what unknown cells of the map are: in the way of beams and of the robot, of the "
+        "robot alone, or of neither (obstacle)",
+    )
+    add(
+        "--motion",
+        action="append",
+        metavar="alpha1=…,alpha2=…,…",
+        help="motion noise, Nav2's alphas; kind=omni or kind=odometry selects another model "
+        "(kind=differential; estimated from the reference, at least half of Nav2's defaults)",
+    )
+    add(
+        "--scan",
+        action="append",
+        metavar="sigma=…,power=…,…",
+        help="parameters of the beam model; kind=NAME selects another model (sigma=0.2, in m; "
+        "power is fitted to the first part of the log)",
+    )
+
+
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.engines import Where
@@ -110,7 +120,7 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.replay.calibration import calibrated, judged_alike, uses_scan, with_fitted_beams
     from benchmarks.replay.command import every_for, gated, replay_sweep, run_replay
     from benchmarks.replay.nav2 import read_nav2
-    from benchmarks.replay.options import reading_of, replay_of
+    from benchmarks.replay.options import replay_of, said_of
     from benchmarks.sweeps.running import Options, check
     from deqmcl_gym.validation import InputError
 
@@ -119,17 +129,14 @@ def run(options: argparse.Namespace) -> str:
     if options.node is not None and options.nav2 is None:
         raise InputError("--node is given without --nav2: name the file that the node is in.")
     nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)
-    told = {name: value for name in _SAID if (value := getattr(options, name)) is not None}
+    told: dict[str, Any] = {"every": every_for(options.localizers)}
     if nav2 is not None:
-        its_scan = None if options.fit_beams else nav2.options["scan"]
-        scan = ",".join(filter(None, [its_scan, options.scan]))
-        told = {**nav2.options, **told, "scan": scan}
-    told.setdefault("every", every_for(options.localizers))
-    with doing("reading the log and the map"), shared.log_warnings() as said:
-        reading = {**({} if nav2 is None else nav2.reading), **reading_of(options.read)}
-        replay = replay_of(
-            options.log, options.map, reference=options.reference, reading=reading, **told
-        )
+        told = nav2.options if not options.fit_beams else {**nav2.options, "scan": {}}
+    given = said_of(options)
+    for name in ("scan", "reading"):  # of these, single values are given
+        given[name] = {**told.get(name, {}), **given.get(name, {})}
+    with doing("reading the log and the map"), log_warnings() as said:
+        replay = replay_of(options.log, options.map, reference=options.reference, **told | given)
     notes = warn(said)  # whatever fails later
     if options.fit_beams:
         with doing("fitting the beam model to the first part of the log"):

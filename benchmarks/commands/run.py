@@ -6,7 +6,7 @@ Writes its animation, its error curve, and its trace as npz and as TUM trajector
 import argparse
 
 from benchmarks.commands import shared
-from benchmarks.console import doing
+from benchmarks.console import checking, doing
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,12 +29,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.pictures.lap import run_lap
+    from benchmarks.sweeps.running import check
     from localizers.registry import LOCALIZER
 
     mcap = shared.mcap_of(options)
     named = (LOCALIZER.complete(options.localizer),)
     own = shared.params_named(options.param, named)
     sweep = shared.setting_sweep(options, named, own=own, agent=options.agent)
+    with checking():
+        check(sweep)
     (trial,) = sweep.distinct()
     log = None if options.log is None else options.log.absolute()
     with doing(f"running and drawing a lap of {trial.localizer}"):

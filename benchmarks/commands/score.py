@@ -7,7 +7,7 @@ in a bag: docs/score-your-stack.md.
 import argparse
 
 from benchmarks.commands import shared
-from benchmarks.console import doing, warn
+from benchmarks.console import doing, log_warnings, warn
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,7 +59,7 @@ def run(options: argparse.Namespace) -> str:
         raise InputError(f"{given[0]} is given without --log: name the log that it is about.")
     elif options.log is None and options.reference is None:
         raise InputError("there is nothing to score by: give --reference, --log or --beside.")
-    with doing("reading the estimates and what they are scored by"), shared.log_warnings() as said:
+    with doing("reading the estimates and what they are scored by"), log_warnings() as said:
         if options.beside is not None:
             yardstick = Yardstick.of_replay(options.beside)
         elif options.log is not None:

@@ -1,15 +1,10 @@
 """What commands share: arguments, warnings, and the setting of ``paper`` and ``run``."""
 
 import argparse
-import tomllib
-import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from benchmarks.console import doing, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.sweeps.design import Sweep
@@ -33,37 +28,6 @@ def _path(text: str, what: str) -> Path:
     if not is_possible(Path(text)):
         raise argparse.ArgumentTypeError("it has a name of more than 255 bytes: give a shorter one")
     return Path(text)
-
-
-@contextmanager
-def log_warnings() -> Iterator[list[str]]:
-    """Collect the warnings of log readers, each sentence once; if all fails, say them."""
-    from deqmcl_gym.validation import LogWarning
-
-    said: list[str] = []
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", LogWarning)
-        try:
-            yield said
-        except Exception:
-            warn(_sentences(caught))
-            raise
-        said += _sentences(caught)
-
-
-def _sentences(caught: Sequence[warnings.WarningMessage]) -> list[str]:
-    from deqmcl_gym.validation import LogWarning
-
-    words = [str(one.message) for one in caught if issubclass(one.category, LogWarning)]
-    return list(dict.fromkeys(words))
-
-
-@contextmanager
-def checking() -> Iterator[None]:
-    """Say that all worlds and localizers are being checked, and what is wrong with their logs."""
-    with doing("checking every world and localizer"), log_warnings() as said:
-        yield
-    warn(said)
 
 
 def add_read(parser: argparse.ArgumentParser) -> None:
@@ -102,12 +66,8 @@ def add_share(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--share", type=share, metavar="S", help=help_)
 
 
-def share_of(options: argparse.Namespace) -> float:
-    """Return that share.
-
-    Raises:
-        InputError: it is no share.
-    """
+def share_verified(options: argparse.Namespace) -> float:
+    """Return that share."""
     from benchmarks.sweeps.verifying import SHARE
     from deqmcl_gym.validation import number
 
@@ -144,11 +104,7 @@ def add_mcap(parser: argparse.ArgumentParser) -> None:
 
 
 def mcap_of(options: argparse.Namespace) -> Path | None:
-    """Return the absolute path of the file for Foxglove, if one is asked for.
-
-    Raises:
-        InputError: it cannot be written.
-    """
+    """Return the absolute path of the file for Foxglove, if one is asked for."""
     from benchmarks.pictures.messages import check_file
 
     if options.mcap is None:
@@ -160,75 +116,45 @@ def mcap_of(options: argparse.Namespace) -> Path | None:
 
 def add_setting(parser: argparse.ArgumentParser) -> None:
     """Add the scenario, the root seed, and the parameters that most localizers have."""
-    parser.add_argument(
-        "--scenario",
-        default="paper",
-        metavar="NAME",
-        help="a name (deqmcl list), room.toml or file.py:NAME (paper)",
-    )
+    add = parser.add_argument
+    add("--scenario", default="paper", metavar="NAME",
+        help="a name (deqmcl list), room.toml or file.py:NAME (paper)")  # fmt: skip
     add_seed(parser)
-    parser.add_argument("--particles", type=int, default=1000, metavar="N", help="particles (1000)")
-    parser.add_argument("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)")
+    add("--particles", type=int, default=1000, metavar="N", help="particles (1000)")
+    add("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)")
 
 
 def add_params(parser: argparse.ArgumentParser) -> None:
     """Add parameters of single localizers."""
+    help_ = "a parameter of a localizer, as in mcl-map.start_draws=20 (one --param each)"
     parser.add_argument(
-        "--param",
-        action="append",
-        default=[],
-        metavar="NAME.KEY=VALUE",
-        help="a parameter of a localizer, as in mcl-map.start_draws=20 (one --param each)",
+        "--param", action="append", default=[], metavar="NAME.KEY=VALUE", help=help_
     )
 
 
 def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return NAME.KEY=VALUE words as parameters by localizer; a value is as in a sweep file.
-
-    Args:
-        words: as given; quotes around text may be left out.
-        localizers: that are run.
-
-    Raises:
-        InputError: another form, an unknown localizer or parameter, or one given twice.
-    """
+    """Return NAME.KEY=VALUE words as parameters by localizer; a value is as in a sweep file."""
     from benchmarks.setup.changes import OF_LOCALIZERS, Changes
+    from benchmarks.setup.settings import settings
     from deqmcl_gym.validation import InputError, one_of
     from localizers import absolute_name, parameters
     from localizers.registry import LOCALIZER
 
     as_given = {absolute_name(name): name for name in localizers}
     found: dict[str, dict[str, Any]] = {}
-    for word in words:
-        place, equals, value = word.partition("=")
-        given, _, key = place.strip().rpartition(".")
-        if not (given and key and equals and value.strip()):
-            raise InputError(
-                f"--param is {word!r}, but must be NAME.KEY=VALUE, as mcl-map.start_draws=20."
-            )
+    form = "NAME.KEY=VALUE, as mcl-map.start_draws=20"
+    for place, value in settings("--param", words, form).items():
+        given, _, key = place.rpartition(".")
+        if not (given and key):
+            raise InputError(f"--param has {place!r}, but must be {form}.")
         name = LOCALIZER.complete(given)
         name = as_given.get(absolute_name(name), name)
         one_of("localizer in --param", name, localizers)
         known = parameters(name)
         if known is not None:
             one_of(f"parameter of localizer {name!r} in --param", key, known)
-        own = found.setdefault(name, {})
-        if key in own:
-            raise InputError(f"--param gives {name}.{key} twice: give it once.")
-        own[key] = _value(word, value.strip())
+        found.setdefault(name, {})[key] = value
     return {name: dict(Changes(own).beside(Path(), OF_LOCALIZERS)) for name, own in found.items()}
-
-
-def _value(word: str, text: str) -> Any:
-    """Return a number, a truth value or a list as TOML has them; other text is a word."""
-    from benchmarks.setup import documents
-
-    try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except ValueError:
-        value = text
-    documents.check({word: value}, [word])
-    return value
 
 
 def setting_sweep(
@@ -238,20 +164,8 @@ def setting_sweep(
     own: Mapping[str, Mapping[str, Any]] | None = None,
     agent: str | None = None,
 ) -> "Sweep":
-    """Return the localizers on the worlds of the setting, every one of them checked.
-
-    Args:
-        options: of ``add_setting``.
-        localizers: by name.
-        trials: number of worlds.
-        own: parameters of single localizers, by name.
-        agent: who drives; None: the scenario's agent.
-
-    Raises:
-        InputError: something of it is refused; nothing was run or written.
-    """
+    """Return the localizers on the worlds of the setting."""
     from benchmarks.setup.changes import Changes, Named
-    from benchmarks.sweeps.running import check
     from benchmarks.sweeps.suites import paper_sweep
     from benchmarks.trials.spec import Method
     from deqmcl_gym.validation import InputError, integer
@@ -276,17 +190,11 @@ def setting_sweep(
         sweep = replace(sweep, localizers=tuple(methods))
     if agent is not None:
         sweep = replace(sweep, agent=Named(agent))
-    with checking():
-        check(sweep)
     return sweep
 
 
 def with_agents(sweep: "Sweep", listed: str | None) -> "Sweep":
-    """Return a sweep driven by each of the agents in ``a,b,c`` in turn; None: as it says itself.
-
-    Raises:
-        InputError: the sweep varies the parameters of its agent, or a name is refused.
-    """
+    """Return a sweep driven by each of the agents in ``a,b,c`` in turn; None: as it says itself."""
     from benchmarks.setup.changes import Changes
     from benchmarks.sweeps.design import Axis
     from deqmcl_gym.validation import InputError
@@ -298,25 +206,17 @@ def with_agents(sweep: "Sweep", listed: str | None) -> "Sweep":
         raise InputError(
             "--agents names no agent: give one or more, as in --agents stale,misplaced."
         )
-    varied = [name for axis in sweep.vary for name in axis.values]
-    if taken := [name for name in varied if name.partition(".")[0] == "agent"]:
+    if taken := [name for name in sweep.varied if name.partition(".")[0] == "agent"]:
         raise InputError(f"the sweep varies {taken[0]} itself: leave out --agents.")
     axis = Axis(values=Changes({"agent": names}))
     baseline = "" if len(names) > 1 else sweep.baseline
     return replace(sweep, agent=None, vary=(*sweep.vary, axis), baseline=baseline)
 
 
-def changed(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
+def with_options(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
     """Return a sweep with the worlds, the root seed and the parameters that are asked for.
 
     The method of a limit keeps its own parameters, such as its particles.
-
-    Args:
-        options: of ``add_trials``, ``add_seed`` and ``add_params``.
-        sweep: that is changed.
-
-    Raises:
-        InputError: a bad value, or a localizer or parameter that it does not have.
     """
     from benchmarks.setup.changes import Changes
     from deqmcl_gym.validation import integer
@@ -338,17 +238,8 @@ def changed(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
     return replace(sweep, trials=trials, seed=seed, localizers=localizers, limits=tuple(limits))
 
 
-def setting_words(sweep: "Sweep") -> str:
-    """N, L and seed."""
-    return f"N = {sweep.params['particles']}, L = {sweep.lag}, seed {sweep.seed}"
-
-
 def localizers_named(listed: str) -> tuple[str, ...]:
-    """Return the names in ``a,b,c``, without blanks; ``file.py`` is its only localizer.
-
-    Raises:
-        InputError: a file holds none or several, or cannot be read.
-    """
+    """Return the names in ``a,b,c``, without blanks; ``file.py`` is its only localizer."""
     from localizers.registry import LOCALIZER
 
     return tuple(LOCALIZER.complete(name) for part in listed.split(",") if (name := part.strip()))

@@ -5,29 +5,26 @@ Trials that the output folder already holds are not run again.
 
 import argparse
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.commands import shared
-from benchmarks.console import doing
+from benchmarks.console import checking, doing
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.sweeps.design import Sweep
 
+MANY = 100_000  # trials; more are run only with --yes
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    add = parser.add_argument
+    add, switch = parser.add_argument, partial(parser.add_argument, action="store_true")
     add("suite", metavar="SUITE|FILE.toml", help="a suite or a sweep file")
     add("--out", type=shared.folder, metavar="DIR", help="output folder (results/SUITE)")
-    add(
-        "--with",
-        dest="added",
-        action="append",
-        default=[],
-        metavar="LOCALIZER[,…]",
-        help="localizers to add",
-    )
+    add("--with", dest="added", action="append", default=[], metavar="LOCALIZER[,…]",
+        help="localizers to add")  # fmt: skip
     add("--agents", metavar="A,B,…", help="who drives, each in turn; the first is the baseline")
     shared.add_trials(parser)
     shared.add_seed(parser, None)
@@ -35,43 +32,22 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_jobs(parser)
     add("--executor", default="process", metavar="E", help="process, dask or module:factory")
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler (a new cluster on this machine)")
-    add(
-        "--until-decided",
-        action="store_true",
-        help="run each method only until it is known to be better or worse than the baseline, or "
-        "equivalent",
-    )
-    add(
-        "--margin",
-        type=shared.share,
-        metavar="M",
-        help="with --until-decided: difference that does not matter (5%%)",
-    )
-    add(
-        "--max-worlds",
-        type=int,
-        metavar="K",
-        help="with --until-decided: most worlds of each setting (1000)",
-    )
+    switch("--until-decided", help="run each method only until it is known to be better or worse "
+        "than the baseline, or equivalent")  # fmt: skip
+    add("--margin", type=shared.share, metavar="M",
+        help="with --until-decided: difference that does not matter (5%%)")  # fmt: skip
+    add("--max-worlds", type=int, metavar="K",
+        help="with --until-decided: most worlds of each setting (1000)")  # fmt: skip
     add("--shard", metavar="I/N", help="run only every N-th trial, starting with the I-th")
     shared.add_timeout(parser)
-    add("--retry-failed", action="store_true", help="run failed trials again")
-    add(
-        "--adopt",
-        action="store_true",
-        help="go on in a folder of other code, libraries or plug-ins, if deqmcl verify finds no "
-        "number that differs",
-    )
-    add("--fail-fast", action="store_true", help="stop at the first failed trial")
-    add(
-        "--mcap",
-        type=shared.folder,
-        metavar="DIR",
-        help="also write the runs of the report's animations, for Foxglove and Lichtblick (needs "
-        "the extra view)",
-    )
-    add("--dry-run", action="store_true", help="list settings and methods, and estimate the time")
-    add("--yes", action="store_true", help="run more than 100,000 trials without confirmation")
+    switch("--retry-failed", help="run failed trials again")
+    switch("--adopt", help="go on in a folder of other code, libraries or plug-ins, if deqmcl "
+        "verify finds no number that differs")  # fmt: skip
+    switch("--fail-fast", help="stop at the first failed trial")
+    add("--mcap", type=shared.folder, metavar="DIR", help="also write the runs of the report's "
+        "animations, for Foxglove and Lichtblick (needs the extra view)")  # fmt: skip
+    switch("--dry-run", help="list settings and methods, and estimate the time")
+    switch("--yes", help="run more than 100,000 trials without confirmation")
 
 
 def run(options: argparse.Namespace) -> str:
@@ -80,103 +56,65 @@ def run(options: argparse.Namespace) -> str:
 
     if options.executor == "process":
         prepare()  # while this process loads what it needs
-    return _swept(options)
-
-
-def stopping(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
-    """Return a sweep with what the options say of when it stops.
-
-    Raises:
-        InputError: options that do not go together, or a bad value.
-    """
-    from benchmarks.sweeps.design import UntilDecided
-    from deqmcl_gym.validation import InputError, integer
-
-    said = {"--margin": options.margin, "--max-worlds": options.max_worlds}
-    given = [name for name, value in said.items() if value is not None]
-    if not options.until_decided:
-        if given:
-            raise InputError(f"{given[0]} is of --until-decided: give that too.")
-        if options.shard and sweep.until_decided:
-            raise InputError(_NO_SHARD)
-        return sweep
-    if options.shard:
-        raise InputError(_NO_SHARD)
-    if options.trials is not None:
-        raise InputError("--trials fixes the worlds: give --max-worlds with --until-decided.")
-    most = 1000 if options.max_worlds is None else options.max_worlds
-    trials = integer("--max-worlds", most, low=1, high=100_000)
-    until = UntilDecided() if options.margin is None else UntilDecided(margin=options.margin)
-    return replace(sweep, trials=trials, until_decided=until)
-
-
-_NO_SHARD = (
-    "--shard runs a part of all trials, but until all comparisons are decided nobody knows which "
-    "these are: leave out --shard or --until-decided."
-)
-
-
-def _swept(options: argparse.Namespace) -> str:
-    from benchmarks.execution.engines import Where
+    from benchmarks.experiment import Experiment
     from benchmarks.pictures.messages import check_folder
     from benchmarks.report.animations import write_laps
-    from benchmarks.report.verdict import conclusion
-    from benchmarks.report.writing import no_report, write_report
+    from benchmarks.report.writing import no_report
     from benchmarks.sweeps.dry_run import dry_run
-    from benchmarks.sweeps.manifest import of_sweep, taken_over
-    from benchmarks.sweeps.results import incomplete_sentence, named_as_in, summary
-    from benchmarks.sweeps.running import (
-        Options,
-        TrialsFailedError,
-        begun,
-        check,
-        refuse_too_many,
-        shard_of,
-    )
+    from benchmarks.sweeps.running import check, complete, shard_of
+    from deqmcl_gym.validation import InputError
+
+    if options.mcap is not None:
+        check_folder(options.mcap)
+    sweep = asked(options)
+    if sweep.combinations > MANY and not options.yes:
+        raise InputError(
+            f"the sweep has {sweep.combinations:,} trials, more than {MANY:,}: give --yes to run "
+            "them all, or vary less."
+        )
+    if options.dry_run:
+        shards = shard_of(options.shard)[1] if options.shard else 1
+        with checking():
+            check(sweep)
+        with doing("measuring trials"):
+            return dry_run(sweep, options.jobs, options.timeout, shards)
+    names = ("executor", "scheduler", "timeout", "shard", "retry_failed", "fail_fast", "adopt")
+    how = {name: getattr(options, name) for name in names}
+    out = options.out or Path("results") / Path(options.suite).stem
+    found = Experiment(sweep).run(options.jobs, out, **how, report=True, command=options.words)
+    laps = "" if options.mcap is None else write_laps(found.results, options.mcap)
+    tables_only = f"\nTables only: {why}" if (why := no_report()) else ""
+    text = "\n".join(filter(None, [str(found), laps, tables_only]))
+    return complete(found.results, text, part=options.shard is not None)
+
+
+def asked(options: argparse.Namespace) -> "Sweep":
+    """Return the sweep that is asked for."""
+    from benchmarks.sweeps.design import UntilDecided
     from benchmarks.sweeps.suites import sweep_named
-    from benchmarks.sweeps.verifying import adopt
+    from deqmcl_gym.validation import InputError, integer
     from localizers import parameters
 
     added = [name for listed in options.added for name in shared.localizers_named(listed)]
-    how = Options(
-        where=Where(
-            jobs=options.jobs,
-            executor=options.executor,
-            scheduler=options.scheduler,
-            timeout=options.timeout,
-        ),
-        shard=None if options.shard is None else shard_of(options.shard),
-        retry_failed=options.retry_failed,
-        fail_fast=options.fail_fast,
-    )
-    how.where.check()
-    if options.mcap is not None:
-        check_folder(options.mcap)
-    with shared.checking():
-        driven = shared.with_agents(sweep_named(options.suite, added), options.agents)
-        sweep = stopping(options, shared.changed(options, driven))
-        for name in added:
-            parameters(name)
-        refuse_too_many(sweep, yes=options.yes)
-        check(sweep)
-    if options.dry_run:
-        with doing("measuring trials"):
-            return dry_run(sweep, how)
-    out = options.out or Path("results") / Path(options.suite).stem
-    ours = of_sweep(named_as_in(out, sweep), options.words)
-    if options.adopt and (said := adopt(out, ours, how.where)):
-        print(said)
-    taken_over(out, ours)
-    with begun(sweep, out, how, command=options.words) as running:
-        results = running.results()
-        files = write_report(out, results)
-        laps = "" if options.mcap is None else write_laps(results, options.mcap)
-    lines = [summary(sweep, results, out, files), conclusion(results), laps]
-    if (why := no_report()) is not None:
-        lines.append(f"\nTables only: {why}")
-    text = "\n".join(filter(None, lines))
-    incomplete = incomplete_sentence(results)
-    if incomplete and (results.failures or how.shard is None):
-        print(text)
-        raise TrialsFailedError(incomplete)
-    return text
+    driven = shared.with_agents(sweep_named(options.suite, added), options.agents)
+    sweep = shared.with_options(options, driven)
+    for name in added:
+        parameters(name)
+    until = UntilDecided() if options.until_decided else None
+    for flag, value in (("--margin", options.margin), ("--max-worlds", options.max_worlds)):
+        if value is not None and until is None:
+            raise InputError(f"{flag} is of --until-decided: give that too.")
+    if options.shard and (until or sweep.until_decided):
+        raise InputError(
+            "--shard runs a part of all trials, but until all comparisons are decided nobody knows "
+            "which these are: leave out --shard or --until-decided."
+        )
+    if until is None:
+        return sweep
+    if options.trials is not None:
+        raise InputError("--trials fixes the worlds: give --max-worlds with --until-decided.")
+    if options.margin is not None:
+        until = UntilDecided(margin=options.margin)
+    most = 1000 if options.max_worlds is None else options.max_worlds
+    trials = integer("--max-worlds", most, low=1, high=100_000)
+    return replace(sweep, trials=trials, until_decided=until)

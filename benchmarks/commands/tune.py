@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import shared
-from benchmarks.console import doing, warn
+from benchmarks.commands.replay import add_playing
+from benchmarks.console import doing, log_warnings, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.replay.nav2 import Amcl
     from benchmarks.replay.options import Replay
     from benchmarks.tuning.task import Task
-
-_SAID = ("every", "max_beams", "motion", "scan", "radius", "unknown")
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,14 +37,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "(position error), localized, false-commitment (log-score)",
     )
     add("--max-ms", type=float, metavar="MS", help="most ms per step that the winner may take")
-    many = parser.add_mutually_exclusive_group()
-    many.add_argument(
-        "--budget", type=float, metavar="MINUTES", help="how long, in minutes; one round at least "
-        "(20)",
+    add(
+        "--candidates", type=int, default=108, metavar="N", help="how many candidates, in rounds "
+        "of 18; more go on in the same folder (108)",
     )  # fmt: skip
-    many.add_argument(
-        "--candidates", type=int, metavar="N", help="how many candidates, however long it takes"
-    )
     add("--segment", type=float, default=15.0, metavar="M", help="m driven in a segment (15)")
     add("--gap", type=float, default=2.0, metavar="M", help="m driven between two (2)")
     add(
@@ -59,12 +54,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--nav2", type=Path, metavar="PARAMS.yaml", help="your Nav2 parameters: the default to beat"
     )
     add("--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)")
-    for name, metavar in (("--every", "D,A"), ("--motion", "alpha1=…"), ("--scan", "sigma=…")):
-        add(name, metavar=metavar, help="as for replay")
-    add("--max-beams", type=int, metavar="B", help="beams of a scan (60; for amcl 180)")
-    add("--radius", type=float, metavar="R", help="radius of the robot in m (0.16)")
-    add("--unknown", choices=("obstacle", "transparent", "free"), help="as for replay")
-    shared.add_read(parser)
+    add_playing(parser, "0.2m,5deg; for amcl 0.05m,3deg", "60; for amcl 180")
     shared.add_seed(parser)
     shared.add_jobs(parser, "runs")
     shared.add_timeout(parser, "run")
@@ -89,10 +79,7 @@ def run(options: argparse.Namespace) -> str:
     one_of("score", options.score, GOALS)
     if options.max_ms is not None:
         number("--max-ms", options.max_ms, low=0, above=True)
-    if options.candidates is not None:
-        integer("--candidates", options.candidates, low=2, high=100_000)
-    budget = 20.0 if options.budget is None else options.budget
-    number("--budget", budget, low=0, high=1e5, above=True)
+    integer("--candidates", options.candidates, low=2, high=100_000)
     if options.node is not None and options.nav2 is None:
         raise InputError("--node is given without --nav2: name the file that the node is in.")
     if options.nav2 is not None and name != "amcl":
@@ -104,10 +91,7 @@ def run(options: argparse.Namespace) -> str:
         task.check()
     how = Options(where=where, retry_failed=options.retry_failed, progress=False)
     with searching(task, options.out, how) as search:
-        found = search.found(
-            candidates=options.candidates,
-            budget=None if options.candidates is not None else 60 * budget,
-        )
+        found = search.found(options.candidates)
         return write(found, options.out, options.words, options.nav2, options.node)
 
 
@@ -116,7 +100,8 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     from benchmarks.replay.nav2 import usual_params
     from benchmarks.replay.options import length_and_angle
     from benchmarks.setup.changes import Changes
-    from benchmarks.tuning.space import built_in, read_space, segments_of
+    from benchmarks.tuning.segments import segments_of
+    from benchmarks.tuning.space import built_in, read_space
     from benchmarks.tuning.task import Task
     from deqmcl_gym.validation import InputError, integer, number
     from localizers import parameters
@@ -161,7 +146,7 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
     """Return the logs as the default would play them."""
     from benchmarks.replay.calibration import calibrated
     from benchmarks.replay.command import disagreement
-    from benchmarks.replay.options import reading_of, replay_of
+    from benchmarks.replay.options import replay_of, said_of
     from deqmcl_gym.validation import InputError
 
     files = [Path(log).resolve() for log in options.logs]
@@ -172,16 +157,14 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
     references = _each("--reference", options.reference or [None], options.logs)
     told: dict[str, Any] = {"otherwise": "global"}
     told |= {"every": "0.05m,3deg", "max_beams": 180} if name == "amcl" else {}
-    said = {own: value for own in _SAID if (value := getattr(options, own)) is not None}
-    reading: dict[str, Any] = {}
+    given = said_of(options)
     if nav2 is not None:
-        told |= {"motion": nav2.options["motion"], "scan": nav2.options["scan"]}
-        reading |= nav2.reading
-    with doing("reading the logs and the maps"), shared.log_warnings() as warnings:
-        reading |= reading_of(options.read)
+        told |= {name: nav2.options[name] for name in ("motion", "scan")}
+        given["reading"] = {**nav2.reading, **given["reading"]}
+    with doing("reading the logs and the maps"), log_warnings() as warnings:
         each = zip(options.logs, maps, references, strict=True)
         replays = [
-            replay_of(log, floor_plan, reference=reference, reading=reading, **told | said)
+            replay_of(log, floor_plan, reference=reference, **told | given)
             for log, floor_plan, reference in each
         ]
     for replay, log in zip(replays, options.logs, strict=True):

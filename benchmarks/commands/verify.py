@@ -27,5 +27,5 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.sweeps.verifying import verify
 
-    where, share = Where(jobs=options.jobs, timeout=options.timeout), shared.share_of(options)
+    where, share = Where(jobs=options.jobs, timeout=options.timeout), shared.share_verified(options)
     return verify(options.folder, where, share)

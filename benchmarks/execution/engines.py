@@ -11,41 +11,23 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from contextlib import contextmanager
-from dataclasses import dataclass
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from benchmarks.execution import executors
+from benchmarks.execution.executors import Engine, Sending
 from benchmarks.execution.processes import PATIENCE, Processes, TimedOutError, WorkerDiedError
-from benchmarks.execution.sending import Sending, knows
 from benchmarks.trials.attempt import Outcome, attempt
 from benchmarks.trials.plugins import guest_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
-from localizers.registry import LOCALIZER
 
 TRIES = 3  # of a trial whose worker dies
 _LOOK_SECONDS = 2
 
 _InFlight = dict[Future[Outcome], tuple[str, Trial, float]]  # key, trial, when it was submitted
-
-
-@dataclass(frozen=True, kw_only=True)
-class Engine:
-    """What trials are submitted to.
-
-    Attributes:
-        executor: any ``concurrent.futures.Executor``.
-        slots: trials in flight at a time.
-        timeout: seconds after which a trial in flight is given up; None if the executor sees to it.
-        lost: says why nothing more will come of it; "" if it works.
-    """
-
-    executor: Executor
-    slots: int
-    timeout: float | None = None
-    lost: Callable[[], str] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,11 +62,7 @@ class Where:
             )
 
     def check(self) -> None:
-        """See whether the engine can be had, before anything is written.
-
-        Raises:
-            InputError: it is not installed, or there is none of this name or address.
-        """
+        """See whether the engine can be had, before anything is written."""
         if self.executor == "dask":
             executors.distributed()
             if self.scheduler is not None:
@@ -95,25 +73,27 @@ class Where:
 
     @contextmanager
     def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
-        """Start an engine for these trials, and end it with all that still runs.
-
-        Raises:
-            InputError: it cannot be had, or does not know a localizer that is registered here.
-        """
-        cpus = self.jobs or available_cpus()
+        """Start an engine for these trials, and end it with all that still runs."""
+        jobs = self.jobs or available_cpus()
         if self.executor == "process":
-            with self._processes(max(1, min(cpus, len(trials)))) as engine:
-                _refuse_unknown(engine.executor, trials)
-                yield engine
-            return
+            place = self._processes(max(1, min(jobs, len(trials))))
+        elif self.executor == "dask":
+            place = self._elsewhere(executors.dask(jobs, self.scheduler), trials)
+        else:
+            place = self._elsewhere(executors.made_by(self.executor, jobs), trials)
+        with place as engine:
+            yield engine
+
+    @contextmanager
+    def _elsewhere(
+        self, place: AbstractContextManager[Engine], trials: Collection[Trial]
+    ) -> Iterator[Engine]:
+        """Give an engine that does not look after the time of its trials."""
         guests = any(map(guest_of, trials))
         timeout = PATIENCE if guests and self.timeout is None else self.timeout
-        dask = self.executor == "dask"
-        with (
-            executors.dask(cpus, self.scheduler) if dask else executors.made_by(self.executor, cpus)
-        ) as (executor, slots, lost):
-            _refuse_unknown(executor, trials)
-            yield Engine(executor=executor, slots=self.jobs or slots, timeout=timeout, lost=lost)
+        with place as engine:
+            sending, slots = Sending(engine.executor), self.jobs or engine.slots
+            yield replace(engine, executor=sending, slots=slots, timeout=timeout)
 
     @contextmanager
     def _processes(self, workers: int) -> Iterator[Engine]:
@@ -126,19 +106,6 @@ class Where:
                 yield Engine(executor=Sending(processes), slots=workers + 1)
 
 
-def _refuse_unknown(executor: Executor, trials: Iterable[Trial]) -> None:
-    """Refuse a localizer that is registered here, but not where its trials run."""
-    asked = {(t.localizer, guest_of(t)): t for t in trials if LOCALIZER.is_registered(t.localizer)}
-    for trial in asked.values():
-        with contextlib.suppress(RuntimeError):  # the process died: its trials will tell
-            if not executor.submit(knows, trial).result():
-                raise InputError(
-                    f"the localizer {trial.localizer!r} is registered in this process only, but "
-                    "its trials would run in others, which it cannot be sent to: leave out "
-                    "the executor, take agents and scenarios of ours, or name it as file.py:NAME."
-                )
-
-
 class ThisProcess(Executor):
     """Runs each call where it is submitted, those of guests in their own processes.
 
@@ -147,12 +114,12 @@ class ThisProcess(Executor):
     """
 
     def __init__(self, guests: Processes) -> None:
-        self._guests = guests
+        self._guests, self._sending = guests, Sending(guests)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Call ``fn``; if that would end this process, its future fails as a dead worker's."""
         if self._guests.guest_of(*args):
-            return self._guests.submit(fn, *args, **kwargs)
+            return self._sending.submit(fn, *args, **kwargs)
         future: Future[Any] = Future()
         try:
             future.set_result(fn(*args, **kwargs))

@@ -3,7 +3,7 @@
 import contextlib
 import gc
 
-from benchmarks.execution.processes import load
+from benchmarks.execution.processes import load_trials
 from benchmarks.setup.changes import Changes
 from benchmarks.trials.provenance import code_digest
 from benchmarks.trials.spec import Trial
@@ -11,7 +11,7 @@ from benchmarks.trials.stage import Stage
 from deqmcl_gym.numerics.compiling import leave_untold
 
 leave_untold()
-load()
+load_trials()
 _SMALL = Trial(
     scenario="paper", localizer="deq-mcl", params=Changes({"particles": 2}), lag=1, seed=0, trial=0
 )

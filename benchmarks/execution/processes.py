@@ -215,7 +215,7 @@ def work(line: Connection) -> None:
         os.dup2(2, 1)
     unshelter()
     threading.Thread(target=_leave_with_parent, daemon=True).start()
-    load()
+    load_trials()
     with contextlib.suppress(EOFError, OSError):  # the parent has hung up
         line.send("ready")
         while True:
@@ -242,7 +242,7 @@ def _kill_session(leader: int) -> None:
         os.killpg(leader, signal.SIGKILL)
 
 
-def load() -> None:
+def load_trials() -> None:
     """Load what trials need before the first of them is timed."""
     import cv2
 

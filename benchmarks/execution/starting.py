@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import forkserver, resource_tracker
@@ -21,6 +22,8 @@ ONE_THREAD = {
 # which may be any text, tells ours from the user's
 _SAFE_PATH = {"PYTHONSAFEPATH": "deqmcl"}
 _ENVIRONMENT = ONE_THREAD | _SAFE_PATH
+
+_ONE_STARTS = threading.RLock()  # two at once would restore the environment of each other
 
 _SOCKET, _SOCKET_NAME = 107, "/pymp-xxxxxxxx/listener-xxxxxxxx"  # bytes of a path; what is appended
 
@@ -60,22 +63,21 @@ def sheltered() -> Iterator[None]:
     starts multiprocessing's resource tracker, which would clear the mask.
     """
     _refuse_long_folder()
-    before = {name: os.environ.get(name) for name in _ENVIRONMENT}
-    os.environ.update(_ENVIRONMENT)
     masked = hasattr(signal, "pthread_sigmask")
-    if masked:
-        resource_tracker.ensure_running()
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
+    with _ONE_STARTS:
+        before = {name: os.environ.get(name) for name in _ENVIRONMENT}
+        os.environ.update(_ENVIRONMENT)
         if masked:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        for name, value in before.items():
-            if value is None:
+            resource_tracker.ensure_running()
+            mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            yield
+        finally:
+            if masked:
+                signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+            for name in _ENVIRONMENT:
                 del os.environ[name]
-            else:
-                os.environ[name] = value
+            os.environ.update({name: own for name, own in before.items() if own is not None})
 
 
 def unshelter() -> None:

@@ -13,7 +13,7 @@ from benchmarks.files import write_files
 from benchmarks.pictures import styled
 from benchmarks.pictures.film import Camera, png, side_by_side, webp
 from benchmarks.trials.clouds import belief_moments, cloud_of, joined
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.episode import Step
 from benchmarks.trials.metrics import state_error
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -144,7 +144,7 @@ def figures_of(trials: Sequence[Trial]) -> dict[str, bytes]:
     return contents
 
 
-def _fig_5(camera: Camera, episode: Sequence[Moment]) -> dict[str, bytes]:
+def _fig_5(camera: Camera, episode: Sequence[Step]) -> dict[str, bytes]:
     """State 150 seen at step 150, and looked back at L steps later, with its error and spread."""
     later = FIG_5_STATE + camera.lag
     if later >= len(episode):

@@ -10,7 +10,7 @@ import numpy as np
 import PIL.Image
 
 from benchmarks.tables.text import state_name
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.episode import Step
 from benchmarks.trials.fixes import Fixes, driven
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import arrays
@@ -58,7 +58,7 @@ class Camera:
     lag: int
     ground: Callable[[View], Drawing] = Drawing
 
-    def frame(self, moment: Moment, words: Sequence[str], past: Reals | None = None) -> Image:
+    def frame(self, moment: Step, words: Sequence[str], past: Reals | None = None) -> Image:
         """Draw one moment: clouds, robot, plan and estimate; below it lines of words, a legend.
 
         Args:
@@ -90,7 +90,7 @@ class Camera:
             if self.lag or sign == 0
         ]
 
-    def scene(self, moment: Moment) -> tuple[Drawing, list[tuple[str, Color]]]:
+    def scene(self, moment: Step) -> tuple[Drawing, list[tuple[str, Color]]]:
         """Draw the map, the clouds and the step number; return what is in the colours, too."""
         drawing = self.ground(self.view)
         legend: list[tuple[str, Color]] = []
@@ -105,7 +105,7 @@ class Camera:
             if offset == 0 and isinstance(moment.belief, HedgedBelief):
                 drawing.points(_present(moment.belief.protected)[0], _BLIND, size=size)
                 legend.insert(1, ("without plans", _BLIND))
-        return drawing.number(moment.step), legend
+        return drawing.number(moment.t), legend
 
 
 def png(image: Image) -> bytes:
@@ -164,11 +164,11 @@ class Film:
     title: str
     stride: int
     frames: list[Image] = field(default_factory=list, init=False)
-    moments: list[Moment] = field(default_factory=list, init=False)
+    moments: list[Step] = field(default_factory=list, init=False)
     _best: list[tuple[float, float, float]] = field(default_factory=list, init=False)
     _trusted: list[float] = field(default_factory=list, init=False)
 
-    def of(self, episode: Iterable[Moment]) -> Iterator[Moment]:
+    def of(self, episode: Iterable[Step]) -> Iterator[Step]:
         """Pass the episode on; draw moments after they were looked at."""
         for moment in episode:
             yield moment
@@ -177,11 +177,11 @@ class Film:
             self.moments.append(moment)
             if isinstance(moment.belief, HedgedBelief):
                 self._trusted.append(moment.belief.trusted)
-            if moment.step % self.stride == 0:
+            if moment.t % self.stride == 0:
                 self.frames.append(self._frame(moment))
         self.frames.append(self._frame(moment, whole=True))
 
-    def _frame(self, moment: Moment, *, whole: bool = False) -> Image:
+    def _frame(self, moment: Step, *, whole: bool = False) -> Image:
         camera, best, mean = self.camera, self._best[-1], mean_pose(*_present(moment.belief))
         drawing, clouds = camera.scene(moment)
         drawing.path(np.array([seen.truth for seen in self.moments]), GRAY, 2)
@@ -199,7 +199,7 @@ class Film:
         off = (math.hypot(pose[0] - x, pose[1] - y) for pose in (best, mean))
         digits = 0 if unit == "px" else 2
         best_off, mean_off = (f"{one:.{digits}f} {unit}" for one in off)
-        words = [self.title, f"step {moment.step}: best {best_off}, mean {mean_off} off", note]
+        words = [self.title, f"step {moment.t}: best {best_off}, mean {mean_off} off", note]
         longest = [*_MARKS, *camera.layers]
         if not self._trusted:
             return _captioned(drawing, words, [*_MARKS, *clouds], longest)

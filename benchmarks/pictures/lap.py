@@ -15,7 +15,7 @@ from benchmarks.pictures.film import Film, webp
 from benchmarks.pictures.messages import showing
 from benchmarks.setup.interfaces import TrialEnv
 from benchmarks.tables.text import csv_text, short_name, state_name
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.episode import Step
 from benchmarks.trials.metrics import directions, heading_error, position_error, state_error
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.spec import Trial
@@ -86,7 +86,7 @@ def _line(row: Mapping[str, Any], unit: str) -> str:
     return f"{state_name(row['offset']):>8}: " + ", ".join([*first, f"{position} {unit}", heading])
 
 
-def _noting(outside: list[int], episode: Iterable[Moment], floor_plan: Map) -> Iterator[Moment]:
+def _noting(outside: list[int], episode: Iterable[Step], floor_plan: Map) -> Iterator[Step]:
     """Pass an episode on; note steps at which more than half of the weight is not free.
 
     That is inside walls or outside the map, where a filter that does not use it may end up.
@@ -96,11 +96,11 @@ def _noting(outside: list[int], episode: Iterable[Moment], floor_plan: Map) -> I
             poses, weights = points
             free = floor_plan.free(np.asarray(poses, np.float64)[:, :2])
             if np.sum(np.asarray(weights)[~free]) > 0.5:
-                outside.append(moment.step)
+                outside.append(moment.t)
         yield moment
 
 
-def _log(episode: Sequence[Moment], room: TrialEnv) -> Log:
+def _log(episode: Sequence[Step], room: TrialEnv) -> Log:
     scans = [moment.ranges for moment in episode]
     actions = [moment.action for moment in episode[1:] if moment.action is not None]
     truth = [moment.truth for moment in episode]

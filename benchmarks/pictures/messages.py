@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.files import is_empty
 from benchmarks.pictures.film import laid
 from benchmarks.tables.text import short_names
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.log import LogEnv
@@ -65,7 +65,7 @@ class Messages:
         self._channels: dict[str, Any] = {}
         self._kinds: Mapping[str, Any] = vars(channels)
 
-    def write(self, time: float, moments: Sequence[Moment]) -> None:
+    def write(self, time: float, moments: Sequence[Step]) -> None:
         """Log what the localizers believe after a step, at a time in s; the map first."""
         self._time = round(time * 1e9)
         if "/map" not in self._channels:
@@ -80,7 +80,7 @@ class Messages:
         for name, moment, at in zip(self._names, moments, best, strict=True):
             self._write_belief(name, moment, at, first.truth if known else None)
 
-    def _write_belief(self, name: str, moment: Moment, best: Reals, truth: Reals | None) -> None:
+    def _write_belief(self, name: str, moment: Step, best: Reals, truth: Reals | None) -> None:
         belief = moment.belief
         self._log(f"/{name}/estimate", self._pose_in_map(best))
         clouds = {"cloud": belief.points()}
@@ -95,7 +95,7 @@ class Messages:
             start = best if truth is None else truth
             way = laid(start, moment.plan) if len(moment.plan) else np.empty((0, 2))
             self._log(f"/{name}/plan", self._line("plan", way))
-        series: dict[str, float | None] = {"step": moment.step, "quality": quality_of(belief)}
+        series: dict[str, float | None] = {"step": moment.t, "quality": quality_of(belief)}
         if isinstance(belief, HedgedBelief):
             series["trusted"] = belief.trusted
         if truth is not None:
@@ -105,10 +105,10 @@ class Messages:
         said = {key: value for key, value in series.items() if value is not None}
         self._log_series(f"/{name}/series", said)
 
-    def _best(self, moment: Moment) -> Reals:
+    def _best(self, moment: Step) -> Reals:
         points = moment.belief.points()
         if points is None:
-            raise InputError(f"its belief of state {moment.step} holds no points of the present.")
+            raise InputError(f"its belief of state {moment.t} holds no points of the present.")
         return np.array(best_cluster(*points, unit=self._map.unit).mean)
 
     def _log(self, topic: str, message: Any) -> None:
@@ -310,8 +310,8 @@ def check_folder(folder: Path) -> None:
 
 @contextmanager
 def showing(
-    path: Path | None, runs: Mapping[str, Iterable[Moment]], stage: Stage
-) -> Iterator[Iterator[tuple[Moment, ...]]]:
+    path: Path | None, runs: Mapping[str, Iterable[Step]], stage: Stage
+) -> Iterator[Iterator[tuple[Step, ...]]]:
     """Yield runs, side by side, that are written to a file as they go on.
 
     The file is there whole when the runs have ended.
@@ -343,8 +343,8 @@ def shown_again(trials: Sequence[Trial], path: Path) -> None:
 
 
 def _written(
-    path: Path, rows: Iterable[tuple[Moment, ...]], names: Sequence[str], stage: Stage
-) -> Generator[tuple[Moment, ...], None, None]:
+    path: Path, rows: Iterable[tuple[Step, ...]], names: Sequence[str], stage: Stage
+) -> Generator[tuple[Step, ...], None, None]:
     """Pass runs on, and write them."""
     from foxglove import Context, open_mcap
 
@@ -362,14 +362,14 @@ def _written(
             beside.unlink()
 
 
-def _time(stage: Stage, moment: Moment) -> float:
+def _time(stage: Stage, moment: Step) -> float:
     """Return when a moment is that was just run, s: its record's time, in a room one second a step.
 
     Raises:
         InputError: it is before 0.
     """
     if not isinstance(stage.room, LogEnv):
-        return float(moment.step)
+        return float(moment.t)
     at = stage.room.record.time
     if at < 0:
         raise InputError(

@@ -10,15 +10,15 @@ import numpy as np
 from benchmarks.console import doing, warn
 from benchmarks.files import write_files
 from benchmarks.replay.options import EVERY, NAME, OFTEN, Replay
-from benchmarks.replay.residuals import Residuals, files_of, residuals_of
+from benchmarks.replay.residuals import PICTURE, TABLE, Residuals, files_of, residuals_of
 from benchmarks.report.frames import frames_of
 from benchmarks.report.tracks import accuracy, differences_table, tables_of
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import load, no_report
 from benchmarks.setup.changes import NOTHING, Changes, file_names
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.results import Results, incomplete_sentence
-from benchmarks.sweeps.running import Options, TrialsFailedError, begun
+from benchmarks.sweeps.results import Results
+from benchmarks.sweeps.running import Options, begun, complete
 from benchmarks.tables.text import file_words, percent
 from benchmarks.tables.tracks import Row, rows_of, tracks_results_csv, tracks_trials_csv
 from benchmarks.trials.spec import Method
@@ -50,11 +50,7 @@ def replay_sweep(
     shared: Mapping[str, Mapping[str, Any]],
     own: Mapping[str, Mapping[str, Any]],
 ) -> Sweep:
-    """Return the sweep whose worlds are the runs of each localizer on a log; see ``methods_of``.
-
-    Raises:
-        InputError: an unknown localizer, one named twice, or a number out of range.
-    """
+    """Return the sweep whose worlds are the runs of each localizer on a log; see ``methods_of``."""
     if particles is not None:
         integer("--particles", particles, low=1)
     integer("--seeds", seeds, low=1, high=10_000)
@@ -126,6 +122,8 @@ def run_replay(
         said += warn([_misfit(replay, rows)])
         wrong = residuals_of(replay, rows) if residuals else None
         with doing(f"writing the report in {out}"):
+            for name in (PICTURE, TABLE):  # of a run with --residuals
+                (out / name).unlink(missing_ok=True)
             files = write_files(out, _contents(replay, rows, results, said, wrong))
     apart = [table for panel in frames_of(results) if (table := differences_table(panel))]
     first, *others = tables_of(rows)
@@ -136,10 +134,7 @@ def run_replay(
     texts.append(f"Written to {out}: {names} and {_TRACKS}/.")
     if (why := no_report()) is not None:
         texts.append(f"Tables only: {why}")
-    if lacking := incomplete_sentence(results):
-        print("\n\n".join(texts))
-        raise TrialsFailedError(lacking)
-    return "\n\n".join(texts)
+    return complete(results, "\n\n".join(texts))
 
 
 def misfit_words(share: float, where: str, scanner: Scanner) -> str | None:
@@ -214,7 +209,7 @@ def _contents(
     wrong: Residuals | None,
 ) -> dict[str, bytes]:
     contents = {
-        "results.csv": utf8(tracks_results_csv(rows, next(iter(results.panels), None))),
+        "results.csv": utf8(tracks_results_csv(rows, results.table)),
         "trials.csv": utf8(tracks_trials_csv(rows)),
         **_tracks(replay, rows),
     }
@@ -261,9 +256,6 @@ def methods_of(
 
     One has those of ``shared`` by its name, else as many particles as are asked for, None: its own
     default; what is its ``own`` comes before both.
-
-    Raises:
-        InputError: none is named, or one is unknown or named twice.
     """
     if not localizers:
         raise InputError(f"no localizer is named: allowed values: {', '.join(localizer_names())}.")

@@ -3,7 +3,6 @@
 Names, defaults and meaning are those of docs.nav2.org, "AMCL".
 """
 
-import json
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -14,6 +13,7 @@ from typing import Any
 
 from benchmarks.replay import ros_params
 from benchmarks.replay.options import Replay
+from benchmarks.setup.settings import sweep_text
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError, boolean, number, one_of, pose, shown
@@ -108,49 +108,36 @@ class Amcl:
     @property
     def options(self) -> dict[str, Any]:
         """What they say of a replay: see ``replay_of``."""
-        words = {"kind": kind_of(self.motion), **vars(self.motion)}
         return {
+            "reading": self.reading,
             "every": self.every,
             "max_beams": self.max_beams,
-            "motion": ",".join(f"{name}={value}" for name, value in words.items()),
-            "scan": f"sigma={self.sigma!r}",
-            "otherwise": None if self.start is None else ",".join(map(repr, self.start)),
+            "motion": {"kind": kind_of(self.motion), **vars(self.motion)},
+            "scan": {"sigma": self.sigma},
+            "otherwise": self.start,
         }
 
     @property
     def toml(self) -> str:
         """A sweep file without its log."""
         distance, angle = self.every
-        motion = {"kind": kind_of(self.motion), **vars(self.motion)}
-        at = [] if self.start is None else [self.start]
-        lines = [
-            _comment(self.source),
-            *(_comment(f"not used: {name}: {why}") for name, why in self.unused.items()),
-            *map(_comment, self.remarks),
-            *(f"# initial_pose: deqmcl replay --start={x},{y},{heading}" for x, y, heading in at),
-            'scenario = "log"',
-            'localizers = ["amcl"]',
-            "",
-            "[world]",
-            '# log = "robot.log.gz"',
-            '# map = "map.yaml"',
-            '# reference = "robot.tum"',
-            f'every = "{distance:g}m,{angle:g}rad"',
-            f"max_beams = {self.max_beams}",
-            *(f"reading.{name} = {value}" for name, value in self.reading.items()),
-            "",
-            "[assumed]",
-            f"scan.sigma = {self.sigma}",
-            *(f"motion.{name} = {json.dumps(value)}" for name, value in motion.items()),
-            "",
-            "[params]",
-            *(f"{name} = {json.dumps(value)}" for name, value in self.params.items()),
-        ]
-        return "\n".join(lines)
-
-
-def _comment(words: str) -> str:
-    return "# " + "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in words)
+        unused = [f"not used: {name}: {why}" for name, why in self.unused.items()]
+        at = [] if self.start is None else [",".join(map(str, self.start))]
+        start = [f"initial_pose: deqmcl replay --start={pose}" for pose in at]
+        files = {"log": "robot.log.gz", "map": "map.yaml", "reference": "robot.tum"}
+        given = {f"reading.{name}": value for name, value in self.reading.items()}
+        every = {"every": f"{distance:g}m,{angle:g}rad", "max_beams": self.max_beams}
+        named = {f'{name} = "{file}"': None for name, file in files.items()}
+        motion = {f"motion.{name}": value for name, value in self.options["motion"].items()}
+        return sweep_text(
+            [self.source, *unused, *self.remarks, *start],
+            {"scenario": "log", "localizers": ["amcl"]},
+            {
+                "world": {**named, **every, **given},
+                "assumed": {"scan.sigma": self.sigma, **motion},
+                "params": self.params,
+            },
+        )
 
 
 def read_nav2(path: Path, node: str | None = None) -> Amcl:
@@ -159,9 +146,6 @@ def read_nav2(path: Path, node: str | None = None) -> Amcl:
     Args:
         path: of the yaml.
         node: whose parameters, as "/robot1/amcl"; None is the only amcl in it.
-
-    Raises:
-        InputError: it cannot be read, has no such node or several, or a bad value.
     """
     _, nodes, twice = ros_params.read(path)
     name = ros_params.node_named("amcl", nodes, path, node)
@@ -189,9 +173,6 @@ def nav2_document(
     Args:
         params: what is not Nav2's default.
         path, node: a file whose other content is kept, as for ``read_nav2``; None: there is none.
-
-    Raises:
-        InputError: Nav2 has no such parameter, or no such value.
     """
     for name in _OURS:
         if params.get(name, False) is not False:

@@ -1,9 +1,10 @@
 """What a user says about a replay, as changes to the scenario ``replay``; and in words."""
 
+import argparse
 import math
 import os
 import warnings
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from benchmarks.setup.changes import NOTHING, Changes, file_names
 from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise, shows_noise
 from benchmarks.setup.names import absolute_assumed, scenario
 from benchmarks.setup.priors import Gaussian
+from benchmarks.setup.settings import settings, value_of
 from benchmarks.trials.tracks import absolute
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
@@ -33,6 +35,8 @@ NO_ERROR = (
     "There is no reference, so no error is known. The share of beams that agree with the map is no "
     "substitute: a wrong place that looks alike agrees equally well."
 )
+_PLAIN = ("start", "every", "max_beams", "radius", "unknown")
+_WORDS = {"motion": "alpha1=0.1", "scan": "sigma=0.2", "changed_walls": "share=0.3"}
 _SIDEWAYS = 0.1  # share of the way above which sideways motion is told; 1 to 2 % in two real logs
 _UNKNOWN = {
     "obstacle": "obstacles, which stop beams and the robot",
@@ -158,15 +162,15 @@ def replay_of(
     *,
     reference: str | Path | None = None,
     reading: Mapping[str, Any] | None = None,
-    start: str | None = None,
-    otherwise: str | None = None,
+    start: str | Sequence[float] | None = None,
+    otherwise: str | Sequence[float] | None = None,
     every: str | tuple[float, float] = EVERY,
     max_beams: int = 60,
-    motion: str = "",
-    scan: str = "",
+    motion: Mapping[str, Any] = NOTHING,
+    scan: Mapping[str, Any] = NOTHING,
     radius: float | None = None,
     unknown: str = "obstacle",
-    changed_walls: str = "",
+    changed_walls: Mapping[str, Any] = NOTHING,
 ) -> Replay:
     """Return what is to be replayed.
 
@@ -175,18 +179,16 @@ def replay_of(
         floor_plan: path of the map's yaml.
         reference: path of a TUM file.
         reading: further arguments of ``logs.read``.
-        start: "reference", "global", "x,y,θ" of the robot, "room=x,y,x,y,…", "near=x,y,within" or
-            the path of a TOML file with a table [prior]; None is the reference if there is one.
+        start: "reference", "global", a pose of the robot (or "x,y,θ"), "room=x,y,x,y,…",
+            "near=x,y,within" or the path of a TOML file with a table [prior]; None is the reference
+            if there is one.
         otherwise: the start of a log without a reference, if none is said.
         every, max_beams, unknown: see ``LogEnv``.
-        motion: "kind=differential,alpha1=…"; what is not given is estimated from the reference, if
-            there is one.
-        scan: values of a beam model, as in "kind=beam-model,sigma=0.2,power=0.5".
+        motion: parameters of the motion model and its kind; what is not given is estimated from the
+            reference, if there is one.
+        scan: parameters of the scan model and its kind.
         radius: of the robot, m; None is 0.16 m.
-        changed_walls: of the map that localizers are given, as in "share=0.3,seed=1".
-
-    Raises:
-        InputError: something of it is refused.
+        changed_walls: of the map that localizers are given; see ``LogEnv``.
     """
     parts = [log] if isinstance(log, str | Path) else log
     world: dict[str, Any] = {
@@ -218,12 +220,11 @@ def replay_of(
         _check_free(ground, at, "the reference begins at", "the reference of this log and map")
     assumed = {**_assumed("motion", motion), **absolute_assumed(Changes(_assumed("scan", scan)))}
     assumed, origin = _with_noise(world, assumed, played)
-    if (prior := _prior_of(start)) is not None:
-        assumed |= prior
-    elif start != "reference":
-        at = _pose_of(start)
-        _check_free(ground, at, "--start is", "a pose where the robot can be")
-        assumed["prior.mean"] = at
+    if start != "reference":
+        assumed |= (prior := _start_of(start))
+        if prior.keys() == {"prior.mean"}:
+            at = prior["prior.mean"]
+            _check_free(ground, at, "--start is", "a pose where the robot can be")
     tolerance = (reading or {}).get("reference_tolerance")
     said = _reference(whole.segment(world.get("start", 0)), played, tolerance)
     return Replay(world=Changes(world), assumed=Changes(assumed), noise=origin, reference=said)
@@ -267,42 +268,33 @@ def first_referenced(whole: Log) -> int:
 
 
 def length_and_angle(option: str, text: str) -> tuple[float, float]:
-    """Return metres and rad of "0.5m,15deg".
-
-    Raises:
-        InputError: it has another form, or only one of them.
-    """
+    """Return metres and rad of "0.5m,15deg"."""
     length, angle = spacing(option, text, "m")
     if not (math.isfinite(length) and math.isfinite(angle)):
         raise InputError(f'{option} is {text!r}, but must have both, as in "0.5m,15deg".')
     return length, angle
 
 
-def reading_of(words: Sequence[str]) -> dict[str, Any]:
-    """Return NAME=VALUE words as arguments of ``logs.read``.
+def said_of(options: argparse.Namespace) -> dict[str, Any]:
+    """Return what the options of a command say of a replay, as ``replay_of`` takes it."""
+    given = {name: value for name, value in vars(options).items() if value not in (None, [])}
+    said = {name: given[name] for name in _PLAIN if name in given}
+    for name, form in _WORDS.items():
+        if name in given:
+            option = f"--{name.replace('_', '-')}"
+            said[name] = settings(option, given[name], f"NAME=VALUE, as {form}")
+    return {**said, "reading": reading_of(options.read)}
 
-    Raises:
-        InputError: a word of another form.
-    """
-    found: dict[str, Any] = {}
+
+def reading_of(words: Sequence[str]) -> dict[str, Any]:
+    """Return NAME=VALUE words as arguments of ``logs.read``."""
     form = "NAME=VALUE, as scan_topic=/front"
-    for name, value in _pairs("--read", words, form, often=("scan_topic",)):
-        if name == "scanner":
-            raise InputError(
-                "--read takes no scanner: write it into the file, as "
-                '# {"angles": [-1.57, 0, 1.57], "max_range": 8} in the first line of a CSV.'
-            )
-        if name == "scan_topic" and name in found:
-            found[name] = (
-                *(found[name] if isinstance(found[name], tuple) else (found[name],)),
-                value,
-            )
-            continue
-        numbers = None if name.endswith(("_topic", "_frame")) else _numbers(value)
-        one = numbers[0] if numbers is not None and len(numbers) == 1 else numbers
-        if name == "odometry_publisher" and isinstance(one, float) and one.is_integer():
-            one = int(one)
-        found[name] = value if one is None else one
+    found = settings("--read", words, form, often=("scan_topic",))
+    if "scanner" in found:
+        raise InputError(
+            "--read takes no scanner: write it into the file, as "
+            '# {"angles": [-1.57, 0, 1.57], "max_range": 8} in the first line of a CSV.'
+        )
     return found
 
 
@@ -312,40 +304,32 @@ def _replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) ->
     return found
 
 
-def _prior_of(start: str) -> dict[str, Any] | None:
-    """Return a start that is no single pose, as assumptions; None of a pose."""
-    if start.endswith(".toml"):
-        given = documents.read(Path(start), "prior")
+def _start_of(start: str | Sequence[float]) -> dict[str, Any]:
+    """Return a start as assumptions: a prior, or the mean of one."""
+    if isinstance(start, str) and start.endswith(".toml"):
+        given = documents.read_toml(Path(start), "prior")
         with documents.errors_name(Path(start)):
-            documents.check(given, ["prior"])
+            documents.check_values(given, ["prior"])
             return dict(Changes.told("prior", {"prior": given.get("prior", {})}))
-    word, _, text = start.partition("=")
-    if word not in ("global", "room", "near"):
-        return None
-    found: dict[str, Any] = {"prior.kind": "uniform"}
-    numbers = _numbers(text) or []
+    word, equals, text = start.rpartition("=") if isinstance(start, str) else ("", "", start)
+    known = value_of("--start", text) if isinstance(text, str) else text
+    some = isinstance(known, list | tuple) and all(isinstance(one, int | float) for one in known)
+    numbers = list(map(float, known)) if some else []
+    if start == "global":
+        return {"prior.kind": "uniform"}
     if word == "room" and len(numbers) >= 6 and len(numbers) % 2 == 0:
-        found["prior.polygon"] = tuple(zip(numbers[::2], numbers[1::2], strict=True))
-    elif word == "near" and len(numbers) in (3, 4):
-        found |= {"prior.near": tuple(numbers[:2]), "prior.within": numbers[2]}
-        found |= {"prior.beyond": numbers[3]} if len(numbers) == 4 else {}
-    elif start != "global":
-        raise InputError(
-            f"--start is {start!r}, but must be room=x,y,x,y,x,y,… with the corners of a polygon, "
-            "or near=x,y,within or near=x,y,within,beyond, all in m."
-        )
-    return found
-
-
-def _pose_of(start: str) -> tuple[float, float, float]:
-    given = _numbers(start)
-    if given is None or len(given) != 3:
+        corners = tuple(zip(numbers[::2], numbers[1::2], strict=True))
+        return {"prior.kind": "uniform", "prior.polygon": corners}
+    if word == "near" and len(numbers) in (3, 4):
+        within = dict(zip(("prior.within", "prior.beyond"), numbers[2:], strict=False))
+        return {"prior.kind": "uniform", "prior.near": tuple(numbers[:2]), **within}
+    if equals or len(numbers) != 3:
         raise InputError(
             f"--start is {start!r}, but must be reference, global, a pose x,y,θ in m and rad, as "
-            "in --start=-1.5,2,0.3, room=x,y,x,y,…, near=x,y,within, or a .toml file."
+            "in --start=-1.5,2,0.3, room=x,y,x,y,x,y,… with the corners of a polygon, "
+            "near=x,y,within or near=x,y,within,beyond, all in m, or a .toml file."
         )
-    x, y, heading = pose("--start", given)
-    return float(x), float(y), float(heading)
+    return {"prior.mean": pose("--start", numbers)}
 
 
 def _reference(whole: Log, played: Log, tolerance: float | None) -> str:
@@ -404,64 +388,16 @@ def interpolation_errors(log: Log) -> tuple[Floats, Floats] | None:
     return off.translation, off.rotation
 
 
-def _assumed(part: str, given: str) -> dict[str, Any]:
-    """Return "kind=…,name=number,…" as assumptions by dotted name."""
-    found: dict[str, Any] = {}
-    option, form = f"--{part}", "name=number, comma-separated"
-    for name, value in _pairs(option, _listed(given), form):
-        numbers = None if name == "kind" else _numbers(value)
-        if numbers is None and name != "kind":
-            raise InputError(f"{option} has '{name}={value}', but must be {form}.")
-        found[f"{part}.{name}"] = value if numbers is None else numbers[0]
-    return found
+def _assumed(part: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters of a model as assumptions by dotted name; whole numbers are real ones."""
+    return {f"{part}.{n}": float(v) if type(v) is int else v for n, v in given.items()}
 
 
-def _changes(given: str) -> dict[str, Any]:
-    """Return "share=…,distance=…,kinds=removed+added,seed=…" as changes of a map's walls."""
-    found: dict[str, Any] = {}
-    for name, value in _pairs("--changed-walls", _listed(given), "name=value, comma-separated"):
-        numbers = _numbers(value)
-        known: Any = value if numbers is None else numbers[0]
-        if name == "kinds":
-            known = value.split("+")
-        elif name == "seed" and isinstance(known, float) and known.is_integer():
-            known = int(known)
-        found[f"changed_walls.{name}"] = known
-    return found
-
-
-def _listed(given: str) -> list[str]:
-    """Return the words of a comma-separated list, empty ones left out."""
-    return [word for part in given.split(",") if (word := part.strip())]
-
-
-def _pairs(
-    option: str, words: Iterable[str], form: str, often: Collection[str] = ()
-) -> Iterator[tuple[str, str]]:
-    """Yield the name and the value of each "name=value".
-
-    Args:
-        option: that has the words.
-        words: in their order.
-        form: of one of them, for readers.
-        often: names that may be given more than once.
-
-    Raises:
-        InputError: a word has another form, or another name is given twice.
-    """
-    seen: set[str] = set()
-    for word in words:
-        name, equals, value = map(str.strip, word.partition("="))
-        if not (name and equals):
-            raise InputError(f"{option} has {word!r}, but must be {form}.")
-        if name in seen and name not in often:
-            raise InputError(f"{option} gives {name} twice: give it once.")
-        seen.add(name)
-        yield name, value
-
-
-def _numbers(text: str) -> list[float] | None:
-    try:
-        return [float(word) for word in text.split(",")]
-    except ValueError:
-        return None
+def _changes(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return changes of a map's walls by dotted name; kinds may be joined by "+"."""
+    return {
+        f"changed_walls.{name}": value.split("+")
+        if name == "kinds" and isinstance(value, str)
+        else value
+        for name, value in given.items()
+    }

@@ -1,8 +1,7 @@
 """What a page is made of: the numbers of each panel as frames."""
 
-import io
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,16 +12,14 @@ from benchmarks.setup.changes import Changes
 from benchmarks.setup.names import plug_ins_of_agent
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.results import Results
-from benchmarks.tables.auroc import Auroc
-from benchmarks.tables.csv_files import decisions_csv, gaps_csv, results_csv, trials_csv
-from benchmarks.tables.map_validity import told_apart
+from benchmarks.tables.comparison import journey_columns
+from benchmarks.tables.frames import Cells, by_run, cell, cells_of
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.plan_validity import validities
 from benchmarks.tables.stats import ALPHA
 from benchmarks.tables.text import short_name
-from benchmarks.trials.scores import Score
+from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Method, Setting, Trial
+from benchmarks.trials.spec import Setting
 from localizers.registry import LOCALIZER
 
 
@@ -39,14 +36,11 @@ class PanelFrames:
         aim: the share of whole runs that it is about; None if it is about the error.
         margin: difference that does not matter, where a sweep stops when all is decided.
         tests: how many tests Holm's correction at x[t] is for.
-        rows: the columns of results.csv for each method and offset, and label, reference (the
-            label of the baseline), is_baseline, plug_in, ms_per_step, cost (its ratio to the
-            baseline's) and, of a decided sweep, decision, decided_worlds, expected.
-        trials: the columns of trials.csv for each trial and offset.
-        interims: the columns of decisions.csv.
-        gaps: the columns of gaps.csv, and limit_label.
+        rows: see ``results_table``, and plug_in, same_driver (whether the baseline's is).
+        runs: see ``trials_frame``, and label; failed trials, too.
+        interims: see ``decisions_table``.
+        gaps: see ``gaps_table``, and limit_label.
         maps: AUROC by method, question and signal of a map that may be wrong.
-        failed: worlds of failed trials by label.
         records: finished trials by label, for their curves.
     """
 
@@ -60,11 +54,10 @@ class PanelFrames:
     margin: float | None
     tests: int
     rows: pd.DataFrame
-    trials: pd.DataFrame
+    runs: pd.DataFrame
     interims: pd.DataFrame
     gaps: pd.DataFrame
     maps: pd.DataFrame
-    failed: Mapping[str, list[int]]
     records: Mapping[str, list[Finished]]
 
     @property
@@ -82,6 +75,15 @@ class PanelFrames:
     def present(self) -> pd.DataFrame:
         """The rows about x[t]."""
         return self.rows[self.rows["offset"] == 0]
+
+    @property
+    def trials(self) -> pd.DataFrame:
+        """The columns of trials.csv for each trial and offset, and label."""
+        return self.runs[~self.runs["failed"]]
+
+    def runs_of(self, label: str) -> pd.DataFrame:
+        """The rows of a method, by run: see ``frames.cell``."""
+        return by_run(self.runs[self.runs["label"] == label])
 
     @property
     def ranked(self) -> pd.DataFrame:
@@ -120,32 +122,21 @@ def each(rows: pd.DataFrame) -> Iterator[Any]:
 
 def frames_of(results: Results) -> list[PanelFrames]:
     """Return the panels of results as frames."""
-    panels = results.panels
-    labels = list(dict.fromkeys(label for panel in panels for label in panel.labels.values()))
-    failed = [failure.trial for failure in results.failures]
-    return [
-        _frames(panel, labels, [t for t in failed if t.setting == panel.setting])
-        for panel in panels
-    ]
+    labels = [label for panel in results.panels for label in panel.labels.values()]
+    labels, cells = list(dict.fromkeys(labels)), cells_of(results.trials)
+    return [_frames(results, panel, labels, cells) for panel in results.panels]
 
 
 def validity_frame(results: Results) -> pd.DataFrame:
     """AUROC of what filters make of plans, by scenarios, method and signal."""
-    return pd.DataFrame(
-        {
-            "scenarios": ", ".join(
-                [
-                    *(short_name(panel.setting.scenario) for panel in row.panels),
-                    *row.panels[0].title.split(", ")[1:],
-                ]
-            ),
-            "label": row.label,
-            "signal": signal,
-            **_auroc(found),
-        }
-        for row in validities(results.panels)
-        for signal, found in row.signals.items()
-    )
+    panels = {panel.number: panel for panel in results.panels}
+    plans = results.plans
+    told = {
+        number: [short_name(panels[n].setting.scenario) for n in members]
+        + panels[number].title.split(", ")[1:]
+        for number, members in zip(plans["panel"], plans["panels"], strict=True)
+    }
+    return _far(plans, "conflict_").assign(scenarios=[", ".join(told[n]) for n in plans["panel"]])
 
 
 def judged(present: pd.DataFrame, aim: Score | None) -> pd.DataFrame:
@@ -183,30 +174,25 @@ def judged(present: pd.DataFrame, aim: Score | None) -> pd.DataFrame:
     return rows.sort_values(["order", "other"], na_position="last").drop(columns="other")
 
 
-def _frames(panel: Panel, labels: list[str], failed: list[Trial]) -> PanelFrames:
-    def labelled(names: Iterable[str]) -> "pd.Categorical[Any]":
-        return pd.Categorical(list(names), categories=labels)
+def _frames(results: Results, panel: Panel, labels: list[str], cells: Cells) -> PanelFrames:
+    def own(table: pd.DataFrame) -> pd.DataFrame:
+        rows = table[table["panel"] == panel.number].reset_index(drop=True)
+        return rows.assign(label=pd.Categorical(rows["label"], categories=labels))
 
-    def called(methods: Iterable[Any]) -> "pd.Categorical[Any]":
-        return labelled(panel.labels[method] for method in methods)
-
-    records = {panel.labels[method]: own for method, own in panel.records.items()}
-    trials = _read(trials_csv(record for own in records.values() for record in own))
-    trials["label"] = labelled(n for n, own in records.items() for r in own for _ in r.scores)
-    decided = [(row.method, row.decision) for row in panel.present if row.decision]
-    interims = _read(decisions_csv([panel]))
-    interims["label"] = called(method for method, own in decided for _ in own.interims)
-    gaps = _read(gaps_csv([panel]))
-    gaps["limit_label"] = [_told(row.limit) for row in panel.gaps]
-    gaps["label"] = [
-        f"limit: {_told(g.limit)}" if g.method == g.limit else panel.labels[g.method]
-        for g in panel.gaps
-    ]
-    maps = [
-        {"label": panel.labels[row.method], "question": q, "signal": signal, **_auroc(found)}
-        for row in told_apart([panel])
-        for q, signals in row.answers.items()
-        for signal, found in signals.items()
+    others = {*JOURNEY_SCORES.values()} - {*panel.scores}
+    absent = [name for score in others for name in journey_columns(score)]
+    rows = own(results.table).drop(columns=absent, errors="ignore")
+    methods = {label: method for method, label in panel.labels.items()}
+    told = [methods[label] for label in rows["label"]]
+    rows = rows.assign(
+        reference=pd.Categorical(rows["reference"], categories=labels),
+        plug_in=[LOCALIZER.is_plug_in(m.name) or bool(plug_ins_of_agent(m.agent)) for m in told],
+        same_driver=[m.agent == panel.baselines[m].agent for m in told],
+    )
+    tests = ["p", *(f"{score.name}_p" for score in panel.scores if score.tested)]
+    runs = [
+        cell(cells, panel.setting, method).reset_index().assign(label=label)
+        for label, method in methods.items()
     ]
     return PanelFrames(
         number=panel.number,
@@ -216,59 +202,29 @@ def _frames(panel: Panel, labels: list[str], failed: list[Trial]) -> PanelFrames
         unit=panel.unit,
         thresholds=panel.thresholds,
         aim=panel.aim,
-        margin=None if panel.rule is None else panel.rule.margin,
-        tests=panel.tests,
-        rows=pd.concat([_read(results_csv([panel])), _more(panel.rows, called)], axis=1),
-        trials=trials,
-        interims=interims,
-        gaps=gaps,
-        maps=pd.DataFrame(maps),
-        failed={
-            label: [trial.trial for trial in failed if trial.method == method]
-            for method, label in panel.labels.items()
-        },
-        records=records,
+        margin=None if results.rule is None else results.rule.margin,
+        tests=int(rows.loc[rows["offset"] == 0, tests].notna().to_numpy().sum()),
+        rows=rows,
+        runs=own(pd.concat(runs).assign(panel=panel.number)).drop(columns=absent, errors="ignore"),
+        interims=own(results.decisions),
+        gaps=_limited(results.gaps[results.gaps["panel"] == panel.number]),
+        maps=_far(results.maps[results.maps["panel"] == panel.number], ""),
+        records={label: panel.records[method] for label, method in methods.items()},
     )
 
 
-def _more(
-    rows: list[Any], called: Callable[[Iterable[Any]], "pd.Categorical[Any]"]
-) -> pd.DataFrame:
-    """Return what a page needs of comparisons beside the columns of results.csv."""
-    decisions = [row.decision for row in rows]
-    intervals = [one.interval if one else (np.nan,) * 3 for one in decisions]
-    return pd.DataFrame(
-        {
-            "label": called(row.method for row in rows),
-            "reference": called(row.baseline for row in rows),
-            "is_baseline": [row.is_baseline for row in rows],
-            "plug_in": [_is_plug_in(row.method) for row in rows],
-            "same_driver": [row.method.agent == row.baseline.agent for row in rows],
-            "ms_per_step": [row.milliseconds for row in rows],
-            "cost": [row.cost for row in rows],
-            "decision": np.array([one and one.relation for one in decisions], dtype=object),
-            "decided_worlds": [one.worlds if one else np.nan for one in decisions],
-            "expected": [row.expected for row in rows],
-            **{f"decided{e}": [i[k] for i in intervals] for k, e in enumerate(("", *_ENDS))},
-        }
-    )
+def _limited(gaps: pd.DataFrame) -> pd.DataFrame:
+    """Return gaps with the label of the limit; its own rows are called after it."""
+    limits = [
+        " ".join([short_name(limit), *(f"{k}={v}" for k, v in json.loads(params).items())])
+        for limit, params in zip(gaps["limit"], gaps["limit_params"], strict=True)
+    ]
+    itself = (gaps["method"] == gaps["limit"]) & (gaps["params"] == gaps["limit_params"])
+    told = [f"limit: {limit}" for limit in limits]
+    return gaps.assign(limit_label=limits, label=gaps["label"].where(~itself, told))
 
 
-_ENDS = ("_low", "_high")
-
-
-def _is_plug_in(method: Method) -> bool:
-    return LOCALIZER.is_plug_in(method.name) or bool(plug_ins_of_agent(method.agent))
-
-
-def _read(text: str) -> pd.DataFrame:
-    return pd.read_csv(io.StringIO(text))
-
-
-def _auroc(found: Auroc) -> dict[str, Any]:
-    ends = dict(zip(("auroc", "auroc_low", "auroc_high"), found.auroc, strict=True))
-    return ends | {"far_steps": found.far_steps, "far_worlds": found.far_worlds}
-
-
-def _told(limit: Method) -> str:
-    return " ".join([short_name(limit.name), *(f"{k}={v}" for k, v in limit.params.items())])
+def _far(signals: pd.DataFrame, of: str) -> pd.DataFrame:
+    """Return AUROC with far_steps and far_worlds, whatever they are of."""
+    names = {f"{of}steps": "far_steps", f"{of}worlds": "far_worlds"}
+    return signals.rename(columns=names)

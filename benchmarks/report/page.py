@@ -13,16 +13,15 @@ from markupsafe import Markup
 
 from benchmarks.pictures import styled
 from benchmarks.report import tables, tracks
-from benchmarks.report.animations import IMAGES, films, paper_figures
+from benchmarks.report.animations import IMAGES, Animation, films, paper_figures
 from benchmarks.report.charts import STYLE, Chart
 from benchmarks.report.frames import PanelFrames, frames_of, validity_frame
 from benchmarks.report.panel_charts import panel_charts, swept_charts
 from benchmarks.report.tables import Table
 from benchmarks.report.verdict import baseline_of, conclusion, progress, verdict
-from benchmarks.sweeps.drawing import Animation
 from benchmarks.sweeps.results import Results
+from benchmarks.tables.panels import BLIND
 from benchmarks.tables.text import WORDS, short_name
-from benchmarks.tables.verdict import BLIND
 from benchmarks.trials.scores import GROUPS
 from deqmcl_gym.files import command_line, utf8
 

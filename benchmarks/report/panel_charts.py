@@ -1,6 +1,5 @@
 """The charts of a panel, and those over what was swept."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,8 +17,7 @@ from benchmarks.report.charts import (
     scaled,
 )
 from benchmarks.report.frames import PanelFrames
-from benchmarks.tables.journeys import curve_of
-from benchmarks.tables.pairing import lap_errors, profile
+from benchmarks.tables.frames import lap_errors, profile, share_curve, whole_runs
 from benchmarks.tables.panels import disturbance_words, is_number
 from benchmarks.tables.stats import ALPHA, Estimate
 from benchmarks.tables.text import estimated
@@ -66,15 +64,9 @@ def points_chart(panel: PanelFrames) -> Chart | None:
     )
 
 
-def lap_chart(panel: PanelFrames) -> Chart | None:
+def lap_chart(panel: PanelFrames) -> Chart:
     """Error over the lap."""
-    drawn = [
-        pd.DataFrame({"label": label, **vars(found)})
-        for label, records in panel.records.items()
-        if (found := lap_errors(records)) is not None
-    ]
-    if not drawn:
-        return None
+    drawn = [lap_errors(own).assign(label=label) for label, own in panel.records.items()]
     frame = panel.labelled(pd.concat(drawn))
     axes = line(frame, "states", "mean", "low", "high", band=True)
     axes.set(xlabel="step of the state", ylabel="error e", xlim=(0, None), ylim=(0, None))
@@ -166,7 +158,7 @@ def journey_charts(panel: PanelFrames) -> list[Chart]:
         if name not in panel.rows:
             continue
         curves = [
-            pd.DataFrame({"label": label, **curve_of(_metres(panel, name, label))._asdict()})
+            share_curve(whole_runs(panel.runs_of(label), JOURNEY_SCORES[name])).assign(label=label)
             for label in panel.present["label"]
         ]
         last = [own.tail(1).assign(metres=end) for own in curves]  # each goes on to the end
@@ -360,15 +352,3 @@ def _maps(
                 )
             )
     return charts
-
-
-def _metres(panel: PanelFrames, name: str, label: str) -> dict[int, list[float]]:
-    """Metres of each run of a method by world; infinite for failed runs too."""
-    own = panel.trials[(panel.trials["label"] == label) & (panel.trials["offset"] == 0)]
-    runs = own[["trial", name]].dropna()
-    worlds = {
-        int(world): list(runs.loc[runs["trial"] == world, name]) for world in runs["trial"].unique()
-    }
-    for world in panel.failed[label]:
-        worlds.setdefault(world, []).append(math.inf)
-    return worlds

@@ -13,7 +13,7 @@ from benchmarks.report.frames import PanelFrames, each
 from benchmarks.report.verdict import WITHIN, rounded
 from benchmarks.sweeps.results import Results
 from benchmarks.tables import stats
-from benchmarks.tables.map_validity import QUESTIONS, WRONG
+from benchmarks.tables.signals import QUESTIONS, WRONG
 from benchmarks.tables.stats import Estimate
 from benchmarks.tables.text import estimated, fixed, p_value, percent, significant, state_name
 from benchmarks.trials.scores import LEVELS, Group, Score

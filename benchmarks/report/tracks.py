@@ -13,11 +13,12 @@ from benchmarks.report.tables import Table, nees_words, values
 from benchmarks.report.verdict import rounded
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import scenario
+from benchmarks.tables.frames import paired, whole_runs
 from benchmarks.tables.stats import ALPHA, Estimate, sample_sd, worlds_to_see
 from benchmarks.tables.text import p_value, percent
 from benchmarks.tables.tracks import Row, TrackedRun, rows_of, worse
 from benchmarks.trials.fixes import FOUND, NEAR
-from benchmarks.trials.scores import LEVELS
+from benchmarks.trials.scores import JOURNEY_SCORES, LEVELS
 from benchmarks.trials.tracks import TOLERATED
 from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
@@ -64,7 +65,8 @@ def shown(panel: PanelFrames) -> tuple[list[Row], Map | None]:
         log, floor_plan = replayed.recording()
     except InputError:
         return [], None
-    rows = rows_of(records, {label: len(own) for label, own in panel.failed.items()}, log)
+    failed = {label: int(panel.runs_of(label)["failed"].sum()) for label in records}
+    rows = rows_of(records, failed, log)
     same = all(len(run.track.best) == len(log) for row in rows for run in row.runs)
     return (rows, floor_plan) if same else ([], None)
 
@@ -204,15 +206,9 @@ def told(run: TrackedRun) -> str:
 
 def _needed(panel: PanelFrames, row: pd.Series, score: str) -> str:
     """How many runs would show a difference; – where it is shown, or there is none."""
-    runs = panel.trials[panel.trials["offset"] == 0].pivot(
-        index=["trial", "filter_seed"], columns="label", values=score
-    )
-    if score == "success_1m":  # a failed run is no success
-        for label, failed in panel.failed.items():
-            for trial in failed:
-                runs.loc[(trial, 0), label] = 0.0
-    apart = (runs[row["label"]] - runs[row["reference"]]).dropna().groupby("trial").mean()
-    mean, sd = abs(float(apart.mean())) if len(apart) else 0.0, sample_sd(apart.to_numpy())
+    runs = [panel.runs_of(row[one]) for one in ("label", "reference")]
+    apart = paired(*(whole_runs(own, JOURNEY_SCORES[score]) for own in runs))["apart"].to_numpy()
+    mean, sd = abs(float(apart.mean())) if apart.size else 0.0, sample_sd(apart)
     low, high = row[f"{score}_diff_low"], row[f"{score}_diff_high"]
     shown_already = (low > 0 or high < 0) and row[f"{score}_p_holm"] < ALPHA
     if shown_already or not mean > 0 or math.isnan(sd):

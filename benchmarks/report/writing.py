@@ -8,17 +8,8 @@ from benchmarks.console import doing
 from benchmarks.files import own_folder, write_files
 from benchmarks.sweeps.manifest import NAME
 from benchmarks.sweeps.results import Results
-from benchmarks.tables.csv_files import (
-    decisions_csv,
-    gaps_csv,
-    maps_csv,
-    plans_csv,
-    results_csv,
-    timings_csv,
-    trials_csv,
-)
-from benchmarks.tables.map_validity import told_apart
-from benchmarks.tables.plan_validity import validities
+from benchmarks.tables.comparison import FURTHER
+from benchmarks.tables.frames import INNER, csv_of, timings_table, trials_frame
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, shown
 
@@ -110,18 +101,13 @@ def _written(out: Path, folder: Path, results: Results, *, draw: bool) -> list[P
 
 
 def _tables(results: Results) -> dict[str, bytes]:
-    compared = results.panels
     tables = {
-        "results.csv": results_csv(compared),
-        "trials.csv": trials_csv(results.finished),
-        "timings.csv": timings_csv(results.finished),
+        "results.csv": csv_of(results.table, FURTHER),
+        "trials.csv": csv_of(trials_frame(results.finished), INNER),
+        "timings.csv": csv_of(timings_table(results.finished)),
     }
+    further = {"gaps": results.gaps, "plans": results.plans, "maps": results.maps}
     if results.rule is not None:
-        tables["decisions.csv"] = decisions_csv(compared)
-    if any(panel.gaps for panel in compared):
-        tables["gaps.csv"] = gaps_csv(compared)
-    if read := validities(compared):
-        tables["plans.csv"] = plans_csv(read)
-    if apart := told_apart(compared):
-        tables["maps.csv"] = maps_csv(apart)
+        tables["decisions.csv"] = csv_of(results.decisions)
+    tables |= {f"{name}.csv": csv_of(own) for name, own in further.items() if len(own)}
     return {name: utf8(text) for name, text in tables.items()}

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
-from benchmarks.setup.documents import table, text
-from benchmarks.setup.paths import from_folder
+from benchmarks.setup.documents import as_table, as_text, from_folder
 from deqmcl_gym.validation import InputError, one_of, shown
 from localizers.kinds import Placed
 
@@ -36,13 +35,9 @@ class Changes(Mapping[str, Any]):
 
     @classmethod
     def told(cls, what: str, given: Any) -> Self:
-        """Return the nested tables of a TOML document as one.
-
-        Raises:
-            InputError: it is no table, or names something twice.
-        """
+        """Return the nested tables of a TOML document as one."""
         flat: dict[str, Any] = {}
-        for key, value in table(what, given, "a table").items():
+        for key, value in as_table(what, given, "a table").items():
             nested = isinstance(value, Mapping) and bool(value)  # {} is a value
             for name, leaf in cls.told(what, value).items() if nested else (("", value),):
                 whole = f"{key}.{name}" if nested else key
@@ -52,25 +47,20 @@ class Changes(Mapping[str, Any]):
         return cls(flat)
 
     def __getitem__(self, name: str) -> Any:
-        """Return the value of a name."""
         return self._values[name]
 
     def __iter__(self) -> Iterator[str]:
-        """Iterate over the names."""
         return iter(self._values)
 
     def __len__(self) -> int:
-        """Count the names."""
         return len(self._values)
 
     def __eq__(self, other: object) -> bool:
-        """Compare the JSON of names and values."""
         if not isinstance(other, Mapping):
             return NotImplemented
         return self.text == Changes(other).text
 
     def __hash__(self) -> int:
-        """Hash the JSON of names and values."""
         return hash(self.text)
 
     @property
@@ -81,11 +71,9 @@ class Changes(Mapping[str, Any]):
         return self._text
 
     def __repr__(self) -> str:
-        """Return the values as a dict's."""
         return repr(self._values)
 
     def __or__(self, others: Mapping[str, Any]) -> Self:
-        """Return these changes, and others over them."""
         return type(self)({**self._values, **others})
 
     def json(self) -> dict[str, Any]:
@@ -93,15 +81,7 @@ class Changes(Mapping[str, Any]):
         return {name: jsonable(value) for name, value in self.items()}
 
     def by_part(self, parts: Collection[str], what: str) -> dict[str, Any]:
-        """Return the value of each part: nested dicts of the names in it, or what is given whole.
-
-        Args:
-            parts: names before the first dot.
-            what: they are, for refusals.
-
-        Raises:
-            InputError: unknown part, or one that is given both ways.
-        """
+        """Return the value of each part (of a ``what``): nested dicts, or what is given whole."""
         found: dict[str, Any] = {}
         keyed: dict[str, dict[str, Any]] = {}
         for name, value in self.items():
@@ -167,20 +147,16 @@ class Named:
 
     @classmethod
     def told(cls, what: str, given: Any) -> Self:
-        """Return what a TOML document names: "name", or {name = …, params = {…}}.
-
-        Raises:
-            InputError: it is neither, or has no name.
-        """
+        """Return what a TOML document names: "name", or {name = …, params = {…}}."""
         if isinstance(given, str):
-            return cls(text(what, given))
-        known = table(what, given, "a name, or {name = …, params = {…}}")
+            return cls(as_text(what, given))
+        known = as_table(what, given, "a name, or {name = …, params = {…}}")
         for key in known:
             one_of(f"key of {what}", key, ("name", "params"))
         if "name" not in known:
             raise InputError(f"{what} has no name: write {{name = …, params = {{…}}}}.")
-        params = table(f"params of {what}", known.get("params", {}), "a table")
-        return cls(text(f"name of {what}", known["name"]), Changes(params))
+        params = as_table(f"params of {what}", known.get("params", {}), "a table")
+        return cls(as_text(f"name of {what}", known["name"]), Changes(params))
 
     def __str__(self) -> str:
         return " ".join([self.name, *(f"{name}={value}" for name, value in self.params.items())])

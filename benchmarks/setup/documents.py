@@ -1,26 +1,28 @@
-"""TOML documents of users: read, and refused in a sentence that names file and key."""
+"""TOML documents of users: read, refused in a sentence that names file and key; paths in them."""
 
 import io
 import math
+import os
 import tomllib
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from contextvars import ContextVar
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from deqmcl_gym.files import UnreadableError, content_of
+from deqmcl_gym.files import UnreadableError, content_of, yaml_of
 from deqmcl_gym.validation import InputError, one_of, shown
+from localizers.digests import content_digest
+from localizers.kinds import Placed
 
+_ROOT: ContextVar[Path | None] = ContextVar("folder of the sweep file that is read", default=None)
 _LARGEST = 1e100  # magnitude of a number: charts take no larger ones
 
 
-def read(path: Path, what: str) -> dict[str, Any]:
-    """Return the document in the file of a ``what``: UTF-8, with or without a byte order mark.
-
-    Raises:
-        InputError: it cannot be read, or is no TOML.
-    """
+def read_toml(path: Path, what: str) -> dict[str, Any]:
+    """Return the document in the file of a ``what``: UTF-8, with or without a byte order mark."""
     named = f"the {what} file {path}"
     try:
         content = content_of(path)
@@ -51,21 +53,21 @@ def errors_name(path: Path) -> Iterator[None]:
         raise InputError(f"{path}: {error}") from None
 
 
-def check(given: Mapping[str, Any], keys: Sequence[str]) -> None:
+def check_values(given: Mapping[str, Any], keys: Sequence[str]) -> None:
     """Refuse an unknown key, and values that cannot name a result: NaN and dates."""
     for key in given:
         one_of("key", key, keys)
     _check_value(given, "")
 
 
-def table(what: str, value: Any, wanted: str) -> Mapping[str, Any]:
+def as_table(what: str, value: Any, wanted: str) -> Mapping[str, Any]:
     """Return a table; else say that it must be what is ``wanted``."""
     if not isinstance(value, Mapping):
         raise InputError(f"{what} is {value!r}, but must be {wanted}.")
     return value
 
 
-def text(what: str, value: Any) -> str:
+def as_text(what: str, value: Any) -> str:
     """Return a text that is not empty."""
     if not isinstance(value, str) or not value.strip():
         raise InputError(f"{what} is {value!r}, but must be text that is not empty.")
@@ -88,3 +90,46 @@ def _check_value(value: Any, at: str) -> None:
         raise InputError(f"{at} is nan, but must be a number.")
     elif _LARGEST < abs(value) < math.inf:
         raise InputError(f"{at} is {shown(value)}, but must be at most {_LARGEST:g}, or inf.")
+
+
+@contextmanager
+def said_from(root: Path) -> Iterator[None]:
+    """Let paths that are relative to some folder be ``Placed``, said from this one."""
+    token = _ROOT.set(Path(os.path.abspath(root)))
+    try:
+        yield
+    finally:
+        _ROOT.reset(token)
+
+
+def from_folder(folder: Path, path: str) -> str:
+    """Return a path from a folder as an absolute one; ~ is the home folder."""
+    whole, root = os.path.abspath(folder / os.path.expanduser(path)), _ROOT.get()
+    if root is None or os.path.isabs(os.path.expanduser(path)):
+        return whole
+    return Placed(Path(os.path.relpath(whole, root)).as_posix(), whole)
+
+
+def digest_of_file(path: str) -> str:
+    """Digest of a file of a world; that of a map covers its image, that of a folder all its files.
+
+    A missing file has one, too: what reads the file reports it.
+    """
+    digest = sha256()
+    for own in _parts(Path(path.place if isinstance(path, Placed) else path)):
+        digest.update(f"{own.name}\0{content_digest(own)}\0".encode(errors="surrogateescape"))
+    return digest.hexdigest()
+
+
+def _parts(path: Path) -> list[Path]:
+    if os.path.isdir(path):  # a bag of ROS 2, whose files stand side by side
+        whole = path.glob("*") if (path / "metadata.yaml").is_file() else ()
+        return sorted(part for part in whole if part.is_file())
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        return [path]
+    try:
+        said = yaml_of(content_of(path))
+        image = said.get("image") if isinstance(said, dict) else None
+    except (FileNotFoundError, UnreadableError):  # whoever loads the map says so
+        image = None
+    return [path, path.parent / image] if isinstance(image, str) else [path]

@@ -9,8 +9,8 @@ from typing import Any, Self
 import numpy as np
 
 from benchmarks.setup.changes import NOTHING, Changes
+from benchmarks.setup.documents import digest_of_file
 from benchmarks.setup.interfaces import TrialEnv
-from benchmarks.setup.paths import file_digest
 from benchmarks.setup.priors import Gaussian
 from benchmarks.setup.scenario import Scenario, Thresholds
 from deqmcl_gym.envs.log import LogEnv, log_of
@@ -52,12 +52,7 @@ class LogScenario(Scenario):
         return self.recording()[0].unit if {"log", "map"} <= self.env.keys() else "m"
 
     def room(self) -> LogEnv:
-        """Return the log as an env.
-
-        Raises:
-            InputError: no log or map is named, it cannot be read, has no reference or leaves the
-                map, or an agent is to drive it.
-        """
+        """Return the log as an env."""
         log, floor_plan = self.recording()
         self._check(log)
         check_inside(log, floor_plan)
@@ -95,11 +90,7 @@ class LogScenario(Scenario):
         return replace(found, estimated=found.estimated and not given)
 
     def recording(self) -> tuple[Log, Map]:
-        """Return the records that are played and their map.
-
-        Raises:
-            InputError: no log or map is named, or one of them cannot be read.
-        """
+        """Return the records that are played and their map."""
         others = (*_EPISODES, "judged")
         played = {name: value for name, value in self._named().items() if name not in others}
         return _played(Changes(played), self._digests)
@@ -136,7 +127,7 @@ class LogScenario(Scenario):
 
     @property
     def _digests(self) -> str:
-        return "".join(map(file_digest, Changes(self.env).files))
+        return "".join(map(digest_of_file, Changes(self.env).files))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,9 +212,6 @@ def typical_steps(log: Log) -> tuple[Floats, Floats]:
     steps, of root mean square length and turn. Its error is 1/n of what the length and the turn of
     all stretches explain (a wheel that is too small adds up by steps) and 1/√n of the rest (noise
     adds up by variances). In which direction such a step went is not known: its ``left`` is NaN.
-
-    Raises:
-        InputError: no reference.
     """
     if log.reference is None:
         raise InputError(f"{log.source} has no reference: give the noise of the motion instead.")
@@ -284,9 +272,6 @@ def motion_noise(log: Log, kind: str = "differential") -> MotionModel:
     Args:
         log: with a reference; thinned as it will be played, as the noise is that of a step.
         kind: of ``MOTION_MODELS``.
-
-    Raises:
-        InputError: fewer than 10 stretches with movement have a reference at both ends.
     """
     least, steps = unknown_motion(kind, log.unit), typical_steps(log)
     if len(steps[0]) < LEAST_STEPS:

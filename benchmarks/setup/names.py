@@ -13,8 +13,8 @@ from benchmarks.agents import AGENTS
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup import documents
 from benchmarks.setup.changes import Changes, Named
+from benchmarks.setup.documents import digest_of_file, from_folder
 from benchmarks.setup.interfaces import Agent
-from benchmarks.setup.paths import file_digest, from_folder
 from benchmarks.setup.scenario import Scenario, Thresholds
 from deqmcl_gym.validation import InputError, part
 from localizers import RobotModel, absolute_name
@@ -47,17 +47,8 @@ def scenario_names() -> tuple[str, ...]:
     return tuple(SCENARIO.builtin)
 
 
-def absolute(kind: Kind, name: str, folder: Path = Path()) -> str:
-    """Return a name, or a ``Placed``, by which any process finds the same thing.
-
-    Args:
-        kind: of it; ``file.py`` is its only one.
-        name: of it.
-        folder: that a path in the name is relative to; ~ is the home folder.
-
-    Raises:
-        InputError: the file holds none or several, or cannot be loaded.
-    """
+def absolute_reference(kind: Kind, name: str, folder: Path = Path()) -> str:
+    """Return a name, its path from a folder, by which any process finds the same thing."""
     place, rest = split_path(name)
     if place and not isinstance(name, Placed):
         name = from_folder(folder, place) + rest
@@ -65,37 +56,29 @@ def absolute(kind: Kind, name: str, folder: Path = Path()) -> str:
 
 
 def absolute_scenario(name: str, folder: Path = Path()) -> str:
-    """Return the ``absolute`` name of a scenario.
-
-    Raises:
-        InputError: it is neither built in nor says where the scenario is.
-    """
+    """Return the ``absolute_reference`` name of a scenario."""
     if isinstance(name, str) and name.endswith(".toml"):
-        return absolute(SCENARIO, name, folder)
+        return absolute_reference(SCENARIO, name, folder)
     if name not in SCENARIO.builtin:
         SCENARIO.reference(name)
-    return absolute(SCENARIO, name, folder)
+    return absolute_reference(SCENARIO, name, folder)
 
 
 def scenario(name: str) -> Scenario:
-    """Return the scenario of a name; if that is a plug-in, its code is run.
-
-    Raises:
-        InputError: there is none, or its file cannot be read or is refused.
-    """
+    """Return the scenario of a name; if that is a plug-in, its code is run."""
     return _scenario(absolute_name(absolute_scenario(name)), ())
 
 
 def absolute_agent(agent: Named, folder: Path = Path()) -> Named:
-    """Return an agent with an ``absolute`` name."""
-    return replace(agent, name=absolute(AGENT, agent.name, folder))
+    """Return an agent with an ``absolute_reference`` name."""
+    return replace(agent, name=absolute_reference(AGENT, agent.name, folder))
 
 
 def absolute_assumed(assumed: Changes, folder: Path = Path()) -> Changes:
-    """Return what is assumed with the ``absolute`` name of a scan model, or of those varied."""
+    """Return what is assumed with the absolute names of a scan model, or of those varied."""
 
     def placed(kind: Any) -> Any:  # a scenario refuses what is none
-        return absolute(SCAN_MODEL, kind, folder) if is_code(kind) else kind
+        return absolute_reference(SCAN_MODEL, kind, folder) if is_code(kind) else kind
 
     if _SCAN not in assumed:
         return assumed
@@ -104,11 +87,7 @@ def absolute_assumed(assumed: Changes, folder: Path = Path()) -> Changes:
 
 
 def make_agent(agent: Named | str, robot: RobotModel) -> Agent:
-    """Return the agent of a name and parameters, made for a robot.
-
-    Raises:
-        InputError: there is none, it refuses its parameters, it cannot be made, or it is no agent.
-    """
+    """Return the agent of a name and parameters, made for a robot."""
     named = Named(agent) if isinstance(agent, str) else agent
     made: Agent = AGENT.make(named.name, named.params, robot)
     return made
@@ -132,18 +111,14 @@ def plug_ins_of_scan(assumed: Changes) -> tuple[str, ...]:
 
 
 def scenario_digest(name: str) -> str:
-    """Return a digest of the files of a scenario, its agent and scan model; "" if built-in.
-
-    Raises:
-        InputError: as ``scenario``.
-    """
+    """Return a digest of the files of a scenario, its agent and scan model; "" if built-in."""
     found = scenario(name)
     scan = SCAN_MODEL.digest(found.scan.kind) if isinstance(found.scan, ScanPlugIn) else ""
     return found.source + AGENT.digest(found.agent.name) + scan
 
 
 def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
-    """Return the scenario of an absolute name that stands ``within`` files."""
+    """Return the scenario of an absolute_reference name that stands ``within`` files."""
     if name in within:
         raise InputError(f"the scenario {name} is its own base: name another base.")
     if len(within) > _DEEPEST:
@@ -163,20 +138,20 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
 
 def _read(path: Path, within: tuple[str, ...]) -> Scenario:
     """Read a scenario file; ``within`` are the files that it is a base of, and itself."""
-    given = documents.read(path, "scenario")
+    given = documents.read_toml(path, "scenario")
     with documents.errors_name(path):
-        documents.check(given, _KEYS)
-        named = absolute_scenario(documents.text("base", given.get("base", "paper")), path.parent)
-        base = _scenario(named, within)
+        documents.check_values(given, _KEYS)
+        name = documents.as_text("base", given.get("base", "paper"))
+        base = _scenario(absolute_scenario(name, path.parent), within)
         prior = Changes.told("prior", {"prior": given.get("prior", {})})
         assumed = Changes.told("assumed", given.get("assumed", {}))
         assumed = absolute_assumed(assumed, path.parent) | prior
         world = Changes.told("env", given.get("env", {})).beside(path.parent)
         changed = base.changed(world, assumed)
-        own = [base.source, str(content_digest(path)), *map(file_digest, world.files)]
+        own = [base.source, str(content_digest(path)), *map(digest_of_file, world.files)]
         return replace(
             changed,
-            words=documents.text("words", given.get("words", path.stem)),
+            words=documents.as_text("words", given.get("words", path.stem)),
             agent=_agent(given.get("agent", {}), base.agent),
             buildings=given.get("buildings", base.buildings),
             thresholds=part("thresholds", Thresholds, given.get("thresholds"), changed.thresholds),

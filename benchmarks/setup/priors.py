@@ -88,15 +88,7 @@ class Displaced(Gaussian):
         number("prior.angle", self.angle, low=0, high=math.pi)
 
     def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> GaussianPrior:
-        """Return p(x_0) in the episode that a room has begun last.
-
-        Args:
-            room: has the free space.
-            rng: draws the direction, the same for all distances that are free there.
-
-        Raises:
-            InputError: nothing is free at that distance, or there is nothing to draw with.
-        """
+        """Return p(x_0) in the episode that a room has begun last."""
         if rng is None:
             raise InputError("the prior is displaced in a direction that is drawn: give rng.")
         right = super().of(room)
@@ -173,7 +165,7 @@ class Uniform:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class WeightedPlace:
     """One of several places: a prior and its weight."""
 
     prior: "Gaussian | Uniform"
@@ -191,7 +183,7 @@ class Places:
         places: a table for each: its ``weight`` (1), and the keys of another kind of prior.
     """
 
-    places: tuple[Place, ...] = ()
+    places: tuple[WeightedPlace, ...] = ()
     may_be_lost = True
 
     def __post_init__(self) -> None:
@@ -214,9 +206,9 @@ class Places:
         return f"one of {len(self.places)} places: {'; '.join(each)}"
 
 
-def _place(given: Any) -> Place:
+def _place(given: Any) -> WeightedPlace:
     """Return a place, of the table of a scenario file."""
-    if isinstance(given, Place):
+    if isinstance(given, WeightedPlace):
         return given
     if not isinstance(given, Mapping):
         raise InputError(f"a place of the prior is {given!r}, but must be a table.")
@@ -229,7 +221,7 @@ def _place(given: Any) -> Place:
     prior = changed("prior", Gaussian(), keys, "px", PRIORS)  # lengths as they are told
     if isinstance(prior, Gaussian) and (prior.mean is None or "sd_position" not in keys):
         raise InputError("a gaussian place of the prior needs mean and sd_position: give both.")
-    return Place(prior=prior, weight=weight)
+    return WeightedPlace(prior=prior, weight=weight)
 
 
 PRIORS = MappingProxyType(
@@ -246,9 +238,6 @@ def changed(part: str, current: T, keys: Any, unit: str, kinds: Mapping[str, Any
         keys: new values, by name; ``kind`` is one of ``kinds``, or of a scan model its code.
         unit: of lengths on the map, in which those of a fresh kind are.
         kinds: classes of such parts, by name.
-
-    Raises:
-        InputError: unknown name or a bad value.
     """
     if not isinstance(keys, Mapping):
         names = ", ".join(_names(part, current))

@@ -147,9 +147,6 @@ class Scenario(ABC):
                 the ``LogEnv``.
             assumed: ``{"scan.kind": "beam-model", "prior.sd_position": 5.0}``; "world" is what the
                 new world is: ``{"motion": "world", "scan.sigma": "world"}``.
-
-        Raises:
-            InputError: unknown name or a bad value.
         """
         moved = self
         if values := located(Changes(world)):

@@ -3,19 +3,19 @@
 import itertools
 import json
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
 from benchmarks.setup.changes import NOTHING, Changes, Named, jsonable
 from benchmarks.setup.names import absolute_agent, absolute_scenario
-from benchmarks.tables.pairing import BASELINE
+from benchmarks.tables.panels import BASELINE
 from benchmarks.trials.spec import Method, Run, Setting, Trial, changes_of
 from deqmcl_gym.validation import InputError, integer, number, one_of
 from localizers import parameters
 
-GROUPS = ("world", "assumed", "params")  # of dotted names; agent.… are the agent's parameters
+PARTS = ("world", "assumed", "params")  # of dotted names; agent.… are the agent's parameters
 SCALARS = ("scenario", "lag", "disturbance", "agent")
 
 
@@ -62,8 +62,8 @@ class Axis:
         lengths = {name: len(values) for name, values in self.values.items()}
         for name, length in lengths.items():
             group, _, rest = name.partition(".")
-            if not (group in (*GROUPS, "agent") and rest):
-                allowed = (*SCALARS, *(f"{g}.…" for g in (*GROUPS, "agent")))
+            if not (group in (*PARTS, "agent") and rest):
+                allowed = (*SCALARS, *(f"{g}.…" for g in (*PARTS, "agent")))
                 one_of("name in [[vary]]", name, allowed)
             if length == 0:
                 raise InputError(f"[[vary]] {name} is empty: give one value or more.")
@@ -77,7 +77,6 @@ class Axis:
             raise InputError("a [[vary]] is empty: give a name and its values.")
 
     def __len__(self) -> int:
-        """Points on the axis."""
         return len(next(iter(self.values.values())))
 
     def points(self) -> list[dict[str, Any]]:
@@ -99,12 +98,8 @@ class UntilDecided:
     def __post_init__(self) -> None:
         number("margin of until_decided", self.margin, low=0, high=1)
 
-    def json(self) -> dict[str, Any]:
-        """Return it as JSON-able values."""
-        return {"margin": self.margin}
 
-
-MOST = 1_000_000  # trials
+MOST_TRIALS = 1_000_000  # trials
 _SAID = (  # of a sweep, in the order of its manifest
     *("title", "localizers", "scenario", "lag", "world", "assumed", "disturbance", "params"),
     *("seed", "trials", "filter_seeds", "vary"),
@@ -168,18 +163,13 @@ class Sweep:
         object.__setattr__(self, "scenario", _scenario(self.scenario))
         object.__setattr__(self, "vary", tuple(map(_absolute, self.vary)))
         if self.agent is not None:
-            object.__setattr__(self, "agent", _agent(_told(self.agent)))
-        _refuse_no_agent(self.vary, self.agent)
+            object.__setattr__(self, "agent", _agent(self.agent))
         integer("lag", self.lag)
         integer("seed", self.seed)
         integer("trials", self.trials, low=1, high=100_000)
         integer("filter_seeds", self.filter_seeds, low=1, high=100_000)
         if not self.localizers:
             raise InputError("the sweep names no localizer, so there are no combinations to run.")
-        varied = [name for axis in self.vary for name in axis.values]
-        for name in varied:
-            if varied.count(name) > 1:
-                raise InputError(f"{name} is varied twice: name it in one [[vary]].")
         for axis in self.vary:
             for value in axis.values.get("lag", ()):
                 integer("lag", value)
@@ -190,12 +180,31 @@ class Sweep:
         if self.baseline not in (BASELINE, self._usual_baseline):
             known = [method.name for method in self.localizers]
             one_of("baseline", self.baseline, [*known, *self.agents])
-        _refuse_two_limits(self.limits)
-        if self.combinations > MOST:
+        self._refuse_twice()
+        if self.combinations > MOST_TRIALS:
             raise InputError(
-                f"the sweep has {self.combinations:,} trials, more than {MOST:,}: vary less, or "
-                "make several sweeps of it."
+                f"the sweep has {self.combinations:,} trials, more than {MOST_TRIALS:,}: vary "
+                "less, or make several sweeps of it."
             )
+
+    def _refuse_twice(self) -> None:
+        """Refuse a name that is varied twice, or an agent's that is none, and two limits of one."""
+        varied = self.varied
+        for name in varied:
+            if name.startswith("agent.") and self.agent is None and "agent" not in varied:
+                raise InputError(
+                    f"{name} is varied, but no agent is named: write agent = … beside it."
+                )
+            if varied.count(name) > 1:
+                raise InputError(f"{name} is varied twice: name it in one [[vary]].")
+        held = [name for limit in self.limits for name in limit.of or ("",)]
+        for name in held:
+            if held.count(name) > 1:
+                what = f"{name!r} is named by of in" if name else "of is missing in"
+                raise InputError(
+                    f"{what} {held.count(name)} limits: a localizer has one limit, that of its "
+                    "target."
+                )
 
     @property
     def combinations(self) -> int:
@@ -222,6 +231,11 @@ class Sweep:
         """Every localizer that it names."""
         limits = [name for limit in self.limits for name in (limit.method.name, *limit.of)]
         return list(dict.fromkeys([*(method.name for method in self.localizers), *limits]))
+
+    @property
+    def varied(self) -> list[str]:
+        """Every name that its axes vary."""
+        return [name for axis in self.vary for name in axis.values]
 
     @property
     def agents(self) -> list[str]:
@@ -272,7 +286,7 @@ class Sweep:
         if self.limits:
             said["limit"] = [limit.json() for limit in self.limits]
         if self.until_decided:
-            said["until_decided"] = self.until_decided.json()
+            said["until_decided"] = {"margin": self.until_decided.margin}
         return said
 
     def _size(self, limit: Limit) -> Run:
@@ -282,7 +296,7 @@ class Sweep:
     def _points(self) -> Iterator[dict[str, Any]]:
         """Yield the base with the values of each point of the design."""
         for point in itertools.product(*(axis.points() for axis in self.vary)):
-            base: dict[str, Any] = {name: getattr(self, name) for name in (*SCALARS, *GROUPS)}
+            base: dict[str, Any] = {name: getattr(self, name) for name in (*SCALARS, *PARTS)}
             tuned: dict[str, Any] = {}  # of the agent, whichever it is
             for name, value in itertools.chain.from_iterable(part.items() for part in point):
                 group, _, rest = name.partition(".")
@@ -334,7 +348,7 @@ def _absolute(axis: Axis) -> Axis:
     if names := axis.values.get("scenario"):
         own["scenario"] = tuple(map(_scenario, names))
     if agents := axis.values.get("agent"):
-        own["agent"] = tuple(_agent(_told(one)).json() for one in agents)
+        own["agent"] = tuple(_agent(one).json() for one in agents)
     return Axis(values=axis.values | own) if own else axis
 
 
@@ -342,18 +356,10 @@ def _told(agent: Any) -> Named:
     return agent if isinstance(agent, Named) else Named.told("agent", agent)
 
 
-def _agent(agent: Named) -> Named:
-    found = absolute_agent(agent)
+def _agent(agent: Any) -> Named:
+    found = absolute_agent(_told(agent))
     _label("agent", found.name)
     return found
-
-
-def _refuse_no_agent(vary: Sequence[Axis], agent: Named | None) -> None:
-    """Refuse parameters of an agent that nobody names."""
-    varied = [name for axis in vary for name in axis.values]
-    tuned = [name for name in varied if name.startswith("agent.")]
-    if tuned and agent is None and "agent" not in varied:
-        raise InputError(f"{tuned[0]} is varied, but no agent is named: write agent = … beside it.")
 
 
 def _scenario(name: str) -> str:
@@ -373,14 +379,3 @@ def _label(kind: str, name: str) -> str:
             f"formula: write ./{name} if it is a file, or rename it."
         )
     return name
-
-
-def _refuse_two_limits(limits: Sequence[Limit]) -> None:
-    """Refuse limits of which a method could have two."""
-    held = [name for limit in limits for name in limit.of or ("",)]
-    for name in held:
-        if held.count(name) > 1:
-            what = f"{name!r} is named by of in" if name else "of is missing in"
-            raise InputError(
-                f"{what} {held.count(name)} limits: a localizer has one limit, that of its target."
-            )

@@ -7,10 +7,10 @@ from statistics import fmean
 
 from tabulate import tabulate
 
-from benchmarks.execution.engines import Engine, available_cpus, outcomes
+from benchmarks.execution.engines import Where, available_cpus, outcomes
+from benchmarks.execution.executors import Engine
 from benchmarks.setup.changes import Changes
 from benchmarks.sweeps.design import Sweep, cells_of
-from benchmarks.sweeps.running import Options
 from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.spec import Trial
@@ -20,12 +20,17 @@ _SHOWN = 60  # cells
 _USUAL = 1000  # particles, where none are named
 
 
-def dry_run(sweep: Sweep, options: Options) -> str:
-    """Return the cells (setting and method) of a sweep with the time of a trial in each."""
+def dry_run(
+    sweep: Sweep, jobs: int | None = None, timeout: float | None = None, shards: int = 1
+) -> str:
+    """Return the cells (setting and method) of a sweep with the time of a trial in each.
+
+    The whole is told for so many ``jobs``, and for one of so many ``shards``.
+    """
     trials = sweep.distinct()
     cells = cells_of(trials)
-    here = replace(options.where, executor="process", scheduler=None, jobs=1)
-    with here.engine(trials) as engine:
+    asked = Where(jobs=jobs, timeout=timeout)
+    with replace(asked, jobs=1).engine(trials) as engine:
         times = _times([own[0] for own in cells.values()], engine, provenance_of(sweep.cells()))
     words = [own[0].words() for own in cells.values()]
     alike = [part for part in words[0] if len(words) > 1 and all(part in own for own in words)]
@@ -38,8 +43,7 @@ def dry_run(sweep: Sweep, options: Options) -> str:
         for name, own, (s, measured) in zip(words, cells.values(), times, strict=True)
     ]
     total = sum((s or 0.0) * len(own) for own, (s, _) in zip(cells.values(), times, strict=True))
-    share = 1 if options.shard is None else options.shard[1]
-    jobs = min(options.where.jobs or available_cpus(), len(trials))
+    jobs = min(jobs or available_cpus(), len(trials))
     count = sum(measured for _, measured in times)
     most = "at most " if sweep.until_decided else ""
     lines = [f"{sweep.title}: {most}{len(trials):,} trials in {len(cells):,} cells"]
@@ -50,8 +54,8 @@ def dry_run(sweep: Sweep, options: Options) -> str:
     lines.append(tabulate(rows[:_SHOWN], ["trials", "one trial", "cell"], disable_numparse=True))
     if len(rows) > _SHOWN:
         lines.append(f"… and {len(rows) - _SHOWN:,} more cells")
-    part = "" if share == 1 else f" for this shard of {share}"
-    s = total / jobs / share
+    part = "" if shards == 1 else f" for this shard of {shards}"
+    s = total / jobs / shards
     needed = f"{s:.0f} s" if s < 90 else f"{s / 60:.0f} min" if s < 5400 else f"{s / 3600:.1f} h"
     working = f"{jobs} job{'' if jobs == 1 else 's'}"
     lines.append(

@@ -123,11 +123,6 @@ def taken_over(folder: Path, ours: Manifest) -> Manifest:
 
     A folder may grow: more worlds, runs and localizers are asked for than it was made for. Its
     trials keep their keys if this code, these libraries and plug-ins made them or were verified.
-
-    Raises:
-        InputError: the folder is not ours, or of another sweep, other code or another plug-in
-            (all differences are listed), or of one that cannot be read; or it was looked at with
-            another margin.
     """
     if is_empty(folder):
         return ours
@@ -197,11 +192,7 @@ def _grown(theirs: Identity, ours: Identity) -> Identity:
 
 
 def begin(folder: Path, ours: Manifest) -> Manifest:
-    """Write the manifest of a new folder, or of one that grows, and return it.
-
-    Raises:
-        InputError: see ``taken_over``.
-    """
+    """Write the manifest of a new folder, or of one that grows, and return it."""
     made = taken_over(folder, ours)
     held = None if is_empty(folder) else read(folder)
     if held is None or (held.identity, held.places) != (made.identity, made.places):
@@ -226,11 +217,7 @@ def _plain(value: Struct) -> dict[str, Any]:
 
 
 def read(folder: Path) -> Manifest:
-    """Return a folder's manifest.
-
-    Raises:
-        InputError: there is none, it cannot be read, or it is not as this version writes it.
-    """
+    """Return a folder's manifest."""
     path = folder / NAME
     try:
         content = json_of(content_of(path))

@@ -7,6 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from benchmarks.files import is_empty
 from benchmarks.setup import changes, documents
 from benchmarks.sweeps import manifest
@@ -15,10 +17,16 @@ from benchmarks.sweeps.manifest import Manifest, differences
 from benchmarks.sweeps.stopping import due, rule_of
 from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
+from benchmarks.tables.comparison import (
+    LimitRuns,
+    decisions_table,
+    gaps_table,
+    results_table,
+)
 from benchmarks.tables.deciding import Rule
-from benchmarks.tables.gap import LimitRuns
-from benchmarks.tables.pairing import BASELINE
-from benchmarks.tables.panels import Panel, panels
+from benchmarks.tables.frames import trials_frame
+from benchmarks.tables.panels import BASELINE, Panel, panels
+from benchmarks.tables.signals import maps_table, plans_table
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.files import command_line
@@ -75,9 +83,38 @@ class Results:
 
     @cached_property
     def panels(self) -> list[Panel]:
-        """The methods of every setting, compared: all intervals and tests, computed once."""
-        failed = [failure.trial for failure in self.failures]
-        return panels(self.records, self.baseline, self.limits, failed, self.rule)
+        """What is compared with one another: the methods of every setting."""
+        return panels(self.records, self.baseline)
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """A row per panel, method and offset: all intervals and tests, computed once."""
+        return results_table(self.panels, self.trials, self.rule)
+
+    @cached_property
+    def decisions(self) -> pd.DataFrame:
+        """A row per panel, method and look; none if the number of worlds was fixed before."""
+        return decisions_table(self.panels, self.trials, self.rule)
+
+    @cached_property
+    def gaps(self) -> pd.DataFrame:
+        """A row per panel, method and offset that has a limit."""
+        return gaps_table(self.panels, self.trials, self.limits)
+
+    @cached_property
+    def plans(self) -> pd.DataFrame:
+        """A row per setting, method that reads plans, and signal of a plan that conflicts."""
+        return plans_table(self.panels)
+
+    @cached_property
+    def maps(self) -> pd.DataFrame:
+        """A row per panel, method, question and signal of a map that is wrong."""
+        return maps_table(self.panels)
+
+    @cached_property
+    def trials(self) -> pd.DataFrame:
+        """A row per trial that is compared and offset, failed ones, too."""
+        return trials_frame(self.records, [failure.trial for failure in self.failures])
 
     @property
     def made_by(self) -> str:
@@ -144,9 +181,6 @@ def results_in(folder: Path | str) -> Results:
 
     Its trials are those that the code, libraries and plug-ins of its manifest have made, whatever
     is installed here.
-
-    Raises:
-        InputError: the folder is not one of results, or none of its files can be read.
     """
     folder = Path(folder)
     made = manifest.read(folder)
@@ -163,16 +197,7 @@ def results_in(folder: Path | str) -> Results:
 
 
 def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
-    """Return what folders of the same worlds hold together; a trial that several have counts once.
-
-    Args:
-        folders: each is read as by ``results_in``; limits are those of the first.
-        command: the words that pool them.
-
-    Raises:
-        InputError: they differ in more than localizers and agents, or one is not complete, or has
-            ``until_decided``.
-    """
+    """Return what folders of the same worlds hold; a trial that several have counts once."""
     each, made = [results_in(one) for one in folders], [manifest.read(one) for one in folders]
     told: dict[str, Any] = {"code": made[0].identity.code}
     failures: dict[str, Failure] = {}
@@ -229,9 +254,6 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
     """Return the sweep of a folder's manifest; nothing that it names is loaded.
 
     What was named by a sweep file is where the manifest says, from the folder.
-
-    Raises:
-        InputError: the manifest was changed.
     """
 
     def takes(name: str) -> tuple[str, ...] | None:

@@ -33,10 +33,9 @@ from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.stage import check_methods, check_settings
+from benchmarks.trials.stage import check_trials
 from deqmcl_gym.validation import InputError, one_line, shown
 
-MANY = 100_000  # trials; more are run only with --yes
 MINUTE = 60.0  # s between two lines about the progress, where there is no terminal
 _LINE = "{desc}: {n_fmt} of {total_fmt} done after {elapsed}, {remaining} left{postfix}"
 
@@ -84,7 +83,8 @@ class Running:
         else:
             self._run_until_decided()
         results = collected(self.sweep, self.trials, self.store, self.made)
-        _say(left_out_lines(results, self.store.out))
+        for line in left_out_lines(results, self.store.out):
+            print(line, file=sys.stderr)
         if results.failures:
             warnings.warn(incomplete_sentence(results), FailedWarning, stacklevel=2)
         return results
@@ -109,11 +109,7 @@ class Running:
 def begun(
     sweep: Sweep, out: Path | str, options: Options, *, command: Sequence[str]
 ) -> Iterator[Running]:
-    """Open the folder of a sweep at which ``check`` has looked; nothing is run yet.
-
-    Raises:
-        InputError: the folder is not ours, belongs to another sweep, or is in use.
-    """
+    """Open the folder of a sweep at which ``check`` has looked; nothing is run yet."""
     out = Path(out)
     sweep = named_as_in(out, sweep)
     ours = manifest.of_sweep(sweep, command)
@@ -125,20 +121,9 @@ def begun(
 
 
 def check(sweep: Sweep) -> None:
-    """Build every world and every localizer of a sweep once, before anything is written.
-
-    Raises:
-        InputError: something of it is refused.
-    """
+    """Build every world and every localizer of a sweep once, before anything is written."""
     rule_of(sweep)
-    settings: dict[str, Trial] = {}
-    methods: dict[str, Trial] = {}
-    for trial in sweep.cells():
-        setting = repr((trial.scenario, trial.world, trial.assumed, trial.disturbance))
-        settings.setdefault(setting + repr(trial.agent), trial)
-        methods.setdefault(setting + repr((trial.localizer, trial.params)), trial)
-    check_settings(settings.values())
-    check_methods(methods.values())
+    check_trials(sweep.cells())
 
 
 def run_missing(
@@ -179,17 +164,7 @@ def run_missing(
 def counted(
     out: Path, total: int, waiting: int, *, shown: bool = True
 ) -> Iterator[Callable[[bool], None]]:
-    """Show a bar on a terminal, elsewhere a line every minute; give what to call after each trial.
-
-    Args:
-        out: folder of the sweep; its name is shown.
-        total: trials of the sweep.
-        waiting: those that are still to be run.
-        shown: False shows nothing.
-
-    Yields:
-        A function of whether the trial failed.
-    """
+    """Show a bar on a terminal, elsewhere a line a minute; give what to call with "it failed"."""
     name = one_line(out.resolve().name)
     notebook = "ipykernel" in sys.modules
     failed, lines = 0, shown and not (notebook or sys.stderr.isatty())
@@ -218,13 +193,17 @@ def counted(
             yield count
 
 
-def refuse_too_many(sweep: Sweep, *, yes: bool) -> None:
-    """Refuse a sweep of more than 100,000 trials without --yes."""
-    if sweep.combinations > MANY and not yes:
-        raise InputError(
-            f"the sweep has {sweep.combinations:,} trials, more than {MANY:,}: give --yes to run "
-            "them all, or vary less."
-        )
+def complete(results: Results, text: str, *, part: bool = False) -> str:
+    """Return what a command prints at its end.
+
+    Raises:
+        TrialsFailedError: trials failed, or are missing though all were to be run; it is printed.
+    """
+    lacking = incomplete_sentence(results)
+    if lacking and (results.failures or not part):
+        print(text)
+        raise TrialsFailedError(lacking)
+    return text
 
 
 def _keep(store: Store, key: str, trial: Trial, outcome: Outcome) -> str | None:
@@ -240,17 +219,8 @@ def _keep(store: Store, key: str, trial: Trial, outcome: Outcome) -> str | None:
     return reason
 
 
-def _say(lines: Sequence[str]) -> None:
-    for line in lines:
-        print(line, file=sys.stderr)
-
-
 def shard_of(text: str) -> tuple[int, int]:
-    """Return (i, n) of "i/n".
-
-    Raises:
-        InputError: it is not of that form, or i is not one of 1 … n.
-    """
+    """Return (i, n) of "i/n"."""
     if given := re.fullmatch(r"(\d{1,6})/(\d{1,6})", text):
         number, of = map(int, given.groups())
         if 1 <= number <= of <= 100_000:

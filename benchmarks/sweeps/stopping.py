@@ -6,8 +6,8 @@ from typing import TypeVar
 
 from benchmarks.sweeps.design import Sweep
 from benchmarks.tables.deciding import FIRST, Rule, decide
-from benchmarks.tables.journeys import aim_of
-from benchmarks.tables.panels import Ended, Group, groups
+from benchmarks.tables.frames import cell, cells_of, scores_of, trials_frame
+from benchmarks.tables.panels import Group, aim_of, groups
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method, Setting, Trial
 from deqmcl_gym.validation import InputError
@@ -16,11 +16,7 @@ K = TypeVar("K")
 
 
 def rule_of(sweep: Sweep) -> Rule | None:
-    """Return when comparisons of a sweep are decided; None if it runs all its worlds.
-
-    Raises:
-        InputError: there is nothing to compare, or there are fewer worlds than before a look.
-    """
+    """Return when comparisons of a sweep are decided; None if it runs all its worlds."""
     if sweep.until_decided is None:
         return None
     family = sum(len(group.pairs(sweep.baseline)) for group in _groups(sweep))
@@ -38,10 +34,7 @@ def rule_of(sweep: Sweep) -> Rule | None:
 
 
 def due(
-    sweep: Sweep,
-    trials: Mapping[K, Trial],
-    records: Iterable[Finished],
-    failures: Iterable[Trial],
+    sweep: Sweep, trials: Mapping[K, Trial], records: Iterable[Finished], failures: Iterable[Trial]
 ) -> dict[K, Trial]:
     """Return those of a sweep's trials that it needs, as far as its results tell; all without rule.
 
@@ -51,14 +44,14 @@ def due(
     rule = rule_of(sweep)
     if rule is None:
         return dict(trials)
-    ended = Ended(records, failures)
+    cells = cells_of(trials_frame(records, failures))
     worlds: dict[tuple[Setting, Method], int] = {}
     for group in _groups(sweep):
-        whole = ended.of(group)
-        aim = aim_of(record for own in whole.values() for record in own.records)
+        rows = {method: cell(cells, group.setting, method) for method in group.methods}
+        aim = aim_of(score for own in rows.values() for score in scores_of(own))
         wanted = dict.fromkeys(group.methods, FIRST)
         for pair in group.pairs(sweep.baseline):
-            ours, baseline = (whole[method] for method in pair)
+            ours, baseline = (rows[method] for method in pair)
             needed = decide(ours, baseline, aim, rule).wanted
             wanted |= {method: max(needed, wanted[method]) for method in pair}
         for method, needed in wanted.items():

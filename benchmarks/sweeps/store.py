@@ -102,12 +102,7 @@ class Store:
         self._append({"key": key, "trial": trial.canonical(), "reason": reason})
 
     def left_out(self, keys: Collection[str], asked: Collection[str]) -> Iterator[tuple[str, str]]:
-        """Yield the lines that belong to none of these keys, and why.
-
-        Args:
-            keys: of the trials asked for.
-            asked: the same trials as ``named``.
-        """
+        """Yield the lines that belong to none of these keys, and why."""
         for key, (line, name) in self._lines.items():
             if key not in keys:
                 same = named(line.trial) in asked
@@ -139,9 +134,6 @@ def writing(out: Path, shard: tuple[int, int] | None = None) -> Iterator[Store]:
     """Open a folder (made if missing) to put trials there; a shard (i, n) has a file of its own.
 
     The operating system holds the lock of the file, and drops it when the process dies.
-
-    Raises:
-        InputError: the folder cannot be written to, or another process is writing.
     """
     name = "trials.jsonl" if shard is None else "trials-{}-of-{}.jsonl".format(*shard)
     path = writable_folder(out) / name

@@ -15,8 +15,9 @@ import msgspec
 
 from benchmarks.execution.engines import Where, outcomes
 from benchmarks.sweeps import manifest
-from benchmarks.sweeps.manifest import Manifest, Verified, differences
-from benchmarks.sweeps.results import recorded_sweep
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.manifest import Verified, differences
+from benchmarks.sweeps.results import named_as_in, recorded_sweep
 from benchmarks.sweeps.running import counted
 from benchmarks.sweeps.store import Store
 from benchmarks.trials.attempt import Outcome
@@ -38,16 +39,7 @@ class DifferentError(RuntimeError):
 def verify(folder: Path, where: Where, share: float = SHARE) -> str:
     """Run a sample of a folder's finished trials again; if all agree, its manifest says so.
 
-    Args:
-        folder: of a sweep; nothing in it changes unless all agree.
-        where: the engine.
-        share: of the trials beside the first of each setting and method.
-
-    Returns:
-        What was found, in a sentence.
-
     Raises:
-        InputError: it is no folder of results, or has no finished trial.
         DifferentError: the first trial that differs, and its first score.
     """
     made = manifest.read(folder)
@@ -112,8 +104,9 @@ def compare_again(
     return differing
 
 
-def adopt(folder: Path, ours: Manifest, where: Where) -> str:
+def adopted(folder: Path, sweep: Sweep, where: Where) -> str:
     """Verify a folder of our sweep that is of other code; return what was found, if it is one."""
+    ours = manifest.of_sweep(named_as_in(folder, sweep), [])
     return verify(folder, where) if manifest.is_of_other_code(folder, ours) else ""
 
 
@@ -139,10 +132,10 @@ def _difference(before: Finished, now: Outcome) -> str | None:
     if now.record is None:
         return f"it finished before and fails now: {now.reason}"
     lacking = {name for row in before.scores for name in LATER - row.keys()}
-    return next(differences(parts_of(before), parts_of(now.record, lacking)), None)
+    return next(differences(record_parts(before), record_parts(now.record, lacking)), None)
 
 
-def parts_of(record: Record, without: Collection[str] = ()) -> dict[str, Any]:
+def record_parts(record: Record, without: Collection[str] = ()) -> dict[str, Any]:
     """Return all that is in a record by name, its scores first but those ``without``; no times."""
     scores = {
         f"{name} at offset {row['offset']}": row[name]

@@ -1,243 +1,337 @@
-"""Every method of a panel against the panel's baseline, over paired worlds."""
+"""Every method of a panel against its baseline, and its limit, over paired worlds.
+
+The columns are those of results.csv, decisions.csv and gaps.csv, and a few more, which are told at
+each table. NaN is not available. The runs on a world are averaged first.
+"""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
 
-from benchmarks.tables import pairing, stats
-from benchmarks.tables.auroc import Auroc, auroc_of
+import numpy as np
+import pandas as pd
+
+from benchmarks.setup.changes import Changes
+from benchmarks.tables import stats
 from benchmarks.tables.deciding import Decision, Rule, decide
-from benchmarks.tables.journeys import JourneyScore, Outcomes, aim_of
-from benchmarks.tables.pairing import Runs
-from benchmarks.tables.stats import UNKNOWN, Estimate
+from benchmarks.tables.frames import (
+    PANEL,
+    Cells,
+    by_world,
+    cell,
+    cells_of,
+    ends,
+    longest_ways,
+    method_columns,
+    milliseconds_per_step,
+    paired,
+    panel_columns,
+    restricted,
+    scored,
+    scores_of,
+    trials_frame,
+    whole_runs,
+)
+from benchmarks.tables.panels import Panel
+from benchmarks.tables.signals import detection
 from benchmarks.trials.scores import Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
 from benchmarks.trials.spec import Method
 
 AVERAGED = tuple(name for name in SCORE_NAMES if name not in ("error", "lost"))
 RANGED = ("coverage_50", "coverage_80", "coverage_95", "nees")  # scores with an interval
+RESULTS = (
+    *PANEL, "offset", "worlds", "runs", *ends("error"), "error_sd", *AVERAGED,
+    *ends("lost", mean="lost_rate"), "baseline", "paired_worlds", *ends("diff"), "win_rate", "p",
+    "p_holm", *ends("auroc"), "far_steps", "far_worlds",
+    *(f"{name}_{end}" for name in RANGED for end in ("low", "high")), "diff_sd", *ends("relative"),
+)  # fmt: skip
+FURTHER = (
+    "panel", "label", "reference", "is_baseline", "ms_per_step", "cost", "decision",
+    "decided_worlds", *ends("decided"), "expected",
+)  # fmt: skip
+DECISIONS = (
+    *PANEL, "baseline", "baseline_params", "score", "margin", "worlds", "difference", "low", "high",
+    "verdict",
+)  # fmt: skip
+GAPS = (*PANEL, "limit", "limit_params", "offset", "worlds", "error", "seed_sd", *ends("gap"))
+
+Members = Mapping[Method, pd.DataFrame]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Comparison:
-    """One method of a panel at one offset; NaN is not available.
+def results_table(
+    panels: Sequence[Panel], trials: pd.DataFrame, rule: Rule | None = None
+) -> pd.DataFrame:
+    """Return a row per panel, method and offset: the columns of results.csv, and ``FURTHER``.
 
-    Attributes:
-        method, offset: of what.
-        worlds, runs: on how much; the runs on a world are averaged first.
-        errors: e of each world.
-        error, error_sd: mean over worlds of e with its 95 % bootstrap interval, and its SD.
-        scores: the other scores by name; those of ``RANGED`` with an interval.
-        lost: share of lost runs, with Wilson's 95 % interval for as many cases as worlds.
-        detection: how well its quality tells that it is far off; only at offset 0.
-        milliseconds: median of its own time per step.
-        baseline: what it is compared with, at offset 0.
-        cost: its time per step over the baseline's.
-        paired_worlds: worlds that both have run.
-        diff, diff_sd: mean over worlds of error - the baseline's, 95 % bootstrap, and its SD.
-        relative: the same mean as a share of the baseline's, both on the shared worlds.
-        win_rate: share of worlds where its error is the smaller one.
-        p, p_holm: Wilcoxon's signed-rank test of the differences, alone and corrected for all
-            tests of the panel at this offset.
-        journey: scores of whole runs by name, if the panel's are about such; only at offset 0.
-        aim: the share of whole runs that the panel is about; None if it is about the error.
-        decision: how it stands, if the sweep stops when that is decided; its interval is the only
-            one of the comparison then, and there are no tests.
-        expected: then the error (or share) to be expected on all worlds of the baseline, by which
-            it is ranked, as methods have run on different worlds; NaN elsewhere.
-    """
+    ``error`` is e, with its 95 % bootstrap interval and its SD over worlds; ``lost_rate`` the share
+    of lost runs, with Wilson's interval for as many cases as worlds; ``auroc``: see ``signals``.
+    ``diff`` is error - the baseline's at offset 0 over ``paired_worlds``, ``relative`` the same as
+    a share of the baseline's, ``win_rate`` the share of worlds where the error is the smaller one,
+    ``p`` of Wilcoxon's signed-rank test; scores of whole runs: see ``_journey``. ``…p_holm`` is
+    corrected for all tests of the panel at this offset.
 
-    method: Method
-    offset: int
-    worlds: int
-    runs: int
-    errors: dict[int, float]
-    error: Estimate
-    error_sd: float
-    scores: dict[str, Estimate]
-    lost: Estimate
-    detection: Auroc
-    milliseconds: float
-    baseline: Method
-    cost: float
-    paired_worlds: int = 0
-    diff: Estimate = UNKNOWN
-    diff_sd: float = math.nan
-    relative: Estimate = UNKNOWN
-    win_rate: float = math.nan
-    p: float = math.nan
-    p_holm: float = math.nan
-    journey: dict[str, JourneyScore] = field(default_factory=dict)
-    aim: Score | None = None
-    decision: Decision | None = None
-    expected: float = math.nan
-
-    @property
-    def is_baseline(self) -> bool:
-        """Whether it is the baseline at x_t, which is compared with nothing."""
-        return self.method == self.baseline and self.offset == 0
-
-    @property
-    def wins(self) -> float:
-        """Worlds where its error is the smaller one, ties counted half."""
-        return self.win_rate * self.paired_worlds
-
-    @cached_property
-    def standing(self) -> JourneyScore:
-        """What it is ranked by, the error or the aim, beside its baseline's."""
-        if self.aim is None:
-            return JourneyScore(value=self.error, diff=self.diff, p=self.p, p_holm=self.p_holm)
-        return self.journey.get(self.aim.name, JourneyScore(value=UNKNOWN))
-
-    @property
-    def worse(self) -> float:
-        """The error, or 1 less the share that is the aim; infinite if it is unknown."""
-        mean = self.standing.value.mean if math.isnan(self.expected) else self.expected
-        if math.isnan(mean):
-            return math.inf
-        return mean if self.aim is None else 1 - mean
-
-    @property
-    def differs(self) -> bool:
-        """Whether it is better or worse than its baseline: by the interval and the corrected test.
-
-        Where a sweep stops when that is decided: by the decision.
-        """
-        if self.decision is not None:
-            return self.decision.relation in ("better", "worse")
-        return self.standing.significant
-
-    @property
-    def confirmed(self) -> bool:
-        """Whether it is better than its baseline, and that differs."""
-        return self.differs and (self.standing.diff.mean < 0) == (self.aim is None)
-
-
-def compared(
-    methods: Mapping[Method, Sequence[Finished]],
-    baseline: str,
-    whole: Mapping[Method, Outcomes],
-    rule: Rule | None = None,
-) -> list[Comparison]:
-    """Compare the methods of a panel: by method, then offset, in the order of their trials.
-
-    Holm's family is what the panel tests at one offset.
+    ``panel`` is its number, ``label`` and ``reference`` are what method and baseline are called,
+    ``cost`` is ``ms_per_step`` over the baseline's. With a rule there are no tests, and no interval
+    of a difference but that of the last look: ``decided`` after ``decided_worlds``, which makes the
+    ``decision``, and ``expected``, the error or share to be expected on all worlds of the baseline,
+    as methods have run on different ones.
 
     Args:
-        methods: their finished trials.
-        baseline: localizer or agent that the others are compared with.
-        whole: their whole runs, with those that failed.
+        panels: what is compared.
+        trials: their ``trials_frame``, with failures.
         rule: when comparisons are decided; None: all worlds are run, whatever they show.
     """
-    times = {method: pairing.milliseconds_per_step(records) for method, records in methods.items()}
-    rows = []
-    for method, records in methods.items():
-        reference = baseline_of(method, methods, baseline)
-        present = pairing.runs_of(methods[reference], "error")
-        for offset in dict.fromkeys(k for record in records for k in record.offsets):
-            errors = pairing.runs_of(records, "error", offset)
-            lost = float(pairing.over_worlds(pairing.runs_of(records, "lost", offset)).mean())
-            worlds = pairing.by_world(errors)
-            row = Comparison(
-                method=method,
-                offset=offset,
-                worlds=len(worlds),
-                runs=len(errors),
-                errors=worlds,
-                error=stats.estimate(pairing.over_worlds(errors)),
-                error_sd=stats.sample_sd(pairing.over_worlds(errors)),
-                scores={name: _score(records, name, offset) for name in AVERAGED},
-                lost=Estimate(lost, *stats.wilson(lost, len(worlds))),
-                detection=Auroc() if offset else auroc_of(records),
-                milliseconds=times[method],
-                baseline=reference,
-                cost=times[method] / times[reference] if times[reference] > 0 else math.nan,
-                journey={} if offset else whole[method].beside(whole[reference]),
-            )
-            rows.append(row if row.is_baseline else _against(row, errors, present))
-    rows = _corrected(rows, aim_of(record for own in methods.values() for record in own))
-    if rule is None:
-        return rows
-    bases = {row.method: row for row in rows if row.is_baseline}
-    return [
-        row if row.is_baseline else _decided(row, bases[row.baseline], whole, rule) for row in rows
-    ]
+    cells, rows = cells_of(trials), list[dict[str, Any]]()
+    for panel in panels:
+        members = {method: cell(cells, panel.setting, method) for method in panel.labels}
+        found = [row for method in members for row in _method_rows(panel, method, members)]
+        rows += _decided(panel, found, members, rule) if rule else _corrected(panel, found)
+    scores = dict.fromkeys(score for panel in panels for score in panel.scores)
+    journeys = (name for score in scores for name in journey_columns(score))
+    table = pd.DataFrame(rows, columns=[*RESULTS, *journeys, *FURTHER]).infer_objects()
+    return table.astype({"decision": object})
 
 
-def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
-    """Return what a method is compared with: the localizer or the agent of that name.
+def _method_rows(panel: Panel, method: Method, members: Members) -> Iterator[dict[str, Any]]:
+    """Yield the rows of a method at each offset, without what needs the other rows."""
+    baseline = panel.baselines[method]
+    own, theirs = members[method], members[baseline]
+    times = [milliseconds_per_step(panel.records[one]) for one in (method, baseline)]
+    for offset in own.loc[~own["failed"], "offset"].unique():
+        runs = scored(own, offset)
+        worlds = {name: by_world(runs[name]).to_numpy() for name in SCORE_NAMES}
+        n, lost = len(worlds["error"]), float(worlds["lost"].mean())
+        is_baseline = method == baseline and offset == 0
+        row = {
+            **panel_columns(panel, method),
+            "offset": offset,
+            "worlds": n,
+            "runs": len(runs),
+            **{name: float(worlds[name].mean()) for name in AVERAGED},
+            **ends("error", stats.estimate(worlds["error"])),
+            "error_sd": stats.sample_sd(worlds["error"]),
+            **ends("lost", (lost, *stats.wilson(lost, n)), mean="lost_rate"),
+            "baseline": baseline.reference,
+            "paired_worlds": 0,
+            "reference": panel.labels[baseline],
+            "is_baseline": is_baseline,
+            "ms_per_step": times[0],
+            "cost": times[0] / times[1] if times[1] > 0 else math.nan,
+        }
+        for name in RANGED:
+            row |= ends(name, stats.estimate(worlds[name]))
+        if not is_baseline:
+            row |= _difference(paired(runs["error"], scored(theirs)["error"]))
+        if offset == 0:
+            row |= detection(panel.records[method]).columns("far_steps", "far_worlds")
+            longest = longest_ways(members.values())
+            for score in scores_of(own):
+                row |= _journey(score, own, None if is_baseline else theirs, longest)
+        yield row
 
-    A localizer with the same agent, an agent with the same localizer; else the first method. Of
-    several variants it is the one whose parameters agree with the method's, else the first.
+
+def _difference(pairs: pd.DataFrame) -> dict[str, Any]:
+    """Return how errors differ from the baseline's on the same worlds."""
+    apart, reference = pairs.to_numpy().T
+    return {
+        "paired_worlds": apart.size,
+        **ends("diff", stats.estimate(apart)),
+        "diff_sd": stats.sample_sd(apart),
+        **ends("relative", stats.relative_change(apart, reference)),
+        "win_rate": stats.win_rate(apart),
+        "p": _six_digits(stats.wilcoxon(apart)),
+    }
+
+
+def journey_columns(score: Score) -> list[str]:
+    """Name the columns of a score of whole runs: its value, and the comparison if it is tested."""
+    names = [*ends(score.name), *([f"{score.name}_restricted"] if score.censored else [])]
+    tested = [*ends(f"{score.name}_diff"), f"{score.name}_p", f"{score.name}_p_holm"]
+    return names + (tested if score.tested else [])
+
+
+def _journey(
+    score: Score, own: pd.DataFrame, baseline: pd.DataFrame | None, longest: pd.Series
+) -> dict[str, float]:
+    """Return a score of whole runs over worlds, and beside the baseline's if it is tested.
+
+    Of shares and other numbers it is the mean over worlds, with Wilson's interval for as many cases
+    as worlds, or a bootstrap interval. Metres are censored where a run ends before it happens, as
+    it does in runs that failed: they count as infinite in the median, which has its interval by
+    ranks, and in means (``…_restricted``) and differences as the longest way that any method drove
+    in the world. ``…_p`` is of the sign test for shares, with one run on each world McNemar's exact
+    test; else of the signed-rank test.
     """
-    listed = list(methods)
-    variants = [other for other in listed if other.is_named(name)] or listed[:1]
-    if variants[0].name == name:
-        same = [one for one in variants if one.agent == method.agent]
+    name, runs = score.name, whole_runs(own, score)
+    if runs.empty:
+        return {}
+    values = by_world(runs).to_numpy()
+    row: dict[str, float] = {}
+    if score.censored:
+        row = ends(name, stats.median_estimate(runs.groupby("trial").median().to_numpy()))
+        row[f"{name}_restricted"] = by_world(restricted(own, score, longest)).to_numpy().mean()
+    elif score.unit == "share":
+        share = float(values.mean())
+        row = ends(name, (share, *stats.wilson(share, values.size)))
     else:
-        same = [one for one in variants if one.name == method.name]
-    variants = same or variants
-    return next((one for one in variants if pairing.agree(one.values, method.values)), variants[0])
-
-
-def _score(records: Sequence[Finished], name: str, offset: int) -> Estimate:
-    values = pairing.over_worlds(pairing.runs_of(records, name, offset))
-    return stats.estimate(values) if name in RANGED else Estimate(float(values.mean()))
-
-
-def _against(row: Comparison, errors: Runs, baseline: Runs) -> Comparison:
-    apart = pairing.differences(errors, baseline)
-    return replace(
-        row,
-        paired_worlds=apart.size,
-        diff=stats.estimate(apart),
-        diff_sd=stats.sample_sd(apart),
-        relative=stats.relative_change(apart, pairing.shared(errors, baseline)),
-        win_rate=stats.win_rate(apart),
-        p=_six_digits(stats.wilcoxon(apart)),
+        row = ends(name, stats.estimate(values))
+    if baseline is None or not score.tested:
+        return row
+    ours, theirs = (
+        restricted(rows, score, longest) if score.censored else whole_runs(rows, score)
+        for rows in (own, baseline)
     )
+    apart = paired(ours, theirs)["apart"].to_numpy()
+    p = stats.sign_test(apart) if score.unit == "share" else stats.wilcoxon(apart)
+    return row | ends(f"{name}_diff", stats.estimate(apart)) | {f"{name}_p": p}
 
 
-def _corrected(rows: list[Comparison], aim: Score | None) -> list[Comparison]:
-    """Correct all tests of the panel at one offset together, by Holm's method; set their aim."""
-    corrected = list(rows)
-    for offset in {row.offset for row in rows}:
-        places = [i for i, row in enumerate(rows) if row.offset == offset]
-        tests = {(i, ""): rows[i].p for i in places}
-        tests |= {(i, name): own.p for i in places for name, own in rows[i].journey.items()}
-        adjusted = dict(zip(tests, map(_six_digits, stats.holm([*tests.values()])), strict=True))
-        for i in places:
-            journey = {
-                name: replace(own, p=_six_digits(own.p), p_holm=adjusted[i, name])
-                for name, own in rows[i].journey.items()
-            }
-            corrected[i] = replace(rows[i], p_holm=adjusted[i, ""], journey=journey, aim=aim)
-    return corrected
+def _corrected(panel: Panel, rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Correct all tests of a panel at one offset together, by Holm's method."""
+    names = ["p", *(f"{score.name}_p" for score in panel.scores if score.tested)]
+    for offset in {row["offset"] for row in rows}:
+        tests = [(row, name) for row in rows if row["offset"] == offset for name in names]
+        adjusted = stats.holm([row.get(name, math.nan) for row, name in tests])
+        for (row, name), p in zip(tests, adjusted, strict=True):
+            row[name] = _six_digits(row.get(name, math.nan))
+            row[f"{name}_holm"] = _six_digits(p)
+    return rows
 
 
 def _decided(
-    row: Comparison, base: Comparison, whole: Mapping[Method, Outcomes], rule: Rule
-) -> Comparison:
-    """Return a row with its decision, and without what only a fixed number of worlds allows."""
-    journey = {
-        name: replace(own, diff=Estimate(own.diff.mean), p=math.nan, p_holm=math.nan)
-        for name, own in row.journey.items()
+    panel: Panel, rows: list[dict[str, Any]], members: Members, rule: Rule
+) -> list[dict[str, Any]]:
+    """Return rows with their decisions, and without what only a fixed number of worlds allows."""
+    decisions = {panel.labels[m]: own for m, own in _decisions(panel, members, rule).items()}
+    present = {row["label"]: row for row in rows if row["offset"] == 0}
+    score = "error" if panel.aim is None else panel.aim.name
+    gone = ("_p", "diff_low", "diff_high", "relative_low", "relative_high")
+    kept = [{k: v for k, v in row.items() if k != "p" and not k.endswith(gone)} for row in rows]
+    for row in kept:
+        found = decisions.get(row["label"])
+        if row["offset"] == 0 and found is not None:
+            reference = present[row["reference"]].get(score, math.nan)
+            apart = found.last.interval.mean
+            row["decision"], row["decided_worlds"] = found.relation, found.last.worlds
+            row["expected"] = reference * (1 + apart) if panel.aim is None else reference + apart
+            row.update(ends("decided", found.last.interval))
+    return kept
+
+
+def _decisions(panel: Panel, members: Members, rule: Rule) -> dict[Method, Decision]:
+    return {
+        method: decide(members[method], members[baseline], panel.aim, rule)
+        for method, baseline in panel.baselines.items()
+        if method != baseline
     }
-    row = replace(
-        row,
-        diff=Estimate(row.diff.mean),
-        relative=Estimate(row.relative.mean),
-        p=math.nan,
-        p_holm=math.nan,
-        journey=journey,
-    )
-    if row.offset != 0:
-        return row
-    found = decide(whole[row.method], whole[row.baseline], row.aim, rule)
-    reference, apart = base.standing.value.mean, found.interval.mean
-    expected = reference * (1 + apart) if row.aim is None else reference + apart
-    return replace(row, decision=found, expected=expected)
+
+
+def decisions_table(
+    panels: Sequence[Panel], trials: pd.DataFrame, rule: Rule | None
+) -> pd.DataFrame:
+    """Return a row per panel, method and look: the columns of decisions.csv, panel and label.
+
+    Differences are shares of 1; the ``verdict`` stands at the last look. Without a rule there are
+    no looks.
+    """
+    cells = cells_of(trials)
+    rows = [] if rule is None else [row for panel in panels for row in _looks(panel, cells, rule)]
+    return pd.DataFrame(rows, columns=[*DECISIONS, "panel", "label"])
+
+
+def _looks(panel: Panel, cells: Cells, rule: Rule) -> Iterator[dict[str, Any]]:
+    members = {method: cell(cells, panel.setting, method) for method in panel.labels}
+    for method, found in _decisions(panel, members, rule).items():
+        shared = {
+            **panel_columns(panel, method),
+            **method_columns(panel.baselines[method], "baseline", "baseline_params"),
+            "score": "error" if panel.aim is None else panel.aim.name,
+            "margin": rule.margin,
+        }
+        for look in found.looks:
+            ways = dict(zip(("difference", "low", "high"), look.interval, strict=True))
+            verdict = found.relation if look is found.last else ""
+            yield shared | {"worlds": look.worlds, **ways, "verdict": verdict}
+
+
+@dataclass(frozen=True)
+class LimitRuns:
+    """A limit as far as it has run.
+
+    Attributes:
+        of: localizers that are held against it; (): all that no other limit names.
+        records: its finished trials, on all settings.
+    """
+
+    of: tuple[str, ...]
+    records: list[Finished]
+
+
+def gaps_table(
+    panels: Sequence[Panel], trials: pd.DataFrame, limits: Sequence[LimitRuns]
+) -> pd.DataFrame:
+    """Return a row per panel, method and offset: the columns of gaps.csv, panel and label.
+
+    ``gap`` is the error over the limit's, on the worlds that both have run; ``seed_sd`` the SD of e
+    between runs of the method on the same world. Each limit comes before its methods.
+    """
+    cells, rows = cells_of(trials), list[dict[str, Any]]()
+    named = {name for limit in limits for name in limit.of}
+    limiting = [(limit, cells_of(trials_frame(limit.records))) for limit in limits]
+    for panel, (limit, of_limit) in product(panels, limiting):
+        # several methods, where the limit differs between values of what is swept
+        there = dict.fromkeys(
+            one.trial.method for one in limit.records if one.trial.setting == panel.setting
+        )
+        own = [m for m in panel.labels if (m.name in limit.of if limit.of else m.name not in named)]
+        held = {method: limit_of(panel.swept, method, [*there]) for method in own}
+        itself = {one: one for one in held.values() if one is not None}
+        for method, against in (itself | held | itself).items():
+            if against is not None:
+                ours = cell(of_limit if method in itself else cells, panel.setting, method)
+                shared = panel_columns(panel, method)
+                shared |= method_columns(against, "limit", "limit_params")
+                reference = cell(of_limit, panel.setting, against)
+                rows += (shared | row for row in _gaps(ours, reference))
+    return pd.DataFrame(rows, columns=[*GAPS, "panel", "label"])
+
+
+def limit_of(swept: Changes, method: Method, limits: Sequence[Method]) -> Method | None:
+    """Return the limit with the panel's and the method's value of all in which limits differ."""
+    limits = [limit for limit in limits if limit.agent == method.agent]
+    told = [limit.params for limit in limits]
+    names = {name for params in told for name in params}
+    differing = {name for name in names if len({params.get(name) for params in told}) > 1}
+    own = swept | method.params
+    for limit, params in zip(limits, told, strict=True):
+        if all(own[name] == params.get(name) for name in differing & own.keys()):
+            return limit
+    return None
+
+
+def _gaps(ours: pd.DataFrame, limit: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """Yield rows at every offset; runs differ in number, so each world's are averaged."""
+    for offset in ours.loc[~ours["failed"], "offset"].unique():
+        errors = scored(ours, offset)["error"]
+        own, theirs = by_world(errors), by_world(scored(limit, offset)["error"])
+        shared = own.index.intersection(theirs.index)
+        if shared.empty:
+            continue
+        spreads = [
+            float(np.var(runs, ddof=1))
+            for world, runs in errors.dropna().groupby("trial")
+            if len(runs) > 1 and world in shared
+        ]
+        yield {
+            "offset": offset,
+            "worlds": len(shared),
+            "error": sum(own[shared].tolist()) / len(shared),
+            "seed_sd": math.sqrt(sum(spreads) / len(spreads)) if spreads else math.nan,
+            **ends("gap", stats.estimate((own[shared] - theirs[shared]).to_numpy())),
+        }
 
 
 def _six_digits(p: float) -> float:

@@ -1,25 +1,19 @@
 """What is compared: the methods of a setting, at one value of each swept parameter."""
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from benchmarks.setup.changes import Changes, Named, spelt
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.tables.comparison import Comparison, baseline_of, compared
-from benchmarks.tables.deciding import Rule
-from benchmarks.tables.gap import Gap, LimitRuns, gaps
-from benchmarks.tables.journeys import Outcomes, longest_ways
-from benchmarks.tables.pairing import BASELINE, agree
-from benchmarks.tables.text import short_name, short_names
-from benchmarks.tables.verdict import BLIND, Rivals, Verdict, rivals, verdict
-from benchmarks.trials.scores import Score
+from benchmarks.tables.text import short_names
+from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Method, Run, Setting, Trial
+from benchmarks.trials.spec import Method, Setting
+
+BASELINE = "mcl"  # localizer that others are compared with, unless a sweep says otherwise
+BLIND = "dead-reckoning"  # uses no scan, so that it localizes nothing
 
 # What a filter assumes of a world's numbers.
 _ASSUMED = {"lidar.sigma": "scan.sigma"} | {
@@ -29,7 +23,7 @@ _ASSUMED = {"lidar.sigma": "scan.sigma"} | {
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """Methods that are compared with one another.
+    """Methods that are compared with one another; ``comparison`` has their numbers.
 
     Attributes:
         number: from 1, in the order of the results.
@@ -37,16 +31,9 @@ class Panel:
         setting: of the panel.
         swept: value of each parameter that is swept in the setting.
         labels: what each method is called, in the order of the results.
-        rows: every method against the baseline, at all offsets.
-        gaps: every method against the limit of its target, where there is one.
-        verdict: who is best; None if nothing is known.
-        of_filters: the same among the methods that use scans.
-        rivals: every method against the paper's, by offset.
+        baselines: what each method is compared with.
         records: finished trials by method.
-        whole: whole runs by method, with those that failed.
-        thresholds: of what is far off, and lost.
-        unit: of lengths.
-        rule: when its comparisons are decided; None: the number of worlds was fixed before.
+        scores: of whole runs, that any of them has.
     """
 
     number: int
@@ -54,61 +41,33 @@ class Panel:
     setting: Setting
     swept: Changes
     labels: dict[Method, str]
-    rows: list[Comparison]
-    gaps: list[Gap]
-    verdict: Verdict | None
-    of_filters: Verdict | None
-    rivals: dict[int, Rivals]
+    baselines: dict[Method, Method]
     records: dict[Method, list[Finished]]
-    whole: dict[Method, Outcomes]
-    thresholds: Thresholds
-    unit: str
-    rule: Rule | None = None
+    scores: list[Score]
 
     @property
-    def far(self) -> str:
-        """What is far off, in words: e > 50 px."""
-        return f"e > {self.thresholds.far:g} {self.unit}"
+    def thresholds(self) -> Thresholds:
+        """What is far off, and lost."""
+        return self._first.thresholds
+
+    @property
+    def unit(self) -> str:
+        """The unit of lengths."""
+        return self._first.unit
 
     @property
     def aim(self) -> Score | None:
         """The share of whole runs that it is about; None if it is about the error."""
-        return self.rows[0].aim
-
-    @cached_property
-    def present(self) -> list[Comparison]:
-        """The rows about x_t."""
-        return [row for row in self.rows if row.offset == 0]
-
-    @cached_property
-    def ranked(self) -> list[Comparison]:
-        """The same, the best first."""
-        return ranked(self.rows)
-
-    @property
-    def tests(self) -> int:
-        """How many tests Holm's correction at x_t is for."""
-        own = (p for row in self.present for p in (row.p, *(s.p for s in row.journey.values())))
-        return sum(not math.isnan(p) for p in own)
+        return aim_of(self.scores)
 
     @property
     def agents(self) -> list[Named | None]:
         """Who drives, the scenario's agent as None; several are compared with one another."""
         return list(dict.fromkeys(method.agent for method in self.labels))
 
-    def called(self, method: Method) -> str:
-        """What a method is called beside others: by its label if agents are compared."""
-        return self.labels[method] if len(self.agents) > 1 else short_name(method.name)
-
-    def baseline_of(self, row: Comparison) -> Comparison:
-        """The row of a method's baseline at x_t."""
-        return next(one for one in self.present if one.method == row.baseline)
-
-
-def ranked(rows: Iterable[Comparison]) -> list[Comparison]:
-    """Rows at x_t, the best first, an unknown one last; of equal ones the baseline first."""
-    present = [row for row in rows if row.offset == 0]
-    return sorted(present, key=lambda row: (row.worse, not row.is_baseline))
+    @property
+    def _first(self) -> Finished:
+        return next(iter(self.records.values()))[0]
 
 
 class Group(NamedTuple):
@@ -144,83 +103,66 @@ def groups(cells: Iterable[tuple[Setting, Method]]) -> list[Group]:
     return found
 
 
-class Ended:
-    """Trials that came to an end, by setting and method.
-
-    Attributes:
-        records: those that finished.
-        failed: the runs of the others.
-    """
-
-    def __init__(self, records: Iterable[Finished], failures: Iterable[Trial]) -> None:
-        """Sort them."""
-        self.records: dict[tuple[Setting, Method], list[Finished]] = {}
-        self.failed: dict[tuple[Setting, Method], list[Run]] = {}
-        for record in records:
-            own = record.trial.setting, record.trial.method
-            self.records.setdefault(own, []).append(record)
-        for trial in failures:
-            self.failed.setdefault((trial.setting, trial.method), []).append(trial.run)
-
-    def of(self, group: Group) -> dict[Method, Outcomes]:
-        """Return the runs of each method of a group."""
-        setting = group.setting
-        members = {m: self.records.get((setting, m), []) for m in group.methods}
-        longest = longest_ways(chain.from_iterable(members.values()))
-        return {
-            m: Outcomes(records=own, failed=self.failed.get((setting, m), ()), longest=longest)
-            for m, own in members.items()
-        }
-
-
-def panels(
-    records: Iterable[Finished],
-    baseline: str = BASELINE,
-    limits: Sequence[LimitRuns] = (),
-    failures: Iterable[Trial] = (),
-    rule: Rule | None = None,
-) -> list[Panel]:
-    """Split finished trials into panels, in their order, and compare the methods of each.
+def panels(records: Iterable[Finished], baseline: str = BASELINE) -> list[Panel]:
+    """Split finished trials into panels, in their order.
 
     Args:
         records: the finished trials.
         baseline: localizer or agent that the others are compared with.
-        limits: what gaps are measured from.
-        failures: the trials that failed.
-        rule: when comparisons are decided; None: all worlds are run, whatever they show.
     """
-    found: list[Panel] = []
-    ended = Ended(records, failures)
-    split = groups(ended.records)
-    titles = _titles(list(dict.fromkeys(group.setting for group in split)))
-    for group in split:
-        setting, swept, _ = group
-        whole = ended.of(group)
-        members = {method: list(own.records) for method, own in whole.items()}
-        first = next(iter(members.values()))[0]
-        rows = compared(members, baseline, whole, rule)
-        best = ranked(rows)
-        filters = [row for row in best if row.method.name != BLIND]
-        found.append(
-            Panel(
-                number=len(found) + 1,
-                title=", ".join([titles[setting], *(f"{k} {v}" for k, v in swept.items())]),
-                setting=setting,
-                swept=swept,
-                labels=_labels(list(members)),
-                rows=rows,
-                gaps=gaps(setting, swept, members, limits),
-                verdict=verdict(best, members, whole, lead=rule is None),
-                of_filters=verdict(filters, members, whole, lead=rule is None),
-                rivals=rivals(members, setting.lag) if rule is None else {},
-                records=members,
-                whole=whole,
-                thresholds=first.thresholds,
-                unit=first.unit,
-                rule=rule,
-            )
+    ended: dict[tuple[Setting, Method], list[Finished]] = {}
+    for record in records:
+        ended.setdefault((record.trial.setting, record.trial.method), []).append(record)
+    titles = _titles(list(dict.fromkeys(setting for setting, _ in ended)))
+    return [
+        Panel(
+            number=number,
+            title=", ".join([titles[setting], *(f"{k} {v}" for k, v in swept.items())]),
+            setting=setting,
+            swept=swept,
+            labels=_labels(methods),
+            baselines={one: baseline_of(one, methods, baseline) for one in methods},
+            records={one: ended[setting, one] for one in methods},
+            scores=scores_in(record for one in methods for record in ended[setting, one]),
         )
-    return found
+        for number, (setting, swept, methods) in enumerate(groups(ended), 1)
+    ]
+
+
+def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
+    """Return what a method is compared with: the localizer or the agent of that name.
+
+    A localizer with the same agent, an agent with the same localizer; else the first method. Of
+    several variants it is the one whose parameters agree with the method's, else the first.
+    """
+    listed = list(methods)
+    variants = [other for other in listed if other.is_named(name)] or listed[:1]
+    if variants[0].name == name:
+        same = [one for one in variants if one.agent == method.agent]
+    else:
+        same = [one for one in variants if one.name == method.name]
+    variants = same or variants
+    return next((one for one in variants if agree(one.values, method.values)), variants[0])
+
+
+def agree(some: Changes, others: Changes) -> bool:
+    """Whether the parameters that both have are the same."""
+    return all(spelt(some[name]) == spelt(others[name]) for name in some.keys() & others.keys())
+
+
+def scores_in(records: Iterable[Finished]) -> list[Score]:
+    """Return the scores of whole runs that any of these records has, in their order."""
+    names = {name for record in records if record.journey for name in record.journey.scores}
+    return [score for name, score in JOURNEY_SCORES.items() if name in names]
+
+
+def aim_of(scores: Iterable[Score]) -> Score | None:
+    """Return the share of whole runs that these are about; None if they are about the error.
+
+    Who was carried off is to be found again; who was lost, to be localized.
+    """
+    shares = [one for one in scores if one.tested and one.unit == "share"]
+    return shares[-1] if shares else None
 
 
 def is_number(value: Any) -> bool:

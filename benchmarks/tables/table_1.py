@@ -1,13 +1,12 @@
 """The paper's Table 1 beside ours."""
 
+import json
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
+import pandas as pd
 from tabulate import tabulate
 
-from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.stats import Estimate
+from benchmarks.tables.panels import BLIND
 from benchmarks.tables.text import fixed, percent, short_name, state_name
 
 _VARIANCES = {  # score: words, digits
@@ -18,57 +17,46 @@ _VARIANCES = {  # score: words, digits
 }
 
 
-@dataclass(frozen=True)
-class Published:
-    """A row of the paper: error and its SD, entropy, variances of the four components."""
-
-    error: float
-    error_sd: float
-    entropy: float
-    var_x: float
-    var_y: float
-    var_cos: float
-    var_sin: float
-
-
 # as printed (Taniguchi, Fukawa & Yamakawa 2024)
+_SCORES = ("error", "error_sd", "entropy", *_VARIANCES)
 TABLE_1 = {
-    "deq-mcl": Published(20.95, 17.66, 7.82, 419.92, 290.04, 0.09, 0.07),
-    "mcl-smoother": Published(22.88, 20.01, 8.88, 977.39, 611.06, 0.14, 0.11),
-    "mcl-map": Published(25.00, 18.38, 9.69, 792.28, 616.85, 0.17, 0.16),
-    "mcl": Published(26.17, 22.00, 9.81, 966.93, 591.79, 0.19, 0.16),
+    "deq-mcl": (20.95, 17.66, 7.82, 419.92, 290.04, 0.09, 0.07),
+    "mcl-smoother": (22.88, 20.01, 8.88, 977.39, 611.06, 0.14, 0.11),
+    "mcl-map": (25.00, 18.38, 9.69, 792.28, 616.85, 0.17, 0.16),
+    "mcl": (26.17, 22.00, 9.81, 966.93, 591.79, 0.19, 0.16),
 }
 
 
-def table_1(rows: Sequence[Comparison], style: str) -> str:
+def table_1(rows: pd.DataFrame, style: str) -> str:
     """Return our Table 1 with the paper's printed values beside ours.
 
     Args:
-        rows: of one panel.
+        rows: of one panel, see ``results_table``.
         style: a format of tabulate: "simple" for a terminal, at most 120 columns; "github" for
             Markdown, with the variances.
     """
     variances = _VARIANCES if style == "github" else {}
-    baseline = short_name(rows[0].baseline.name) if rows else ""
+    baseline = short_name(rows["baseline"].iloc[0]) if len(rows) else ""
     header = ["method", "of", f"error - {baseline}'s, 95 %", "error (SD)", "paper"]
     header += ["entropy", "paper", "in walls"]
     header += [word for words, _ in variances.values() for word in (words, "paper")]
     lines = []
-    for row in rows:
-        printed = TABLE_1.get(row.method.name) if row.offset <= 0 else None
+    for _, row in rows.iterrows():
+        published = TABLE_1.get(row["method"], ()) if row["offset"] <= 0 else ()
+        printed = dict(zip(_SCORES, published, strict=False))
         line = [
-            short_name(row.method.name),
-            state_name(row.offset),
-            "baseline" if row.is_baseline else _difference(row.diff),
-            f"{fixed(row.error.mean)} ({fixed(row.error_sd)})",
-            f"{printed.error:.2f} ({printed.error_sd:.2f})" if printed else "",
-            fixed(row.scores["entropy"].mean),
-            f"{printed.entropy:.2f}" if printed else "",
-            percent(row.scores["wall_share"].mean, 1),
+            short_name(row["method"]),
+            state_name(row["offset"]),
+            "baseline" if row["is_baseline"] else _difference(row),
+            f"{fixed(row['error'])} ({fixed(row['error_sd'])})",
+            "{error:.2f} ({error_sd:.2f})".format_map(printed) if printed else "",
+            fixed(row["entropy"]),
+            "{entropy:.2f}".format_map(printed) if printed else "",
+            percent(row["wall_share"], 1),
         ]
         for name, (_, digits) in variances.items():
-            line.append(fixed(row.scores[name].mean, digits))
-            line.append(f"{getattr(printed, name):g}" if printed else "")
+            line.append(fixed(row[name], digits))
+            line.append(f"{printed[name]:g}" if printed else "")
         lines.append(line)
     return tabulate(
         lines,
@@ -80,37 +68,33 @@ def table_1(rows: Sequence[Comparison], style: str) -> str:
     )
 
 
-def reading(rows: Iterable[Comparison]) -> str:
+def reading(rows: pd.DataFrame) -> str:
     """Return one sentence on what the error of dead reckoning means for the others'.
 
     Args:
-        rows: of one panel.
+        rows: of one panel, see ``results_table``.
     """
-    present = [row for row in rows if row.offset == 0]
-    if len({row.method.agent for row in present}) > 1:  # not on the same paths
+    present = rows[rows["offset"] == 0]
+    blind = present[present["method"] == BLIND]
+    filters = present[present["method"] != BLIND]
+    agents = present["params"].map(lambda params: json.loads(params).get("agent"))
+    if agents.nunique(dropna=False) > 1 or blind.empty or filters.empty:  # not on the same paths
         return ""
-    filters = [row for row in present if row.method.name != "dead-reckoning"]
-    blind = next((row for row in present if row not in filters), None)
-    if blind is None or not filters:
-        return ""
-    best = min(filters, key=lambda row: row.error.mean)
-    theirs = f"{short_name(best.method.name)}: {fixed(best.error.mean)}"
-    if blind.error.mean < best.error.mean:
+    error, best = blind["error"].iloc[0], filters.sort_values("error", kind="stable").iloc[0]
+    theirs = f"{short_name(best['method'])}: {fixed(best['error'])}"
+    if error < best["error"]:
         return (
-            f"{blind.method.name}, which uses no scan, has a smaller error at x[t] than "
-            f"every filter ({fixed(blind.error.mean)}; the best filter is {theirs}): here the plan "
+            f"{BLIND}, which uses no scan, has a smaller error at x[t] than "
+            f"every filter ({fixed(error)}; the best filter is {theirs}): here the plan "
             "alone predicts the path better than the filters do, so the table shows how well "
             "filters tolerate wrong assumptions, not whether localization is needed."
         )
-    return (
-        f"{blind.method.name} (error {fixed(blind.error.mean)} at x[t]) is worse than the "
-        f"best filter ({theirs})."
-    )
+    return f"{BLIND} (error {fixed(error)} at x[t]) is worse than the best filter ({theirs})."
 
 
-def _difference(diff: Estimate) -> str:
-    if math.isnan(diff.mean):
+def _difference(row: pd.Series) -> str:
+    if math.isnan(row["diff"]):
         return "n/a"
-    if math.isnan(diff.low):
-        return f"{diff.mean:+.2f}"
-    return f"{diff.mean:+.2f} [{diff.low:+.2f}, {diff.high:+.2f}]"
+    alone = f"{row['diff']:+.2f}"
+    known = not math.isnan(row["diff_low"])
+    return f"{alone} [{row['diff_low']:+.2f}, {row['diff_high']:+.2f}]" if known else alone

@@ -7,25 +7,19 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from operator import attrgetter
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
+import pandas as pd
 
-from benchmarks.tables.comparison import Comparison
-from benchmarks.tables.journeys import median, value_in
-from benchmarks.tables.pairing import milliseconds_per_step
-from benchmarks.tables.panels import Panel
+from benchmarks.tables.frames import csv_of, milliseconds_per_step, value_in
 from benchmarks.tables.stats import wilson
-from benchmarks.tables.text import csv_text
-from benchmarks.trials.collecting import RecordedTrack
 from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.metrics import middle
 from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_GROUPS, scores_of
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.tracks import PoseErrors, Track
+from benchmarks.trials.tracks import Track
 from deqmcl_gym.logs import Log
-from deqmcl_gym.numerics.types import Floats
 
 RESULTS = (
     "position_median", "position_p95", "heading_median", "position_median_stamps",
@@ -37,7 +31,6 @@ RESULTS = (
 _TRIALS = tuple(name for name in RESULTS if not name.endswith(("_low", "_high")))
 _OF_RUNS = [score for name, score in JOURNEY_SCORES.items() if name in _TRIALS]
 _COMPARED = ("success_1m", "metres_to_localize", "position_median")
-_ENDS = {"diff": "diff.mean", "diff_low": "diff.low", "diff_high": "diff.high", "p_holm": "p_holm"}
 
 
 @dataclass(frozen=True)
@@ -57,7 +50,8 @@ class TrackedRun:
     @classmethod
     def of(cls, record: Finished, log: Log) -> Self:
         """Return the run of a record on a log."""
-        own = recorded(record)
+        assert record.track is not None
+        own = record.track
         found = dict.fromkeys(_TRIALS, math.nan)  # of a record made before a score was added
         found |= {name: value for name, value in own.scores.items() if value is not None}
         found |= {score.name: value_in(record, score) for score in _OF_RUNS}
@@ -104,10 +98,11 @@ class Row:
             return {}
         each = [run.scores for run in self.runs]
         found = {name: float(np.mean([scores[name] for scores in each])) for name in _TRIALS}
-        errors = [run.track.errors for run in self.runs]
-        position, heading = _pooled([(own, slice(None)) for own in errors])
-        stamps = [run.track.at_stamps for run in self.runs]
-        near, turned = _pooled(list(zip(errors, stamps, strict=True)))
+        tracks = [run.track for run in self.runs]
+        position = np.concatenate([own.errors.translation for own in tracks])
+        heading = np.concatenate([own.errors.rotation for own in tracks])
+        near = np.concatenate([own.errors.translation[own.at_stamps] for own in tracks])
+        turned = np.concatenate([own.errors.rotation[own.at_stamps] for own in tracks])
         shares = {f"success_{name}": found[f"success_{name}"] for name in NEAR}
         shares = {name: share * len(each) / self.seeds for name, share in shares.items()}
         low, high = wilson(shares[f"success_{FOUND}"], self.seeds)
@@ -121,8 +116,8 @@ class Row:
             **shares,
             f"success_{FOUND}_low": low,
             f"success_{FOUND}_high": high,
-            "metres_to_localize": median(metres),
-            "ms_per_step": middle(_known([scores["ms_per_step"] for scores in each])),
+            "metres_to_localize": float(np.median(metres)),
+            "ms_per_step": float(pd.Series([own["ms_per_step"] for own in each]).median()),
         }
 
     @property
@@ -165,50 +160,29 @@ def rows_of(
     ]
 
 
-def recorded(record: Finished) -> RecordedTrack:
-    """Return the track in the record of a trial on a whole log."""
-    assert record.track is not None
-    return record.track
+def tracks_results_csv(rows: Iterable[Row], compared: pd.DataFrame | None) -> str:
+    """Return results.csv: a line per localizer, its scores, then its differences to the first.
 
-
-def tracks_results_csv(rows: Iterable[Row], panel: Panel | None) -> str:
-    """Return results.csv: a line per localizer, its scores, then its differences to the first."""
-    compared = {} if panel is None else {panel.labels[row.method]: row for row in panel.present}
-    further = {f"{score}_{end}": (score, end) for score in _COMPARED for end in _ENDS}
-    lines = (
-        [
-            *(row.label, row.seeds, row.failed),
-            *(row.scores.get(name) for name in RESULTS),
-            *(_compared(compared.get(row.label), *which) for which in further.values()),
-        ]
+    Args:
+        rows: of the localizers.
+        compared: their ``results_table``; None if they are not compared.
+    """
+    ends = ("diff", "diff_low", "diff_high", "p_holm")
+    further = [f"{score}_{end}" for score in _COMPARED for end in ends]
+    told = [
+        {"localizer": row.label, "seeds": row.seeds, "failed": row.failed} | row.scores
         for row in rows
-    )
-    return csv_text(["localizer", "seeds", "failed", *RESULTS, *further], lines)
+    ]
+    table = pd.DataFrame(told, columns=["localizer", "seeds", "failed", *RESULTS])
+    if compared is None:
+        return csv_of(table.reindex(columns=[*table, *further]))
+    beside = compared[(compared["panel"] == 1) & (compared["offset"] == 0)].set_index("label")
+    return csv_of(table.join(beside.reindex(columns=further), on="localizer"))
 
 
 def tracks_trials_csv(rows: Iterable[Row]) -> str:
     """Return trials.csv: a line per run that came to its end."""
-    lines = (
-        [row.label, run.seed, *(run.scores[name] for name in _TRIALS)]
-        for row in rows
-        for run in row.runs
-    )
-    return csv_text(["localizer", "seed", *_TRIALS], lines)
-
-
-def _pooled(errors: Sequence[tuple[PoseErrors, Any]]) -> tuple[Floats, Floats]:
-    """Return the chosen errors in position and heading of all runs."""
-    return (
-        np.concatenate([own.translation[chosen] for own, chosen in errors]),
-        np.concatenate([own.rotation[chosen] for own, chosen in errors]),
-    )
-
-
-def _known(values: Sequence[float]) -> Floats:
-    return np.array([value for value in values if not math.isnan(value)])
-
-
-def _compared(row: Comparison | None, score: str, end: str) -> Any:
-    if row is None or row.is_baseline or score not in row.journey:
-        return None
-    return attrgetter(_ENDS[end])(row.journey[score])
+    runs = [
+        {"localizer": row.label, "seed": run.seed, **run.scores} for row in rows for run in row.runs
+    ]
+    return csv_of(pd.DataFrame(runs, columns=["localizer", "seed", *_TRIALS]))

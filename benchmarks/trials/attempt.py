@@ -10,8 +10,8 @@ from benchmarks.trials.plugins import key_of
 from benchmarks.trials.scoring import Record, record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from deqmcl_gym.validation import LogWarning
-from localizers.kinds import is_ctrl_c, reason_of
+from deqmcl_gym.validation import LogWarning, in_words
+from localizers.kinds import is_ctrl_c
 from localizers.registry import LOCALIZER
 
 
@@ -34,10 +34,8 @@ def attempt(trial: Trial, key: str) -> Outcome:
         with contextlib.chdir(os.curdir), warnings.catch_warnings():  # localizers may go
             warnings.simplefilter("ignore", LogWarning)  # said when the sweep was checked
             here = multiprocessing.parent_process() is None
-            own = LOCALIZER.is_received(trial.localizer) or (
-                here and LOCALIZER.is_registered(trial.localizer)
-            )
-            if not own and key_of(trial) != key:
+            own = LOCALIZER.added if here else LOCALIZER.received
+            if trial.localizer not in own and key_of(trial) != key:
                 return Outcome(
                     reason="its worker loaded other code, libraries or plug-in than the sweep: "
                     "run the command again, with the same on every machine"
@@ -48,7 +46,7 @@ def attempt(trial: Trial, key: str) -> Outcome:
     except BaseException as error:
         if is_ctrl_c(error):
             raise
-        return Outcome(reason=reason_of(error))
+        return Outcome(reason=in_words(error))
     if trace.steps == 0:
         return Outcome(reason="it processed 0 steps")
     return Outcome(record=kept, seconds=trace.seconds)

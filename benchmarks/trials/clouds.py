@@ -15,14 +15,7 @@ from numpy.typing import NDArray
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.elementary import (
-    FARTHEST,
-    atan2_64,
-    cos64,
-    sin64,
-    sincos32,
-    wrapped64,
-)
+from deqmcl_gym.numerics.elementary import FARTHEST, atan2_64, cos64, sin64, sincos32, wrapped64
 from deqmcl_gym.numerics.gaussian import cholesky, fit
 from deqmcl_gym.numerics.types import Floats, Ints, Reals, Singles
 from deqmcl_gym.validation import SUM_TOLERANCE, InputError, digits
@@ -259,7 +252,7 @@ _LARGEST = np.array([1e15, 1e15, FARTHEST])  # |x|, |y| and |θ| of a pose: far 
 
 
 @dataclass(frozen=True, kw_only=True)
-class Task:
+class Surroundings:
     """What must be known of a world to measure beliefs about it.
 
     Attributes:
@@ -309,9 +302,6 @@ def cloud_of(state: int, offset: int, points: Any) -> Cloud:
     """Return a copy of what ``Belief.points(offset)`` gave about a state.
 
     A copy, because a localizer may write into its arrays at the next step.
-
-    Raises:
-        InputError: other than numbers, poses (n, 3) and weights (n,), or no pose.
     """
     what = f"its belief of state {state} at offset {offset}"
     if not (isinstance(points, tuple | list) and len(points) == 2):
@@ -351,13 +341,7 @@ def _numbers(what: str, name: str, given: Any) -> NDArray[Any]:
 def joined(
     clouds: Sequence[Cloud], truth: Sequence[Reals], moves: Sequence[Reals] | None = None
 ) -> Clouds:
-    """Put clouds together.
-
-    Args:
-        clouds: beliefs, each about a state.
-        truth: the true pose of each state, (3,).
-        moves: the increment commanded on the way to each state, (3,); None: none to any.
-    """
+    """Put clouds together, with the truth (3,) of each state and the increment (3,) on the way."""
     weights = [cloud.weights for cloud in clouds]
     commanded = np.zeros((len(clouds), 3)) if moves is None else np.array(moves, np.float64)
     return Clouds(
@@ -374,10 +358,6 @@ def belief_moments(clouds: Clouds) -> Floats:
     """Weighted mean and variance of (x, y, cos θ, sin θ), (k, 8); NaN variance of one point.
 
     Weights that add up to 1 but for rounding are divided by their sum first, in place.
-
-    Raises:
-        InputError: weights that are negative or do not add up to 1, or a pose that is not finite
-            or huge.
     """
     out = np.empty((len(clouds.each), 10))
     cloud_moments(clouds.poses, clouds.weights, clouds.ends, out)
@@ -397,7 +377,8 @@ def belief_moments(clouds: Clouds) -> Floats:
 def calibration(clouds: Clouds, means: Floats, unit: str) -> Floats:
     """Energy score, rank of the truth, NEES and log score of clouds, (k, 4); NaN: not available.
 
-    With X, X' drawn from the belief and z the truth, in (x, y):
+    ``means`` are those of (x, y, cos θ, sin θ), (k, 4). With X, X' drawn from the belief and z the
+    truth, in (x, y):
 
     - energy score E|X - z| - ½ E|X - X'| (Gneiting & Raftery 2007). The first term is that of all
       particles; the second of all pairs of up to ``DESIGNED`` of equal weight, else of the pairs of
@@ -411,11 +392,6 @@ def calibration(clouds: Clouds, means: Floats, unit: str) -> Floats:
       a draw from the belief.
     - log score -log N(d; 0, P), nats: ½ (NEES + log det 2πP), with the same d and P. The score of
       Dawid & Sebastiani (1999): proper, and only mean and covariance count.
-
-    Args:
-        clouds: the beliefs.
-        means: of their (x, y, cos θ, sin θ), (k, 4).
-        unit: of lengths.
     """
     out = np.empty((len(clouds.each), 4))
     means = np.ascontiguousarray(means)

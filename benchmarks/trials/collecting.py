@@ -4,23 +4,17 @@ Of a run in a world, its journey; of one on a whole log, its track.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.clouds import Task, belief_moments, calibration, cloud_of, joined
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.clouds import Surroundings, belief_moments, calibration, cloud_of, joined
+from benchmarks.trials.episode import Step
 from benchmarks.trials.fixes import Fixes, Journey, driven, half_turned, weight_near
-from benchmarks.trials.scores import (
-    JOURNEY_SCORES,
-    TRACK_GROUPS,
-    Group,
-    scores_of,
-    track_scores,
-)
+from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_GROUPS, Group, scores_of, track_scores
 from benchmarks.trials.tracks import Track
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
@@ -69,9 +63,14 @@ class RecordedTrack(Struct, frozen=True, kw_only=True):
     scores: dict[str, Number | None]
 
 
-def finite(scores: Mapping[str, float]) -> dict[str, float | None]:
+def if_finite(scores: Mapping[str, float]) -> dict[str, float | None]:
     """Return scores as a record has them: an infinite one and an unknown one are None."""
     return {name: value if math.isfinite(value) else None for name, value in scores.items()}
+
+
+def unless_nan(values: Iterable[float]) -> list[float | None]:
+    """Return values with None for NaN, which JSON does not have."""
+    return [None if math.isnan(value) else value for value in values]
 
 
 def whole_run(run: Journey, groups: Sequence[Group]) -> WholeRun:
@@ -81,13 +80,13 @@ def whole_run(run: Journey, groups: Sequence[Group]) -> WholeRun:
     if run.masses is not None:
         curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
     rounded = {name: [float(f"{v:.4g}") for v in values] for name, values in curves.items()}
-    return WholeRun(scores=finite(scores_of(run, groups)), curves=rounded)
+    return WholeRun(scores=if_finite(scores_of(run, groups)), curves=rounded)
 
 
 class JourneyLog:
     """Collects a run from its moments; the best cluster is sought once a step."""
 
-    def __init__(self, task: Task, groups: Sequence[Group]) -> None:
+    def __init__(self, task: Surroundings, groups: Sequence[Group]) -> None:
         self._task, self._groups = task, groups
         self._metre = metre(task.floor_plan.unit)
         self._turned = any(group.name == "ambiguity" for group in groups)
@@ -98,12 +97,12 @@ class JourneyLog:
         self._goal: Reals | None = None
         self._planned = math.nan
 
-    def see(self, moment: Moment) -> None:
+    def see(self, moment: Step) -> None:
         """Take in a step."""
         self._truth.append(moment.truth)
         self._collided.append(moment.collided)
         self._goal = moment.goal
-        if moment.step == 0 and moment.route is not None:
+        if moment.t == 0 and moment.route is not None:
             self._planned = float(np.hypot(*np.diff(moment.route, axis=0).T).sum())
         if moment.action is not None:
             self._commanded.append(moment.action)
@@ -112,7 +111,7 @@ class JourneyLog:
             best = best_cluster(poses, weights, unit=self._task.floor_plan.unit).mean
             quality = quality_of(moment.belief)
             rated = math.nan if quality is None else quality
-            row = [moment.step, *best, rated]
+            row = [moment.t, *best, rated]
             if self._turned:
                 here = np.asarray(moment.truth, np.float64)
                 there = half_turned(self._task.floor_plan, here[None])[0]
@@ -166,12 +165,12 @@ class TrackLog:
         self._best: list[tuple[float, float, float]] = []
         self._rows: list[tuple[float, ...]] = []  # rank, NEES, log score, quality
 
-    def see(self, moment: Moment) -> None:
+    def see(self, moment: Step) -> None:
         """Take in a record."""
         points = moment.belief.points()
         if points is None:
-            raise InputError(f"its belief of state {moment.step} holds no points of the present.")
-        clouds = joined([cloud_of(moment.step, 0, points)], [moment.truth])
+            raise InputError(f"its belief of state {moment.t} holds no points of the present.")
+        clouds = joined([cloud_of(moment.t, 0, points)], [moment.truth])
         means = belief_moments(clouds)[:, :4]
         calibrated = [math.nan] * 3
         if np.isfinite(moment.truth).all():
@@ -196,7 +195,7 @@ class TrackLog:
         """Return the parts of a record about this run: a journey, with a reference, and a track."""
         track = self.track
         x, y, heading = track.best.T.tolist()
-        recorded = RecordedTrack(best=(x, y, heading), scores=finite(self.scores()))
+        recorded = RecordedTrack(best=(x, y, heading), scores=if_finite(self.scores()))
         if not track.known.size:
             return None, recorded
         run = track.journey(np.array(self._rows)[:, 3])

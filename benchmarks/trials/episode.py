@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmarks.setup.interfaces import Agent
 from deqmcl_gym.numerics.types import Reals
@@ -21,11 +22,11 @@ from localizers import Belief, Localizer, Prior
 _UNKNOWN = np.full(3, np.nan)
 
 
-class Moment(NamedTuple):
+class Step(NamedTuple):
     """A step of an episode, as seen from outside; a named tuple, as one is made at every step.
 
     Attributes:
-        step: t, from 0 (reset).
+        t: its number, from 0 (reset).
         truth: the true pose x_t, (3,), in the map's unit and rad; NaN where a log has no reference.
         ranges: the scan o_t, (B,), in the map's unit; the one at t = 0 was shown to nobody.
         belief: what the localizer believes after it.
@@ -35,9 +36,11 @@ class Moment(NamedTuple):
         collided: whether a wall stopped the robot on the way here.
         goal: where the robot is to arrive, (2,); None if nowhere.
         route: corners (x, y) of the way to it as it is planned now.
+        draw: returns a picture of it, (height, width, 3) uint8: past, present and future; None
+            where nobody watches.
     """
 
-    step: int
+    t: int
     truth: Reals
     ranges: Reals
     belief: Belief
@@ -47,6 +50,7 @@ class Moment(NamedTuple):
     collided: bool = False
     goal: Reals | None = None
     route: tuple[tuple[float, ...], ...] | None = None
+    draw: Callable[[], NDArray[np.uint8]] | None = None
 
 
 def moments(
@@ -57,7 +61,7 @@ def moments(
     rng: np.random.Generator,
     *,
     seed: int,
-) -> Iterator[Moment]:
+) -> Iterator[Step]:
     """Run one episode until the env ends it; yield each step.
 
     Args:
@@ -80,7 +84,7 @@ def moments(
     started = time.perf_counter()
     belief = localizer.reset(given_prior, given_plan, rng)
     seconds = time.perf_counter() - started
-    yield Moment(
+    yield Step(
         0, truth, ranges, belief, seconds, None, ahead, False, info.get("goal"), info.get("route")
     )
     step, ended = 0, False
@@ -95,9 +99,9 @@ def moments(
         started = time.perf_counter()
         belief = localizer.update(*given)
         seconds = time.perf_counter() - started
-        yield Moment(
+        yield Step(
             step, truth, ranges, belief, seconds, info["command"], ahead, bool(info["collided"]),
-            info.get("goal"), info.get("route"),
+            info.get("goal"), info.get("route")
         )  # fmt: skip
 
 

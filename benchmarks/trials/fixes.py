@@ -95,11 +95,7 @@ class Fixes:
         return (self.quality > COMMITTED) & (self.distance > FAR)
 
     def metres_to_recover(self, carried: int) -> float:
-        """Metres from the kidnap to 20 consecutive steps within 0.45 m of the truth; inf: never.
-
-        Args:
-            carried: the first step after the robot was carried off.
-        """
+        """Metres from the first step after a kidnap to 20 within 0.45 m on end; inf: never."""
         after = np.flatnonzero(self.steps >= carried)
         near = self.distance[after] <= RECOVERED
         runs = np.convolve(near, np.ones(RECOVERED_STEPS), "valid") if near.size else near

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.collecting import unless_nan
+from benchmarks.trials.episode import Step
 from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.residuals import APART, Expected, Lattice, Rays, known_part
-from benchmarks.trials.trace import unless_nan
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics.types import Floats, Reals
@@ -52,11 +52,11 @@ class MapSignals:
         self._from = np.full((self._lattice.size, 2), np.nan)  # the pose of the first one, by cell
         self._rows: list[list[float]] = []
 
-    def see(self, moment: Moment) -> None:
+    def see(self, moment: Step) -> None:
         """Take in a step."""
         points = moment.belief.points()
         known = np.isfinite(moment.truth).all()
-        if points is None or moment.step == 0 or not known:
+        if points is None or moment.t == 0 or not known:
             self._rows.append([math.nan] * len(MAP_COLUMNS))
             return
         best = np.array(best_cluster(*points, unit=self._known.unit).mean)

@@ -12,7 +12,13 @@ from itertools import pairwise
 import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.clouds import Clouds, Task, covariance_floor, steps_back, weights_beyond
+from benchmarks.trials.clouds import (
+    Clouds,
+    Surroundings,
+    covariance_floor,
+    steps_back,
+    weights_beyond,
+)
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Reals
 
@@ -102,12 +108,12 @@ def entropy(variances: Floats, unit: str) -> Floats:
     return total
 
 
-def wall_share(clouds: Clouds, task: Task) -> Floats:
+def wall_share(clouds: Clouds, task: Surroundings) -> Floats:
     """Weight on poses where the robot does not fit, (k,)."""
     return _weight_of(~task.floor_plan.free(clouds.poses.T, task.radius), clouds)
 
 
-def wall_step_share(clouds: Clouds, task: Task) -> Floats:
+def wall_step_share(clouds: Clouds, task: Surroundings) -> Floats:
     """Weight on poses whose last step passed through a wall, (k,).
 
     The step is the one commanded on the way to the state, along the heading of the pose: so all
@@ -118,7 +124,7 @@ def wall_step_share(clouds: Clouds, task: Task) -> Floats:
     return _weight_of(task.floor_plan.collides(before.T, clouds.poses.T, task.radius), clouds)
 
 
-def outlier_share(clouds: Clouds, task: Task) -> Floats:
+def outlier_share(clouds: Clouds, task: Surroundings) -> Floats:
     """Weight farther than ``task.far`` from the truth in (x, y), (k,)."""
     out = np.empty(len(clouds.each))
     weights_beyond(clouds.poses, clouds.weights, clouds.ends, clouds.truth, task.far, out)

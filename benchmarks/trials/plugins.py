@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from functools import cache
 
+from benchmarks.setup.documents import digest_of_file
 from benchmarks.setup.names import (
     AGENT,
     plug_ins_of,
@@ -11,7 +12,6 @@ from benchmarks.setup.names import (
     scenario,
     scenario_digest,
 )
-from benchmarks.setup.paths import file_digest
 from benchmarks.trials.provenance import Provenance, code_digest, versions
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
@@ -34,11 +34,7 @@ def keyed(trials: Iterable[Trial]) -> dict[str, Trial]:
 
 
 def provenance_of(trials: Iterable[Trial]) -> Provenance:
-    """Return what the numbers of these trials depend on, as it is now.
-
-    Raises:
-        InputError: a scenario cannot be read, or is refused.
-    """
+    """Return what the numbers of these trials depend on, as it is now."""
     localizer, setup = cache(LOCALIZER.digest), cache(scenario_digest)  # a file is read once
     digests: dict[str, str] = {}
     for trial in trials:
@@ -47,7 +43,7 @@ def provenance_of(trials: Iterable[Trial]) -> Provenance:
         if trial.agent is not None:
             found.append((trial.agent.name, AGENT.digest(trial.agent.name)))
         found += [(name, SCAN_MODEL.digest(name)) for name in plug_ins_of_scan(trial.assumed)]
-        found += [(path, file_digest(path)) for path in trial.files]
+        found += [(path, digest_of_file(path)) for path in trial.files]
         for name, digest in found:
             if digests.setdefault(name, digest) != digest:
                 raise InputError(

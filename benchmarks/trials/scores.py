@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.clouds import Clouds, Task
+from benchmarks.trials.clouds import Clouds, Surroundings
 from benchmarks.trials.fixes import NEAR, RECOVERED, RECOVERED_STEPS, Journey
 from benchmarks.trials.metrics import (
     Estimates,
@@ -31,6 +31,7 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats
 
 LEVELS = (50, 80, 95)  # of the credible regions, per cent
+_FAR_WORDS = "weight far from the truth, common states"
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,7 @@ class Score:
     better: str
     words: str
     of: Callable[[Any], float]
-    each: Callable[[Clouds, Task], Floats] | None = None
+    each: Callable[[Clouds, Surroundings], Floats] | None = None
     later: bool = False
     failed: float = math.nan
     tested: bool = False
@@ -101,6 +102,16 @@ def _sd(values: Floats) -> float:
     return float(values.std()) if values.size else math.nan
 
 
+def _far(found: Estimates) -> float:
+    return mean(found.values["outlier_share"][found.common])
+
+
+def _weight(
+    name: str, words: str, each: Callable[[Clouds, Surroundings], Floats], *, later: bool = True
+) -> Score:
+    return Score(name, "share", "low", f"weight {words}", _value_of(name), each, later)
+
+
 METRICS: tuple[Score, ...] = (
     Score("error", "", "low", "error e", lambda it: mean(it.error)),
     Score("error_window", "", "low", "e, common states", lambda it: mean(it.error[it.common])),
@@ -112,29 +123,13 @@ METRICS: tuple[Score, ...] = (
     Score("var_sin", "", "", "variance of sin θ", _variance_of(3)),
     Score("position_rmse", "length", "low", "position RMSE", lambda it: rms(it.distance)),
     Score("heading_rmse", "rad", "low", "heading RMSE", lambda it: rms(it.angle)),
-    Score("wall_share", "share", "low", "weight in walls", _value_of("wall_share"), wall_share),
+    _weight("wall_share", "in walls", wall_share, later=False),
     Score("energy_score", "length", "low", "energy score", _value_of("energy")),
     *map(_coverage, LEVELS),
     Score("nees", "", "", "NEES; 3 if consistent", _value_of("nees")),
     Score("lost", "share", "low", "lost at the end", _lost),
-    Score(
-        "wall_step_share",
-        "share",
-        "low",
-        "weight that came through walls",
-        _value_of("wall_step_share"),
-        wall_step_share,
-        later=True,
-    ),
-    Score(
-        "outlier_share",
-        "share",
-        "low",
-        "weight far from the truth, common states",
-        lambda it: mean(it.values["outlier_share"][it.common]),
-        outlier_share,
-        later=True,
-    ),
+    _weight("wall_step_share", "that came through walls", wall_step_share),
+    Score("outlier_share", "share", "low", _FAR_WORDS, _far, outlier_share, later=True),
 )
 
 
@@ -192,62 +187,42 @@ def _split(run: Journey) -> float:
     return float(masses.min() / masses.sum()) if masses.sum() > 0 else math.nan
 
 
+def _error_of(run: Journey) -> float:
+    return float(np.median(run.fixes.distance))
+
+
+_LOST = (
+    _success("1m", tested=True),
+    _success("05m", tested=False),
+    _metres("metres_to_localize", "metres to localize", lambda it: it.fixes.metres_to_localize),
+    Score("false_commitment", "share", "low", "false commitment at the end", _committed),
+    Score("false_steps", "", "low", "false commitment, share of steps", _committed_steps),
+)
+_AMBIGUITY = (
+    Score("mass_truth", "", "", "weight near the truth", _late_mass(0)),
+    Score("mass_twin", "", "", "weight near its twin", _late_mass(1)),
+    Score("mass_split", "", "", "smaller share of the two", _split),
+)
+_AGAIN = f"recovered ({RECOVERED:g} m, {RECOVERED_STEPS} steps)"
+_RECOVERY = (
+    _share("recovered", _AGAIN, lambda run: math.isfinite(_to_recover(run))),
+    _metres("metres_to_recover", "metres to recover", _to_recover),
+)
+_MEDIAN = Score("position_median", "m", "low", "position error, median", _error_of, tested=True,
+    digits=3)  # fmt: skip
+_DRIVING = (
+    _share("success", "arrived", lambda run: run.arrived),
+    Score("spl", "", "high", "SPL", lambda run: run.spl, failed=0.0),
+    Score("contacts", "", "low", "contacts", lambda run: float(run.collided.sum())),
+    Score("clearance", "m", "high", "least clearance, m", lambda run: run.clearance),
+    Score("time", "steps", "low", "steps", lambda run: float(len(run.truth) - 1)),
+)
 GROUPS = (
-    Group(
-        "lost",
-        (
-            _success("1m", tested=True),
-            _success("05m", tested=False),
-            _metres(
-                "metres_to_localize", "metres to localize", lambda it: it.fixes.metres_to_localize
-            ),
-            Score("false_commitment", "share", "low", "false commitment at the end", _committed),
-            Score("false_steps", "", "low", "false commitment, share of steps", _committed_steps),
-        ),
-    ),
-    Group(
-        "ambiguity",
-        (
-            Score("mass_truth", "", "", "weight near the truth", _late_mass(0)),
-            Score("mass_twin", "", "", "weight near its twin", _late_mass(1)),
-            Score("mass_split", "", "", "smaller share of the two", _split),
-        ),
-    ),
-    Group(
-        "recovery",
-        (
-            _share(
-                "recovered",
-                f"recovered ({RECOVERED:g} m, {RECOVERED_STEPS} steps)",
-                lambda run: math.isfinite(_to_recover(run)),
-            ),
-            _metres("metres_to_recover", "metres to recover", _to_recover),
-        ),
-    ),
-    Group(
-        "log",
-        (
-            Score(
-                "position_median",
-                "m",
-                "low",
-                "position error, median",
-                lambda run: float(np.median(run.fixes.distance)),
-                tested=True,
-                digits=3,
-            ),
-        ),
-    ),
-    Group(
-        "driving",
-        (
-            _share("success", "arrived", lambda run: run.arrived),
-            Score("spl", "", "high", "SPL", lambda run: run.spl, failed=0.0),
-            Score("contacts", "", "low", "contacts", lambda run: float(run.collided.sum())),
-            Score("clearance", "m", "high", "least clearance, m", lambda run: run.clearance),
-            Score("time", "steps", "low", "steps", lambda run: float(len(run.truth) - 1)),
-        ),
-    ),
+    Group("lost", _LOST),
+    Group("ambiguity", _AMBIGUITY),
+    Group("recovery", _RECOVERY),
+    Group("log", (_MEDIAN,)),
+    Group("driving", _DRIVING),
 )
 JOURNEY_SCORES = {score.name: score for group in GROUPS for score in group.scores}
 
@@ -289,37 +264,25 @@ def _p95(run: ScoredTrack) -> float:
     return float(np.quantile(errors, 0.95)) if run.track.known.size else math.nan
 
 
+def _median(what: str, unit: str, errors: str, *, stamps: bool = False) -> Score:
+    """The median of the errors of all known records, or at the reference's own times."""
+
+    def of(run: ScoredTrack) -> float:
+        found: Floats = getattr(run.track.errors, errors)
+        return middle(found[run.track.at_stamps] if stamps else found)
+
+    name = f"{what}_median_stamps" if stamps else f"{what}_median"
+    words = f"median {what} error" + " at the reference's own times" * stamps
+    return Score(name, unit, "low", words, of)
+
+
 _OF_TRACKS: tuple[Score, ...] = (
     *map(_within, NEAR),
-    Score(
-        "position_median",
-        "m",
-        "low",
-        "median position error",
-        lambda it: middle(it.track.errors.translation),
-    ),
+    _median("position", "m", "translation"),
     Score("position_p95", "m", "low", "95 % position error", _p95),
-    Score(
-        "heading_median",
-        "rad",
-        "low",
-        "median heading error",
-        lambda it: middle(it.track.errors.rotation),
-    ),
-    Score(
-        "position_median_stamps",
-        "m",
-        "low",
-        "median position error at the reference's own times",
-        lambda it: middle(it.track.errors.translation[it.track.at_stamps]),
-    ),
-    Score(
-        "heading_median_stamps",
-        "rad",
-        "low",
-        "median heading error at the reference's own times",
-        lambda it: middle(it.track.errors.rotation[it.track.at_stamps]),
-    ),
+    _median("heading", "rad", "rotation"),
+    _median("position", "m", "translation", stamps=True),
+    _median("heading", "rad", "rotation", stamps=True),
     Score("lost", "share", "low", "lost at the end", lambda it: it.lost),
     *map(_inside, LEVELS),
     Score("nees", "", "", "NEES; 3 if consistent", lambda it: mean(it.known(1))),
@@ -340,10 +303,6 @@ def track_scores(
     *,
     judged: int = 0,
 ) -> dict[str, float]:
-    """Return the scores of a track by records; NaN is not available.
-
-    Args:
-        track, calibrated, thresholds, floor_plan, judged: see ``ScoredTrack``.
-    """
+    """Return the scores of a track by records; NaN is not available."""
     run = ScoredTrack(track, calibrated, thresholds, floor_plan, judged)
     return {name: score.of(run) for name, score in TRACK_SCORES.items()}

@@ -7,17 +7,11 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.collecting import Number, RecordedTrack, WholeRun, finite
+from benchmarks.trials.collecting import Number, RecordedTrack, WholeRun, if_finite, unless_nan
 from benchmarks.trials.metrics import Estimates, mean, state_error
 from benchmarks.trials.scores import METRICS
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.trace import (
-    PROFILE_STRIDE,
-    OffsetTrace,
-    Trace,
-    plan_columns,
-    unless_nan,
-)
+from benchmarks.trials.trace import PROFILE_STRIDE, OffsetTrace, Trace, plan_columns
 
 SCORE_NAMES = tuple(metric.name for metric in METRICS)
 LATER = frozenset(metric.name for metric in METRICS if metric.later)
@@ -107,16 +101,7 @@ class Finished(Record, frozen=True, kw_only=True):
 
 
 def scores(trace: Trace, lag: int, thresholds: Thresholds) -> list[dict[str, Any]]:
-    """Score each offset of a trace by every metric; NaN is not available.
-
-    Args:
-        trace: what was believed.
-        lag: L; it sets the states that every offset estimates.
-        thresholds: what counts as lost.
-
-    Returns:
-        A row per offset: "offset" and ``SCORE_NAMES``.
-    """
+    """Score each offset of a trace by every metric, a row each; NaN is not available."""
     return [
         {"offset": offset} | {metric.name: metric.of(estimates) for metric in METRICS}
         for offset, kept in trace.offsets.items()
@@ -130,7 +115,7 @@ def record(trace: Trace, lag: int, thresholds: Thresholds) -> Record:
     return Record(
         unit=trace.unit,
         thresholds=thresholds,
-        scores=[finite(row) for row in scores(trace, lag, thresholds)],
+        scores=[if_finite(row) for row in scores(trace, lag, thresholds)],
         curves={
             offset: ErrorCurve(
                 first_state=int(kept.states[0]),

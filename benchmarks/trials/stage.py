@@ -19,14 +19,14 @@ from benchmarks.setup.documents import errors_name
 from benchmarks.setup.interfaces import Agent, TrialEnv
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.scenario import Scenario
-from benchmarks.trials.clouds import Task
+from benchmarks.trials.clouds import Surroundings
 from benchmarks.trials.collecting import JourneyLog, TrackLog
-from benchmarks.trials.episode import Moment, moments
+from benchmarks.trials.episode import Step, moments
 from benchmarks.trials.fixes import is_symmetric
 from benchmarks.trials.map_signals import MapSignals, differs
 from benchmarks.trials.scores import Group, groups_named
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.trace import Collector, Trace, trace_of
+from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.validation import InputError, one_of
 from localizers import Prior, RobotModel, make
@@ -57,11 +57,7 @@ class Stage:
 
     @classmethod
     def of(cls, trial: Trial) -> Self:
-        """Set a trial up; nothing is run.
-
-        Raises:
-            InputError: unknown scenario, name or disturbance, or a bad value.
-        """
+        """Set a trial up; nothing is run."""
         changed = scenario(trial.scenario).changed(trial.world, trial.assumed)
         found = changed.in_building(trial.trial)
         found = replace(
@@ -80,9 +76,9 @@ class Stage:
         )
 
     @property
-    def task(self) -> Task:
+    def task(self) -> Surroundings:
         """What scoring must know of the world."""
-        return Task(
+        return Surroundings(
             floor_plan=self.room.floor_plan,
             radius=self.room.radius,
             max_range=self.room.lidar.max_range,
@@ -109,7 +105,7 @@ class Stage:
         key = (number, run) if run else (number,)
         return np.random.default_rng(np.random.SeedSequence(self.trial.seed, spawn_key=key))
 
-    def collector(self) -> Collector | None:
+    def collector(self) -> JourneyLog | TrackLog | None:
         """Return what keeps its journey, or its track on a whole log; None if nothing is asked."""
         if self.scenario.judged is None:
             groups = self.groups
@@ -124,7 +120,7 @@ class Stage:
         """Return p(x_0) in the episode that the room has begun last."""
         return self.scenario.prior_in(self.room, self.trial.start_rng())
 
-    def moments(self) -> Iterator[Moment]:
+    def moments(self) -> Iterator[Step]:
         """Run the trial; yield each step. What its localizer is made for is a copy of its own."""
         copies: dict[int, Any] = {}  # the prior's map is the robot's
         agent = self._agent()
@@ -147,11 +143,7 @@ class Stage:
         return trace_of(self.moments(), self.trial.offsets, self.task, self.collector(), against)
 
     def check(self) -> None:
-        """Begin an episode, make the agent and what the filters assume, without running it.
-
-        Raises:
-            InputError: something of it is refused.
-        """
+        """Begin an episode, make the agent and what the filters assume, without running it."""
         with _errors_name(self.trial.scenario):
             self.env.reset(seed=self.trial.world_seed)
             self.prior()
@@ -163,35 +155,28 @@ class Stage:
             return make_agent(self.scenario.agent, self.robot)
 
     def check_params(self) -> None:
-        """Let the localizer look at its parameters, before anything is run or written.
-
-        Raises:
-            InputError: it refuses them, or a plug-in cannot be made.
-        """
+        """Let the localizer look at its parameters, before anything is run or written."""
         make(self.trial.localizer, self.robot, **located(self.trial.params))
 
 
-def check_settings(trials: Iterable[Trial]) -> None:
-    """Build the world of each trial, what its filters assume, and its agent.
-
-    Raises:
-        InputError: something of it is refused, or a plug-in fails at it.
-    """
-    for trial in trials:
-        Stage.of(trial).check()
-
-
-def check_methods(trials: Iterable[Trial]) -> None:
-    """Let the localizer of each trial look at its parameters; see ``Stage.check_params``.
-
-    Raises:
-        InputError: one refuses them.
-    """
-    for _, own in groupby(trials, lambda t: (t.scenario, t.world, t.assumed, t.disturbance)):
-        first, *others = own
-        stage = Stage.of(first)
-        for trial in (first, *others):
+def check_trials(trials: Iterable[Trial]) -> None:
+    """Build each world, what its filters assume, its agent, and each localizer there, once."""
+    seen: set[str] = set()
+    for driven, own in groupby(trials, lambda t: repr((_setting_of(t), t.agent))):
+        listed = {repr((_setting_of(t), t.localizer, t.params)): t for t in own}
+        new = [trial for method, trial in listed.items() if method not in seen]
+        if not new and driven in seen:
+            continue
+        stage = Stage.of(next(iter(listed.values())))
+        if driven not in seen:
+            stage.check()
+        for trial in new:
             replace(stage, trial=trial).check_params()
+        seen |= {driven, *listed}
+
+
+def _setting_of(trial: Trial) -> tuple[object, ...]:
+    return trial.scenario, trial.world, trial.assumed, trial.disturbance
 
 
 def _errors_name(scenario_name: str) -> AbstractContextManager[None]:
@@ -201,11 +186,7 @@ def _errors_name(scenario_name: str) -> AbstractContextManager[None]:
 
 
 def disturbed(env: gym.Env[Any, Any], wrappers: Iterable[Mapping[str, Any]]) -> gym.Env[Any, Any]:
-    """Return ``env`` inside its wrappers, innermost first: {"kind": "kidnap", "step": 100}.
-
-    Raises:
-        InputError: unknown kind or argument, or a bad value.
-    """
+    """Return ``env`` inside its wrappers, innermost first: {"kind": "kidnap", "step": 100}."""
     for wrapper in wrappers:
         arguments = dict(wrapper)
         if "kind" not in arguments:

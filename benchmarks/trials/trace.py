@@ -6,22 +6,22 @@ And per step, how the belief read the plan it was shown, and whether that plan w
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from math import isnan
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from benchmarks.trials.clouds import (
     Cloud,
     Clouds,
-    Task,
+    Surroundings,
     belief_moments,
     calibration,
     cloud_of,
     joined,
 )
-from benchmarks.trials.collecting import RecordedTrack, WholeRun
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.collecting import JourneyLog, RecordedTrack, TrackLog, WholeRun, unless_nan
+from benchmarks.trials.episode import Step
+from benchmarks.trials.map_signals import MapSignals
 from benchmarks.trials.scores import METRICS
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
@@ -38,7 +38,7 @@ _CALIBRATION = ("energy", "rank", "nees", "log_score")
 _EACH = {metric.name: metric.each for metric in METRICS if metric.each}
 
 
-def plan_row(belief: Any, truth: Reals, task: Task) -> list[float]:
+def plan_row(belief: Any, truth: Reals, task: Surroundings) -> list[float]:
     """Return whether the plan conflicts with the true pose, then the signals; NaN if none was read.
 
     It conflicts if, laid from where the robot is, it would collide: it is not about this robot, or
@@ -61,11 +61,6 @@ def plan_columns(rows: Sequence[Sequence[float]]) -> dict[str, list[float | None
     if np.isnan(table).all():
         return None
     return dict(zip(PLAN_COLUMNS, map(unless_nan, table.T.tolist()), strict=True))
-
-
-def unless_nan(values: Iterable[float]) -> list[float | None]:
-    """Return values with None for NaN, which JSON does not have."""
-    return [None if isnan(value) else value for value in values]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,32 +125,12 @@ class Trace:
         return np.isfinite(self.truth[:, 0])
 
 
-class Collector(Protocol):
-    """Sees a run step by step; keeps what its record has of the whole of it."""
-
-    def see(self, moment: Moment) -> None:
-        """Take in a step."""
-
-    def kept(self) -> tuple[WholeRun | None, RecordedTrack | None]:
-        """Return the journey and the track."""
-
-
-class Against(Protocol):
-    """Sees a run step by step; keeps what contradicts the map, see ``map_signals``."""
-
-    def see(self, moment: Moment) -> None:
-        """Take in a step."""
-
-    def columns(self) -> dict[str, list[float | None]]:
-        """Return numbers after step t = 1 … T by name."""
-
-
 def trace_of(
-    episode: Iterable[Moment],
+    episode: Iterable[Step],
     offsets: Iterable[int],
-    task: Task,
-    whole: Collector | None = None,
-    against: Against | None = None,
+    task: Surroundings,
+    whole: JourneyLog | TrackLog | None = None,
+    against: MapSignals | None = None,
 ) -> Trace:
     """Run an episode to its end; keep its trace at these offsets, and what ``whole`` keeps.
 
@@ -200,7 +175,7 @@ def trace_of(
 class _Lap:
     """Collects the truth, commands, qualities, readings of plans, and what is counted."""
 
-    def __init__(self, task: Task) -> None:
+    def __init__(self, task: Surroundings) -> None:
         self._task = task
         self.plans: list[list[float]] = []
         self.truth: list[Reals] = []
@@ -213,11 +188,11 @@ class _Lap:
     @property
     def scans_used(self) -> int:
         """Scans with at least one beam that is a number in [0, max_range]."""
-        ranges = np.array(self._ranges, np.float64).reshape(len(self._ranges), -1)
+        ranges = np.array(self._ranges, np.float64)
         usable = (ranges >= 0.0) & (ranges <= self._task.max_range)  # false for NaN
-        return int(usable.any(axis=1).sum())
+        return int(usable.any(axis=-1).sum())
 
-    def see(self, moment: Moment) -> None:
+    def see(self, moment: Step) -> None:
         self.belief = moment.belief
         self.truth.append(moment.truth)
         action = moment.action
@@ -225,7 +200,7 @@ class _Lap:
         quality = quality_of(moment.belief)
         self.quality.append(np.nan if quality is None else quality)
         self.plans.append(plan_row(moment.belief, moment.truth, self._task))
-        if moment.step > 0:
+        if moment.t > 0:
             self.seconds += moment.seconds
             self._ranges.append(moment.ranges)
 
@@ -252,17 +227,17 @@ class _Beliefs:
         self._labels: list[tuple[int, int]] = []
         self._tables: list[Floats] = []
 
-    def see(self, moment: Moment) -> None:
+    def see(self, moment: Step) -> None:
         for offset in self._offsets:
-            state = moment.step + offset
+            state = moment.t + offset
             if state < 0 or state % self._stride:
                 continue
             if (points := moment.belief.points(offset)) is not None:
                 cloud = cloud_of(state, offset, points)
-                self._ahead.setdefault(max(state, moment.step), []).append(cloud)
+                self._ahead.setdefault(max(state, moment.t), []).append(cloud)
             elif offset == 0:
                 raise InputError(f"its belief of state {state} holds no points of the present.")
-        for cloud in self._ahead.pop(moment.step, ()):
+        for cloud in self._ahead.pop(moment.t, ()):
             self._due.append(cloud)
             self._points += cloud.weights.size
         if self._points >= _BATCH:
@@ -287,7 +262,7 @@ class _Beliefs:
             self._due, self._points = [], 0
 
 
-def _measured(clouds: Clouds, task: Task) -> Floats:
+def _measured(clouds: Clouds, task: Surroundings) -> Floats:
     """Moments, calibration, and what metrics ask each state for, side by side."""
     spread = belief_moments(clouds)
     fit = calibration(clouds, spread[:, :4], task.floor_plan.unit)

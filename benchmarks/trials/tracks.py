@@ -64,13 +64,7 @@ def relative_errors(estimate: Floats, reference: Floats) -> PoseErrors:
 
 
 def agreement(log: Log, floor_plan: Map, poses: Floats) -> tuple[float, float]:
-    """Share of the beams with a return that are within 0.1 m and 0.3 m of what the map says.
-
-    Args:
-        log: n records.
-        floor_plan: the map.
-        poses: assumed for each scan, (n, 3).
-    """
+    """Share of the beams with a return that are within 0.1 m and 0.3 m of what the map says."""
     expected = log.scanner.ranges(floor_plan, poses.T)
     seen = np.isfinite(log.ranges)
     with np.errstate(invalid="ignore"):
@@ -125,11 +119,7 @@ class Track:
         return np.flatnonzero(own)
 
     def fixes(self, quality: Floats | None = None) -> Fixes:
-        """Where the best cluster is, at the records with a reference; nowhere without an estimate.
-
-        Args:
-            quality: confidence that it is not lost at each record, (n,).
-        """
+        """Where the best cluster is, at the records with a reference; ``quality`` of all, (n,)."""
         unrated = np.full(len(self.best), math.nan)
         off, at = np.full((len(self.best), 2), math.inf), self.referenced
         off[self.known] = np.column_stack([self.errors.translation, self.errors.rotation])

@@ -12,25 +12,21 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import pandas as pd
 
-from benchmarks.execution.engines import Where
+import benchmarks
 from benchmarks.files import write_files
 from benchmarks.report.frames import frames_of
 from benchmarks.report.latex import latex_files, pdf_files
-from benchmarks.sweeps.design import Axis, Method, Sweep
-from benchmarks.sweeps.running import Options, begun
 
-sweep = Sweep(
+sweep = benchmarks.sweep(
+    "guided",
     title="Does a plan replace particles?",
-    scenario="guided",
-    localizers=(Method(name="mcl-map"), Method(name="mcl-plan")),
+    localizers=["mcl-map", "mcl-plan"],
     baseline="mcl-map",
     trials=8,
-    vary=(Axis(values={"params.particles": (50, 150, 500)}),),
+    vary={"params.particles": [50, 150, 500]},
 )
 folder = Path(tempfile.mkdtemp())
-how = Options(where=Where(jobs=1), progress=False)
-with begun(sweep, folder / "results", how, command=["this script"]) as running:
-    results = running.results()
+results = sweep.run(jobs=1, out=folder / "results", progress=False).results
 
 # %%
 # To read the results of an earlier sweep, use ``benchmarks.sweeps.results.results_in``. Eight

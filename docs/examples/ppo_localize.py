@@ -24,9 +24,9 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from acting.scores import Played, office_of, play, table
 
 import deqmcl_gym  # noqa: F401  # registers the environments
-from benchmarks.studies.acting import Played, office_of, play, table
 from localizers.tasks import OFFICE
 
 try:

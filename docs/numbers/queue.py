@@ -23,7 +23,7 @@ from benchmarks.pictures import styled
 from benchmarks.replay.options import replay_of
 from benchmarks.report.charts import STYLE, Chart, canvas, line
 from benchmarks.tables.text import csv_text
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import Trace, trace_of
@@ -124,7 +124,7 @@ def logs(folder: Path) -> list[Cell]:
         if not log.exists():
             continue
         floor_plan, reference = folder / f"{place}.yaml", folder / f"{place}.reference.tum"
-        replay = replay_of(log, floor_plan, reference=reference, scan=f"power={power}")
+        replay = replay_of(log, floor_plan, reference=reference, scan={"power": power})
         setting = {
             "setting": name, "scenario": "replay", "world": replay.world, "assumed": replay.assumed
         }  # fmt: skip
@@ -137,9 +137,9 @@ def measured(trial: Trial) -> tuple[Trace, float]:
     """Run a trial; return its trace, and the median number of distinct x_t when o_t arrives."""
     stage, counts = Stage.of(trial), []
 
-    def counted() -> Iterator[Moment]:
+    def counted() -> Iterator[Step]:
         for moment in stage.moments():
-            if moment.step > 0:
+            if moment.t > 0:
                 points, _ = moment.belief.points()
                 counts.append(np.unique(points[:, 0]).size)
             yield moment

@@ -24,15 +24,15 @@ from msgspec import to_builtins
 from msgspec.structs import replace
 
 from benchmarks.commands import paper as paper_command
-from benchmarks.commands import shared
 from benchmarks.commands import sweep as sweep_command
 from benchmarks.execution.engines import Where, available_cpus
 from benchmarks.sweeps import manifest, suites
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, results_in
 from benchmarks.sweeps.store import named
-from benchmarks.sweeps.verifying import compare_again, parts_of, sample
-from benchmarks.tables.csv_files import results_csv
+from benchmarks.sweeps.verifying import compare_again, record_parts, sample
+from benchmarks.tables.comparison import FURTHER
+from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.attempt import Outcome
 from benchmarks.trials.plugins import provenance_of
@@ -115,8 +115,7 @@ def sweep_of(command: str) -> Sweep | None:
     if first == "sweep":
         sweep_command.arguments(parser)
         options = parser.parse_args(rest)
-        asked = shared.changed(options, suites.sweep_named(options.suite))
-        return sweep_command.stopping(options, asked)
+        return sweep_command.asked(options)
     if first == "paper":
         paper_command.arguments(parser)
         given = parser.parse_args(rest)
@@ -212,12 +211,8 @@ def _made(name: str, report: Report, where: Where) -> Report | None:
 
 def with_costs(results: Results) -> str:
     """Return results.csv with what depends on the machine: ms per step, and over the baseline's."""
-    head, *lines = csv.reader(results_csv(results.panels).splitlines())
-    rows = [row for panel in results.panels for row in panel.rows]
-    times = [(f"{row.milliseconds:.4g}", f"{row.cost:.4g}") for row in rows]
-    plain = [[*line, *("" if t == "nan" else t for t in own)]
-             for line, own in zip(lines, times, strict=True)]  # fmt: skip
-    return csv_text([*head, "ms_per_step", "cost"], plain)
+    times = results.table[["ms_per_step", "cost"]].map("{:.4g}".format).replace("nan", "")
+    return csv_of(results.table.drop(columns=[*FURTHER]).join(times))
 
 
 def sampled(results: Results, code: str) -> str:
@@ -235,7 +230,7 @@ def fingerprint(record: Record) -> str:
 
     Parts that a record does not have are left out, so that new ones change no other digest.
     """
-    there = {name: part for name, part in parts_of(record).items() if part is not None}
+    there = {name: part for name, part in record_parts(record).items() if part is not None}
     plain = to_builtins(there, str_keys=True, enc_hook=float)
     return _digest(json.dumps(plain, sort_keys=True))[:32]
 

@@ -74,13 +74,17 @@ def no_global_rng(remedy: str) -> Iterator[None]:
     Raises:
         LawBrokenError: it used one; ``remedy`` says what to do instead.
     """
-    held = np.random.get_state(), random.getstate()  # noqa: NPY002
+
+    def states() -> tuple[Any, Any]:
+        return np.random.get_state(), random.getstate()  # noqa: NPY002
+
+    held = states()
     try:
         np.random.seed(2_718_281)  # noqa: NPY002
         random.seed(2_718_281)
-        before = _rng_states()
+        before = pickle.dumps(states())
         yield
-        after = _rng_states()
+        after = pickle.dumps(states())
     finally:
         np.random.set_state(held[0])  # noqa: NPY002
         random.setstate(held[1])
@@ -88,16 +92,26 @@ def no_global_rng(remedy: str) -> Iterator[None]:
         raise LawBrokenError(f"it uses the global random numbers of numpy or random: {remedy}")
 
 
-def _rng_states() -> bytes:
-    return pickle.dumps((np.random.get_state(), random.getstate()))  # noqa: NPY002
-
-
-def running() -> set[str]:
+def running() -> dict[str, str]:
     """Name this process's threads and, as far as /proc shows them, the processes it started."""
-    names = {f"the thread {thread.name!r}" for thread in threading.enumerate()}
+    names = {f"thread {own.ident}": f"the thread {own.name!r}" for own in threading.enumerate()}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):  # it is gone
             state, parent = stat.read_text().rpartition(")")[2].split()[:2]
             if state != "Z" and parent == str(os.getpid()):
-                names.add(f"the process {stat.parent.name}")
+                names[f"process {stat.parent.name}"] = f"the process {stat.parent.name}"
     return names
+
+
+@contextmanager
+def safe_path() -> Iterator[None]:
+    """Let Python processes that are started here find no modules in the working folder."""
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["PYTHONSAFEPATH"]
+        else:
+            os.environ["PYTHONSAFEPATH"] = before

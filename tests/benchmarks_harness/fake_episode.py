@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import trace_of
@@ -51,7 +51,7 @@ def episode(
     """Yield moments 0 … steps; offset k is held where the state t + k is one of 0 … steps."""
     for t in range(steps + 1):
         held = {k: points(t + k, k) for k in offsets if 0 <= t + k <= steps}
-        yield Moment(t, truth_of(t), ranges(t), FakeBelief(held), seconds, action(t))
+        yield Step(t, truth_of(t), ranges(t), FakeBelief(held), seconds, action(t))
 
 
 def mean_error(states, offset):

@@ -13,9 +13,9 @@ from benchmarks.report.frames import frames_of
 from benchmarks.report.writing import write_report
 from benchmarks.setup.changes import Changes
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.sweeps import drawing
 from benchmarks.sweeps.results import Failure, Results
-from benchmarks.tables.panels import panels
+from benchmarks.tables.comparison import FURTHER
+from benchmarks.tables.frames import INNER, csv_of, trials_frame
 from benchmarks.trials.collecting import WholeRun
 from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished
 from benchmarks.trials.spec import Trial
@@ -68,11 +68,6 @@ def trials(localizer, errors, **how):
     return [finished(localizer, world, error, **how) for world, error in enumerate(errors)]
 
 
-def comparisons(records):
-    """Rows of all panels."""
-    return [row for panel in panels(records) for row in panel.rows]
-
-
 def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl", limits=()):
     """Results of these records."""
     return Results(
@@ -86,6 +81,22 @@ def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl",
         limits=list(limits),
         environment={"deqmcl-gym": "0.1.0", "code": "f00d"},
     )
+
+
+def table_of(records, **how):
+    """Rows of results.csv of all panels, by method and offset."""
+    table = results(records, **how).table
+    return table.set_index(["method", "offset"], drop=False)
+
+
+def results_csv(records, **how):
+    """The text of results.csv."""
+    return csv_of(results(records, **how).table, FURTHER)
+
+
+def trials_csv(records):
+    """The text of trials.csv."""
+    return csv_of(trials_frame(records), INNER)
 
 
 def frames(records, **how):
@@ -108,7 +119,7 @@ def written(out, given, laps=()):
     """Write the report of results, with these animations (whose pictures they have)."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(animations, "films_of", lambda panel: [*laps])
-        patch.setattr(drawing, "drawn", copy.copy)  # they have their pictures
+        patch.setattr(animations, "filmed", copy.copy)  # they have their pictures
         return write_report(out, given)
 
 

@@ -13,8 +13,7 @@ from benchmarks.report.verdict import conclusion
 from benchmarks.setup.changes import Named
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.sweeps.sweepfile import read_sweep, sweep_of
-from benchmarks.tables.comparison import baseline_of
-from benchmarks.tables.panels import panels
+from benchmarks.tables.panels import baseline_of, panels
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Method, Trial
 from benchmarks.trials.stage import Stage
@@ -44,17 +43,16 @@ def test_agents_are_compared_on_the_same_worlds_with_the_same_localizer():
     for localizer, more in (("mcl", 0.0), ("mcl-map", 1.0)):
         records += driven([e + more for e in rising], "still", localizer)
         records += driven([e + more - 5 for e in rising], "/far/mine.py:Seeker", localizer)
-    (panel,) = panels(records, "still")
-    rows = {panel.labels[row.method]: row for row in panel.present}
-    assert list(rows) == [
+    told = results(records, baseline="still")
+    rows = told.table.set_index("label")
+    assert list(rows.index) == [
         "still with mcl", "Seeker with mcl", "still with mcl-map", "Seeker with mcl-map",
     ]  # fmt: skip
-    assert [row.is_baseline for row in rows.values()] == [True, False, True, False]
+    assert list(rows["is_baseline"]) == [True, False, True, False]
     for localizer in ("mcl", "mcl-map"):
-        row = rows[f"Seeker with {localizer}"]
-        assert (row.diff.mean, row.paired_worlds) == (-5.0, 12)
-        assert panel.labels[row.baseline] == f"still with {localizer}"
-    told = results(records, baseline="still")
+        row = rows.loc[f"Seeker with {localizer}"]
+        assert (row["diff"], row.paired_worlds) == (-5.0, 12)
+        assert row.reference == f"still with {localizer}"
     assert conclusion(told).startswith("Seeker with mcl is best: ")
     assert frames_of(told)[0].agents == ["still", "Seeker"]
     assert "/far" not in conclusion(told)
@@ -88,7 +86,7 @@ def test_a_number_of_an_agent_that_is_swept_has_a_panel_for_each_value():
             records += driven([1.0, 2.0], "misplaced", localizer, shift=shift)
     found = panels(records)
     assert [panel.title for panel in found] == [
-        "scenario paper, agent.shift 0.0", "scenario paper, agent.shift 50.0",
+        "scenario paper, agent.shift 0.0", "scenario paper, agent.shift 50.0"
     ]  # fmt: skip
     assert [list(panel.labels.values()) for panel in found] == [["mcl", "mcl-map"]] * 2
 

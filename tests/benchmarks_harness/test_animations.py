@@ -11,9 +11,8 @@ from fake_episode import FakeBelief
 from report_cases import finished, panel_of
 
 from benchmarks.pictures.film import Camera, Film, laid
-from benchmarks.report.animations import films_of
-from benchmarks.sweeps.drawing import Animation, drawing
-from benchmarks.trials.episode import Moment
+from benchmarks.report.animations import Animation, drawing, films_of
+from benchmarks.trials.episode import Step
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.maps import PolygonMap
@@ -33,7 +32,7 @@ def episode(rng):
         belief = FakeBelief({0: (cloud, np.full(20_000, 1 / 20_000))})
         plan = np.array([[1.0, 0.0]] * 20)
         action = np.array([1.0, 0.0]) if step else None
-        yield Moment(step, truth, np.empty(0), belief, 0.0, action, plan)
+        yield Step(step, truth, np.empty(0), belief, 0.0, action, plan)
 
 
 def filmed():

@@ -6,12 +6,10 @@ from collections import defaultdict
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from report_cases import finished, lines_of, parsed, results
+from report_cases import finished, lines_of, parsed, results, results_csv
 
 from benchmarks.report.frames import frames_of
 from benchmarks.report.tables import offsets_table, verdict_table
-from benchmarks.tables.csv_files import results_csv
-from benchmarks.tables.panels import panels
 from benchmarks.tables.stats import holm
 
 NAMES = ("mcl", "mcl-map", "deq-mcl", "ekf")
@@ -67,29 +65,30 @@ def expected_difference(own, theirs, offset):
 @given(sweeps())
 def test_differences_are_those_of_the_trials_and_each_table_is_one_family_of_tests(given_sweep):
     records, baseline = given_sweep
-    found = panels(records, baseline)
-    seen = set()
+    told = results(records, baseline=baseline)
+    found, seen = told.panels, set()
     for panel in found:
         names = [method.name for method in panel.labels]
-        for row in panel.rows:
-            scenario = panel.setting.scenario
-            params, base = (dict(m.params) for m in (row.method, row.baseline))
-            assert row.baseline.name == (baseline if baseline in names else names[0])
-            same = [m for m in panel.labels if m.name == row.baseline.name]
+        rows = told.table[told.table["panel"] == panel.number]
+        scenario, methods = panel.setting.scenario, {v: k for k, v in panel.labels.items()}
+        for row in rows.itertuples():
+            method, reference = methods[row.label], methods[row.reference]
+            params, base = (dict(m.params) for m in (method, reference))
+            assert reference.name == (baseline if baseline in names else names[0])
+            same = [m for m in panel.labels if m.name == reference.name]
             assert agreed(base, params) or not any(agreed(dict(m.params), params) for m in same)
-            own = errors(records, (scenario, row.method.name, params))
-            theirs = errors(records, (scenario, row.baseline.name, base))
-            seen.add((scenario, row.method, row.offset))
+            own = errors(records, (scenario, method.name, params))
+            theirs = errors(records, (scenario, reference.name, base))
+            seen.add((scenario, method, row.offset))
             if row.is_baseline:
-                assert math.isnan(row.diff.mean)
+                assert math.isnan(row.diff)
                 continue
             mean, worlds = expected_difference(own, theirs, row.offset)
-            assert row.diff.mean == pytest.approx(mean, nan_ok=True)
+            assert row.diff == pytest.approx(mean, nan_ok=True)
             assert row.paired_worlds == worlds
-        for offset in {row.offset for row in panel.rows}:
-            family = [row for row in panel.rows if row.offset == offset]
-            corrected = holm([row.p for row in family])
-            assert [r.p_holm for r in family] == pytest.approx(corrected, rel=1e-5, nan_ok=True)
+        for _, family in rows.groupby("offset"):
+            corrected = holm(list(family["p"]))
+            assert list(family["p_holm"]) == pytest.approx(corrected, rel=1e-5, nan_ok=True)
     of_records = {
         (panel.setting.scenario, method, offset)
         for panel in found
@@ -104,8 +103,7 @@ def test_differences_are_those_of_the_trials_and_each_table_is_one_family_of_tes
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(sweeps())
 def test_the_tables_have_the_digits_of_results_csv(given_sweep):
-    found = panels(*given_sweep)
-    lines = parsed(results_csv(found))
+    lines = parsed(results_csv(given_sweep[0], baseline=given_sweep[1]))
     present = iter([line for line in lines if line["offset"] == "0"])
     shown = frames_of(results(given_sweep[0], baseline=given_sweep[1]))
     by_error = []

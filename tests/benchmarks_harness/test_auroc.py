@@ -6,11 +6,11 @@ from itertools import product
 
 import numpy as np
 import pytest
-from report_cases import changed, comparisons, finished, lines_of, panel_of
+from report_cases import changed, finished, lines_of, panel_of, table_of
 
 from benchmarks.report.tables import detection_glance, detection_table
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.tables.auroc import auroc_of, rated_steps
+from benchmarks.tables.signals import detection
 from benchmarks.trials.scoring import ErrorCurve
 
 NEAR, AWAY = 1.0, 60.0  # errors on either side of 50 px
@@ -56,10 +56,10 @@ def counted(records):
 @pytest.mark.parametrize("seed", range(5))
 def test_auroc_is_the_share_of_pairs_in_order_with_ties_counted_half(seed):
     records = random_trials(4, seed=seed, seeds=2)
-    found = auroc_of(records)
+    found = detection(records)
     assert found.auroc.mean == pytest.approx(counted(records), rel=1e-15)  # of counts
     assert found.far_worlds == 4
-    assert auroc_of(records[::-1]) == found
+    assert detection(records[::-1]) == found
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_auroc_is_the_share_of_pairs_in_order_with_ties_counted_half(seed):
     ],
 )
 def test_a_constant_quality_has_one_half_a_perfect_one_1_and_a_reversed_one_0(steps, expected):
-    assert auroc_of([trial(w, steps) for w in range(3)]).auroc.mean == expected
+    assert detection([trial(w, steps) for w in range(3)]).auroc.mean == expected
 
 
 def test_the_interval_is_that_of_resampling_whole_worlds_one_after_the_other():
@@ -87,45 +87,45 @@ def test_the_interval_is_that_of_resampling_whole_worlds_one_after_the_other():
     drawn = (tuple(sorted(rng.integers(5, size=5).tolist())) for _ in range(10_000))
     values = [area for worlds in drawn if (area := resampled(worlds)) is not None]
     assert 0 < 10_000 - len(values) < 200  # (2/5)⁵ = 1 %
-    found = auroc_of(records).auroc
+    found = detection(records).auroc
     assert found[1:] == pytest.approx(tuple(np.quantile(values, [0.025, 0.975])), rel=1e-12)
     assert found.low < found.mean < found.high
 
 
 def test_far_is_above_the_threshold_of_the_record_and_not_at_it():
-    one = trial(0, [(0.5, 50.0), (0.5, 50.1)])
-    assert rated_steps(one)[1].tolist() == [False, True]
-    metres = changed(trial(0, [(0.5, 1.0), (0.5, 1.1)]), thresholds=Thresholds(far=1.0), unit="m")
-    assert rated_steps(metres)[1].tolist() == [False, True]
+    one = trial(0, [(0.6, 50.0), (0.5, 50.1)])
+    metres = changed(trial(0, [(0.6, 1.0), (0.5, 1.1)]), thresholds=Thresholds(far=1.0), unit="m")
+    for found in (detection([one]), detection([metres])):
+        assert (found.auroc.mean, found.far_steps) == (1.0, 0.5)
 
 
 @pytest.mark.parametrize(
-    ("at", "rated"),
+    ("at", "auroc", "share"),
     [
-        ({"at_start": AWAY}, [(0.1, True), (0.3, False)]),  # the start is not scored
-        ({"first_state": 2}, [(0.3, False)]),  # x_1 was not estimated
+        ({"at_start": AWAY}, 1.0, 1 / 2),  # the start is not scored
+        ({"first_state": 2}, math.nan, 0.0),  # x_1 was not estimated
     ],
 )
-def test_steps_with_a_quality_are_matched_with_their_own_states(at, rated):
-    steps = [(0.1, AWAY), (None, AWAY), (0.3, NEAR)]
-    quality, far = rated_steps(trial(0, steps, **at))
-    assert list(zip(quality.tolist(), far.tolist(), strict=True)) == rated
+def test_steps_with_a_quality_are_matched_with_their_own_states(at, auroc, share):
+    found = detection([trial(0, [(0.1, AWAY), (None, AWAY), (0.3, NEAR)], **at)])
+    assert found.auroc.mean == pytest.approx(auroc, nan_ok=True)
+    assert found.far_steps == share
 
 
 @pytest.mark.parametrize(
     ("step", "share", "worlds"),
-    [((0.2, NEAR), 0.0, 0), ((0.2, AWAY), 1.0, 3), ((None, AWAY), math.nan, None)],
+    [((0.2, NEAR), 0.0, 0), ((0.2, AWAY), 1.0, 3), ((None, AWAY), math.nan, math.nan)],
 )
 def test_with_one_kind_of_step_only_there_is_no_auroc_but_the_share_is_known(step, share, worlds):
-    found = auroc_of([trial(w, [step, step]) for w in range(3)])
+    found = detection([trial(w, [step, step]) for w in range(3)])
     assert all(map(math.isnan, found.auroc))
     assert found.far_steps == pytest.approx(share, nan_ok=True)
-    assert found.far_worlds == worlds
+    assert found.far_worlds == pytest.approx(worlds, nan_ok=True)
 
 
 def test_far_steps_in_one_world_only_have_no_interval():
     records = [trial(w, [(0.2, AWAY if w == 0 else NEAR), (0.9, NEAR)]) for w in range(5)]
-    found = auroc_of(records)
+    found = detection(records)
     assert [math.isnan(x) for x in found.auroc] == [False, True, True]
     assert (found.far_worlds, found.far_steps) == (1, 0.1)
 
@@ -168,5 +168,6 @@ def test_the_report_has_no_table_where_no_method_has_an_auroc():
 
 
 def test_other_offsets_than_the_present_have_no_auroc():
-    rows = comparisons([finished("x", w, 20.0, offsets=(0, -20), quality=0.5) for w in (0, 1)])
-    assert [row.detection.far_worlds for row in rows] == [0, None]
+    rows = table_of([finished("x", w, 20.0, offsets=(0, -20), quality=0.5) for w in (0, 1)])
+    assert rows.loc["x", 0].far_worlds == 0
+    assert math.isnan(rows.loc["x", -20].far_worlds)

@@ -12,7 +12,7 @@ from report_cases import THREE, changed, finished, panel_of, trials
 from benchmarks.pictures import styled
 from benchmarks.report import panel_charts
 from benchmarks.report.charts import STYLE, Chart, line
-from benchmarks.tables.pairing import profile
+from benchmarks.tables.frames import profile
 
 NAMES = ("points", "offset", "speed", "coverage", "lap")
 

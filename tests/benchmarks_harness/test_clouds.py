@@ -9,13 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from benchmarks.trials.clouds import (
-    belief_moments,
-    calibration,
-    cloud_of,
-    covariance_floor,
-    joined,
-)
+from benchmarks.trials.clouds import belief_moments, calibration, cloud_of, covariance_floor, joined
 from deqmcl_gym.validation import InputError
 from localizers.inference.gaussian import gaussian_points
 

@@ -4,38 +4,58 @@ import math
 
 import numpy as np
 import pytest
-from report_cases import changed, comparisons, finished, parsed, trials
+from report_cases import changed, finished, parsed, results, results_csv, table_of, trials
 
+from benchmarks.report.frames import judged
 from benchmarks.setup.changes import Changes
 from benchmarks.tables import stats
-from benchmarks.tables.comparison import baseline_of
-from benchmarks.tables.csv_files import results_csv
-from benchmarks.tables.panels import panels
+from benchmarks.tables.panels import baseline_of, panels
 from benchmarks.trials.spec import Method
 
 
-def by_name(records):
-    """Rows by localizer and offset, where nothing else differs."""
-    return {(row.method.name, row.offset): row for row in comparisons(records)}
+def told(row, name):
+    """An estimate in a row."""
+    return tuple(row[[name, f"{name}_low", f"{name}_high"]])
 
 
 def test_runs_on_a_world_are_averaged_before_worlds_are():
     records = [finished("mcl", 0, 1.0), finished("mcl", 0, 3.0, filter_seed=1)]
-    row = by_name([*records, finished("mcl", 1, 10.0)])["mcl", 0]
-    assert (row.error.mean, row.worlds, row.runs) == (6.0, 2, 3)  # (2 + 10) / 2, not 14 / 3
-    assert row.errors == {0: 2.0, 1: 10.0}
+    row = table_of([*records, finished("mcl", 1, 10.0)]).loc["mcl", 0]
+    assert (row.error, row.worlds, row.runs) == (6.0, 2, 3)  # (2 + 10) / 2, not 14 / 3
 
 
 def test_the_statistics_are_those_of_the_differences():
     base = [10.0, 30.0, 50.0, 20.0, 25.0]
     own = [9.0, 31.0, 40.0, 15.0, 25.0]
     records = trials("mcl", base) + trials("x", own)
-    row = by_name(records[::-1])["x", 0]  # in any order
+    row = table_of(records[::-1]).loc["x", 0]  # in any order
     apart = np.array(own) - np.array(base)
-    assert row.diff == (apart.mean(), *stats.paired_bootstrap(apart))
-    assert row.win_rate == 3.5 / 5
+    assert told(row, "diff") == (apart.mean(), *stats.paired_bootstrap(apart))
+    assert told(row, "relative") == stats.relative_change(apart, np.array(base))
+    assert (row.win_rate, row.paired_worlds) == (3.5 / 5, 5)
     assert row.p == pytest.approx(stats.wilcoxon(apart), rel=1e-5)
-    assert row.error == (np.mean(own), *stats.paired_bootstrap(np.array(own)))
+    assert told(row, "error") == (np.mean(own), *stats.paired_bootstrap(np.array(own)))
+    assert (row.error_sd, row.diff_sd) == (np.std(own, ddof=1), np.std(apart, ddof=1))
+
+
+def test_every_number_of_a_random_sweep_is_that_of_plain_loops():
+    rng = np.random.default_rng(3)
+    runs = {(name, w, s): rng.gamma(4, 5) for name in ("mcl", "x") for w in range(9)
+            for s in range(3) if rng.random() < 0.8}  # fmt: skip
+    records = [finished(name, w, e, filter_seed=s) for (name, w, s), e in runs.items()]
+    rng.shuffle(records)
+    row = table_of(records).loc["x", 0]
+    worlds, apart, theirs = ([] for _ in range(3))
+    for w in range(9):
+        own = {s: runs["x", w, s] for s in range(3) if ("x", w, s) in runs}
+        both = [s for s in own if ("mcl", w, s) in runs]
+        worlds += [sum(own.values()) / len(own)] if own else []
+        apart += [sum(own[s] - runs["mcl", w, s] for s in both) / len(both)] if both else []
+        theirs += [sum(runs["mcl", w, s] for s in both) / len(both)] if both else []
+    assert told(row, "error") == stats.estimate(np.array(worlds))
+    assert told(row, "diff") == stats.estimate(np.array(apart))
+    assert told(row, "relative") == stats.relative_change(np.array(apart), np.array(theirs))
+    assert (row.worlds, row.paired_worlds) == (len(worlds), len(apart))
 
 
 def test_a_difference_is_significant_if_its_interval_excludes_0_and_the_test_confirms_it():
@@ -48,23 +68,23 @@ def test_a_difference_is_significant_if_its_interval_excludes_0_and_the_test_con
     }
     records = trials("mcl", base)
     for name, errors in apart.items():
-        rows = by_name(records + trials(name, errors))
-        assert rows[name, 0].standing.significant == (name == "both")
-    assert rows["mcl", 0].standing.significant is False
+        rows = judged(table_of(records + trials(name, errors)), None)["relation"]
+        assert (rows[name, 0] == "worse") == (name == "both")
+        assert rows["mcl", 0] == "baseline"
 
 
 def test_the_baseline_is_not_compared_with_itself_but_its_past_is():
-    rows = by_name(trials("mcl", [{0: 4.0, -20: 1.0}, {0: 5.0, -20: 2.0}]))
-    assert rows["mcl", 0].is_baseline
-    assert math.isnan(rows["mcl", 0].diff.mean)
-    assert math.isnan(rows["mcl", 0].p_holm)
-    assert rows["mcl", -20].diff.mean == -3.0
+    rows = table_of(trials("mcl", [{0: 4.0, -20: 1.0}, {0: 5.0, -20: 2.0}]))
+    assert list(rows["is_baseline"]) == [True, False]
+    assert math.isnan(rows.loc["mcl", 0]["diff"])
+    assert math.isnan(rows.loc["mcl", 0].p_holm)
+    assert rows.loc["mcl", -20]["diff"] == -3.0
 
 
 @pytest.mark.parametrize(("world", "number"), [({"noise.drive": 0.2}, 0), ({}, 1)])
 def test_only_trials_of_the_same_setting_and_world_are_compared(world, number):
     records = [finished("mcl", 0, 1.0), finished("x", number, 5.0, world=world)]
-    assert all(math.isnan(row.diff.mean) for row in comparisons(records))
+    assert table_of(records)["diff"].isna().all()
 
 
 def method(localizer, **params):
@@ -95,14 +115,14 @@ def test_the_rate_of_lost_runs_has_the_wilson_interval_of_as_many_worlds():
         for w in range(10)
         for s in (0, 1)
     ]
-    row = by_name(records)["mcl", 0]
-    assert row.lost.mean == pytest.approx(0.15)
-    assert row.lost[1:] == stats.wilson(row.lost.mean, 10)
+    row = table_of(records).loc["mcl", 0]
+    assert row.lost_rate == pytest.approx(0.15)
+    assert (row.lost_low, row.lost_high) == stats.wilson(row.lost_rate, 10)
 
 
 def test_a_score_that_one_run_lacks_is_unknown_not_the_mean_of_the_rest():
     records = [finished("x", 0, 1.0), finished("x", 1, 1.0, scores={"nees": None})]
-    assert math.isnan(by_name(records)["x", 0].scores["nees"].mean)
+    assert math.isnan(table_of(records).loc["x", 0].nees)
 
 
 def swept(worlds=3, localizer="mcl"):
@@ -114,12 +134,13 @@ def swept(worlds=3, localizer="mcl"):
 
 
 def test_a_method_without_the_swept_parameter_is_in_each_panel_with_its_baseline():
-    found = panels(swept(localizer="mcl-map") + trials("grid", [1.0] * 3), "mcl-map")
-    for panel, n, difference in zip(found, (100, 300), (-7.0, -3.0), strict=True):
+    told = results(swept(localizer="mcl-map") + trials("grid", [1.0] * 3), baseline="mcl-map")
+    for panel, n, difference in zip(told.panels, (100, 300), (-7.0, -3.0), strict=True):
         assert panel.title == f"scenario paper, particles {n}"
         assert list(panel.labels.values()) == ["mcl-map", "ekf", "grid"]
-        assert panel.present[1].baseline == method("mcl-map", particles=n)
-        assert panel.present[1].diff.mean == difference
+        assert panel.baselines[method("ekf")] == method("mcl-map", particles=n)
+        rows = told.table[told.table["panel"] == panel.number].set_index("label")
+        assert rows.loc["ekf", "diff"] == difference
 
 
 def test_what_one_method_lacks_leaves_it_in_every_panel_and_infinity_is_a_number():
@@ -129,7 +150,7 @@ def test_what_one_method_lacks_leaves_it_in_every_panel_and_infinity_is_a_number
     found = panels(records)
     assert [panel.title for panel in found] == [f"scenario paper, beta {b}" for b in (0.0, "inf")]
     assert all(list(panel.labels.values()) == ["mcl", "deq-mcl"] for panel in found)
-    assert '"{""beta"":""inf"",""particles"":100}"' in results_csv(found)
+    assert '"{""beta"":""inf"",""particles"":100}"' in results_csv(records)
 
 
 def test_settings_are_panels_named_by_what_sets_them_apart():
@@ -183,7 +204,7 @@ def test_plug_ins_are_called_by_their_class_where_that_tells_them_apart(names, l
 
 def test_results_csv_has_fixed_columns_unique_lines_and_nothing_of_the_machine():
     records = swept(2)
-    text = results_csv(panels(records))
+    text = results_csv(records)
     lines = parsed(text)
     assert text.splitlines()[0] == (
         "scenario,world,assumed,disturbance,lag,seed,swept,method,params,offset,worlds,runs,"
@@ -204,7 +225,7 @@ def test_results_csv_has_fixed_columns_unique_lines_and_nothing_of_the_machine()
         ('{"particles":300}', "ekf", "-3.0"),
     ]
     assert (lines[0]["params"], lines[0]["world"]) == ('{"particles":100}', "{}")
-    assert text == results_csv(panels([changed(one, seconds=99.0) for one in records]))
+    assert text == results_csv([changed(one, seconds=99.0) for one in records])
 
 
 def test_settings_and_methods_are_equal_in_any_order_of_their_parts():
@@ -212,4 +233,4 @@ def test_settings_and_methods_are_equal_in_any_order_of_their_parts():
     other = finished("x", 0, 1.0, params={"b": [1, 2], "a": 1}, world={"q": 2, "p": 1})
     assert one.trial.setting == other.trial.setting
     assert {one.trial.method: "found"}[other.trial.method] == "found"
-    assert '"{""a"":1,""b"":[1,2]}"' in results_csv(panels([one]))
+    assert '"{""a"":1,""b"":[1,2]}"' in results_csv([one])

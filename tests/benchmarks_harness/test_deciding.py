@@ -5,13 +5,12 @@ import math
 
 import numpy as np
 import pytest
-from report_cases import finished, trials, whole
+from report_cases import finished, trial_of, trials, whole
 
-from benchmarks.tables import sequential
-from benchmarks.tables.deciding import FIRST, Rule, decide
-from benchmarks.tables.journeys import JOURNEY_SCORES, Outcomes
-from benchmarks.tables.sequential import ratio, shares
+from benchmarks.tables.deciding import FIRST, TIGHT, Rule, decide, ratio, shares
+from benchmarks.tables.frames import by_run, trials_frame
 from benchmarks.tables.stats import wilson
+from benchmarks.trials.scores import JOURNEY_SCORES
 
 
 @pytest.mark.parametrize("n", [20, 57, 400])
@@ -20,7 +19,7 @@ def test_a_ratio_is_excluded_exactly_where_the_mixture_t_test_of_its_differences
     reference = rng.gamma(4, 5, n)
     apart = -0.4 * reference + rng.normal(0, 6, n)
     found = ratio(apart, reference, 0.01)
-    c2 = sequential.TIGHT / (-2 * math.log(0.01) + math.log(1 - 2 * math.log(0.01)))
+    c2 = TIGHT / (-2 * math.log(0.01) + math.log(1 - 2 * math.log(0.01)))
     for end in (found.low, found.high):
         left = apart - end * reference
         t2 = n * left.mean() ** 2 / left.var(ddof=1) / (n - 1)
@@ -40,8 +39,13 @@ def test_bets_exclude_the_true_mean_at_some_look_with_at_most_alpha_enumerated()
     assert 0.02 < missed <= alpha
 
 
-def outcomes(errors, name="mcl"):
-    return Outcomes(records=trials(name, errors), failed=(), longest={})
+def rows_of(records, failed=()):
+    """The rows of one method, by run; worlds on which it failed."""
+    return by_run(trials_frame(records, [trial_of("mcl", world) for world in failed]))
+
+
+def outcomes(errors):
+    return rows_of(trials("mcl", errors))
 
 
 def decided(apart, reference, *, margin, family, worlds):
@@ -107,12 +111,12 @@ def test_a_decision_depends_on_nothing_but_the_worlds_up_to_its_look():
     rule = Rule(margin=0.05, family=3, worlds=60)
     all_of = decide(outcomes(ours), outcomes(base), None, rule)
     assert all_of.relation == "better"
-    assert all_of.worlds < 60
-    n = all_of.worlds
+    assert all_of.last.worlds < 60
+    n = all_of.last.worlds
     assert decide(outcomes(ours[:n]), outcomes(base), None, rule) == all_of
-    shuffled = outcomes(ours)
-    rng.shuffle(shuffled.records)
-    assert decide(shuffled, outcomes(base), None, rule) == all_of
+    shuffled = trials("mcl", ours)
+    rng.shuffle(shuffled)
+    assert decide(rows_of(shuffled), outcomes(base), None, rule) == all_of
     early = decide(outcomes(ours[: n - 1]), outcomes(base), None, rule)
     assert (early.relation, early.wanted) == ("open", n)
 
@@ -120,15 +124,11 @@ def test_a_decision_depends_on_nothing_but_the_worlds_up_to_its_look():
 def test_a_world_that_failed_is_left_out_and_where_none_can_be_compared_nobody_looks_on():
     base = outcomes([20.0 + i % 3 for i in range(40)])
     rule = Rule(margin=0.05, family=1, worlds=40)
-    half = Outcomes(
-        records=[finished("mcl", i, 10.0 + i % 2) for i in range(40) if i % 4],
-        failed=[(i, 0) for i in range(0, 40, 4)],
-        longest={},
-    )
+    others = [finished("mcl", i, 10.0 + i % 2) for i in range(40) if i % 4]
+    half = rows_of(others, failed=range(0, 40, 4))
     assert decide(half, base, None, rule).relation == "better"
-    none = Outcomes(records=[], failed=[(i, 0) for i in range(FIRST)], longest={})
-    found = decide(none, base, None, rule)
-    assert (found.relation, found.worlds, found.wanted) == ("open", FIRST, FIRST)
+    found = decide(rows_of([], failed=range(FIRST)), base, None, rule)
+    assert (found.relation, found.last.worlds, found.wanted) == ("open", FIRST, FIRST)
 
 
 def test_shares_of_runs_are_decided_by_points_and_a_larger_one_is_better():
@@ -139,7 +139,7 @@ def test_shares_of_runs_are_decided_by_points_and_a_larger_one_is_better():
             whole(finished("mcl", i, 1.0), {aim.name: float(one)}, 5.0)
             for i, one in enumerate(found)
         ]
-        return Outcomes(records=records, failed=(), longest={})
+        return rows_of(records)
 
     rule = Rule(margin=0.05, family=1, worlds=200)
     often, rarely = ([i % 10 < k for i in range(200)] for k in (9, 3))

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import pytest
 
 from benchmarks.execution import engines
-from benchmarks.execution.engines import TRIES, Engine, ThisProcess, outcomes
+from benchmarks.execution.engines import TRIES, ThisProcess, outcomes
+from benchmarks.execution.executors import Engine
 from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
 from benchmarks.trials.attempt import Outcome
 

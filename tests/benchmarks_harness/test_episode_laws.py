@@ -194,7 +194,7 @@ def test_deq_mcl_starts_from_the_same_draws_resampled():
 @pytest.mark.parametrize("name", BLINDLY_DRIVEN)
 def test_an_episode_runs_every_planned_step_once(name):
     (trial,) = trials(fitting(["dead-reckoning", "mcl"], name)[:1], name)
-    steps = [moment.step for moment in Stage.of(trial).moments()]
+    steps = [moment.t for moment in Stage.of(trial).moments()]
     room = Stage.of(trial).room
     room.reset(seed=trial.world_seed)
     if scenario(name).disturbance:  # another plan from there on

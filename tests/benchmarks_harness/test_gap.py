@@ -12,9 +12,8 @@ from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.sweeps.design import Limit, Sweep
 from benchmarks.sweeps.results import of_sweep
 from benchmarks.sweeps.sweepfile import sweep_of
-from benchmarks.tables.csv_files import gaps_csv
-from benchmarks.tables.gap import LimitRuns, limit_of
-from benchmarks.tables.panels import panels
+from benchmarks.tables.comparison import LimitRuns, limit_of
+from benchmarks.tables.frames import csv_of
 from benchmarks.tables.stats import paired_bootstrap
 from benchmarks.trials.spec import Method
 
@@ -27,7 +26,7 @@ def limit_run(world, error, *, seed=0, **setting):
 
 def gaps(records, *limits):
     runs = [limit if isinstance(limit, LimitRuns) else LimitRuns((), limit) for limit in limits]
-    return [row for panel in panels(records, limits=runs) for row in panel.gaps]
+    return [*results(records, limits=runs).gaps.itertuples()]
 
 
 def test_each_method_is_held_against_the_limit_of_its_own_target():
@@ -36,21 +35,21 @@ def test_each_method_is_held_against_the_limit_of_its_own_target():
     own = LimitRuns(("mcl-plan", "mcl"), runs)
     records = [r for name in ("mcl", "deq-mcl", "mcl-plan") for r in trials(name, [12.0] * 3)]
     for order in ((unnamed, own), (own, unnamed)):
-        found = {r.method: (r.limit.name, r.gap.mean, r.worlds) for r in gaps(records, *order)}
+        found = {(r.method, r.params): (r.limit, r.gap, r.worlds) for r in gaps(records, *order)}
         assert found == {
-            Method("mcl-pilots", Changes(MANY)): ("mcl-pilots", 0.0, 3),
-            Method("deq-mcl"): ("mcl-pilots", 2.0, 3),
-            Method("mcl-plan", Changes(MANY)): ("mcl-plan", 0.0, 2),
-            Method("mcl"): ("mcl-plan", 8.0, 2),
-            Method("mcl-plan"): ("mcl-plan", 8.0, 2),
+            ("mcl-pilots", '{"particles":100000}'): ("mcl-pilots", 0.0, 3),
+            ("deq-mcl", "{}"): ("mcl-pilots", 2.0, 3),
+            ("mcl-plan", '{"particles":100000}'): ("mcl-plan", 0.0, 2),
+            ("mcl", "{}"): ("mcl-plan", 8.0, 2),
+            ("mcl-plan", "{}"): ("mcl-plan", 8.0, 2),
         }
-    assert {row.method.name for row in gaps(records, own)} == {"mcl", "mcl-plan"}
+    assert {row.method for row in gaps(records, own)} == {"mcl", "mcl-plan"}
 
 
 def test_the_gap_of_the_limit_to_itself_is_zero_even_if_it_is_also_compared():
     limits = [limit_run(w, 10.0 + w, seed=s) for w in range(3) for s in (0, 1)]
     (row,) = gaps([*limits, limit_run(3, 99.0)], limits)
-    assert (row.gap, row.worlds) == ((0.0, 0.0, 0.0), 3)
+    assert (row.gap, row.gap_low, row.gap_high, row.worlds) == (0.0, 0.0, 0.0, 3)
 
 
 def test_the_gap_is_taken_over_shared_worlds_only_and_runs_are_averaged_before():
@@ -58,9 +57,10 @@ def test_the_gap_is_taken_over_shared_worlds_only_and_runs_are_averaged_before()
     records = [finished("mcl", w, 10.0 * w + 4.0 + w) for w in (1, 2, 3, 4)]
     _, row = gaps(records, limits)
     differences = np.array([15.0 - 10.5, 26.0 - 20.5])
-    assert (row.method.name, row.worlds) == ("mcl", 2)
+    assert (row.method, row.worlds) == ("mcl", 2)
     assert row.error == (15.0 + 26.0) / 2
-    assert row.gap == pytest.approx((differences.mean(), *paired_bootstrap(differences)))
+    assert row.gap == pytest.approx(differences.mean())
+    assert (row.gap_low, row.gap_high) == pytest.approx(paired_bootstrap(differences))
 
 
 def test_the_spread_between_runs_is_that_on_the_same_world():
@@ -74,7 +74,7 @@ def test_a_setting_or_an_offset_without_a_limit_has_no_gap():
     limits = [limit_run(0, 1.0, offsets=(0, -20))]
     records = [finished("deq-mcl", 0, 2.0, offsets=(0, -20, 20))]
     records += [finished("deq-mcl", 0, 2.0, scenario="sharp"), finished("mcl", 7, 2.0)]
-    found = [(row.method.name, row.offset) for row in gaps(records, limits)]
+    found = [(row.method, row.offset) for row in gaps(records, limits)]
     assert found == [("mcl-pilots", 0), ("mcl-pilots", -20), ("deq-mcl", 0), ("deq-mcl", -20)]
 
 
@@ -93,7 +93,7 @@ def test_gaps_csv_holds_a_method_without_the_swept_parameter_against_each_panels
     records += [finished("ekf", 0, 4.0)]
     limits = [finished("mcl-pilots", 0, e, params={"beta": b}) for b, e in ((1, 3.0), (10, 2.0))]
     named = ("swept", "method", "limit_params", "gap")
-    text = gaps_csv(panels(records, limits=[LimitRuns((), limits)]))
+    text = csv_of(results(records, limits=[LimitRuns((), limits)]).gaps)
     lines = [[line[name] for name in named] for line in parsed(text)]
     differences = {1: ("0.0", "2.0", "1.0"), 10: ("0.0", "3.0", "2.0")}
     assert lines == [

@@ -110,17 +110,23 @@ def test_a_run_is_a_trial_step_by_step_with_a_picture_of_each():
     ("given", "words"),
     [
         ({"of": "quik"}, "unknown suite or scenario 'quik': did you mean 'quick'?"),
-        ({"trails": 3}, "unknown field of a sweep 'trails': did you mean 'trials'?"),
-        ({"localizers": [3]}, "the localizer is 3, but must be a name, a class or a function"),
+        ({"trails": 3}, "unknown key 'trails': did you mean 'trials'?"),
+        ({"localizers": [3]}, "an entry of localizers is 3, but must be a name"),
         ({"localizers": [lambda robot: Still(robot)]}, "with a name"),  # noqa: PLW0108
         ({"localizers": [Still, type("Still", (Still,), {})]}, "two localizers are called Still"),
-        ({"localizers": [{"name": "mcl", "particles": 3}]}, "must be {'name': …, 'params': {…}}"),
+        (
+            {"localizers": [{"name": "mcl", "particles": 3}]},
+            "unknown key of an entry of localizers 'particles'",
+        ),
         ({"vary": {"particles": [1]}}, "unknown name in [[vary]] 'particles'"),
-        ({"vary": {"params.particles": 3}}, "params.particles is varied by 3, but must be a list"),
-        ({"vary": {"scenario": "paper"}}, "scenario is varied by 'paper', but must be a list"),
-        ({"vary": [3]}, "vary has 3, but must map names to lists"),
-        ({"params": {"particels": 3}}, "unknown parameter 'particels': did you mean 'particles'?"),
-        ({"vary": {"params.particels": [3]}}, "unknown parameter 'particels'"),
+        ({"vary": {"params.particles": 3}}, "[[vary]] params.particles is 3, but must be a list"),
+        ({"vary": {"scenario": "paper"}}, "[[vary]] scenario is 'paper', but must be a list"),
+        ({"vary": [3]}, "vary is 3, but must be a [[vary]] table"),
+        (
+            {"params": {"particels": 3}},
+            "unknown parameter of these localizers 'particels': did you mean 'particles'?",
+        ),
+        ({"vary": {"params.particels": [3]}}, "unknown parameter of these localizers 'particels'"),
     ],
 )
 def test_bad_input_gets_one_sentence(given, words):
@@ -153,7 +159,7 @@ def test_numpy_s_numbers_are_numbers_and_each_other_axis_has_a_line_of_its_own()
     found = benchmarks.sweep("paper", localizers=["mcl"], vary=varied, **FEW | {"params": {}})
     table = (results := found.run(jobs=1, progress=False)).table
     assert sorted(zip(table["particles"], table["beams"], strict=True)) == [
-        (10, 1), (10, 3), (20, 1), (20, 3),
+        (10, 1), (10, 3), (20, 1), (20, 3)
     ]  # fmt: skip
     (axes,) = results.plot("particles").axes
     assert [line.get_label() for line in axes.lines] == ["mcl, beams = 1", "mcl, beams = 3"]
@@ -212,7 +218,7 @@ def test_a_class_of_a_cell_has_the_same_numbers_in_one_process_and_in_two(tmp_pa
         "script": ["mine.py"],
         "module": ["-c", CELL.split("class Mine", maxsplit=1)[0] + "from mine import Mine\n"
                    + CELL[CELL.index("if __name__"):]],
-        "cell": ["-c", CELL],
+        "cell": ["-c", CELL]
     }[place]  # fmt: skip
     done = subprocess.run(
         [sys.executable, *how], cwd=tmp_path, capture_output=True, text=True, check=False

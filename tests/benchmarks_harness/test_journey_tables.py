@@ -3,8 +3,21 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
-from report_cases import changed, finished, frames, lines_of, panel_of, parsed, trial_of, whole
+from report_cases import (
+    changed,
+    finished,
+    frames,
+    lines_of,
+    panel_of,
+    parsed,
+    results_csv,
+    table_of,
+    trial_of,
+    trials_csv,
+    whole,
+)
 from test_store import TRIAL, record_of
 
 from benchmarks.report.animations import films_of
@@ -12,39 +25,44 @@ from benchmarks.report.panel_charts import journey_charts
 from benchmarks.report.tables import WORDS, glance_table, journey_table, verdict_table
 from benchmarks.report.verdict import verdict
 from benchmarks.sweeps.store import writing
-from benchmarks.tables.csv_files import results_csv, trials_csv
-from benchmarks.tables.journeys import curve_of, median, median_estimate
-from benchmarks.tables.panels import panels
-from benchmarks.tables.stats import sign_test, wilson
+from benchmarks.tables.frames import share_curve
+from benchmarks.tables.stats import median_estimate, sign_test, wilson
 from benchmarks.trials.scores import GROUPS
 
 NEVER = math.inf
 
 
+def curve_of(runs):
+    """The curve of (world, metres) of each run."""
+    frame = pd.DataFrame(runs, columns=["trial", "metres"])
+    return share_curve(frame.set_index("trial")["metres"])
+
+
 def test_the_curve_of_a_hand_made_case_counts_censored_runs_as_not_localized():
     # two runs on world 2: its half counts as half a world
-    curve = curve_of({0: [1.0], 1: [3.0], 2: [2.0, NEVER], 3: [NEVER]})
-    assert curve.metres.tolist() == [0, 1, 2, 3]
-    assert curve.share.tolist() == [0, 1 / 4, 1.5 / 4, 2.5 / 4]
-    assert (curve.low[-1], curve.high[-1]) == wilson(2.5 / 4, 4)
+    curve = curve_of([(0, 1.0), (1, 3.0), (2, 2.0), (2, NEVER), (3, NEVER)])
+    assert list(curve["metres"]) == [0, 1, 2, 3]
+    assert list(curve["share"]) == [0, 1 / 4, 1.5 / 4, 2.5 / 4]
+    assert tuple(curve[["low", "high"]].iloc[-1]) == wilson(2.5 / 4, 4)
 
 
 def test_the_curve_of_runs_that_are_localized_at_once_begins_at_one():
-    assert curve_of({0: [0.0], 1: [0.0]}).share.tolist() == [1]
-    assert curve_of({0: [NEVER]}).share.tolist() == [0]
+    assert list(curve_of([(0, 0.0), (1, 0.0)])["share"]) == [1]
+    assert list(curve_of([(0, NEVER)])["share"]) == [0]
 
 
-def test_the_median_of_censored_metres_is_infinite_if_half_of_them_are():
-    assert median([1.0, NEVER, 2.0]) == 2
-    assert median([1.0, 2.0]) == 1.5
-    assert median([1.0, NEVER]) == NEVER
+@pytest.mark.parametrize(
+    ("metres", "middle"), [([1.0, NEVER, 2.0], 2), ([1.0, 2.0], 1.5), ([1.0, NEVER], NEVER)]
+)
+def test_the_median_of_censored_metres_is_infinite_if_half_of_them_are(metres, middle):
+    assert median_estimate(np.array(metres)).mean == middle
 
 
 def test_the_interval_of_a_median_is_between_the_40th_and_61st_of_a_hundred():
     # the table of Conover 1999: P(Binomial(100, ½) < 40) = 0.0176, < 41 0.0284
-    assert median_estimate([float(i) for i in range(1, 101)]) == (50.5, 40, 61)
-    assert median_estimate([1.0] * 5 + [NEVER]) == (1, 1, NEVER)
-    assert math.isnan(median_estimate([1.0] * 5).low)  # 2/2⁵ > 5 %
+    assert median_estimate(np.arange(1.0, 101)) == (50.5, 40, 61)
+    assert median_estimate(np.array([1.0] * 5 + [NEVER])) == (1, 1, NEVER)
+    assert math.isnan(median_estimate(np.ones(5)).low)  # 2/2⁵ > 5 %
 
 
 @pytest.mark.parametrize(
@@ -70,49 +88,47 @@ AWARE = [run("mcl-plan", world, metres) for world, metres in enumerate([2.0, 3.0
 FAILED = [trial_of("mcl-plan", 3)]
 
 
-def compared():
-    (panel,) = panels([*BLIND, *AWARE], "mcl-map", failures=FAILED)
-    return panel
+FAILURES = {"baseline": "mcl-map", "failures": [(trial, "boom") for trial in FAILED]}
+ROWS = [*BLIND, *AWARE]
 
 
 def test_metres_are_compared_by_restricted_means_and_a_failed_run_is_not_localized():
-    blind, aware = (row.journey["metres_to_localize"] for row in compared().present)
-    assert blind.value.mean == NEVER  # two of four
-    assert blind.restricted == (4 + 10 + 8 + 10) / 4
-    assert aware.value.mean == 5.5
-    assert aware.restricted == (2 + 3 + 8 + 10) / 4
-    assert aware.diff.mean == (-2 - 7 + 0 + 0) / 4
-    assert math.isnan(blind.diff.mean)
+    rows = table_of(ROWS, **FAILURES)
+    assert list(rows["metres_to_localize"]) == [NEVER, 5.5]  # two of four never do
+    blind, aware = (4 + 10 + 8 + 10) / 4, (2 + 3 + 8 + 10) / 4
+    assert list(rows["metres_to_localize_restricted"]) == [blind, aware]
+    first, second = rows["metres_to_localize_diff"]
+    assert second == (-2 - 7 + 0 + 0) / 4
+    assert math.isnan(first)
 
 
 def test_shares_are_of_all_runs_the_failed_ones_too():
-    blind, aware = (row.journey["success_1m"] for row in compared().present)
-    assert blind.value.mean == 0.5
-    assert aware.value == (0.75, *wilson(0.75, 4))
-    assert (aware.diff.mean, aware.p) == (0.25, 1.0)  # one discordant pair
+    rows = table_of(ROWS, **FAILURES)
+    aware = rows.loc["mcl-plan", 0]
+    assert list(rows["success_1m"]) == [0.5, 0.75]
+    assert (aware.success_1m_low, aware.success_1m_high) == wilson(0.75, 4)
+    assert (aware.success_1m_diff, aware.success_1m_p) == (0.25, 1.0)  # one discordant pair
 
 
 def test_a_run_that_ends_early_is_not_the_better_for_it():
     # it breaks off after 1 m: its metres count as the 10 that the other drove
     broken = run("mcl-plan", 0, NEVER, way=1.0)
-    (panel,) = panels([run("mcl-map", 0, NEVER, way=10.0), broken], "mcl-map")
-    assert panel.present[1].journey["metres_to_localize"].restricted == 10
+    rows = table_of([run("mcl-map", 0, NEVER, way=10.0), broken], baseline="mcl-map")
+    assert rows.loc["mcl-plan", 0].metres_to_localize_restricted == 10
 
 
 def test_all_tests_of_a_panel_are_one_family_of_holm():
     worlds = range(12)
     blind = [run("mcl-map", world, 9.0) for world in worlds]
     aware = [run("mcl-plan", world, 1.0 + 0.1 * world) for world in worlds]
-    (panel,) = panels([*blind, *aware], "mcl-map")
-    row = panel.present[1]
-    metres, success = row.journey["metres_to_localize"], row.journey["success_1m"]
-    assert (row.p, success.p) == (1.0, 1.0)  # the same errors, the same successes
-    assert metres.p == pytest.approx(2 / 2**12)
-    assert metres.p_holm == pytest.approx(3 * 2 / 2**12, rel=1e-5)
+    row = table_of([*blind, *aware], baseline="mcl-map").loc["mcl-plan", 0]
+    assert (row.p, row.success_1m_p) == (1.0, 1.0)  # the same errors, the same successes
+    assert row.metres_to_localize_p == pytest.approx(2 / 2**12, rel=1e-5)
+    assert row.metres_to_localize_p_holm == pytest.approx(3 * 2 / 2**12, rel=1e-5)
 
 
 def test_the_csv_files_have_the_columns_of_what_was_scored_and_no_others():
-    rows = parsed(results_csv([compared()]))
+    rows = parsed(results_csv(ROWS, **FAILURES))
     assert rows[1]["success_1m"] == "0.75"
     assert rows[0]["metres_to_localize"] == "inf"
     assert float(rows[1]["metres_to_localize_diff"]) == -2.25
@@ -129,8 +145,7 @@ def tables_of(panel):
 
 
 def shown():
-    failures = [(trial, "boom") for trial in FAILED]
-    return panel_of([*BLIND, *AWARE], baseline="mcl-map", failures=failures)
+    return panel_of(ROWS, **FAILURES)
 
 
 def test_the_report_has_a_table_and_a_curve_of_what_was_scored():
@@ -167,7 +182,7 @@ def test_the_verdict_is_about_what_the_runs_are_about_not_about_the_error(score,
     records = [*sought("mcl", 2, 1.0, score), *sought("amcl", 6, 3.0, score)]
     records += sought("mcl-plan", 11, 9.0, score)
     panel = panel_of(records)
-    rows = parsed(results_csv(panels(records)))
+    rows = parsed(results_csv(records))
     best, following = rows[2], rows[1]
     low, mean, high = (
         round(100 * float(best[f"{score}_diff{end}"])) for end in ("_low", "", "_high")
@@ -230,7 +245,9 @@ def test_the_store_keeps_the_scores_of_whole_runs_and_refuses_what_are_none(tmp_
         store.put(key, TRIAL, kept := record_of(BLIND[1]), 1.0)
         assert store.get(key, TRIAL).journey == kept.journey
         spoilt = whole(kept, {"success_1m": "yes"}, 1.0)
-        with pytest.raises(ValueError, match=r"str instead of float \| null at journey.scores"):
+        with pytest.raises(
+            ValueError, match=r"str instead of float \| null at record.journey.scores"
+        ):
             store.put(key, TRIAL, spoilt, 1.0)
         scores, curves = kept.journey.scores, kept.journey.curves
         for parts in (

@@ -39,7 +39,7 @@ def episode(seed=0, **params) -> tuple[np.ndarray, np.ndarray]:
         twin = np.array([350.0, 300.0]) - moment.truth[:2]
         errors.append(min(np.hypot(*(p - [x, y])) for p in (moment.truth[:2], twin)))
         qualities.append(localizers.quality_of(moment.belief))
-        if moment.step == STEP + 60:
+        if moment.t == STEP + 60:
             break
     return np.array(errors), np.array(qualities)
 

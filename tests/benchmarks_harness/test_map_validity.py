@@ -8,10 +8,9 @@ from report_cases import STEPS, changed, finished, panel_of
 
 from benchmarks.report.tables import told_apart_table
 from benchmarks.setup.changes import Changes
-from benchmarks.tables.csv_files import maps_csv
-from benchmarks.tables.map_validity import QUESTIONS, WRONG, told_apart
 from benchmarks.tables.panels import panels
-from benchmarks.trials.episode import Moment
+from benchmarks.tables.signals import QUESTIONS, WRONG, maps_table
+from benchmarks.trials.episode import Step
 from benchmarks.trials.map_signals import MAP_COLUMNS, SIGNALS, MapSignals
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -28,10 +27,10 @@ def rows(*steps, floor_plan=HALL):
     """The columns of steps of (believed pose, true pose, scan)."""
     signals = MapSignals(floor_plan, LIDAR)
     start = np.array(HERE)
-    signals.see(Moment(0, start, LIDAR.bearings, PointsBelief(start[None]), 0.0))
+    signals.see(Step(0, start, LIDAR.bearings, PointsBelief(start[None]), 0.0))
     for number, (best, truth, ranges) in enumerate(steps, 1):
         belief = PointsBelief(np.array([best]))
-        signals.see(Moment(number, np.array(truth), ranges, belief, 0.0))
+        signals.see(Step(number, np.array(truth), ranges, belief, 0.0))
     return signals.columns()
 
 
@@ -82,22 +81,22 @@ def run(world, off, wrong, **signals):
     return changed(finished("mcl", world, 1.0), against_map=padded)
 
 
+def answers(records):
+    """Rows of maps.csv by question and signal."""
+    return maps_table(panels(records)).set_index(["question", "signal"])
+
+
 def test_each_question_is_of_its_own_steps_and_a_signal_has_its_natural_order():
     off, wrong = [0.0, 0.0, 1.0, 1.0], [0.0, 0.5, 0.0, 0.5]
     records = [
         run(w, off, wrong, quality=[0.9, 0.8, 0.1, 0.2], short=[0.0, 0.4, 0.2, 0.3]) for w in (0, 1)
     ]
-    (row,) = told_apart(panels(records))
-    told = {q: {n: own.auroc.mean for n, own in row.answers[q].items()} for q in QUESTIONS}
-    assert told["lost"]["quality"] == 1.0
-    assert told["lost"]["short"] == 0.5
-    assert told["wrong"]["short"] == 1.0
-    assert told["wrong_localized"]["short"] == told["wrong_localized"]["quality"] == 1.0
-    assert told["which"]["quality"] == 1.0
-    assert told["which"]["short"] == 0.0
-    shares = {q: row.answers[q]["quality"].far_steps for q in QUESTIONS}
-    assert shares == {"lost": 0.5, "wrong": 0.5, "wrong_localized": 0.5, "which": 2 / 3}
-    assert maps_csv([row]).count("\n") == 1 + len(QUESTIONS) * len(SIGNALS)
+    told = answers(records)
+    quality, short = (told.xs(name, level="signal") for name in ("quality", "short"))
+    assert list(quality["auroc"]) == [1.0, 0.5, 1.0, 1.0]
+    assert list(short["auroc"]) == [0.5, 1.0, 1.0, 0.0]
+    assert list(quality["steps"]) == [0.5, 0.5, 0.5, 2 / 3]
+    assert len(told) == len(QUESTIONS) * len(SIGNALS)
     table = told_apart_table(panel_of(records))
     assert list(table.frame["question"]) == list(QUESTIONS.values())
 
@@ -108,8 +107,8 @@ def test_the_trust_in_a_plan_is_a_signal_of_those_who_doubt_it():
     trusted = [0.9, 0.2] + [None] * (STEPS - 2)
     ours = [changed(one, plan=plan | {"trusted": trusted}) for one in ours]
     theirs = [changed(one, plan=plan | {"trusted": [None] * STEPS}) for one in theirs]
-    assert told_apart(panels(ours))[0].answers["lost"]["trusted"].auroc.mean == 1.0
-    assert "trusted" not in told_apart(panels(theirs))[0].answers["lost"]
+    assert answers(ours).loc["lost", "trusted"]["auroc"] == 1.0
+    assert "trusted" not in answers(theirs).loc["lost"].index
     assert "trusted" in told_apart_table(panel_of(ours)).frame
 
 
@@ -126,7 +125,7 @@ def test_only_a_trial_whose_world_differs_from_the_map_keeps_signals():
     def record_of(**world):
         trial = Trial(
             scenario="sharp", localizer="dead-reckoning", params={}, lag=0, seed=0, trial=0,
-            world=Changes(world),
+            world=Changes(world)
         )  # fmt: skip
         return Stage.of(trial).trace()
 

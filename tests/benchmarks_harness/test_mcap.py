@@ -97,10 +97,10 @@ def lap(tmp_path_factory):
     """The first steps of a hedge in the paper's room, in px, beside what is in the file."""
     trial = Trial(
         scenario="guided", localizer="mcl-plan-hedged", params={"particles": 50}, lag=0, seed=1,
-        trial=0,
+        trial=0
     )  # fmt: skip
     stage, path = Stage.of(trial), tmp_path_factory.mktemp("mcap") / "new" / "a.mcap"
-    episode = (moment for moment in stage.moments() if moment.step <= 12)
+    episode = (moment for moment in stage.moments() if moment.t <= 12)
     kept = []
     with showing(path, {"H": episode}, stage) as rows:
         for (moment,) in rows:
@@ -223,7 +223,7 @@ def segment_of(log, number=0):
     world = {"log": str(log), "map": str(log.with_name("hall.yaml")), "segment": 1.0}
     return Trial(
         scenario="log", world=world | {"every": "0.05m,2deg"}, localizer="dead-reckoning",
-        params=(), lag=0, seed=0, trial=number,
+        params=(), lag=0, seed=0, trial=number
     )  # fmt: skip
 
 

@@ -102,10 +102,9 @@ scores.METRICS += (
 import msgspec
 import numpy as np
 from fake_episode import traced
-from report_cases import changed, finished
+from report_cases import changed, finished, trials_csv
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.tables.csv_files import trials_csv
 from benchmarks.trials.scoring import record
 
 

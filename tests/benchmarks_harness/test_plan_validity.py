@@ -10,9 +10,8 @@ from report_cases import changed, finished, lines_of, results
 
 from benchmarks.report.frames import validity_frame
 from benchmarks.report.tables import validity_table
-from benchmarks.tables.csv_files import plans_csv
 from benchmarks.tables.panels import panels
-from benchmarks.tables.plan_validity import RECENT, validities
+from benchmarks.tables.signals import RECENT, plans_table
 from benchmarks.trials.scoring import ErrorCurve
 from benchmarks.trials.trace import PLAN_COLUMNS, plan_columns, plan_row
 from localizers.inference.belief import PlanReading
@@ -56,18 +55,20 @@ def planned(record, columns):
     return changed(record, plan=columns, steps_done=steps, curves={0: ErrorCurve(0, [1.0])})
 
 
+def signals(records):
+    """Rows of plans.csv by signal."""
+    return plans_table(panels(records)).set_index("signal")
+
+
 def test_steps_of_scenarios_are_taken_together_by_world():
     records = [run(w, [0.0, 0.0], [0.9, 0.5], scenario="guided") for w in (0, 1)]
     records += [run(w, [1.0, None], [0.7, 0.1], scenario="guided-stale") for w in (0, 1)]
     records += [finished("mcl-map", 0, 1.0, scenario="guided")]
-    (row,) = validities(panels(records))
-    found = row.signals["feasible"]
-    told = (row.label, found.auroc.mean, found.far_steps, found.far_worlds)
-    assert told == ("mcl-plan", 0.5, 1 / 3, 2)
-    assert [panel.setting.scenario for panel in row.panels] == ["guided", "guided-stale"]
+    row = signals(records).loc["feasible"]
+    assert (row.label, row.auroc, row.conflict_steps) == ("mcl-plan", 0.5, 1 / 3)
+    assert (row.conflict_worlds, row.scenarios) == (2, "guided guided-stale")
     table = validity_table(validity_frame(results(records)))
     assert lines_of(table)[0][:2] == ["guided, guided-stale", "mcl-plan"]
-    assert plans_csv([row]).count("\n") == 1 + len(row.signals)
 
 
 def test_the_trust_of_a_lap_is_its_least_and_is_told_of_hedges_only():
@@ -77,12 +78,10 @@ def test_the_trust_of_a_lap_is_its_least_and_is_told_of_hedges_only():
 
     right = [lap(w, [0.0, 0.0, 0.0], [0.4, 0.4, 0.4], "guided") for w in (0, 1)]
     wrong = [lap(w, [1.0, 0.0, 0.0], [0.9, 0.3, None], "guided-stale") for w in (0, 1)]
-    (row,) = validities(panels(right + wrong))
-    assert row.signals["trusted_lap"].auroc.mean == 1.0
-    assert row.signals["trusted"].auroc.mean == 0.0
+    found = signals(right + wrong)["auroc"]
+    assert (found["trusted_lap"], found["trusted"]) == (1.0, 0.0)
     blind = [lap(w, [0.0, 1.0], [None, None], "guided") for w in (0, 1)]
-    (row,) = validities(panels(blind))
-    assert not {"trusted", "trusted_lap"} & row.signals.keys()
+    assert not {"trusted", "trusted_lap"} & set(signals(blind).index)
 
 
 def test_recent_evidence_is_the_mean_of_the_steps_so_far_at_most_twenty():
@@ -92,9 +91,10 @@ def test_recent_evidence_is_the_mean_of_the_steps_so_far_at_most_twenty():
     records = [
         run(w, conflict, [0.5] * steps, scenario="guided", evidence=evidence) for w in (0, 1)
     ]
-    (row,) = validities(panels(records))
-    assert row.signals[f"log_evidence_{RECENT}"].auroc.mean == 1.0
-    assert row.signals["log_evidence"].far_steps == 1 / (steps - 1)  # the last one is not known
+    rows = signals(records)
+    assert rows.loc[f"log_evidence_{RECENT}", "auroc"] == 1.0
+    # the last one is not known
+    assert rows.loc["log_evidence", "conflict_steps"] == 1 / (steps - 1)
 
 
 def test_a_sweep_without_plans_or_without_conflict_has_no_table():

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import calls
 import pytest
@@ -19,7 +20,7 @@ from benchmarks.execution.processes import (
     TimedOutError,
     WorkerDiedError,
 )
-from benchmarks.execution.starting import ONE_THREAD
+from benchmarks.execution.starting import ONE_THREAD, sheltered
 from benchmarks.sweeps.suites import paper_suite
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -76,6 +77,17 @@ def test_a_worker_has_one_thread_and_leaves_ctrl_c_to_its_parent(pool):
     assert pool.submit(calls.environment, list(ONE_THREAD)).result() == (ONE_THREAD, 1)
     assert {name: os.environ.get(name) for name in ONE_THREAD} == before
     assert pool.submit(calls.interrupted).result() == "no"
+
+
+def test_processes_that_start_at_once_leave_the_environment_as_it_was():
+    def start(seconds):
+        with sheltered():
+            time.sleep(seconds)
+
+    before = dict(os.environ)
+    with ThreadPoolExecutor(4) as threads:
+        [*threads.map(start, [0.001, 0.003, 0.002, 0.004] * 5)]
+    assert dict(os.environ) == before
 
 
 def test_a_call_that_takes_too_long_is_given_up_by_name_and_its_process_killed():

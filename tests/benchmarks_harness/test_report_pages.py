@@ -12,8 +12,8 @@ import pytest
 from report_cases import THREE, paired, results, trial_of, trials, written
 
 from benchmarks.report import animations, writing
+from benchmarks.report.animations import Animation
 from benchmarks.sweeps import drawing
-from benchmarks.sweeps.drawing import Animation
 
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"
 TITLE = "Sweep <i>& more"

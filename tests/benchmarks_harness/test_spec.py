@@ -2,17 +2,14 @@
 
 import json
 import math
-import re
 from dataclasses import fields, replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from refusals import refused
 
 from benchmarks.setup.changes import Changes, Named, of_json
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.manifest import seeds as told_seeds
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
 from benchmarks.trials.spec import Method, Trial
 
@@ -45,20 +42,6 @@ def test_every_field_is_in_the_name_of_a_result_and_few_are_in_the_seeds(field):
     assert other.key("p") != TRIAL.key("p")
     assert (other.world_seed != TRIAL.world_seed) == (field in WORLD)
     assert (stream(other) != stream(TRIAL)) == (field in FILTER)
-
-
-def test_a_manifest_tells_the_streams_of_a_trial():
-    trial = replace(TRIAL, seed=7, filter_seed=5)
-    told = told_seeds(trial.seed)
-
-    def sequence(name, *last):
-        kind = re.search(r"spawn_key=\(i, (\d)", told[name])[1]
-        return np.random.SeedSequence(told["root"], spawn_key=(trial.trial, int(kind), *last))
-
-    assert sequence("world").generate_state(1, np.uint64)[0] >> 11 == trial.world_seed
-    for name, rng in {"localizer": trial.filter_rng(), "start": trial.start_rng()}.items():
-        same = np.random.default_rng(sequence(name, trial.filter_seed))
-        assert same.integers(2**63) == rng.integers(2**63), name
 
 
 def test_a_name_is_of_the_trial_and_what_computes_it_whatever_the_order_of_parameters():

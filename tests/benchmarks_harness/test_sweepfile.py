@@ -9,7 +9,7 @@ import pytest
 from refusals import refused
 
 from benchmarks.setup.changes import Changes, located
-from benchmarks.sweeps.design import MOST
+from benchmarks.sweeps.design import MOST_TRIALS
 from benchmarks.sweeps.running import check
 from benchmarks.sweeps.suites import SUITES, sweep_named
 from benchmarks.sweeps.sweepfile import read_sweep, with_localizers
@@ -263,7 +263,7 @@ def test_what_only_a_machine_would_write_is_refused(tmp_path, content, words):
 
 def test_a_sweep_of_more_trials_than_a_folder_can_hold_is_counted_and_refused(tmp_path):
     text = 'localizers = ["mcl"]\ntrials = 100000\nfilter_seeds = '
-    assert read(tmp_path, f"{text}10").combinations == MOST
+    assert read(tmp_path, f"{text}10").combinations == MOST_TRIALS
     axis = f"[[vary]]\nworld.noise.drive = {list(range(400))}\n"
     with refused("has 4,000,000,000,000 trials, more than 1,000,000"):
         read(tmp_path, f"{text}100000\n{axis}")

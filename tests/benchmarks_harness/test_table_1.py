@@ -3,9 +3,9 @@
 import math
 
 import pytest
-from report_cases import changed, comparisons, finished, paired, parsed, trials
+from report_cases import changed, finished, paired, parsed, table_of, trials, trials_csv
 
-from benchmarks.tables.csv_files import timings_csv, trials_csv
+from benchmarks.tables.frames import csv_of, timings_table
 from benchmarks.tables.table_1 import reading, table_1
 from benchmarks.tables.text import WORDS, csv_text
 
@@ -21,7 +21,7 @@ PAPER = (4, 6, 9, 11, 13, 15)  # columns
 
 def lines(*records):
     """Cells of each line below the header of the Markdown table."""
-    text = table_1(comparisons(records), "github")
+    text = table_1(table_of(records), "github")
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines()[2:]]
 
 
@@ -54,7 +54,7 @@ def test_what_is_unknown_reads_na_and_a_difference_without_interval_stands_alone
 
 
 def test_in_a_terminal_no_line_of_any_method_of_ours_is_longer_than_120_columns():
-    rows = comparisons(paired(dict.fromkeys(("mcl", *WORDS), (1234.5, (0, -20, 20)))))
+    rows = table_of(paired(dict.fromkeys(("mcl", *WORDS), (1234.5, (0, -20, 20)))))
     for line in table_1(rows, "simple").splitlines():
         assert len(line) <= 120
     header = table_1(rows, "simple").splitlines()[0]
@@ -64,7 +64,7 @@ def test_in_a_terminal_no_line_of_any_method_of_ours_is_longer_than_120_columns(
 def sentence(**errors):
     """The reading of a table with these errors at x[t]; underscores for hyphens."""
     records = [finished(name.replace("_", "-"), 0, {0: e, -20: 0.5}) for name, e in errors.items()]
-    return reading(comparisons(records))
+    return reading(table_of(records))
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_trials_csv_has_a_line_per_trial_and_offset_with_its_counts():
 
 def test_timings_csv_has_a_line_per_trial_in_seconds_and_milliseconds_per_step():
     timed = [changed(finished("mcl", 0, 1.0), seconds=seconds) for seconds in (0.3, None)]
-    lines = parsed(timings_csv(timed))
+    lines = parsed(csv_of(timings_table(timed)))
     assert [(line["seconds"], line["ms_per_step"]) for line in lines] == [("0.3", "5.0"), ("", "")]
 
 

@@ -20,7 +20,7 @@ from fake_episode import (
 
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.collecting import JourneyLog
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.episode import Step
 from benchmarks.trials.scores import groups_named
 from benchmarks.trials.scoring import LATER, SCORE_NAMES, Record, profile, record, scores
 from benchmarks.trials.trace import trace_of
@@ -71,7 +71,7 @@ def test_offsets_that_a_method_does_not_hold_have_no_row_and_no_place_in_the_pro
 
 def test_only_states_of_the_lap_that_were_held_are_scored_even_if_others_are_believed_in():
     everything = FakeBelief({k: (truth_of(0)[None], np.ones(1)) for k in OFFSETS})
-    moments = [Moment(t, truth_of(t), USABLE, everything, 0.0) for t in range(T + 1)]
+    moments = [Step(t, truth_of(t), USABLE, everything, 0.0) for t in range(T + 1)]
     for trace in (traced(T, OFFSETS), trace_of(moments, OFFSETS, TASK)):
         states = {offset: kept.states.tolist() for offset, kept in trace.offsets.items()}
         assert states == {0: [*range(T + 1)], -L: [*range(T - L + 1)], L: [*range(L, T + 1)]}
@@ -217,7 +217,7 @@ def test_a_belief_is_scored_as_it_was_when_it_was_given():
     def moments():
         for t in range(T + 1):
             Reused.poses[:] = np.add(truth_of(t), (t, 0, 0))
-            yield Moment(t, truth_of(t), USABLE, Reused(), 0.0)
+            yield Step(t, truth_of(t), USABLE, Reused(), 0.0)
 
     error = recorded(trace_of(moments(), OFFSETS, TASK))["curves"]
     assert error["0"]["error"] == [*range(T + 1)]
@@ -250,7 +250,7 @@ class RatedBelief(FakeBelief):
 def rated(*qualities):
     """The trace of an episode whose beliefs have these qualities at t = 0, 1, …"""
     moments = [
-        Moment(t, truth_of(t), USABLE, RatedBelief({0: one_point(t, 0)}, quality), 0.0)
+        Step(t, truth_of(t), USABLE, RatedBelief({0: one_point(t, 0)}, quality), 0.0)
         for t, quality in enumerate(qualities)
     ]
     return trace_of(moments, (0,), TASK)
@@ -293,7 +293,7 @@ def test_the_curve_of_a_record_begins_at_its_first_state_and_holds_every_error()
 @pytest.mark.parametrize("silent", [range(T + 1), [4], [T]])
 def test_a_belief_without_points_of_the_present_is_refused_at_whatever_step(silent):
     moments = [
-        Moment(t, truth_of(t), USABLE, FakeBelief({} if t in silent else {0: one_point(t, 0)}), 0.0)
+        Step(t, truth_of(t), USABLE, FakeBelief({} if t in silent else {0: one_point(t, 0)}), 0.0)
         for t in range(T + 1)
     ]
     said = f"its belief of state {silent[0]} holds no points of the present"
@@ -305,7 +305,7 @@ def test_a_belief_without_points_of_the_present_is_refused_at_whatever_step(sile
     "points", [(np.zeros((2, 2)), np.full(2, 0.5)), (np.zeros((0, 3)), np.zeros(0)), ("a", "b")]
 )
 def test_what_is_no_belief_is_refused_by_name_in_whole_runs_too(points):
-    moments = [Moment(0, truth_of(0), USABLE, FakeBelief({0: points}), 0.0)]
+    moments = [Step(0, truth_of(0), USABLE, FakeBelief({0: points}), 0.0)]
     with pytest.raises(InputError, match="its belief of state 0 at offset 0 has"):
         trace_of(moments, (0,), TASK, JourneyLog(TASK, groups_named(["lost"])))
 
@@ -313,7 +313,7 @@ def test_what_is_no_belief_is_refused_by_name_in_whole_runs_too(points):
 def test_a_belief_may_be_lists_in_whole_runs_too():
     believed = FakeBelief({0: ([[100.0, 50.0, 0.5], [101.0, 50.0, 0.5]], [0.5, 0.5])})
     forth = np.array([1.0, 0.0])
-    moments = [Moment(t, truth_of(t), USABLE, believed, 0.0, forth if t else None) for t in (0, 1)]
+    moments = [Step(t, truth_of(t), USABLE, believed, 0.0, forth if t else None) for t in (0, 1)]
     asked = JourneyLog(TASK, groups_named(["lost", "ambiguity"]))
     found = trace_of(moments, (0,), TASK, asked)
     assert found.journey.scores["metres_to_localize"] == 0

@@ -21,6 +21,7 @@ from benchmarks.replay.calibration import (
 )
 from benchmarks.replay.command import replay_sweep
 from benchmarks.replay.options import replay_of
+from benchmarks.setup.settings import settings
 from benchmarks.trials.attempt import attempt
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.stage import Stage
@@ -93,7 +94,9 @@ def test_fitted_beams_are_those_that_made_the_log_and_are_told_as_they_can_be_gi
     assert beam.hit == pytest.approx(0.9, abs=5 * math.sqrt(0.09 / k) + 0.005)
     assert beam.sigma == pytest.approx(0.03, rel=5 / math.sqrt(2 * 0.9 * k) + 0.02)
     words = found.beams.partition("--scan ")[2].partition(" ")[0]
-    again = replay_of(folder / "people.npz", folder / "hall.yaml", scan=words, **told)
+    again = replay_of(
+        folder / "people.npz", folder / "hall.yaml", scan=settings("--scan", [words], "…"), **told
+    )
     assert again.scenario.scan == beam
     assert found.scenario.judged == count
     assert beams_of(replay.log, replay.scenario.recording()[1]).readings > 3 * k
@@ -121,7 +124,7 @@ def largest_errors(tmp_path, cells, name, power, **params):
     occupancy[tuple(np.transpose(cells))] = 100
     GridMap(occupancy=occupancy, resolution=0.05).save(tmp_path / "hall.yaml")
     logs.write(test_yardstick.recorded(0), tmp_path / "log.npz")
-    told = {"every": "0.1m,5deg", "scan": f"power={power}"}
+    told = {"every": "0.1m,5deg", "scan": {"power": power}}
     replay = replay_of(tmp_path / "log.npz", tmp_path / "hall.yaml", **told)
     own = {name: params}
     sweep = replay_sweep(replay, [name], particles=1000, seeds=2, root=1, shared={}, own=own)

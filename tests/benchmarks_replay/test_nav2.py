@@ -486,7 +486,7 @@ def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded
         (["--param", "amcl.selective_resampling=true"], "selective_resampling None → True"),
         (["--max-beams", "20"], "max_beams 30 → 20"),
         (["--every", "0.2m,1rad"], "update_min_a 0.2 → 1.0, update_min_d 0.1 → 0.2"),
-        (["--read", "max_range=3"], "laser_max_range 4.0 → 3.0"),
+        (["--read", "max_range=3"], "laser_max_range 4.0 → 3"),
         (["--read", "min_range=0.2"], "laser_min_range the sensor's → 0.2"),
         (["--start=1,1,0"], "initial_pose (1.2, 1.0, 0.1) → (1.0, 1.0, 0.0)"),
         (["--reference", "x.tum"], "initial_pose (1.2, 1.0, 0.1) → another start"),

@@ -11,7 +11,7 @@ import pytest
 from bags import written
 from deqmcl_command import records, stored
 from hall import recorded_in_a_hall, write_lap
-from report_cases import lines_of, panel_of
+from report_cases import lines_of, panel_of, table_of
 
 from benchmarks.cli import main
 from benchmarks.replay.command import methods_of
@@ -19,10 +19,9 @@ from benchmarks.replay.options import replay_of
 from benchmarks.report.tracks import differences_table, tables_of, told
 from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.tables.panels import panels
 from benchmarks.tables.tracks import rows_of
 from benchmarks.trials.collecting import TrackLog
-from benchmarks.trials.episode import Moment
+from benchmarks.trials.episode import Step
 from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished
 from benchmarks.trials.spec import Trial
 from deqmcl_gym import logs
@@ -97,7 +96,7 @@ def kept_at(errors, cloud=(0.0,), judged=0, interpolated=None):
     kept = TrackLog(log, ROOM, Thresholds(far=1.0, lost=1.0), judged)
     for step, error in enumerate(errors):
         points = np.column_stack([error + np.array(cloud), *np.zeros((2, len(cloud)))])
-        kept.see(Moment(step, np.zeros(3), log.ranges[step], PointsBelief(points), 0.0))
+        kept.see(Step(step, np.zeros(3), log.ranges[step], PointsBelief(points), 0.0))
     return kept
 
 
@@ -286,23 +285,22 @@ def test_what_the_reader_warns_of_is_also_said_before_a_refusal(recorded, capsys
 @pytest.mark.parametrize(
     ("kind", "part", "rest"),
     [
-        ("differential", "alpha3=0.5", "alpha1=0.1,alpha2=0.1,alpha4=0"),
-        ("omni", "alpha5=0.5", "alpha1=0.1,alpha2=0.1,alpha3=0.1,alpha4=0"),
-        ("odometry", "drive=0.5", "turn=0.1,drift=0"),
+        ("differential", {"alpha3": 0.5}, {"alpha1": 0.1, "alpha2": 0.1, "alpha4": 0}),
+        ("omni", {"alpha5": 0.5}, {"alpha1": 0.1, "alpha2": 0.1, "alpha3": 0.1, "alpha4": 0}),
+        ("odometry", {"drive": 0.5}, {"turn": 0.1, "drift": 0}),
     ],
 )
 def test_motion_given_in_part_leaves_the_rest_as_it_would_be(recorded, kind, part, rest):
-    (name, value), chosen = part.split("="), f"kind={kind}"
+    (name,), chosen = part, {"kind": kind}
     origin = "of the log's odometry against its reference"
     replays = [
-        replay_of("lap.csv", "hall.yaml", motion=",".join(words), reference="lap.tum")
-        for words in ((chosen,), (chosen, part), (chosen, part, rest))
+        replay_of("lap.csv", "hall.yaml", motion=given, reference="lap.tum")
+        for given in (chosen, chosen | part, chosen | part | rest)
     ]
     estimated, partly, whole = (replay.motion for replay in replays)
     assert estimated == motion_noise(replays[0].log, kind)
-    assert partly == replace(estimated, **{name: float(value)})
-    words = dict(one.split("=") for one in f"{part},{rest}".split(","))
-    assert vars(whole) == vars(whole) | {key: float(word) for key, word in words.items()}
+    assert partly == replace(estimated, **part)
+    assert vars(whole) == vars(whole) | part | rest
     said = [replay.noise for replay in replays]
     assert said[0].startswith(origin)
     assert said[1].startswith(f"{name} given; the rest {origin}")
@@ -354,12 +352,10 @@ def test_differences_that_many_runs_show_are_confirmed_and_others_say_what_it_ta
         for name, middle in (("mcl", 0.1), ("amcl", 0.2), ("ekf", 0.1))
         for seed, error in enumerate(rng.normal(middle, 0.01, 12))
     ]
-    (panel,) = panels(records, "mcl")
-    far, same = (row.journey["position_median"] for row in panel.present[1:])
-    assert far.p == pytest.approx(2 / 2**12)  # all on one side
-    assert far.significant
-    assert far.diff.mean == pytest.approx(0.1, abs=0.01)
-    assert not same.significant
+    far, same = (row for _, row in table_of(records).iloc[1:].iterrows())
+    assert far.position_median_p == pytest.approx(2 / 2**12, rel=1e-5)  # all on one side
+    assert far.position_median_p_holm < 0.05 < same.position_median_p_holm
+    assert far.position_median_diff == pytest.approx(0.1, abs=0.01)
     lines = lines_of(differences_table(panel_of(records)))
     assert [line[-1] == "–" for line in lines] == [True, False]
     assert all(line[2] == "+0 (0 to 0)" for line in lines)  # all are localized
@@ -392,7 +388,7 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--motion", "drive=1"), "unknown assumption 'motion.drive'"),
         (("--motion", "kind=odometry,dive=1"), "did you mean 'motion.drive'?"),
         (("--motion", "kind=omni,still=1"), "'motion.still'"),
-        (("--motion", "alpha1=much"), "must be name=number"),
+        (("--motion", "alpha1=much"), "alpha1 is 'much'"),
         (("--motion", "alpha1=-1"), "alpha1 is -1"),
         (("--scan", "power=0"), "scan.power"),
         (("--scan", "kind=sonar"), "kind of scan"),
@@ -409,11 +405,13 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--param", "amcl.pf_z=much"), "pf_z"),
         (("--param", "mcl.particles=9", "--param", "mcl.particles=9"), "twice"),
         (("--motion", "alpha1=0.1,alpha1=0.2"), "--motion gives alpha1 twice"),
-        (("--motion", "=0.1"), "--motion has '=0.1', but must be name=number"),
-        (("--scan", "sigma"), "--scan has 'sigma', but must be name=number"),
-        (("--changed-walls", "share"), "--changed-walls has 'share', but must be name=value"),
+        (("--motion", "=0.1"), "--motion has '=0.1', but must be NAME=VALUE"),
+        (("--scan", "sigma"), "--scan has 'sigma', but must be NAME=VALUE"),
+        (("--changed-walls", "share"), "--changed-walls has 'share', but must be NAME=VALUE"),
         (("--read", "max_range"), "--read has 'max_range', but must be NAME=VALUE"),
         (("--read", "max_range=9", "--read", "max_range=8"), "--read gives max_range twice"),
+        (("--changed-walls", "seed=1,seed=2"), "--changed-walls gives seed twice"),
+        (("--changed-walls", "seed=nan"), "--changed-walls seed is nan"),
         (("--jobs", "0"), "--jobs"),
         (("--start", "room=1,1,2,2"), "room=x,y,x,y,x,y,"),
         (("--start", "near=1,1,1,1"), "prior.within"),
@@ -554,7 +552,11 @@ def test_odometry_that_moves_sideways_is_told_unless_the_motion_model_knows_it(r
     logs.write(replace(log, odometry=strafing), "strafing.csv")
     said = [
         replay_of(name, "hall.yaml", motion=motion, reference="lap.tum").sideways
-        for name, motion in (("strafing.csv", ""), ("strafing.csv", "kind=omni"), ("lap.csv", ""))
+        for name, motion in (
+            ("strafing.csv", {}),
+            ("strafing.csv", {"kind": "omni"}),
+            ("lap.csv", {}),
+        )
     ]
     assert "of odometry are sideways: for a robot that can move so, add --motion" in said[0]
     assert said[1:] == [None, None]

@@ -9,12 +9,12 @@ import pytest
 from room_cases import SMALL
 
 import deqmcl_gym  # noqa: F401
-from benchmarks.studies.acting import play
 from deqmcl_gym.envs.acting import LocalizeEnv, Site, TrackEnv
 from deqmcl_gym.maps import Office, Offices
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.config import Lidar, World
 from deqmcl_gym.world.presets import PAPER_ROOM
+from docs.examples.acting.scores import play
 from localizers import GaussianPrior, PointsBelief, UniformPrior
 
 QUICK = {"floor_plan": {"office": SMALL}, "localizer": {"name": "mcl-map", "particles": 3000}}

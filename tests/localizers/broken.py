@@ -139,7 +139,7 @@ class NothingLeftRunning(MyLocalizer):
     """Starts a thread for each drive, and forgets it."""
 
     def reset(self, prior, plan, rng):
-        threading.Thread(target=time.sleep, args=(3.0,)).start()
+        threading.Thread(target=time.sleep, args=(30.0,), name="lidar", daemon=True).start()
         return super().reset(prior, plan, rng)
 
 
@@ -147,7 +147,7 @@ class LeavesAProcess(MyLocalizer):
     """Breaks the same law by a process."""
 
     def reset(self, prior, plan, rng):
-        subprocess.Popen(["sleep", "3"])
+        subprocess.Popen(["sleep", "20"])
         return super().reset(prior, plan, rng)
 
 

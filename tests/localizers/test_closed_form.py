@@ -190,11 +190,11 @@ def test_the_nees_is_that_of_an_exact_posterior_in_the_matched_world():
     for trial in range(worlds):
         setting = Trial(scenario="matched", localizer="ekf", params=(), lag=20, seed=5, trial=trial)
         for moment in Stage.of(setting).moments():
-            if moment.step in steps:
+            if moment.t in steps:
                 apart = moment.truth - moment.belief.mean
                 apart[2] = math.remainder(apart[2], 2 * math.pi)
                 square = apart @ np.linalg.solve(moment.belief.covariance, apart)
-                sums[steps.index(moment.step)] += square
-            if moment.step == max(steps):
+                sums[steps.index(moment.t)] += square
+            if moment.t == max(steps):
                 break
     assert (np.abs(sums - 3 * worlds) < 4 * math.sqrt(6 * worlds)).all(), sums / worlds

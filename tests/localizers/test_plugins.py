@@ -15,9 +15,6 @@ from refusals import refused
 
 import localizers
 from benchmarks.setup.names import AGENT
-from benchmarks.trials.attempt import attempt
-from benchmarks.trials.plugins import key_of
-from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 from localizers import kinds
 from localizers.digests import UNREAD
@@ -251,32 +248,6 @@ def test_a_file_with_one_localizer_means_that(tmp_path, robot, other):
         assert LOCALIZER.complete(name) == name
 
 
-STARTING = """
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor
-from localizers.template import MyLocalizer
-
-def double(x):
-    return 2 * x
-
-class Mine(MyLocalizer):
-    def reset(self, prior, plan, rng):
-        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as own:
-            own.submit(double, 1).result()
-        return super().reset(prior, plan, rng)
-"""
-
-
-def test_a_file_whose_own_processes_cannot_import_it_is_told_to_be_a_package(tmp_path):
-    (tmp_path / "starts.py").write_text(STARTING)
-    trial = Trial(
-        scenario="paper", localizer=f"{tmp_path}/starts.py:Mine", params={}, lag=0, seed=0, trial=0
-    )  # fmt: skip
-    reason = attempt(trial, key_of(trial)).reason
-    assert reason.startswith("BrokenProcessPool: ")
-    assert reason.endswith("so make it a package")
-
-
 @pytest.mark.parametrize(
     ("name", "words"),
     [
@@ -339,14 +310,15 @@ def test_what_is_no_localizer_is_refused_when_it_is_made(robot, file, attribute,
         localizers.make(f"{file}:{attribute}", robot)
 
 
-def test_a_file_is_resolved_again_in_a_spawned_process(file, monkeypatch):
+def test_a_file_is_resolved_again_in_a_spawned_process(robot, file, monkeypatch):
     monkeypatch.chdir(file.parent)
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, mp_context=context) as pool:
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         for name in ("mine.py:Mine", f"{file}:Mine"):
-            asked = [(localizers.parameters, (name,)), (localizers.source_digest, (name,))]
-            for function, arguments in asked:
-                assert pool.submit(function, *arguments).result() == function(*arguments)
+            digest = localizers.source_digest(name)
+            assert pool.submit(localizers.source_digest, name).result() == digest
+            there = pool.submit(localizers.make, name, robot, gain=2.0)
+            assert localizers.parameters(name) == ("gain",)  # loads the class of the answer
+            assert there.result().gain == 2.0
 
 
 def test_the_digest_of_a_file_changes_with_its_text_alone_wherever_it_lies(file, tmp_path):

@@ -29,13 +29,18 @@ def room(tmp_path, monkeypatch):
     return path
 
 
-def test_run_takes_it(room, capsys):
-    assert exit_code("run", *FEW, "--localizer", "mcl", "--out", "lap") == 0
+@pytest.mark.parametrize(("text", "method"), [(ROOM, "mcl"), (OFFICE, "mcl-map")])
+def test_run_takes_it(room, capsys, text, method):
+    room.write_text(text)
+    Office(wings=1, corridors=1).grid.save("office.yaml")
+    assert exit_code("run", *FEW, "--localizer", method, "--out", "lap") == 0
     assert "position RMSE" in capsys.readouterr().out
     assert (Path("lap") / "lap.webp").stat().st_size > 0
 
 
-def test_paper_takes_it_on_one_and_two_processes_and_another_folder(room, monkeypatch):
+def test_paper_takes_it_on_one_and_two_processes_and_another_folder_until_it_is_edited(
+    room, monkeypatch, refusal
+):
     methods = ("--localizers", "mcl,deq-mcl,dead-reckoning", "--trials", "2")
     assert exit_code("paper", *FEW, *methods, "--jobs", "1", "--out", "one") == 0
     (room.parent / "elsewhere").mkdir()
@@ -48,6 +53,10 @@ def test_paper_takes_it_on_one_and_two_processes_and_another_folder(room, monkey
     assert one["results.csv"] == two["results.csv"]
     assert str(room).encode() in one["trials.csv"]
     assert "report.html" in one
+    plug_ins = json.loads(one["manifest.json"])["identity"]["plug-ins"]
+    assert list(plug_ins) == [str(room)]
+    room.write_text(ROOM.replace("0.3", "0.4"))
+    refusal(["paper", *there, *methods, "--jobs", "1", "--out", "../one"], f"plug-ins.{room} was")
 
 
 def test_sweeps_take_it_beside_ours_and_parts_can_be_taken_away(room):
@@ -80,29 +89,9 @@ def test_in_the_sweep_of_the_page_filters_assume_the_noise_of_each_world(tmp_pat
     assert all(vars(stage.robot.motion) == vars(stage.room.world.noise) for stage in told)
 
 
-def test_an_edited_file_makes_results_of_another_key_and_is_named(room, refusal):
-    few = ("paper", *FEW, "--localizers", "mcl", "--trials", "1", "--jobs", "1", "--out", "out")
-    with without_report():
-        assert exit_code(*few) == 0
-    plug_ins = json.loads(Path("out/manifest.json").read_text())["identity"]["plug-ins"]
-    assert list(plug_ins) == [str(room)]
-    room.write_text(ROOM.replace("0.3", "0.4"))
-    refusal(few, f"plug-ins.{room} was")
-
-
 def test_a_mistake_in_it_is_said_in_one_sentence_and_nothing_is_written(room, refusal):
     room.write_text(ROOM.replace("[env.driver]", "[env.drivr]"))
     said = f"deqmcl: {room}: unknown part of the world 'drivr': did you mean"
     for command in (("run", "--localizer", "mcl"), ("paper",)):
         refusal([*command, *FEW, "--out", "out"], said)
     assert [path.name for path in room.parent.iterdir()] == ["room.toml"]
-
-
-def test_run_drives_through_an_office_of_ones_own(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    Path("office.toml").write_text(OFFICE)
-    Office(wings=1, corridors=1).grid.save("office.yaml")
-    of = ("--scenario", "office.toml", "--localizer", "mcl-map", "--particles", "50", "--lag", "3")
-    assert exit_code("run", *of, "--out", "out") == 0
-    assert "position RMSE" in capsys.readouterr().out
-    assert (Path("out") / "lap.webp").stat().st_size > 0

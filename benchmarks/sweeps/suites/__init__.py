@@ -37,15 +37,7 @@ SUITES: Mapping[str, Sweep] = _Suites()
 
 
 def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
-    """Return the sweep of a suite, or of a file.
-
-    Args:
-        name: of a suite, or a path that ends in .toml.
-        added: localizers to add.
-
-    Raises:
-        InputError: there is no such suite or file, or no localizer of an added name.
-    """
+    """Return the sweep of a suite, or of a path that ends in .toml, with further localizers."""
     if name.endswith(".toml"):
         return read_sweep(Path(name), added)
     suite_file("suite", name)  # refuses others
@@ -64,16 +56,7 @@ def paper_sweep(
     lag: int = 20,
     **params: Any,
 ) -> Sweep:
-    """Return the paper's experiment: all methods on the same worlds of one scenario.
-
-    Args:
-        scenario: name of the world.
-        localizers: names; each gets those of ``params`` (and ``lag``) that it has a use for.
-        trials: number of worlds.
-        seed: root of all randomness.
-        lag: the lag L.
-        params: of the localizers.
-    """
+    """Return the paper's experiment: all methods on the same worlds of one scenario."""
     return Sweep(
         title="The paper's experiment",
         scenario=scenario,

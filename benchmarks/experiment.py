@@ -1,51 +1,49 @@
-"""What a notebook types: compare localizers, look at the numbers, watch a run.
+"""Localizers compared, ``benchmarks.sweep(…).run(…)``, or watched, ``benchmarks.run(…)``.
 
-``import benchmarks``; a localizer may be a class or a function that is defined in a cell.
+A localizer may be a class or a function that is defined in a notebook's cell.
 """
 
-import io
 import json
 from collections import ChainMap
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from benchmarks.console import checking
 from benchmarks.execution.engines import Where
 from benchmarks.pictures.figures import camera_of
 from benchmarks.pictures.film import Camera
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import write_report
 from benchmarks.scenarios import SCENARIOS
-from benchmarks.setup.changes import Changes
-from benchmarks.sweeps.design import Axis, Sweep
-from benchmarks.sweeps.results import Results, incomplete_sentence
-from benchmarks.sweeps.running import Options, begun, check
+from benchmarks.setup.changes import Changes, Named
+from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.results import Results, incomplete_sentence, summary
+from benchmarks.sweeps.running import Options, Running, begun, check, shard_of
 from benchmarks.sweeps.suites import PAPER_METHODS, SUITES, sweep_named
-from benchmarks.tables.csv_files import results_csv, trials_csv
-from benchmarks.trials.episode import Moment
+from benchmarks.sweeps.sweepfile import refuse_idle, sweep_of
+from benchmarks.sweeps.verifying import adopted
+from benchmarks.tables.comparison import FURTHER, RESULTS
+from benchmarks.tables.frames import INNER, trials_frame
+from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
-from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError, integer, one_of, shown
-from localizers import Belief, registered
+from localizers import registered
 from localizers.registry import Factory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Vary = Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Sequence[Any]]]
-_TAKEN = {"label", *results_csv([]).strip().split(","), *trials_csv([]).strip().split(",")} - {
-    "scenario",
-    "lag",
-}
+_TAKEN = {"label", *RESULTS, *trials_frame([])} - {"scenario", "lag"}
 _SHOWN = ("error", "error_low", "error_high", "diff", "diff_low", "diff_high")  # in Jupyter
 
 
@@ -53,8 +51,8 @@ def sweep(
     of: str | Path | Sweep = "quick",
     *,
     localizers: Sequence[str | Method | Mapping[str, Any] | Factory] = (),
-    vary: Vary = (),
-    **changes: Any,
+    vary: Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Sequence[Any]]] = (),
+    **keys: Any,
 ) -> "Experiment":
     """Return an experiment: settings and methods on paired worlds; nothing is run yet.
 
@@ -64,26 +62,25 @@ def sweep(
             for a robot, or {"name": …, "params": {…}}. A scenario has the methods of the paper.
         vary: values by dotted name, as in ``{"params.particles": [100, 1000]}``; all combinations
             are run. Names that change together stand in one mapping of a list of them.
-        changes: other fields of ``Sweep``: trials, seed, lag, world, assumed, params, baseline, ….
+        keys: others of a sweep file: trials, seed, lag, world, assumed, params, baseline, ….
 
     Raises:
         InputError: an unknown name, or a bad value.
     """
-    changes = _plain(changes)
-    listed = [localizers] if isinstance(localizers, str) or callable(localizers) else localizers
-    methods, factories = _methods(listed)
+    given, factories = _plain(keys), dict[str, Factory]()
+    if localizers:
+        one = isinstance(localizers, str) or callable(localizers)
+        listed, factories = _named([localizers] if one else localizers)
+        given["localizers"] = _plain(listed)
+    if vary:
+        axes = [{name: v} for name, v in vary.items()] if isinstance(vary, Mapping) else vary
+        given["vary"] = _plain(axes)
     with _known(factories):
         base = _base(of)
-        if methods:
-            changes["localizers"] = methods
-            if base.baseline not in {one.name for one in methods}:
-                changes.setdefault("baseline", "")
-        if vary:
-            changes["vary"] = _axes(vary)
-        for name in changes:
-            one_of("field of a sweep", name, (one.name for one in fields(Sweep)))
-        made = replace(base, **changes)
-        _refuse_unused(made)
+        made = sweep_of(given, title=base.title, base=base)
+        if localizers and "baseline" not in given and base.baseline not in made.names:
+            made = replace(made, baseline="")
+        refuse_idle(made)
     return Experiment(made, factories)
 
 
@@ -100,7 +97,20 @@ class Experiment:
     factories: Mapping[str, Factory] = field(default_factory=dict)
 
     def run(
-        self, jobs: int | None = None, out: str | Path | None = None, *, progress: bool = True
+        self,
+        jobs: int | None = None,
+        out: str | Path | None = None,
+        *,
+        executor: str = "process",
+        scheduler: str | None = None,
+        timeout: float | None = None,
+        shard: str | None = None,
+        retry_failed: bool = False,
+        fail_fast: bool = False,
+        adopt: bool = False,
+        report: bool = False,
+        progress: bool = True,
+        command: Sequence[str] = ("python",),
     ) -> "ExperimentResults":
         """Run what is missing, and return all results.
 
@@ -108,18 +118,42 @@ class Experiment:
             jobs: trials at a time; None: one per processor.
             out: folder that keeps the trials, so that a second run goes on, as that of the command
                 does; None: nothing is kept but the results.
-            progress: show a bar.
+            executor, scheduler, timeout: see ``Where``.
+            shard: "i/n" runs every n-th trial, from the i-th.
+            retry_failed, fail_fast, progress: see ``Options``.
+            adopt: go on in a folder of other code, if its sample is verified.
+            report: write tables and page into the folder.
+            command: the words that started it, for the folder.
 
         Raises:
             InputError: something of it is refused; nothing is run then.
         """
-        options = Options(where=Where(jobs=jobs), progress=progress)
+        where = Where(jobs=jobs, executor=executor, scheduler=scheduler, timeout=timeout)
+        part = None if shard is None else shard_of(shard)
+        options = Options(
+            where=where, shard=part, retry_failed=retry_failed, fail_fast=fail_fast,
+            progress=progress
+        )  # fmt: skip
+        where.check()
         with ExitStack() as stack:
-            stack.enter_context(_known(self.factories))
-            check(self.sweep)
             folder = Path(out or f"{stack.enter_context(TemporaryDirectory())}/experiment")
-            running = stack.enter_context(begun(self.sweep, folder, options, command=["python"]))
-            return ExperimentResults(self.sweep, running.results())
+            running = stack.enter_context(self.begun(folder, options, command, adopt=adopt))
+            results = running.results()
+            files = write_report(folder, results) if report else []
+            return ExperimentResults(self.sweep, results, tuple(files))
+
+    @contextmanager
+    def begun(
+        self, out: Path, options: Options, command: Sequence[str], *, adopt: bool = False
+    ) -> Iterator[Running]:
+        """Check it and open its folder, which is held until the block ends; nothing is run yet."""
+        with _known(self.factories):
+            with checking(shown=options.progress):
+                check(self.sweep)
+            if adopt and (verified := adopted(out, self.sweep, options.where)):
+                print(verified)
+            with begun(self.sweep, out, options, command=command) as running:
+                yield running
 
     def __repr__(self) -> str:
         methods = ", ".join(map(str, self.sweep.localizers))
@@ -133,23 +167,24 @@ class ExperimentResults:
     Attributes:
         sweep: what was run.
         results: all of it, for whom the tables are not enough.
+        files: of its report, if one was written where it ran.
     """
 
     sweep: Sweep
     results: Results
+    files: tuple[Path, ...] = ()
 
     @cached_property
     def table(self) -> pd.DataFrame:
         """results.csv: a row for each setting, method and offset; what was varied has columns."""
-        panels = self.results.panels
-        table = pd.read_csv(io.StringIO(results_csv(panels)))
-        table.insert(0, "label", [panel.labels[r.method] for panel in panels for r in panel.rows])
-        return _with_varied(table, self.sweep)
+        table = self.results.table
+        exact = [name for name in table if name not in FURTHER]
+        return _with_varied(table[["label", *exact]].copy(), self.sweep)
 
     @cached_property
     def trials(self) -> pd.DataFrame:
         """trials.csv: a row for each trial and offset; what was varied has columns."""
-        table = pd.read_csv(io.StringIO(trials_csv(self.results.finished)))
+        table = trials_frame(self.results.finished).drop(columns=[*INNER])
         return _with_varied(table, self.sweep)
 
     def plot(self, over: str, value: str = "error", *, offset: int = 0) -> "Figure":
@@ -191,6 +226,13 @@ class ExperimentResults:
         write_report(Path(out), self.results)
         return Path(out) / "report.html"
 
+    def __str__(self) -> str:
+        """Return what the command prints."""
+        if not self.files:
+            return repr(self)
+        said = summary(self.sweep, self.results, self.files[0].parent, self.files)
+        return f"{said}\n{conclusion(self.results)}"
+
     def __repr__(self) -> str:
         lines = [conclusion(self.results), incomplete_sentence(self.results)]
         return "\n".join(filter(None, lines))
@@ -206,32 +248,9 @@ class ExperimentResults:
         """Columns of what was varied, in the order of the axes."""
         return [
             column
-            for axis in self.sweep.vary
-            for name in axis.values
+            for name in self.sweep.varied
             if (column := _column(name, self.sweep)) in self.table
         ]
-
-
-class Step(NamedTuple):
-    """A step of a run.
-
-    Attributes:
-        t: its number, from 0 (reset).
-        truth: the true pose (x, y, θ).
-        ranges: the scan, (B,).
-        action: the command that led here; None at t = 0.
-        plan: the planned actions that the localizer was shown, (h, 2); None: not known.
-        belief: what the localizer believes after it.
-        draw: returns a picture of it, (height, width, 3) uint8: past, present and future.
-    """
-
-    t: int
-    truth: Reals
-    ranges: Reals
-    action: Reals | None
-    plan: Reals | None
-    belief: Belief
-    draw: Callable[[], NDArray[np.uint8]]
 
 
 def run(
@@ -248,27 +267,24 @@ def run(
     Raises:
         InputError: an unknown name, or a bad value.
     """
-    (method,), factories = _methods([localizer])
     integer("trial", trial)
+    (name,), factories = _named([localizer])
     with _known(factories):
         of = Sweep(
             title=scenario,
             scenario=scenario,
-            localizers=(replace(method, params=method.params | Changes(_plain(params))),),
+            localizers=(Method(name, Changes(_plain(params))),),
             seed=seed,
             trials=trial + 1,
         )
         stage = Stage.of(of.distinct()[trial])
-        camera = camera_of(stage)
-        for moment in stage.moments():
-            yield Step(
-                moment.step, moment.truth, moment.ranges, moment.action, moment.plan,
-                moment.belief, _drawing(camera, moment, str(of.localizers[0])),
-            )  # fmt: skip
+        camera, words = camera_of(stage), str(of.localizers[0])
+        for step in stage.moments():
+            yield step._replace(draw=partial(_picture, camera, step, words))
 
 
-def _drawing(camera: Camera, moment: Moment, method: str) -> Callable[[], NDArray[np.uint8]]:
-    return lambda: np.ascontiguousarray(camera.frame(moment, [f"{method}, t = {moment.step}"]))
+def _picture(camera: Camera, step: Step, method: str) -> NDArray[np.uint8]:
+    return np.ascontiguousarray(camera.frame(step, [f"{method}, t = {step.t}"]))
 
 
 def _base(of: str | Path | Sweep) -> Sweep:
@@ -277,36 +293,29 @@ def _base(of: str | Path | Sweep) -> Sweep:
         return of
     name = str(of)
     if name in SCENARIOS and name not in SUITES:
-        return Sweep(title=name, scenario=name, localizers=_methods(PAPER_METHODS)[0])
+        return Sweep(title=name, scenario=name, localizers=tuple(map(Method, PAPER_METHODS)))
     if not name.endswith(".toml"):
         one_of("suite or scenario", name, {**SUITES, **SCENARIOS})
     return sweep_named(name)
 
 
-def _methods(given: Sequence[Any]) -> tuple[tuple[Method, ...], dict[str, Factory]]:
-    """Return methods, and what makes those that were given as classes or functions."""
-    methods, factories = [], dict[str, Factory]()
+def _named(given: Sequence[Any]) -> tuple[list[Any], dict[str, Factory]]:
+    """Return localizers with classes and functions by their names, and these by name."""
+    names, factories = [], dict[str, Factory]()
     for one in given:
-        if isinstance(one, Method | str):
-            methods.append(one if isinstance(one, Method) else Method(name=one))
-            continue
-        if isinstance(one, Mapping):
-            if not {"name"} <= one.keys() <= {"name", "params"}:
-                raise InputError(
-                    f"a localizer is {shown(one)}, but must be {{'name': …, 'params': {{…}}}}."
-                )
-            methods.append(Method(name=one["name"], params=Changes(_plain(one.get("params", {})))))
-            continue
         name = getattr(one.func if isinstance(one, partial) else one, "__name__", None)
-        if not callable(one) or not isinstance(name, str) or name == "<lambda>":
+        if not callable(one):
+            names.append(one)
+        elif not isinstance(name, str) or name == "<lambda>":
             raise InputError(
                 f"the localizer is {shown(one)}, but must be a name, a class or a function with a "
                 "name."
             )
-        if factories.setdefault(name, one) is not one:
+        elif factories.setdefault(name, one) is not one:
             raise InputError(f"two localizers are called {name}: give one of them another name.")
-        methods.append(Method(name=name))
-    return tuple(methods), factories
+        else:
+            names.append(name)
+    return names, factories
 
 
 @contextmanager
@@ -318,35 +327,12 @@ def _known(factories: Mapping[str, Factory]) -> Iterator[None]:
         yield
 
 
-def _axes(vary: Vary) -> tuple[Axis, ...]:
-    """Return the axes of values by name, or of a list of such mappings."""
-    axes = [{name: v} for name, v in vary.items()] if isinstance(vary, Mapping) else vary
-    found = []
-    for one in axes:
-        if not isinstance(one, Mapping):
-            raise InputError(f"vary has {shown(one)}, but must map names to lists of values.")
-        for name, values in one.items():
-            if isinstance(values, str) or not isinstance(values, Iterable):
-                raise InputError(f"{name} is varied by {shown(values)}, but must be a list.")
-        found.append(Axis(values=Changes({name: tuple(_plain(v)) for name, v in one.items()})))
-    return tuple(found)
-
-
-def _refuse_unused(sweep: Sweep) -> None:
-    """Refuse parameters that no localizer of the sweep takes."""
-    taken = [sweep.takes(name) for name in sweep.names]
-    if None in taken:
-        return
-    known = {name for names in taken for name in names or ()}
-    groups = [name.partition(".") for axis in sweep.vary for name in axis.values]
-    for name in (*sweep.params, *(rest for group, _, rest in groups if group == "params")):
-        one_of("parameter", name, known)
-
-
 def _plain(value: Any) -> Any:
-    """Return a value with Python's numbers and lists for NumPy's."""
+    """Return a value as TOML has it: Python's numbers, lists and dicts."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
+    if isinstance(value, Named):
+        return {"name": value.name, "params": _plain(value.params)}
     if isinstance(value, Mapping):
         return {name: _plain(own) for name, own in value.items()}
     return [_plain(own) for own in value] if isinstance(value, list | tuple | range) else value
@@ -354,7 +340,7 @@ def _plain(value: Any) -> Any:
 
 def _with_varied(table: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
     """Return a table with a column for each part of the world, assumption or parameter varied."""
-    for name in [name for axis in sweep.vary for name in axis.values]:
+    for name in sweep.varied:
         group, _, rest = name.partition(".")
         if group in table and rest:
             # a method without the parameter stands beside those with it
@@ -367,6 +353,6 @@ def _with_varied(table: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:
 
 def _column(name: str, sweep: Sweep) -> str:
     """Return the last part of a dotted name, or all of it where that is not one's own."""
-    last = [other.rpartition(".")[2] for axis in sweep.vary for other in axis.values]
+    last = [other.rpartition(".")[2] for other in sweep.varied]
     short = name.rpartition(".")[2]
     return short if last.count(short) == 1 and short not in _TAKEN else name

@@ -1,0 +1,241 @@
+"""Trials as rows of a frame, a row per trial and offset, and their means over worlds.
+
+A trial is told by its setting, its method, its world (``trial``) and its filter seed. Runs are a
+series indexed by the latter two, of one method on one setting; named parts are JSON.
+"""
+
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.tables.panels import Panel, scores_in
+from benchmarks.tables.stats import UNKNOWN, Estimate, estimate, wilson
+from benchmarks.trials.scores import JOURNEY_SCORES, Score
+from benchmarks.trials.scoring import SCORE_NAMES, Finished
+from benchmarks.trials.spec import Method, Setting, Trial
+
+SETTING = tuple(field.name for field in fields(Setting))
+METHOD = ("method", "params")
+PANEL = (*SETTING, "swept", *METHOD)
+RUN = ("trial", "filter_seed")
+_COUNTS = (
+    "steps_done", "scans_used", "weight_collapses", "replanned_steps", "infeasible_plans",
+    "skipped_beams", "blind_scans",
+)  # fmt: skip
+_WHOLE = dict.fromkeys((*_COUNTS, "far_worlds", "conflict_worlds", "worlds"), "Int64")
+INNER = ("way", "failed")  # columns that are not in trials.csv
+
+
+def trials_frame(records: Iterable[Finished], failures: Iterable[Trial] = ()) -> pd.DataFrame:
+    """Return a row per trial and offset; scores of whole runs at offset 0.
+
+    Beside the columns of trials.csv there are ``way``, what the robot drove in m, and ``failed``: a
+    trial that failed is a row with the scores of a whole run in which nothing happened.
+    """
+    listed = list(records)
+    whole = scores_in(listed)
+    rows = [
+        run_columns(record.trial)
+        | {name: score.get(name) for name in ("offset", *SCORE_NAMES)}
+        | {name: record.events.get(name) for name in _COUNTS}
+        | {"steps_done": record.steps_done, "scans_used": record.scans_used}
+        | {one.name: value_in(record, one) for one in whole if score["offset"] == 0}
+        | {"way": record.journey.curves["way"][-1] if record.journey else None, "failed": False}
+        for record in listed
+        for score in record.scores
+    ]
+    known = {
+        record.trial.setting: scores_in([record]) for record in listed if record.journey is not None
+    }
+    rows += [
+        run_columns(trial)
+        | {"offset": 0, "failed": True}
+        | {one.name: one.failed for one in known.get(trial.setting, ())}
+        for trial in failures
+    ]
+    names = [one.name for one in whole]
+    columns = [*SETTING, *METHOD, *RUN, "offset", *SCORE_NAMES, *_COUNTS, *names, *INNER]
+    frame = pd.DataFrame(rows, columns=columns)
+    frame[[*_COUNTS]] = frame[[*_COUNTS]].apply(pd.to_numeric)
+    types = dict.fromkeys((*SCORE_NAMES, *names, "way"), "float64")
+    types |= dict.fromkeys(("lag", "seed", *RUN, "offset"), "int64")
+    return frame.astype(types | {"failed": "bool"})
+
+
+def timings_table(records: Iterable[Finished]) -> pd.DataFrame:
+    """Return timings.csv: the localizer's own time, reset left out."""
+    rows = [
+        run_columns(record.trial)
+        | {"seconds": record.seconds, "ms_per_step": milliseconds_per_step([record])}
+        for record in records
+    ]
+    return pd.DataFrame(rows, columns=[*SETTING, *METHOD, *RUN, "seconds", "ms_per_step"])
+
+
+def csv_of(table: pd.DataFrame, without: Iterable[str] = ("panel", "panels", "label")) -> str:
+    """Return a table as CSV with exact numbers; what is not available is an empty cell."""
+    plain = table.drop(columns=[name for name in without if name in table])
+    plain = plain.astype({name: kind for name, kind in _WHOLE.items() if name in plain})
+    return plain.to_csv(index=False, lineterminator="\n")
+
+
+def setting_columns(setting: Setting) -> dict[str, Any]:
+    """Return a setting as the columns of a row."""
+    wrappers = [wrapper.json() for wrapper in setting.disturbance]
+    changes = map(as_json, (setting.world.json(), setting.assumed.json(), wrappers))
+    parts = (setting.scenario, *changes, setting.lag, setting.seed)
+    return dict(zip(SETTING, parts, strict=True))
+
+
+def method_columns(method: Method, name: str = "method", params: str = "params") -> dict[str, str]:
+    """Return a method as the columns of a row."""
+    agent = {"agent": method.agent.name} if method.agent else {}
+    return {name: method.name, params: as_json(agent | method.values.json())}
+
+
+def panel_columns(panel: Panel, method: Method) -> dict[str, Any]:
+    """Return a panel and one of its methods as the columns of a row; panel is its number."""
+    swept = {"swept": as_json(panel.swept.json())}
+    named = {"panel": panel.number, "label": panel.labels.get(method, "")}
+    return setting_columns(panel.setting) | swept | method_columns(method) | named
+
+
+def ends(name: str, found: Sequence[float] = UNKNOWN, mean: str = "") -> dict[str, float]:
+    """Return an estimate as columns: its mean, and its interval as name_low and name_high."""
+    return dict(zip((mean or name, f"{name}_low", f"{name}_high"), found, strict=True))
+
+
+def run_columns(trial: Trial) -> dict[str, Any]:
+    """Return what tells a trial as the columns of a row."""
+    run = dict(zip(RUN, trial.run, strict=True))
+    return setting_columns(trial.setting) | method_columns(trial.method) | run
+
+
+def as_json(value: Any) -> str:
+    """Return a value as it stands in a cell."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+
+
+Cells = Mapping[tuple[Any, ...], pd.DataFrame]
+
+
+def cells_of(trials: pd.DataFrame) -> Cells:
+    """Return the rows of each method on each setting, by their columns; see ``cell``."""
+    found = trials.groupby([*SETTING, *METHOD], sort=False)
+    return {key: by_run(rows) for key, rows in found}
+
+
+def by_run(rows: pd.DataFrame) -> pd.DataFrame:
+    """Return rows by world and filter seed."""
+    return rows.set_index([*RUN]).sort_index()
+
+
+def cell(cells: Cells, setting: Setting, method: Method) -> pd.DataFrame:
+    """Return the rows of a method on a setting, indexed by run; none if nothing has run."""
+    key = *setting_columns(setting).values(), *method_columns(method).values()
+    found = cells.get(key)
+    return by_run(trials_frame([])) if found is None else found
+
+
+def scored(rows: pd.DataFrame, offset: int = 0) -> pd.DataFrame:
+    """Return the rows at an offset of the runs that came to their end."""
+    return rows[(rows["offset"] == offset) & ~rows["failed"]]
+
+
+def by_world(runs: pd.Series) -> pd.Series:
+    """Return means over the filter seeds of each world; NaN where one run's is not known."""
+    worlds, place = np.unique(runs.index.get_level_values("trial"), return_inverse=True)
+    return pd.Series(np.bincount(place, runs) / np.bincount(place), worlds, "float64")
+
+
+def paired(ours: pd.Series, theirs: pd.Series) -> pd.DataFrame:
+    """Return ours - theirs (apart), and theirs, over the runs in both: a row per world."""
+    both = ours.index.intersection(theirs.index).sort_values()
+    apart = ours[both] - theirs[both]
+    return pd.DataFrame({"apart": by_world(apart), "theirs": by_world(theirs[both])})
+
+
+def whole_runs(rows: pd.DataFrame, score: Score) -> pd.Series:
+    """Return a score of whole runs, failed ones too, where it is known; infinite if censored."""
+    found = rows[score.name] if score.name in rows else pd.Series(index=rows.index, dtype="float64")
+    return pd.Series(found[rows["offset"] == 0].dropna())
+
+
+def restricted(rows: pd.DataFrame, score: Score, longest: pd.Series) -> pd.Series:
+    """Return metres of whole runs, each at most the longest way in its world (``longest_ways``)."""
+    runs = whole_runs(rows, score)
+    most = longest.reindex(runs.index.get_level_values("trial")).fillna(0.0)
+    return pd.Series(np.minimum(runs, most.to_numpy()))
+
+
+def longest_ways(rows: Iterable[pd.DataFrame]) -> pd.Series:
+    """Return the longest way that any of these runs drove in each world, m."""
+    ways = pd.concat([one["way"] for one in rows])
+    return pd.Series(ways.groupby("trial").max().dropna())
+
+
+def scores_of(rows: pd.DataFrame) -> list[Score]:
+    """Return the scores of whole runs that any of these rows has, in their order."""
+    ended = rows[~rows["failed"]]
+    return [s for s in JOURNEY_SCORES.values() if s.name in ended and ended[s.name].notna().any()]
+
+
+def value_in(record: Finished, score: Score) -> float:
+    """Return a score of a run; infinite if it is censored, NaN if it is unknown."""
+    if record.journey is None or score.name not in record.journey.scores:
+        return math.nan
+    value = record.journey.scores[score.name]
+    return float((math.inf if score.censored else math.nan) if value is None else value)
+
+
+def milliseconds_per_step(records: Sequence[Finished]) -> float:
+    """Median over runs of the localizer's time per step, ms; NaN if none was timed."""
+    times = [
+        1000 * record.seconds / record.steps_done
+        for record in records
+        if record.seconds and record.steps_done
+    ]
+    return float(np.median(times)) if times else math.nan
+
+
+def share_curve(runs: pd.Series) -> pd.DataFrame:
+    """Return the share of runs with at most so many metres: metres, share, low and high.
+
+    Runs on a world are averaged first. The band is Wilson's 95 % interval, pointwise, for as many
+    cases as worlds.
+
+    Args:
+        runs: metres of each run; infinite where it did not happen.
+    """
+    metres = np.unique([0.0, *runs[np.isfinite(runs)]])
+    worlds = [by_world(runs <= most) for most in metres]
+    shares = [float(own.to_numpy().mean()) for own in worlds]
+    bands = [wilson(share, len(worlds[0])) for share in shares]
+    low, high = zip(*bands, strict=True)
+    return pd.DataFrame({"metres": metres, "share": shares, "low": low, "high": high})
+
+
+def lap_errors(records: Sequence[Finished]) -> pd.DataFrame:
+    """Return the error over the lap, as far as every run goes: states, mean, low and high of e.
+
+    Of the beliefs about x_t; low and high are the middle 80 % of runs.
+    """
+    curves = [record.curves[0] for record in records]
+    length = min(len(curve.error) for curve in curves)
+    errors = np.array([curve.error[:length] for curve in curves], np.float64)
+    low, high = np.quantile(errors, [0.1, 0.9], axis=0)
+    states = np.arange(length) + curves[0].first_state
+    return pd.DataFrame({"states": states, "mean": errors.mean(axis=0), "low": low, "high": high})
+
+
+def profile(records: Sequence[Finished]) -> dict[int, Estimate]:
+    """Return the error by offset, each over the same states, in the order of the offsets."""
+    rows = [(k, *record.trial.run, e) for record in records for k, e in record.profile.items()]
+    frame = by_run(pd.DataFrame(rows, columns=["offset", *RUN, "error"]))
+    errors = {k: frame.loc[frame["offset"] == k, "error"] for k in sorted({k for k, *_ in rows})}
+    return {k: estimate(by_world(own).to_numpy()) for k, own in errors.items()}
