@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import shared
-from benchmarks.commands.replay import add_playing
+from benchmarks.commands.replay import add_nav2, add_playing, nav2_of
 from benchmarks.console import doing, log_warnings, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
@@ -50,10 +50,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="how well the start of a segment is known, standard deviations (0.2m,0.1rad)",
     )
     shared.add_params(parser)
-    add(
-        "--nav2", type=Path, metavar="PARAMS.yaml", help="your Nav2 parameters: the default to beat"
-    )
-    add("--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)")
+    add_nav2(parser, "your Nav2 parameters: the default to beat")
     add_playing(parser, "0.2m,5deg; for amcl 0.05m,3deg", "60; for amcl 180")
     shared.add_seed(parser)
     shared.add_jobs(parser, "runs")
@@ -65,7 +62,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.engines import Where
-    from benchmarks.replay.nav2 import read_nav2
     from benchmarks.sweeps.running import Options
     from benchmarks.tuning.search import searching
     from benchmarks.tuning.task import GOALS
@@ -80,11 +76,9 @@ def run(options: argparse.Namespace) -> str:
     if options.max_ms is not None:
         number("--max-ms", options.max_ms, low=0, above=True)
     integer("--candidates", options.candidates, low=2, high=100_000)
-    if options.node is not None and options.nav2 is None:
-        raise InputError("--node is given without --nav2: name the file that the node is in.")
     if options.nav2 is not None and name != "amcl":
         raise InputError(f"--nav2 is given, but {name} is tuned: leave it out, or tune amcl.")
-    nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)
+    nav2 = nav2_of(options)
     where = Where(jobs=options.jobs, timeout=options.timeout)
     task = _task(options, name, nav2)
     with doing("checking the segments and the ends of all ranges"):
