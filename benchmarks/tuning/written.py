@@ -34,7 +34,9 @@ _BINS = 4  # of a range
 _FEW = 20  # candidates below which importance says nothing
 _LEAST = 6  # segments: of fewer, a sign test could not tell any difference from chance (p < 0.05)
 _COLUMNS = ("log", "begins_s", "metres", "runs", "default", "tuned", "difference")
+_COVERAGE = TRACK_SCORES["coverage_95"]
 _KINDS = ("dropped on fewer segments", "on all training segments", "default", "winner")
+_SURE, _FALLEN = 0.9, 0.05  # share inside the 95 % region below which, and fall that, is told
 _UNITS = {"share": (100, ".1f", " %"), "nats": (1, ",.2f", " nats"), "m": (1, ".3f", " m")}
 
 
@@ -52,7 +54,7 @@ def write(
     rows = segment_rows(found)
     best, why_not = _nav2(found.task, found.best, nav2, node)
     parts = {
-        f"# {found.task.localizer}, tuned": f"{verdict(found, rows)}\n\n{_table(found)}",
+        f"# {found.task.localizer}, tuned": f"{verdict(found, rows)}{_too_sure(found)}\n\n{_table(found)}",
         "## Best parameters": _changed(found),
         "## Which parameters mattered": _importance(found),
     }
@@ -144,11 +146,26 @@ def _number(goal: Score, value: float, *, bare: bool = False) -> str:
     return f"{factor * value:{form}}{'' if bare else unit}"
 
 
+def _too_sure(found: Found) -> str:
+    """Warn that the winner's region holds less of the reference than the default's."""
+    before, after = (
+        _mean(_COVERAGE, [record for own in runs for record in own])
+        for runs in (found.default_runs, found.best_runs)
+    )
+    if not (after < _SURE and after < before - _FALLEN):
+        return ""
+    return (
+        f" Warning: the 95 % region of the tuned parameters holds {percent(after, 1)} of the "
+        f"reference, that of the default {percent(before, 1)}: do not trust their covariance, or "
+        "tune by --score log-score, which looks at it, too."
+    )
+
+
 def _table(found: Found) -> str:
     """Return what default and winner have on the held-out segments."""
     scores = {"median error, m": GOALS["median"], "95 %, m": GOALS["p95"]}
     shares = {"within 1 m, 30°": GOALS["localized"]}
-    shares["inside 95 % region"] = TRACK_SCORES["coverage_95"]
+    shares["inside 95 % region"] = _COVERAGE
     lines = []
     for name, runs in {"default": found.default_runs, "tuned": found.best_runs}.items():
         records = [record for own in runs for record in own]

@@ -226,6 +226,17 @@ def test_a_score_of_honesty_prefers_an_honest_belief_to_a_nearer_one_that_is_too
     assert cell.params["kind"] == winner
 
 
+def test_a_winner_whose_region_holds_less_than_that_of_the_default_is_warned_of(before, tmp_path):
+    (tmp_path / "stated.py").write_text(PLUG_IN.replace('kind="bad"', 'kind="far and honest"'))
+    (tmp_path / "kinds.toml").write_text('kind = ["near and sure", "far and honest"]\n')
+    words = (*COMMAND, "--reference", "lap.tum", "--localizer", tmp_path / "stated.py")
+    words += ("--space", tmp_path / "kinds.toml", "--score", "median", "--scan", "power=0.2")
+    out = tmp_path / "out"
+    assert exit_code(*words, "--candidates", "2", "--jobs", "1", "--out", out) == 0
+    told = (out / "tuned.md").read_text()
+    assert "Warning: the 95 % region of the tuned parameters holds 0.0 % of the reference" in told
+
+
 @pytest.mark.parametrize(
     ("score", "localizer", "lacking"),
     [
