@@ -203,7 +203,7 @@ def typed(value: Any, kind: type[T]) -> T:
             what = f"has no {lacking[1]}"
         else:
             at = "$"  # its parts do not belong together
-        raise UnreadableError(what if at == "$" else f"{what} at {at}") from None
+        raise UnreadableError(what if at in ("", "$") else f"{what} at {at}") from None
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:

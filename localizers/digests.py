@@ -52,7 +52,7 @@ def module_digest(place: str) -> str | None:
         return None
     roots = [Path(root) for root in found.submodule_search_locations or []]
     if not roots:
-        return file_digest(found.origin) or UNREAD
+        return source_digest_of_file(found.origin) or UNREAD
     files = [(path, path.relative_to(root)) for root in roots for path in _files(root)]
     return (_digest(files) if files else None) or UNREAD
 
@@ -87,7 +87,7 @@ def _is_scripted(module: str) -> bool:
 
 def _file_of(module: str) -> str | None:
     """Digest of the file of a module that is loaded; None if it has none."""
-    return file_digest(getattr(sys.modules.get(module), "__file__", None))
+    return source_digest_of_file(getattr(sys.modules.get(module), "__file__", None))
 
 
 def _words(thing: Any, top: str, seen: dict[int, Any]) -> Iterator[str]:
@@ -152,7 +152,7 @@ def _names(code: types.CodeType) -> set[str]:
     return {*code.co_names}.union(*inner)
 
 
-def file_digest(file: str | None) -> str | None:
+def source_digest_of_file(file: str | None) -> str | None:
     """Digest of a Python file and of what it ships, whatever folder it is in; None: not there."""
     if file is None:
         return None

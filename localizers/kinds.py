@@ -26,7 +26,7 @@ from typing import Any, Self
 
 from deqmcl_gym.files import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, in_words, one_of
-from localizers.digests import file_digest, loaded_digest, module_digest
+from localizers.digests import loaded_digest, module_digest, source_digest_of_file
 
 _LOADERS = (__file__, str(importlib.__file__), "<frozen importlib")  # of code, in a traceback
 _MISSING = (
@@ -219,7 +219,7 @@ class Kind:
             return ""
         is_place = ":" in name or name.endswith(".py")
         place = _split(absolute_name(name if is_place else self.installed().get(name, "")))[0]
-        return (file_digest(place) if _is_path(place) else module_digest(place)) or ""
+        return (source_digest_of_file(place) if _is_path(place) else module_digest(place)) or ""
 
     @property
     def _methods(self) -> list[str]:

@@ -21,7 +21,7 @@ from localizers.models.robot import RobotModel
 from localizers.registry import make, parameters
 
 OFFICE = {"wings": 1, "corridors": 2}  # 24 m × 26 m
-POWER = 0.1  # the beams of one scan tell as much as 1.6 independent ones
+BEAM_POWER = 0.1  # the beams of one scan tell as much as 1.6 independent ones
 _LOST: dict[str, Any] = {
     "floor_plan": {"office": OFFICE},
     "lidar": {"beams": 16, "field_of_view": 2 * math.pi, "max_range": 12.0, "sigma": 0.5},
@@ -98,7 +98,7 @@ def _there(site: Callable[[Any], Site], floor_plan: Any) -> Site | Sites:
 
 def _lost(localizer: Any, world_in: Callable[[Any], World], floor_plan: Any) -> Site:
     world = world_in(floor_plan)
-    found = _localizer(localizer, robot_model(world, POWER), particles=10_000)
+    found = _localizer(localizer, robot_model(world, BEAM_POWER), particles=10_000)
     anywhere = UniformPrior(floor_plan=world.floor_plan, radius=world.body + world.skin)
     extent = extent_of(floor_plan or _LOST["floor_plan"], world.floor_plan)
     return Site(world, found, anywhere, extent)

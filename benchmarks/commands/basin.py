@@ -74,7 +74,11 @@ def run(options: argparse.Namespace) -> str:
     if options.log is not None:
         asked = 20.0 if options.segment is None else options.segment
         segment = number("--segment", asked, low=0, above=True)
-        question.check_segment(segment)
+        if question.unit == "m" and segment <= question.within:
+            raise InputError(
+                f"--segment is {segment:g} m, but must be longer than --within, "
+                f"{question.within:g} m: give a longer segment or a shorter way."
+            )
         with doing("reading the log and the map"), log_warnings() as read:
             replay = _replay(options)
         said = [*read, disagreement(replay)]

@@ -33,12 +33,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command, printing each law as it is tried; return the last line."""
-    from localizers.checks import name_of
+    from localizers.checks import law_name
 
     with doing(f"loading {options.name}"):
         kind, report = _report(options)
     for law in report.laws:
-        with doing(f"trying the law {name_of(law)!r}"):
+        with doing(f"trying the law {law_name(law)!r}"):
             verdict = report.verdict(law)
         print(verdict, flush=True)
     verdicts, failed = report.verdicts, report.failed

@@ -6,10 +6,13 @@ Writes tables, trajectories (TUM, for evo) and a page: docs/your-map-your-log.md
 import argparse
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import shared
 from benchmarks.console import doing, log_warnings, warn
+
+if TYPE_CHECKING:  # --help loads nothing heavy
+    from benchmarks.replay.nav2 import Amcl
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -59,13 +62,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="assume the four-part beam model that fits scans from reference poses in the first "
         "part of the log, and print it",
     )
-    add(
-        "--nav2",
-        type=Path,
-        metavar="PARAMS.yaml",
-        help="Nav2's parameter file: sets all of amcl, and the options above that are not given",
+    add_nav2(
+        parser, "Nav2's parameter file: sets all of amcl, and the options above that are not given"
     )
-    add("--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)")
     add(
         "--residuals",
         action="store_true",
@@ -113,22 +112,35 @@ def add_playing(
     )
 
 
+def add_nav2(parser: argparse.ArgumentParser, words: str) -> None:
+    """Add Nav2's parameter file and the node in it."""
+    add = parser.add_argument
+    add("--nav2", type=Path, metavar="PARAMS.yaml", help=words)
+    add("--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)")
+
+
+def nav2_of(options: argparse.Namespace) -> "Amcl | None":
+    """Return what that file says; None: there is none."""
+    from benchmarks.replay.nav2 import read_nav2
+    from deqmcl_gym.validation import InputError
+
+    if options.node is not None and options.nav2 is None:
+        raise InputError("--node is given without --nav2: name the file that the node is in.")
+    return None if options.nav2 is None else read_nav2(options.nav2, options.node)
+
+
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.engines import Where
     from benchmarks.pictures.messages import shown_again
     from benchmarks.replay.calibration import calibrated, judged_alike, uses_scan, with_fitted_beams
     from benchmarks.replay.command import every_for, gated, replay_sweep, run_replay
-    from benchmarks.replay.nav2 import read_nav2
     from benchmarks.replay.options import replay_of, said_of
     from benchmarks.sweeps.running import Options, check
-    from deqmcl_gym.validation import InputError
 
     where = Where(jobs=options.jobs, timeout=options.timeout)
     mcap = shared.mcap_of(options)
-    if options.node is not None and options.nav2 is None:
-        raise InputError("--node is given without --nav2: name the file that the node is in.")
-    nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)
+    nav2 = nav2_of(options)
     told: dict[str, Any] = {"every": every_for(options.localizers)}
     if nav2 is not None:
         told = nav2.options if not options.fit_beams else {**nav2.options, "scan": {}}

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import shared
-from benchmarks.commands.replay import add_playing
+from benchmarks.commands.replay import add_nav2, add_playing, nav2_of
 from benchmarks.console import doing, log_warnings, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
@@ -37,14 +37,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "(position error), localized, false-commitment (log-score)",
     )
     add("--max-ms", type=float, metavar="MS", help="most ms per step that the winner may take")
-    many = parser.add_mutually_exclusive_group()
-    many.add_argument(
-        "--budget", type=float, metavar="MINUTES", help="how long, in minutes; one round at least "
-        "(20)",
+    add(
+        "--candidates", type=int, default=108, metavar="N", help="how many candidates, in rounds "
+        "of 18; more go on in the same folder (108)",
     )  # fmt: skip
-    many.add_argument(
-        "--candidates", type=int, metavar="N", help="how many candidates, however long it takes"
-    )
     add("--segment", type=float, default=15.0, metavar="M", help="m driven in a segment (15)")
     add("--gap", type=float, default=2.0, metavar="M", help="m driven between two (2)")
     add(
@@ -54,10 +50,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         help="how well the start of a segment is known, standard deviations (0.2m,0.1rad)",
     )
     shared.add_params(parser)
-    add(
-        "--nav2", type=Path, metavar="PARAMS.yaml", help="your Nav2 parameters: the default to beat"
-    )
-    add("--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)")
+    add_nav2(parser, "your Nav2 parameters: the default to beat")
     add_playing(parser, "0.2m,5deg; for amcl 0.05m,3deg", "60; for amcl 180")
     shared.add_seed(parser)
     shared.add_jobs(parser, "runs")
@@ -69,7 +62,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.engines import Where
-    from benchmarks.replay.nav2 import read_nav2
     from benchmarks.sweeps.running import Options
     from benchmarks.tuning.search import searching
     from benchmarks.tuning.task import GOALS
@@ -83,25 +75,17 @@ def run(options: argparse.Namespace) -> str:
     one_of("score", options.score, GOALS)
     if options.max_ms is not None:
         number("--max-ms", options.max_ms, low=0, above=True)
-    if options.candidates is not None:
-        integer("--candidates", options.candidates, low=2, high=100_000)
-    budget = 20.0 if options.budget is None else options.budget
-    number("--budget", budget, low=0, high=1e5, above=True)
-    if options.node is not None and options.nav2 is None:
-        raise InputError("--node is given without --nav2: name the file that the node is in.")
+    integer("--candidates", options.candidates, low=2, high=100_000)
     if options.nav2 is not None and name != "amcl":
         raise InputError(f"--nav2 is given, but {name} is tuned: leave it out, or tune amcl.")
-    nav2 = None if options.nav2 is None else read_nav2(options.nav2, options.node)
+    nav2 = nav2_of(options)
     where = Where(jobs=options.jobs, timeout=options.timeout)
     task = _task(options, name, nav2)
     with doing("checking the segments and the ends of all ranges"):
         task.check()
     how = Options(where=where, retry_failed=options.retry_failed, progress=False)
     with searching(task, options.out, how) as search:
-        found = search.found(
-            candidates=options.candidates,
-            budget=None if options.candidates is not None else 60 * budget,
-        )
+        found = search.found(options.candidates)
         return write(found, options.out, options.words, options.nav2, options.node)
 
 
@@ -110,7 +94,8 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     from benchmarks.replay.nav2 import usual_params
     from benchmarks.replay.options import length_and_angle
     from benchmarks.setup.changes import Changes
-    from benchmarks.tuning.space import built_in, read_space, segments_of
+    from benchmarks.tuning.segments import segments_of
+    from benchmarks.tuning.space import built_in, read_space
     from benchmarks.tuning.task import Task
     from deqmcl_gym.validation import InputError, integer, number
     from localizers import parameters

@@ -42,9 +42,6 @@ def beams_of(log: Log, floor_plan: Map) -> BeamFit:
     """Return the beam model that fits the scans of a log best, seen from its reference poses.
 
     Only those at a record's own time: an interpolated pose is off, and σ would hold its error.
-
-    Raises:
-        InputError: no reference, or too few readings at its poses.
     """
     at = log.referenced
     if log.reference is None or at.size == 0:
@@ -60,11 +57,7 @@ def beams_of(log: Log, floor_plan: Map) -> BeamFit:
 
 
 def with_fitted_beams(replay: Replay) -> Replay:
-    """Return what is played with the beam model that is fitted to its first part.
-
-    Raises:
-        InputError: there is too little of a reference, or the parts of a beam are given.
-    """
+    """Return what is played with the beam model that is fitted to its first part."""
     given = [name for name in replay.assumed if name.startswith("scan.") and name != "scan.power"]
     if given:
         raise InputError(

@@ -50,11 +50,7 @@ def replay_sweep(
     shared: Mapping[str, Mapping[str, Any]],
     own: Mapping[str, Mapping[str, Any]],
 ) -> Sweep:
-    """Return the sweep whose worlds are the runs of each localizer on a log; see ``methods_of``.
-
-    Raises:
-        InputError: an unknown localizer, one named twice, or a number out of range.
-    """
+    """Return the sweep whose worlds are the runs of each localizer on a log; see ``methods_of``."""
     if particles is not None:
         integer("--particles", particles, low=1)
     integer("--seeds", seeds, low=1, high=10_000)
@@ -260,9 +256,6 @@ def methods_of(
 
     One has those of ``shared`` by its name, else as many particles as are asked for, None: its own
     default; what is its ``own`` comes before both.
-
-    Raises:
-        InputError: none is named, or one is unknown or named twice.
     """
     if not localizers:
         raise InputError(f"no localizer is named: allowed values: {', '.join(localizer_names())}.")

@@ -146,9 +146,6 @@ def read_nav2(path: Path, node: str | None = None) -> Amcl:
     Args:
         path: of the yaml.
         node: whose parameters, as "/robot1/amcl"; None is the only amcl in it.
-
-    Raises:
-        InputError: it cannot be read, has no such node or several, or a bad value.
     """
     _, nodes, twice = ros_params.read(path)
     name = ros_params.node_named("amcl", nodes, path, node)
@@ -176,9 +173,6 @@ def nav2_document(
     Args:
         params: what is not Nav2's default.
         path, node: a file whose other content is kept, as for ``read_nav2``; None: there is none.
-
-    Raises:
-        InputError: Nav2 has no such parameter, or no such value.
     """
     for name in _OURS:
         if params.get(name, False) is not False:

@@ -189,9 +189,6 @@ def replay_of(
         scan: parameters of the scan model and its kind.
         radius: of the robot, m; None is 0.16 m.
         changed_walls: of the map that localizers are given; see ``LogEnv``.
-
-    Raises:
-        InputError: something of it is refused.
     """
     parts = [log] if isinstance(log, str | Path) else log
     world: dict[str, Any] = {
@@ -271,11 +268,7 @@ def first_referenced(whole: Log) -> int:
 
 
 def length_and_angle(option: str, text: str) -> tuple[float, float]:
-    """Return metres and rad of "0.5m,15deg".
-
-    Raises:
-        InputError: it has another form, or only one of them.
-    """
+    """Return metres and rad of "0.5m,15deg"."""
     length, angle = spacing(option, text, "m")
     if not (math.isfinite(length) and math.isfinite(angle)):
         raise InputError(f'{option} is {text!r}, but must have both, as in "0.5m,15deg".')
@@ -283,11 +276,7 @@ def length_and_angle(option: str, text: str) -> tuple[float, float]:
 
 
 def said_of(options: argparse.Namespace) -> dict[str, Any]:
-    """Return what the options of a command say of a replay, as ``replay_of`` takes it.
-
-    Raises:
-        InputError: a word of another form.
-    """
+    """Return what the options of a command say of a replay, as ``replay_of`` takes it."""
     given = {name: value for name, value in vars(options).items() if value not in (None, [])}
     said = {name: given[name] for name in _PLAIN if name in given}
     for name, form in _WORDS.items():
@@ -298,11 +287,7 @@ def said_of(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def reading_of(words: Sequence[str]) -> dict[str, Any]:
-    """Return NAME=VALUE words as arguments of ``logs.read``.
-
-    Raises:
-        InputError: a word of another form.
-    """
+    """Return NAME=VALUE words as arguments of ``logs.read``."""
     form = "NAME=VALUE, as scan_topic=/front"
     found = settings("--read", words, form, often=("scan_topic",))
     if "scanner" in found:
@@ -320,11 +305,7 @@ def _replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) ->
 
 
 def _start_of(start: str | Sequence[float]) -> dict[str, Any]:
-    """Return a start as assumptions: a prior, or the mean of one.
-
-    Raises:
-        InputError: it has another form.
-    """
+    """Return a start as assumptions: a prior, or the mean of one."""
     if isinstance(start, str) and start.endswith(".toml"):
         given = documents.read_toml(Path(start), "prior")
         with documents.errors_name(Path(start)):

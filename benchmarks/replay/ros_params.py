@@ -23,11 +23,7 @@ _Nodes = dict[str, dict[str, Any]]
 
 
 def read(path: Path) -> tuple[dict[str, Any], _Nodes, list[str]]:
-    """Return a file's tables, its parameters by node and dotted name, and keys given twice.
-
-    Raises:
-        InputError: it cannot be read.
-    """
+    """Return a file's tables, its parameters by node and dotted name, and keys given twice."""
     twice: list[str] = []
     nodes: _Nodes = {}
     try:
@@ -67,11 +63,7 @@ def fitting(name: str, patterns: Iterable[str]) -> list[str]:
 
 
 def node_named(last: str, nodes: _Nodes, path: Path, asked: str | None) -> str:
-    """Return the node asked for, or the only one of this name, or that which most wildcards fit.
-
-    Raises:
-        InputError: there is none, or there are several.
-    """
+    """Return the node asked for, or the only one of this name, or that which most wildcards fit."""
     found = [name for name in nodes if name.endswith(f"/{last}") and "*" not in name]
     if asked is not None:
         name = f"/{asked.strip('/')}"

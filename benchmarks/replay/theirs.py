@@ -70,11 +70,7 @@ class Yardstick:
         floor_plan: str | None,
         every: str | None,
     ) -> "Yardstick":
-        """Return a log with its reference, of the records that ``replay`` would play.
-
-        Raises:
-            InputError: something of it is refused.
-        """
+        """Return a log with its reference, of the records that ``replay`` would play."""
         whole = LogEnv(log=log, reference=reference, reading=reading, map=floor_plan)
         ground = None if floor_plan is None else whole.floor_plan
         played = LogEnv(
@@ -91,11 +87,7 @@ class Yardstick:
 
     @classmethod
     def of_replay(cls, folder: Path) -> "Yardstick":
-        """Return what a folder of ``replay`` was scored by, and its rows.
-
-        Raises:
-            InputError: it is another folder, or its log or map is not there any more.
-        """
+        """Return what a folder of ``replay`` was scored by, and its rows."""
         panel = next(iter(frames_of(results_in(folder))), None)
         rows, floor_plan = ([], None) if panel is None else shown(panel)
         if panel is None or not rows:
@@ -115,11 +107,7 @@ class Yardstick:
         )
 
     def track(self, estimate: Trajectory) -> tuple[Track, Floats]:
-        """Return an estimate at the records that it covers, and its covariances there, (n, 3, 3).
-
-        Raises:
-            InputError: it covers none.
-        """
+        """Return an estimate at the records that it covers, and its covariances (n, 3, 3)."""
         if self.log is None or self.odometry is None:
             assert self.reference is not None
             log, at = _at_own_times(estimate, self.reference)
@@ -144,11 +132,7 @@ class Yardstick:
         return Track(log, best), spread
 
     def row(self, label: str, estimate: Trajectory) -> Row:
-        """Return the row of an estimate.
-
-        Raises:
-            InputError: it covers no record.
-        """
+        """Return the row of an estimate."""
         track, spread = self.track(estimate)
         truth = (
             np.full_like(track.best, np.nan) if track.log.reference is None else track.log.reference
@@ -177,9 +161,6 @@ def estimates_of(words: Sequence[str], covariance: str | None) -> dict[str, Traj
     Args:
         words: as given.
         covariance: a file of covariances for the only one.
-
-    Raises:
-        InputError: one cannot be read, or two have a label.
     """
     if covariance is not None and len(words) > 1:
         raise InputError(
@@ -199,11 +180,7 @@ def estimates_of(words: Sequence[str], covariance: str | None) -> dict[str, Traj
 def score(
     yardstick: Yardstick, estimates: dict[str, Trajectory], out: Path
 ) -> tuple[list[str], str]:
-    """Score estimates, write results.csv and trials.csv; return warnings, and what to print.
-
-    Raises:
-        InputError: an estimate covers no record, or is called as a localizer of the replay.
-    """
+    """Score estimates, write results.csv and trials.csv; return warnings, and what to print."""
     for label in estimates:
         if label in {row.label for row in yardstick.ours}:
             raise InputError(f"{label} is a localizer of the replay: write NAME=FILE for yours.")

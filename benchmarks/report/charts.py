@@ -141,7 +141,15 @@ def points(
 
 
 def cells(
-    frame: pd.DataFrame, x: str, y: str, square: str, value: str, text: str, *, least: float
+    frame: pd.DataFrame,
+    x: str,
+    y: str,
+    square: str,
+    value: str,
+    text: str,
+    *,
+    least: float,
+    bold: str = "",
 ) -> "Figure":
     """Draw values as coloured cells, a square for each value of a third column.
 
@@ -151,10 +159,12 @@ def cells(
         value: column of the colour, blue above 0, red below.
         text: column of the words in a cell.
         least: value that has the full colour, at least.
+        bold: column of whether the words are bold; none are without it.
     """
     from matplotlib.figure import Figure
 
-    across, upwards, squares = (sorted(frame[name].unique()) for name in (x, y, square))
+    across, upwards = (sorted(frame[name].unique()) for name in (x, y))
+    squares = sorted(frame[square].unique(), key=lambda one: 0 if isinstance(one, str) else one)
     size = len(squares) * len(across) * 1.2 + 1, len(upwards) * 0.72 + 1
     figure = Figure(figsize=size, layout="constrained")
     most = max(least, float(frame[value].abs().max()))
@@ -165,10 +175,11 @@ def cells(
         axes.imshow(shown, "RdBu", vmin=-1.6 * most, vmax=1.6 * most, aspect="auto", origin="lower")
         for row in rows.to_dict("records"):
             place = across.index(row[x]), upwards.index(row[y])
-            axes.text(*place, row[text], ha="center", va="center", size=9)
+            weight = "bold" if bold and row[bold] else "normal"
+            axes.text(*place, row[text], ha="center", va="center", size=9, weight=weight)
         axes.set_xticks(range(len(across)), [f"{v:g}" for v in across])
         axes.set_yticks(range(len(upwards)), [f"{v:g}" for v in upwards])
-        axes.set(xlabel=x, title=f"{square} {which:g}")
+        axes.set(xlabel=x, title=which if isinstance(which, str) else f"{square} {which:g}")
         axes.grid(visible=False)
     each[0].set_ylabel(y)
     return figure

@@ -3,20 +3,18 @@
 Candidates come in rounds. A round measures its candidates on a ninth of the training segments, a
 third of them go on to a third of the segments, and a third of these to all (Jamieson & Talwalkar
 2016, η = 3). Half of each later round is drawn near the two best so far. The held-out segments are
-run once, at the end, by the default and by the winner. A budget of time decides only how many
-rounds there are.
+run once, at the end, by the default and by the winner.
 """
 
 import json
 import math
 import sys
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from itertools import pairwise, product
+from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from msgspec import to_builtins
@@ -30,7 +28,8 @@ from benchmarks.tables.frames import milliseconds_per_step
 from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scoring import Finished
-from benchmarks.tuning.space import DRAWS, ORDER, Segment, beside, spread, stream
+from benchmarks.tuning.segments import DRAWS, ORDER, Segment, stream
+from benchmarks.tuning.space import beside, spread
 from benchmarks.tuning.task import ETA, Task, value_of
 from deqmcl_gym.files import UnreadableError, content_of, json_of, write_text
 from deqmcl_gym.validation import InputError
@@ -41,11 +40,7 @@ RUNS = 3  # of default and winner on each held-out segment
 _FINALISTS, _FINAL_RUNS = 3, 2
 
 
-class Measured(NamedTuple):
-    """What the search keeps of a run: its score and the ms per step; NaN is not known."""
-
-    value: float
-    ms: float
+_FAILED = math.nan, math.nan  # score and ms per step of a run
 
 
 @dataclass(kw_only=True)
@@ -80,7 +75,6 @@ class Found:
         tried: all candidates, the default first.
         best: the winner; the default if nothing was better on the training segments.
         default_runs, best_runs: of each held-out segment.
-        rounds: how many there were.
     """
 
     task: Task
@@ -88,7 +82,6 @@ class Found:
     best: Tried
     default_runs: Sequence[Sequence[Finished]]
     best_runs: Sequence[Sequence[Finished]]
-    rounds: int
 
 
 @dataclass
@@ -100,64 +93,37 @@ class Searching:
         store: of its runs.
         options: how they run.
         now: what their numbers depend on.
-        state: of ``STATE``: of each round its candidates, once it is done, and its seconds.
     """
 
     task: Task
     store: Store
     options: Options
     now: Provenance
-    state: dict[str, Any]
-    _measured: dict[tuple[Changes, int, int], Measured | None] = field(default_factory=dict)
+    _measured: dict[tuple[Changes, int, int], tuple[float, float]] = field(default_factory=dict)
 
-    def found(self, *, candidates: int | None, budget: float | None) -> Found:
-        """Search until so many candidates were tried, or the budget (s) leaves no further round.
+    def found(self, candidates: int) -> Found:
+        """Search until so many candidates were tried.
 
         Raises:
             TrialsFailedError: the default fails.
         """
         tried: list[Tried] = []
-        number = 0
-        while True:
-            count = ROUND if candidates is None else min(ROUND, candidates - len(tried))
-            if count <= 0 or (
-                budget is not None and number and not self._time_left(number, budget)
-            ):
-                break
-            tried += self._round(number, count, tried)
-            number += 1
-            self._say(tried, number)
+        for number, before in enumerate(range(0, candidates, ROUND)):
+            tried += self._round(number, min(ROUND, candidates - before), tried)
+            best, default = self._best(tried)[0], tried[0]
+            print(
+                f"deqmcl: round {number + 1}: {len(tried)} of {candidates} candidates; on the "
+                f"training segments default {default.value:.3f}, best {best.value:.3f}",
+                file=sys.stderr,
+                flush=True,
+            )
         best = self._final(tried)
         asked = [NOTHING] + [best.values] * (best is not tried[0])
         self._run(asked, self.task.held_out, RUNS)
-        default, won = (self._held_out(one) for one in (NOTHING, best.values))
+        default_runs, best_runs = (self._held_out(one) for one in (NOTHING, best.values))
         return Found(
-            task=self.task,
-            tried=tried,
-            best=best,
-            default_runs=default,
-            best_runs=won,
-            rounds=number,
+            task=self.task, tried=tried, best=best, default_runs=default_runs, best_runs=best_runs
         )
-
-    def save(self) -> None:
-        """Write how far it is."""
-        write_text(self.store.out / STATE, json.dumps(self.state, indent=1) + "\n")
-
-    def _time_left(self, number: int, budget: float) -> bool:
-        """Whether a further round, the final and the held-out runs fit; rounds done always do."""
-        rounds = self.state["rounds"]
-        if number < len(rounds) and rounds[number]["candidates"] == ROUND:
-            return True
-        before, spent = rounds[number - 1], sum(one["seconds"] for one in rounds[:number])
-        task, last = self.task, before["seconds"] * ROUND / before["candidates"]
-        train, held = len(task.training), len(task.held_out)
-        rungs, left, runs = [0, *task.rungs], ROUND, 0
-        for smaller, size in pairwise(rungs):
-            runs += left * (size - smaller)
-            left = -(-left // ETA)
-        ending = (_FINALISTS + 1) * (_FINAL_RUNS - 1) * train + 2 * RUNS * held
-        return bool(spent + last * (1 + ending / runs) <= budget)
 
     def _round(self, number: int, count: int, before: Sequence[Tried]) -> list[Tried]:
         """Draw the candidates of a round and halve them."""
@@ -167,8 +133,7 @@ class Searching:
         alive = list(drawn)
         for rung, size in enumerate(task.rungs):
             segments = [task.training[i] for i in order[:size]]
-            with self._timed(number, count):
-                self._run([one.values for one in alive], segments, 1)
+            self._run([one.values for one in alive], segments, 1)
             for one in alive:
                 self._judge(one, segments, 1)
             self._refuse_unscored(drawn[0], segments, 1)
@@ -180,9 +145,6 @@ class Searching:
                 kept = alive[: -(-len(alive) // ETA)]
                 lost = [one for one in alive if one.values == NOTHING and one not in kept]
                 alive = kept + lost  # the default is compared with to the end
-        done = self.state["rounds"][number]
-        done["candidates"] = max(count, done["candidates"])
-        self.save()
         return drawn
 
     def _drawn(self, number: int, count: int, before: Sequence[Tried]) -> list[Tried]:
@@ -198,19 +160,6 @@ class Searching:
             values = beside(task.space, parent, task.usual, rng)
             drawn.append(Tried(values=values, round=number, free=False))
         return drawn
-
-    @contextmanager
-    def _timed(self, number: int, count: int) -> Iterator[None]:
-        """Count the seconds of a part of a round, unless that was done before."""
-        rounds, began = self.state["rounds"], time.monotonic()
-        if number == len(rounds):
-            rounds.append({"candidates": 0, "seconds": 0.0})
-        try:
-            yield
-        finally:
-            if rounds[number]["candidates"] < count:
-                rounds[number]["seconds"] += time.monotonic() - began
-                self.save()
 
     def _final(self, tried: Sequence[Tried]) -> Tried:
         """Return the winner: the best and the default once more on all training segments."""
@@ -237,11 +186,11 @@ class Searching:
     def _judge(self, one: Tried, segments: Sequence[Segment], runs: int) -> None:
         """Set a candidate's score on segments, each counting as much as any other."""
         each = [self._measured[one.values, s.number, run] for s in segments for run in range(runs)]
-        values = [math.nan if own is None else own.value for own in each]
-        times = [own.ms for own in each if own is not None and not math.isnan(own.ms)]
+        values, times = np.array(each).T
         one.segments = len(segments)
         one.value = math.inf if np.isnan(values).any() else float(np.mean(values))
-        one.ms = float(np.median(times)) if times else math.nan
+        known = times[~np.isnan(times)]
+        one.ms = float(np.median(known)) if known.size else math.nan
 
     def _refuse_unscored(self, one: Tried, segments: Sequence[Segment], runs: int) -> None:
         """Refuse a default that failed, or that has no such score."""
@@ -272,11 +221,10 @@ class Searching:
         run_missing(trials, self.store, self.options, self.now)
         for one, segment, run in asked:
             record = self._record(one, segment, run)
-            self._measured[one, segment.number, run] = (
-                None
-                if record is None
-                else Measured(value_of(self.task.goal, record), milliseconds_per_step([record]))
-            )
+            measured = _FAILED
+            if record is not None:
+                measured = value_of(self.task.goal, record), milliseconds_per_step([record])
+            self._measured[one, segment.number, run] = measured
 
     def _record(self, one: Changes, segment: Segment, run: int) -> Finished | None:
         trial = self.task.trial(one, segment, run)
@@ -287,54 +235,28 @@ class Searching:
         each = [[self._record(one, s, run) for run in range(RUNS)] for s in self.task.held_out]
         return [[record for record in own if record is not None] for own in each]
 
-    def _say(self, tried: Sequence[Tried], number: int) -> None:
-        best, default = self._best(tried)[0], tried[0]
-        spent = sum(one["seconds"] for one in self.state["rounds"]) / 60
-        print(
-            f"deqmcl: round {number}: {len(tried)} candidates in {spent:.1f} min; on the training "
-            f"segments default {default.value:.3f}, best {best.value:.3f}",
-            file=sys.stderr,
-            flush=True,
-        )
-
 
 @contextmanager
 def searching(task: Task, out: Path, options: Options) -> Iterator[Searching]:
-    """Open the folder of a search that was checked: a new one, or one that goes on.
-
-    Raises:
-        InputError: the folder is of something else, or in use.
-    """
+    """Open the folder of a search that was checked: a new one, or one that goes on."""
     first = {one.world["log"]: one for one in task.segments}
     now = provenance_of([task.trial(NOTHING, one, 0) for one in first.values()])
     ours = json.loads(json.dumps({"search": task.identity, **to_builtins(now)}))
-    state = {"identity": ours, "rounds": []}
-    if not is_empty(out):
-        state = _read(out)
-        if apart := list(differences(state["identity"], ours)):
-            raise InputError(
-                f"{out} holds a search for something else ({'; '.join(apart[:3])}): give a new "
-                "--out, or the same options."
-            )
+    if not is_empty(out) and (apart := list(differences(_identity(out), ours))):
+        raise InputError(
+            f"{out} holds a search for something else ({'; '.join(apart[:3])}): give a new "
+            "--out, or the same options."
+        )
     with writing(out) as store:
-        search = Searching(task, store, options, now, state)
-        search.save()
-        yield search
+        write_text(out / STATE, json.dumps(ours, indent=1) + "\n")
+        yield Searching(task, store, options, now)
 
 
-def _read(out: Path) -> dict[str, Any]:
+def _identity(out: Path) -> Any:
+    """Return what the search in a folder depends on."""
     try:
-        state = json_of(content_of(out / STATE))
+        return json_of(content_of(out / STATE))
     except FileNotFoundError:
         raise InputError(f"{out} holds files, but no {STATE}: give a new --out.") from None
     except UnreadableError as error:
         raise InputError(f"{out / STATE} {error}: give a new --out.") from None
-    try:
-        rounds = [
-            {"candidates": int(one["candidates"]), "seconds": float(one["seconds"])}
-            for one in state["rounds"]
-        ]
-    except (KeyError, TypeError, ValueError):
-        why = f"{out / STATE} is not as deqmcl tune writes it: give a new --out."
-        raise InputError(why) from None
-    return {"identity": state.get("identity"), "rounds": rounds}

@@ -1,39 +1,29 @@
-"""What ``deqmcl tune`` searches, and on what: ranges of parameters, and segments of logs.
-
-Ranges are built in, or from a file. Segments are trained on and held out in turn.
-"""
+"""What ``deqmcl tune`` searches: ranges of parameters, built in or from a file, and how to draw."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any
 
 import numpy as np
+from msgspec import Meta, Struct
+from msgspec.structs import replace
 
-from benchmarks.replay.options import Replay
 from benchmarks.setup import documents
 from benchmarks.setup.changes import NOTHING, Changes
-from deqmcl_gym.logs import Log
-from deqmcl_gym.maps import Map
+from deqmcl_gym.files import UnreadableError, typed
 from deqmcl_gym.numerics.types import Floats
-from deqmcl_gym.validation import InputError, boolean, integer, number, one_of, shown
+from deqmcl_gym.validation import InputError, boolean, one_of, shown
 from localizers import parameters
 
 Value = float | int | str | bool
 ASSUMED = ("motion", "scan")  # parts of what the filters assume; all else is the localizer's own
 _DIGITS = 3  # of a value that is drawn
-MOST = 24  # segments of each kind
-STARTS, DRAWS, ORDER = 0, 1, 2  # children of the seed; trials have keys of their own
-_SEARCH = 7  # before them
-_LEAST = 2  # segments of each kind
-_KNOWN = 0.5  # share of a segment's records that must have a reference
-_TRIES = 100  # to draw a start in free space
 _STEP = 0.15  # SD of a step from a good value, as a share of the range
+_Finite = Annotated[float, Meta(ge=-1e100, le=1e100)]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Range:
+class Range(Struct, frozen=True, kw_only=True):
     """Numbers from low to high, uniform in their value or, if ``log``, in its logarithm.
 
     Attributes:
@@ -42,10 +32,25 @@ class Range:
         whole: whether the numbers are whole.
     """
 
-    low: float
-    high: float
+    low: _Finite
+    high: _Finite
     log: bool = False
     whole: bool = False
+
+    def check(self, name: str) -> None:
+        """Refuse the range of a parameter if nothing can be drawn from it."""
+        has = f"{name} has low {self.low:.10g} and high {self.high:.10g}"
+        if self.whole and not (self.low.is_integer() and self.high.is_integer()):
+            raise InputError(f"{has}, but with whole = true each must be a whole number.")
+        if not self.low < self.high:
+            raise InputError(f"{has}, but low must be below high.")
+        if self.log and self.low <= 0:
+            raise InputError(f"{has} with log = true, but a logarithm needs low above 0.")
+        if self.at(0.0) == self.at(1.0):
+            raise InputError(
+                f"{has}, which are one number in {_DIGITS} digits: give a wider range, or a list "
+                "of choices."
+            )
 
     @property
     def ends(self) -> tuple[Value, ...]:
@@ -74,13 +79,8 @@ class Range:
         place = (self.place(value) if known else rng.random()) + _STEP * rng.standard_normal()
         return self.at(1 - abs(1 - abs(place) % 2))
 
-    def json(self) -> dict[str, Any]:
-        """Return it as in a file."""
-        return vars(self)
 
-
-@dataclass(frozen=True)
-class Choice:
+class Choice(Struct, frozen=True):
     """One of two or more values."""
 
     values: tuple[Value, ...]
@@ -98,10 +98,6 @@ class Choice:
         """Return another one."""
         others = [one for one in self.values if one != value]
         return others[int(rng.integers(len(others)))]
-
-    def json(self) -> list[Value]:
-        """Return it as in a file."""
-        return list(self.values)
 
 
 Space = Mapping[str, Range | Choice]
@@ -147,9 +143,6 @@ def built_in(localizer: str, noise: Sequence[str], base: Mapping[str, Any] = NOT
         noise: names of the numbers of the motion model that filters assume.
         base: its parameters before the search; the ranges of amcl's numbers of particles keep to
             the other number of these.
-
-    Raises:
-        InputError: none is known, as of a plug-in: a file must name them.
     """
     taken = parameters(localizer)
     if localizer == "amcl":
@@ -167,19 +160,14 @@ def built_in(localizer: str, noise: Sequence[str], base: Mapping[str, Any] = NOT
 
 def _of_amcl(base: Mapping[str, Any]) -> Space:
     """Return Nav2's; where only one of the least and most particles is moved, they fit, too."""
-    found = dict(_OF_AMCL)
     many, few = _MANY, _FEW
     least, most = base.get("min_particles"), base.get("max_particles")
     if isinstance(least, int):  # what is no number is refused when the localizer looks at it
         many = replace(many, low=max(many.low, least))
     if isinstance(most, int):
         few = replace(few, high=min(few.high, most))
-    for name, one in {"max_particles": many, "min_particles": few}.items():
-        if one.low < one.high:
-            found[name] = one
-        else:
-            del found[name]
-    return found
+    found = {**_OF_AMCL, "max_particles": many, "min_particles": few}
+    return {n: one for n, one in found.items() if isinstance(one, Choice) or one.low < one.high}
 
 
 def read_space(path: Path, localizer: str, known: Space) -> Space:
@@ -193,9 +181,6 @@ def read_space(path: Path, localizer: str, known: Space) -> Space:
         path: of the TOML file.
         localizer: its name.
         known: the built-in ranges; empty if there are none.
-
-    Raises:
-        InputError: the file cannot be read, names something unknown, or has a bad range.
     """
     given = documents.read_toml(path, "space")
     with documents.errors_name(path):
@@ -227,28 +212,16 @@ def _one(name: str, value: Any) -> Range | Choice:
         if not all(isinstance(one, str | bool | int | float) for one in value):
             raise InputError(f"{name} is {value}, but must list numbers, words, true or false.")
         return Choice(tuple(value))
+    form = "a table like {low = 0.1, high = 1.0, log = true}, a list of choices, or false"
     if not isinstance(value, Mapping):
-        raise InputError(
-            f"{name} is {shown(value)}, but must be a table like {{low = 0.1, high = 1.0, log = "
-            "true}, a list of choices, or false."
-        )
+        raise InputError(f"{name} is {shown(value)}, but must be {form}.")
     for key in value:
-        one_of(f"key of {name}", key, ("low", "high", "log", "whole"))
-    if not {"low", "high"} <= value.keys():
-        raise InputError(f"{name} lacks low or high: give both, as in {{low = 0.1, high = 1.0}}.")
-    log, whole = (boolean(f"{name}.{key}", value.get(key, False)) for key in ("log", "whole"))
-    check = integer if whole else number
-    low, high = (float(check(f"{name}.{key}", value[key])) for key in ("low", "high"))
-    if not low < high:
-        raise InputError(f"{name} has low {low:g} and high {high:g}, but low must be below high.")
-    if log and low <= 0:
-        raise InputError(f"{name} has low {low:g} and log: a logarithm needs low above 0.")
-    found = Range(low=low, high=high, log=log, whole=whole)
-    if found.at(0.0) == found.at(1.0):
-        raise InputError(
-            f"{name} has low {low:.10g} and high {high:.10g}, which are one number in "
-            f"{_DIGITS} digits: give a wider range, or a list of choices."
-        )
+        one_of(f"key of {name}", key, Range.__struct_fields__)
+    try:
+        found = typed(value, Range)
+    except UnreadableError as error:
+        raise InputError(f"{name} {error}, but must be {form}.") from None
+    found.check(name)
     return found
 
 
@@ -285,127 +258,3 @@ def beside(
         if move:
             found[name] = one.near(values.get(name, usual.get(name)), rng)
     return Changes(found)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Segment:
-    """Part of a log, from a start that is known with some error.
-
-    Attributes:
-        number: among all; it names the random streams of its runs.
-        start, length: records of the whole log.
-        begins: time of its first record, s.
-        metres: driven in it.
-        world: what is played, as a trial has it.
-        whole: the same of the whole log.
-        assumed: by the filters, the noise of the whole log and the start among it.
-        held_out: whether the search never sees it.
-    """
-
-    number: int
-    start: int
-    length: int
-    begins: float
-    metres: float
-    world: Changes
-    whole: Changes
-    assumed: Changes
-    held_out: bool
-
-
-def segments_of(
-    replays: Sequence[Replay], length: float, gap: float, sd: tuple[float, float], seed: int
-) -> list[Segment]:
-    """Cut logs into segments; the first is trained on, the next held out, and so on.
-
-    Args:
-        replays: a log each, in m.
-        length, gap: m driven in a segment, and between two.
-        sd: standard deviations of the start's position (m) and heading (rad).
-        seed: of the errors of the starts, normal with these, drawn again where no robot can be.
-
-    Raises:
-        InputError: there are fewer than two of a kind.
-    """
-    parts = [_Part.of(replay) for replay in replays]
-    cut = [(part, *ends) for part in parts for ends in _cut(part.whole, length, gap)]
-    kinds = [cut[0::2], cut[1::2]]
-    if min(map(len, kinds)) < _LEAST:
-        raise InputError(
-            f"the log gives {len(cut)} segments of {length:g} m with a reference, but "
-            f"{2 * _LEAST} or more are needed: give a smaller --segment, or more logs."
-        )
-    listed = [
-        (*kind[i], bool(held_out))
-        for held_out, kind in enumerate(kinds)
-        for i in np.linspace(0, len(kind) - 1, min(len(kind), MOST)).astype(int)
-    ]
-    return [
-        part.segment(number, start, last, held_out, sd, seed)
-        for number, (part, start, last, held_out) in enumerate(listed)
-    ]
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Part:
-    """A log whose segments are trained on or held out, read once."""
-
-    whole: Log
-    ground: Map
-    world: Mapping[str, Any]
-    assumed: Mapping[str, Any]
-
-    @classmethod
-    def of(cls, replay: Replay) -> Self:
-        scenario = replay.scenario
-        noise = {f"motion.{n}": v for n, v in vars(replay.motion).items() if n != "still"}
-        return cls(
-            whole=scenario.whole,
-            ground=scenario.recording()[1],
-            world={name: value for name, value in replay.world.items() if name != "judged"},
-            assumed={**noise, **replay.assumed},
-        )
-
-    def segment(
-        self, number: int, start: int, last: int, held_out: bool, sd: tuple[float, float], seed: int
-    ) -> Segment:
-        assert self.whole.reference is not None
-        true = self.whole.reference[start]
-        off = stream(seed, STARTS, number).standard_normal((_TRIES, 3)) * [sd[0], *sd]
-        drawn = np.vstack([true + off, true])
-        mean = drawn[int(np.argmax([*self.ground.free(drawn[:-1]), True]))]
-        mean[2] = math.remainder(mean[2], 4 * math.pi)  # within 2π, as a pose must be
-        prior = {"mean": tuple(mean.tolist()), "sd_position": sd[0], "sd_heading": sd[1]}
-        told = {f"prior.{name}": value for name, value in prior.items()}
-        return Segment(
-            number=number,
-            start=start,
-            length=last - start + 1,
-            begins=float(self.whole.times[start]),
-            metres=float(self.whole.driven[last] - self.whole.driven[start]),
-            whole=Changes(self.world),
-            world=Changes({**self.world, "start": start, "length": last - start + 1}),
-            assumed=Changes({**self.assumed, **told}),
-            held_out=held_out,
-        )
-
-
-def _cut(whole: Log, length: float, gap: float) -> Iterator[tuple[int, int]]:
-    """Yield the first and the last record of each segment of a log."""
-    known, way, at = whole.referenced, whole.driven, 0
-    while (begin := np.searchsorted(known, at)) < known.size:
-        first = int(known[begin])
-        last = int(np.searchsorted(way, way[first] + length))
-        if last >= len(whole):
-            return
-        inside = np.searchsorted(known, last, side="right") - begin
-        if inside >= _KNOWN * (last - first + 1):
-            yield first, last
-            at = max(last + 1, int(np.searchsorted(way, way[last] + gap)))
-        else:
-            at = first + 1
-
-
-def stream(seed: int, *key: int) -> np.random.Generator:
-    """Return a stream of a search, of none of its trials."""
-    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_SEARCH, *key)))

@@ -9,13 +9,16 @@ from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any
 
+from msgspec import to_builtins
+
 from benchmarks.replay.options import NAME
 from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_SCORES, Score
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage, check_trials
-from benchmarks.tuning.space import ASSUMED, Segment, Space
+from benchmarks.tuning.segments import Segment
+from benchmarks.tuning.space import ASSUMED, Space
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
 from localizers.kinds import is_ctrl_c
@@ -124,11 +127,7 @@ class Task:
         )
 
     def check(self) -> None:
-        """Set up each log, let the localizer look at the ends of all ranges, and begin a run.
-
-        Raises:
-            InputError: something of it is refused.
-        """
+        """Set up each log, let the localizer look at the ends of all ranges, and begin a run."""
         first = {one.world["log"]: one for one in self.segments}
         for one in first.values():
             Stage.of(self.trial(NOTHING, one, 0)).check()
@@ -145,7 +144,7 @@ class Task:
         return {
             "localizer": self.localizer,
             "params": self.base.json(),
-            "space": {name: one.json() for name, one in self.space.items()},
+            "space": {name: to_builtins(one) for name, one in self.space.items()},
             "score": self.score,
             "max_ms": self.max_ms,
             "seed": self.seed,
@@ -156,11 +155,7 @@ class Task:
 
 
 def _check_score(trial: Trial, name: str) -> None:
-    """Take the first step of a run, and refuse a score that its belief has nothing for.
-
-    Raises:
-        InputError: there is nothing. Any other trouble is left to the run.
-    """
+    """Take the first step of a run, and refuse a score that its belief has nothing for."""
     if name not in _NEEDS:
         return
     need, has = _NEEDS[name]

@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.resampling import Always
+from localizers.inference.resampling import Resampling
 from localizers.models.scan import Scan
 
 # %%
@@ -62,7 +62,7 @@ class Corridor:
 # **The filters** are the parts of the room's, with these models: MCL; the same with g, which is MCL
 # with map-based motion model; and DEQ-MCL, which queues the next five planned states.
 
-MODEL = {"motion": Drive(), "scan": DoorSensor(), "resampling": Always(), "particles": 4000}
+MODEL = {"motion": Drive(), "scan": DoorSensor(), "resampling": Resampling(), "particles": 4000}
 FILTERS = {
     "MCL": ParticleFilter(**MODEL, dtype=np.intp),
     "map-based MCL": ParticleFilter(**MODEL, feasibility=Corridor(), dtype=np.intp),

@@ -12,7 +12,7 @@ import numpy as np
 
 import deqmcl_gym  # noqa: F401 - registers the environment
 from localizers import UniformPrior
-from localizers.models.plan_sensor import PlanSensor, path_of
+from localizers.models.plan_sensor import PlanSensor, plan_path
 
 # %%
 # The robot may be anywhere, with any heading: 20,000 particles. The plan: 150 px straight ahead, a
@@ -41,7 +41,7 @@ def draw(axes, poses, colour, title):
         axes.fill(*np.array(corners).T, facecolor="none", edgecolor="black", linewidth=2)
     for x, y, heading in poses:
         cosine, sine = np.cos(heading), np.sin(heading)
-        way = path_of(plan) @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y)
+        way = plan_path(plan) @ np.array([[cosine, sine], [-sine, cosine]]) + (x, y)
         axes.plot(*way.T, color=colour, linewidth=1, alpha=0.7)
         axes.plot(x, y, ".", color=colour, markersize=7)
     axes.set(aspect="equal", xticks=[], yticks=[], xlim=(-60, 410), ylim=(-60, 360))

@@ -147,6 +147,7 @@ CONTENTS = {
         "docs/site/api",
         "docs/site/api-wrappers",
         "docs/site/api-benchmarks",
+        "docs/architecture",
         "docs/equations",
         "docs/decisions/README",
         "docs/README",

@@ -7,7 +7,7 @@ A localizer is loaded and run in this process, where a debugger sees it and Ctrl
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, Literal
+from typing import TYPE_CHECKING, Any, Generic, Literal, TypeVar
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from localizers.checks.subject import (
     Laws,
     LawSkippedError,
     Subject,
-    T,
     default_robot,
     random_drive,
 )
@@ -31,22 +30,23 @@ from localizers.registry import LOCALIZER, Factory, resolve
 if TYPE_CHECKING:
     import pytest
 
+_T = TypeVar("_T")
 __all__ = [
     "LAWS",
     "LawBrokenError",
     "LawSkippedError",
+    "LawVerdict",
     "Laws",
     "Report",
-    "Verdict",
     "check_localizer",
     "default_robot",
-    "name_of",
+    "law_name",
     "parametrize_with_laws",
 ]
 
 
 @dataclass(frozen=True)
-class Verdict:
+class LawVerdict:
     """The verdict on one law.
 
     Attributes:
@@ -66,7 +66,7 @@ class Verdict:
 
 
 @dataclass(frozen=True)
-class Report(Generic[T]):
+class Report(Generic[_T]):
     """The verdicts on all laws; each law is tried when it is asked for, after those it needs.
 
     Attributes:
@@ -77,18 +77,18 @@ class Report(Generic[T]):
     """
 
     name: str
-    laws: Laws[T]
-    subject: T
+    laws: Laws[_T]
+    subject: _T
     file: str | None = None
-    _tried: dict[Law[T], Verdict] = field(default_factory=dict, init=False, repr=False)
+    _tried: dict[Law[_T], LawVerdict] = field(default_factory=dict, init=False, repr=False)
 
     @property
-    def verdicts(self) -> tuple[Verdict, ...]:
+    def verdicts(self) -> tuple[LawVerdict, ...]:
         """One per law, in their order."""
         return tuple(map(self.verdict, self.laws))
 
     @property
-    def failed(self) -> tuple[Verdict, ...]:
+    def failed(self) -> tuple[LawVerdict, ...]:
         """Verdicts of the laws that failed."""
         return tuple(verdict for verdict in self.verdicts if verdict.status == "FAILED")
 
@@ -100,30 +100,30 @@ class Report(Generic[T]):
     def __str__(self) -> str:
         return "\n".join([f"{self.name}:", *map(str, self.verdicts)])
 
-    def verdict(self, law: Law[T]) -> Verdict:
+    def verdict(self, law: Law[_T]) -> LawVerdict:
         """Try a law, unless one that it needs is broken; the process is put back as it was."""
         if law not in self._tried:
             self._tried[law] = self._verdict(law)
         return self._tried[law]
 
-    def _verdict(self, law: Law[T]) -> Verdict:
-        name, need = name_of(law), self.laws[law]
+    def _verdict(self, law: Law[_T]) -> LawVerdict:
+        name, need = law_name(law), self.laws[law]
         while need is not None:
             if self.verdict(need).status == "FAILED":
-                return Verdict(name, "skipped", f"it fails {name_of(need)!r}")
+                return LawVerdict(name, "skipped", f"it fails {law_name(need)!r}")
             need = self.laws[need]
         try:
             with process_state_kept():
-                return Verdict(name, "ok", law(self.subject) or "")
+                return LawVerdict(name, "ok", law(self.subject) or "")
         except LawSkippedError as reason:
-            return Verdict(name, "skipped", str(reason))
+            return LawVerdict(name, "skipped", str(reason))
         except LawBrokenError as reason:
-            return Verdict(name, "FAILED", str(reason), reason)
+            return LawVerdict(name, "FAILED", str(reason), reason)
         except Exception as error:
-            return Verdict(name, "FAILED", f"it raised {raised(error, self.file)}", error)
+            return LawVerdict(name, "FAILED", f"it raised {raised(error, self.file)}", error)
 
 
-def name_of(law: Callable[..., object]) -> str:
+def law_name(law: Callable[..., object]) -> str:
     """Return the name of a law, such as "same rng same result"."""
     return law.__name__.replace("_", " ")
 
@@ -178,7 +178,7 @@ def parametrize_with_laws(
     """
     import pytest
 
-    expected, names = expected_failures or {}, {name_of(law): law for law in LAWS}
+    expected, names = expected_failures or {}, {law_name(law): law for law in LAWS}
     for name in expected:
         one_of("law", name, names)
     report = check_localizer(localizer, robot, **params)

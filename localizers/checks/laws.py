@@ -32,17 +32,15 @@ from localizers.checks.process import (
     safe_path,
 )
 from localizers.checks.subject import (
+    DRIVE_STEPS,
     OFFSETS,
-    STEPS,
     LawBrokenError,
     Laws,
     LawSkippedError,
     Snapshot,
     Subject,
-    beliefs,
     first_difference,
     require_finite,
-    require_normalized,
     require_same,
     require_valid,
     size_of,
@@ -55,7 +53,7 @@ from localizers.models.motion import increments
 from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.registry import resolve
 
-_HALF = STEPS // 2
+_HALF = DRIVE_STEPS // 2
 _GRACE = 1.0  # s that threads and processes may take to end
 
 
@@ -81,7 +79,7 @@ def finite(subject: Subject) -> None:
 
 def weights_sum_to_one(subject: Subject) -> None:
     """Weights are 0 or more, with sum 1 within 0.001: who uses them divides by their sum."""
-    require_normalized(subject.history())
+    require_valid(subject.history())
 
 
 def whole_turn(subject: Subject) -> None:
@@ -212,7 +210,7 @@ def inputs_not_kept(subject: Subject) -> None:
 def outputs_are_fresh(subject: Subject) -> None:
     """Writing into the arrays that points returned changes no belief, now or later."""
     run = []
-    for t, belief in enumerate(beliefs(subject.made(), subject.drive)):
+    for t, (belief, _) in enumerate(steps(subject.made(), subject.drive)):
         run.append(snapshot(belief, t))
         for array in (array for k in OFFSETS for array in belief.points(k) or ()):
             if array.flags.writeable:
@@ -224,11 +222,10 @@ def outputs_are_fresh(subject: Subject) -> None:
 def beliefs_stay(subject: Subject) -> None:
     """A belief says the same after the localizer has gone on, and after its next reset."""
     localizer, kept, run = subject.made(), [], []
-    for t, belief in enumerate(beliefs(localizer, subject.drive)):
+    for t, (belief, _) in enumerate(steps(localizer, subject.drive)):
         kept.append(belief)
         run.append(snapshot(belief, t))
-    for _ in beliefs(localizer, subject.drive, seed=1):
-        pass
+    subject.history(localizer, seed=1)
     again = [snapshot(belief, t) for t, belief in enumerate(kept)]
     require_same(again, run, "an earlier belief changed with a later update")
 
@@ -264,9 +261,8 @@ def bad_beams(subject: Subject) -> None:
     """
     bad = (np.nan, np.inf, -np.inf, -1.0, 1.5 * subject.robot.lidar.max_range)
     scans = subject.drive.scans.copy()
-    for t, value in enumerate(bad):
-        scans[t, 0] = value
-        scans[len(bad) + t] = value
+    scans[: len(bad), 0] = bad
+    scans[len(bad) : 2 * len(bad)] = np.array(bad)[:, None]
     require_valid(subject.history(scans=scans))
 
 
@@ -304,7 +300,7 @@ def short_plan(subject: Subject) -> None:
     for shorter in (
         [plan[:0] for plan in plans],
         [plan[:2] for plan in plans],
-        [plan[: STEPS - t] for t, plan in enumerate(plans)],
+        [plan[: DRIVE_STEPS - t] for t, plan in enumerate(plans)],
     ):
         require_valid(subject.history(plans=shorter))
 
@@ -318,8 +314,7 @@ def changed_plan(subject: Subject) -> None:
 def reset_starts_anew(subject: Subject) -> None:
     """After reset, a used localizer answers as a new one does."""
     used = subject.made()
-    for _ in islice(beliefs(used, subject.drive, seed=1), _HALF):
-        pass
+    list(islice(steps(used, subject.drive, seed=1), _HALF))
     require_same(
         subject.history(used),
         subject.history(),
@@ -332,9 +327,10 @@ def picklable(subject: Subject) -> None:
     expected, drive, original = subject.history(), subject.drive, subject.made()
     copy = pickle.loads(pickle.dumps(original))
     require_same(subject.history(copy), expected, "a pickled copy differs")
-    run = [snapshot(b, t) for t, b in enumerate(islice(beliefs(original, drive), _HALF + 1))]
+    half = islice(steps(original, drive), _HALF + 1)
+    run = [snapshot(belief, t) for t, (belief, _) in enumerate(half)]
     copy = pickle.loads(pickle.dumps(original))
-    run += [snapshot(copy.update(*drive.inputs(t)), t) for t in range(_HALF + 1, STEPS + 1)]
+    run += [snapshot(copy.update(*drive.inputs(t)), t) for t in range(_HALF + 1, DRIVE_STEPS + 1)]
     require_same(run, expected, "a copy pickled halfway differs")
 
 

@@ -74,22 +74,22 @@ def no_global_rng(remedy: str) -> Iterator[None]:
     Raises:
         LawBrokenError: it used one; ``remedy`` says what to do instead.
     """
-    held = np.random.get_state(), random.getstate()  # noqa: NPY002
+
+    def states() -> tuple[Any, Any]:
+        return np.random.get_state(), random.getstate()  # noqa: NPY002
+
+    held = states()
     try:
         np.random.seed(2_718_281)  # noqa: NPY002
         random.seed(2_718_281)
-        before = _rng_states()
+        before = pickle.dumps(states())
         yield
-        after = _rng_states()
+        after = pickle.dumps(states())
     finally:
         np.random.set_state(held[0])  # noqa: NPY002
         random.setstate(held[1])
     if after != before:
         raise LawBrokenError(f"it uses the global random numbers of numpy or random: {remedy}")
-
-
-def _rng_states() -> bytes:
-    return pickle.dumps((np.random.get_state(), random.getstate()))  # noqa: NPY002
 
 
 def running() -> dict[str, str]:

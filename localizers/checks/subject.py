@@ -18,16 +18,16 @@ from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.models.robot import RobotModel
 from localizers.registry import LOCALIZER, Factory
 
-STEPS = 12
-OFFSETS = range(-STEPS, STEPS + 1)
+DRIVE_STEPS = 12
+OFFSETS = range(-DRIVE_STEPS, DRIVE_STEPS + 1)
 _TRIES = 100
 _LONGEST = 20.0  # px, of a step: 0.4 m
 
 Snapshot = Mapping[int, tuple[Floats, Floats]]  # poses and weights by offset
 Seed = int | np.random.Generator
-T = TypeVar("T")
-Law = Callable[[T], str | None]
-Laws = Mapping[Law[T], Law[T] | None]  # each with the one that must hold before it is tried
+_T = TypeVar("_T")
+Law = Callable[[_T], str | None]
+Laws = Mapping[Law[_T], Law[_T] | None]  # each with the one that must hold before it is tried
 
 
 class LawBrokenError(Exception):
@@ -39,7 +39,7 @@ class LawSkippedError(Exception):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Drive:
+class RandomDrive:
     """The input of a localizer for T steps.
 
     Attributes:
@@ -81,7 +81,7 @@ def robot_on(floor_plan: Map) -> RobotModel:
     )
 
 
-def random_drive(robot: RobotModel, rng: np.random.Generator) -> Drive:
+def random_drive(robot: RobotModel, rng: np.random.Generator) -> RandomDrive:
     """Drive from a free pose, turning where a wall is near; only half of the plan is driven.
 
     The noise is small and not that which the robot assumes: a check tests whether a localizer
@@ -91,19 +91,20 @@ def random_drive(robot: RobotModel, rng: np.random.Generator) -> Drive:
     stride = min(size_of(robot.floor_plan) / 30, longest)
     poses = [_free_pose(robot, rng)]
     actions = []
-    for _ in range(2 * STEPS):
+    for _ in range(2 * DRIVE_STEPS):
         action, pose = _free_step(robot, poses[-1], stride, rng)
         actions.append(action)
         poses.append(pose)
     lidar = robot.lidar
-    exact = np.asarray(lidar.ranges(robot.floor_plan, np.array(poses[1 : STEPS + 1]).T), float)
+    seen_from = np.array(poses[1 : DRIVE_STEPS + 1]).T
+    exact = np.asarray(lidar.ranges(robot.floor_plan, seen_from), float)
     noisy = exact + rng.normal(0.0, 0.01 * stride, exact.shape)
     x, y, heading = poses[0].tolist()
-    return Drive(
+    return RandomDrive(
         prior=GaussianPrior(mean=(x, y, heading), sd_position=0.5 * stride, sd_heading=0.1),
-        actions=np.array(actions[:STEPS]),
+        actions=np.array(actions[:DRIVE_STEPS]),
         scans=np.clip(noisy, 0.0, lidar.max_range),
-        plans=[np.array(actions[t:]) for t in range(STEPS + 1)],
+        plans=[np.array(actions[t:]) for t in range(DRIVE_STEPS + 1)],
     )
 
 
@@ -159,7 +160,7 @@ class Subject:
     factory: Factory
     params: Mapping[str, Any]
     robot: RobotModel
-    drive: Drive
+    drive: RandomDrive
     sent: str | Factory | None = None
 
     @property
@@ -180,17 +181,12 @@ class Subject:
     ) -> list[Snapshot]:
         """Run a localizer, a new one if none is given, along the drive, changed as told."""
         drive = replace(self.drive, **changes)
-        run = beliefs(self.made() if localizer is None else localizer, drive, seed)
-        return [snapshot(belief, t) for t, belief in enumerate(run)]
-
-
-def beliefs(localizer: Localizer, drive: Drive, seed: Seed = 0) -> Iterator[Belief]:
-    """Run a localizer along a drive; yield its beliefs at t = 0 … T."""
-    return (belief for belief, _ in steps(localizer, drive, seed))
+        run = steps(self.made() if localizer is None else localizer, drive, seed)
+        return [snapshot(belief, t) for t, (belief, _) in enumerate(run)]
 
 
 def steps(
-    localizer: Localizer, drive: Drive, seed: Seed = 0
+    localizer: Localizer, drive: RandomDrive, seed: Seed = 0
 ) -> Iterator[tuple[Belief, list[Floats]]]:
     """Run a localizer along a drive; yield its beliefs, each with the arrays given for it."""
     given = drive.inputs(0)
@@ -263,29 +259,27 @@ def require_same(run: Sequence[Snapshot], other: Sequence[Snapshot], otherwise: 
         raise LawBrokenError(f"{otherwise}, first at {where}")
 
 
-def require_valid(run: Sequence[Snapshot]) -> None:
-    """Raise unless all that a run says is finite and its weights are normalized."""
-    require_finite(run)
-    require_normalized(run)
-
-
 def require_finite(run: Sequence[Snapshot]) -> None:
     """Raise unless all poses and weights are finite."""
+    for where, *points in _points_of(run):
+        for name, array in zip(("pose", "weight"), points, strict=True):
+            bad = array[~np.isfinite(array)]
+            if bad.size:
+                raise LawBrokenError(f"a {name} of {where} is {bad[0]:g}")
+
+
+def require_valid(run: Sequence[Snapshot]) -> None:
+    """Raise unless all is finite, and weights are not negative and of sum 1, as benchmarks need."""
+    require_finite(run)
+    for where, _, weights in _points_of(run):
+        if weights.min() < 0:
+            raise LawBrokenError(f"a weight of {where} is {weights.min():g}")
+        total = float(weights.sum(dtype=np.float64))
+        if not abs(total - 1) <= SUM_TOLERANCE:
+            raise LawBrokenError(f"the weights of {where} add up to {digits(total)}, not 1")
+
+
+def _points_of(run: Sequence[Snapshot]) -> Iterator[tuple[str, Floats, Floats]]:
     for t, belief in enumerate(run):
         for offset, points in belief.items():
-            for name, array in zip(("pose", "weight"), points, strict=True):
-                bad = array[~np.isfinite(array)]
-                if bad.size:
-                    raise LawBrokenError(f"a {name} of points({offset}) at step {t} is {bad[0]:g}")
-
-
-def require_normalized(run: Sequence[Snapshot]) -> None:
-    """Raise unless weights are not negative and of sum 1, as near as the benchmarks require."""
-    for t, belief in enumerate(run):
-        for offset, (_, weights) in belief.items():
-            where = f"points({offset}) at step {t}"
-            if weights.min() < 0:
-                raise LawBrokenError(f"a weight of {where} is {weights.min():g}")
-            total = float(weights.sum(dtype=np.float64))
-            if not abs(total - 1) <= SUM_TOLERANCE:
-                raise LawBrokenError(f"the weights of {where} add up to {digits(total)}, not 1")
+            yield f"points({offset}) at step {t}", *points

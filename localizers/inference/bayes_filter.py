@@ -11,7 +11,6 @@ from deqmcl_gym.numerics.elementary import FARTHEST
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, array, shown
 from localizers.api import Prior
-from localizers.inference.belief import Events
 from localizers.models.motion import increments
 from localizers.models.prior import GaussianPrior, MixturePrior
 from localizers.models.robot import RobotModel
@@ -19,20 +18,10 @@ from localizers.models.scan import Scan
 
 LARGEST_ACTION = FARTHEST  # length or turn: the sine of a larger angle is NaN
 _FLOAT64 = np.dtype(np.float64)
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 
-class Counted(Protocol):
-    """A named tuple with a field ``events``."""
-
-    @property
-    def events(self) -> Events:
-        """Counts of irregular events since reset."""
-
-    def _replace(self, *, events: Any) -> Any: ...
-
-
-B = TypeVar("B", bound=Counted)
+B = TypeVar("B")
 
 
 class Filter(Protocol[B]):
@@ -70,13 +59,14 @@ class FilterLocalizer(Generic[B]):
 
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> B:
         """Advance one step; see ``Localizer.update``."""
+        belief: Any
         belief, rng = require_reset(self._running)
         scan, command, ahead = checked_step(ranges, action, plan, self.robot.lidar)
         belief = self.filter.step(belief, scan, command, ahead, rng)
         if scan.beams < scan.ranges.size:
             belief = belief._replace(events=belief.events.of_scan(scan))
         self._running = (belief, rng)
-        return belief
+        return belief  # type: ignore[no-any-return]
 
 
 def checked_prior(prior: Prior, robot: RobotModel) -> Prior:
@@ -88,7 +78,7 @@ def checked_prior(prior: Prior, robot: RobotModel) -> Prior:
     return prior
 
 
-def require_reset(running: T | None) -> T:
+def require_reset(running: _T | None) -> _T:
     """Return the state that reset created; refuse an update before the first reset."""
     if running is None:
         raise RuntimeError("update was called before reset: call reset(prior, plan, rng) first.")

@@ -21,7 +21,7 @@ from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import InputError, number, one_of
 from localizers.beliefs import best_cluster
 from localizers.inference.parts import BeamFilter, LogWeights, States, Weights
-from localizers.inference.weights import largest, normalized
+from localizers.inference.weights import maximum, normalized
 from localizers.models import beam_kernels
 from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan, Scan
@@ -29,7 +29,7 @@ from localizers.models.scan import LidarScan, Scan
 JUDGES = 512  # particles, evenly spaced, by which beams are judged
 
 
-def judging(states: States, log_weights: LogWeights) -> tuple[States, Weights]:
+def judges(states: States, log_weights: LogWeights) -> tuple[States, Weights]:
     """Return at most ``JUDGES`` of the particles, evenly spaced, and their weights, with sum 1.
 
     Of particles that all weigh 0 the weights are equal.
@@ -43,6 +43,8 @@ def judging(states: States, log_weights: LogWeights) -> tuple[States, Weights]:
 
 def left_out(scan: Scan, dropped: Any) -> Scan:
     """Return the scan without the usable beams that are dropped, (b,)."""
+    if not dropped.any():
+        return scan
     beams = np.zeros(scan.ranges.size, np.bool_)
     beams[scan.usable] = dropped
     return scan.without(beams)
@@ -80,12 +82,11 @@ class DistanceFilter:
 
     def kept(self, states: States, log_weights: LogWeights, scan: Scan) -> Scan:
         """Return the scan without the beams that are too short; see ``BeamFilter``."""
-        poses, weights = judging(states, log_weights)
+        poses, weights = judges(states, log_weights)
         unit = self.scan.floor_plan.unit
         if scan.beams == 0 or best_cluster(poses.T, weights, unit=unit).share < self.localized:
             return scan
-        dropped = self.shorter(poses, weights, scan) > self.share
-        return left_out(scan, dropped) if dropped.any() else scan
+        return left_out(scan, self.shorter(poses, weights, scan) > self.share)
 
     def shorter(self, poses: States, weights: Weights, scan: Scan) -> Floats:
         """P(o is shorter than the map says) of each usable beam under weighted poses (3, n), (b,).
@@ -100,15 +101,14 @@ class DistanceFilter:
             return np.zeros(measured.size)
         chance, shares = np.empty(measured.size), weights[inside] / total
         max_range = self.scan.lidar.max_range
-        beam_kernels.shorter(measured, expected[:, inside], shares, sigma, max_range, chance)
+        beam_kernels.chance_of_shorter(
+            measured, expected[:, inside], shares, sigma, max_range, chance
+        )
         return chance
 
 
-Places = Callable[[States], Indices]  # the place of each state, as a number from 0
-
-
 @dataclass(frozen=True)
-class Cells:
+class PlaceCells:
     """Places are cells of size × size × turn.
 
     Attributes:
@@ -140,19 +140,18 @@ class EntropyFilter:
 
     Attributes:
         scan: p(o | x, m).
-        places: of the states.
+        places: of states (d, n), as numbers from 0, (n,).
     """
 
     scan: LidarScan
-    places: Places
+    places: Callable[[States], Indices]
 
     def kept(self, states: States, log_weights: LogWeights, scan: Scan) -> Scan:
         """Return the scan without the beams that raise the entropy; see ``BeamFilter``."""
         if scan.beams == 0:
             return scan
-        poses, weights = judging(states, log_weights)
-        dropped = self.raises(poses, weights, scan)
-        return left_out(scan, dropped) if dropped.any() else scan
+        poses, weights = judges(states, log_weights)
+        return left_out(scan, self.raises(poses, weights, scan))
 
     def raises(self, poses: States, weights: Weights, scan: Scan) -> Any:
         """Whether each usable beam raises the entropy of weighted poses (3, n), (b,)."""
@@ -185,7 +184,7 @@ def entropies(
         out: (k,).
     """
     for row in range(out.size):
-        top = largest(log_factors[row])
+        top = maximum(log_factors[row])
         masses[:] = 0.0
         total, logs = 0.0, 0.0
         for i in range(weights.size if top > -np.inf else 0):
@@ -198,26 +197,15 @@ def entropies(
         out[row] = log64(total) - logs / total if total > 0.0 else np.inf
 
 
-def _distance(scan: LidarScan) -> BeamFilter:
-    return DistanceFilter(scan=scan)
-
-
-def _entropy(scan: LidarScan) -> BeamFilter:
-    return EntropyFilter(scan=scan, places=Cells(5 * pixel(scan.floor_plan.unit)))
-
-
-_FILTERS: dict[str, Callable[[LidarScan], BeamFilter] | None] = {
-    "none": None,
-    "distance": _distance,
-    "entropy": _entropy,
-}
-
-
 def beam_filter(name: str, robot: RobotModel) -> BeamFilter | None:
     """Return the filter of a name for a robot's scan model; None for "none".
 
     Raises:
         InputError: no such filter, or it needs what the beam model lacks.
     """
-    made = _FILTERS[one_of("beam_filter", name, _FILTERS)]
-    return None if made is None else made(robot.beam_scan(f"beam_filter = {name!r}"))
+    if one_of("beam_filter", name, ("none", "distance", "entropy")) == "none":
+        return None
+    scan = robot.beam_scan(f"beam_filter = {name!r}")
+    if name == "distance":
+        return DistanceFilter(scan=scan)
+    return EntropyFilter(scan=scan, places=PlaceCells(5 * pixel(scan.floor_plan.unit)))

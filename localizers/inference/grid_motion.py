@@ -20,8 +20,8 @@ from deqmcl_gym.validation import InputError, integer, keep_plain, number
 from localizers.models.beams import normal_pdf
 from localizers.models.motion import OdometryMotion, distance_and_bearing, increments
 
-NOTHING = 1e-140  # cells of less count as empty: below the normal numbers arithmetic is 100x slower
-MAX_BYTES = 2**30
+EMPTY_CELL = 1e-140  # of less: below the normal numbers arithmetic takes 100 times as long
+_MAX_BYTES = 2**30
 _MOST_HEADINGS = 100_000
 
 
@@ -33,7 +33,7 @@ class PoseGrid:
         bounds: the region to cover, (x_min, y_min, x_max, y_max); the grid is centred on it.
         cell: edge of a cell, in the map's unit.
         headings: number of headings; the first centre is -π.
-        bytes_per_cell: memory per cell; more than ``MAX_BYTES`` in total is refused.
+        bytes_per_cell: memory per cell; more than ``_MAX_BYTES`` in total is refused.
     """
 
     bounds: tuple[float, float, float, float]
@@ -47,11 +47,11 @@ class PoseGrid:
         keep_plain(self)
         x0, y0, x1, y1 = self.bounds
         cells = self.headings * math.ceil((x1 - x0) / self.cell) * math.ceil((y1 - y0) / self.cell)
-        if cells * self.bytes_per_cell > MAX_BYTES:
+        if cells * self.bytes_per_cell > _MAX_BYTES:
             gibibytes = cells * self.bytes_per_cell / 2**30
             raise InputError(
                 f"cell is {self.cell:g} and headings is {self.headings}: {cells:,} cells, which "
-                f"would take {gibibytes:,.1f} GiB; at most {MAX_BYTES / 2**30:g} GiB are allowed: "
+                f"would take {gibibytes:,.1f} GiB; at most {_MAX_BYTES / 2**30:g} GiB are allowed: "
                 "give larger cells or fewer headings."
             )
 
@@ -139,7 +139,7 @@ def shift(mass: Floats, stencils: Floats, low_row: int, low_column: int, out: Fl
 def reweight(mass: Floats, log_likelihoods: Floats, out: Floats) -> float:
     """Out ∝ mass exp(log-likelihood) with sum 1; return log Σ mass p / Σ mass.
 
-    -inf (and nothing filled in) if no mass is left. What is below ``NOTHING`` is dropped.
+    -inf (and nothing filled in) if no mass is left. What is below ``EMPTY_CELL`` is dropped.
     """
     top, before = -np.inf, 0.0
     for i in range(mass.size):
@@ -150,7 +150,7 @@ def reweight(mass: Floats, log_likelihoods: Floats, out: Floats) -> float:
         return -np.inf
     for i in range(mass.size):
         factor = exp64(min(log_likelihoods[i] - top, 0.0))
-        out[i] = mass[i] * factor if factor > NOTHING and mass[i] > NOTHING else 0.0
+        out[i] = mass[i] * factor if factor > EMPTY_CELL and mass[i] > EMPTY_CELL else 0.0
     after = 0.0
     for i in range(mass.size):
         after += out[i]
@@ -158,7 +158,7 @@ def reweight(mass: Floats, log_likelihoods: Floats, out: Floats) -> float:
         return -np.inf
     for i in range(mass.size):
         share = out[i] / after
-        out[i] = share if share > NOTHING else 0.0
+        out[i] = share if share > EMPTY_CELL else 0.0
     return float(top + log64(after / before))
 
 

@@ -24,7 +24,7 @@ does not: this is insurance, not the posterior of the two-mode model.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -46,15 +46,7 @@ from localizers.inference.weights import log_sum_exp
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
 
-F = TypeVar("F", bound=Filter[Any])
-
-
-class Predictive(Belief, Protocol):
-    """A belief that tells how well it predicted the latest scan."""
-
-    @property
-    def scan_log_evidence(self) -> float:
-        """Log Σ w p(o_t | x_t, m) under the belief before o_t; NaN if it is unknown."""
+_F = TypeVar("_F", bound=Filter[Any])
 
 
 class HedgedBelief(NamedTuple):
@@ -67,8 +59,8 @@ class HedgedBelief(NamedTuple):
         events: counts since reset, of both members.
     """
 
-    advised: Predictive
-    protected: Predictive
+    advised: Belief
+    protected: Belief
     log_odds: float
     scan_log_evidence: float = float("nan")
     events: Events = Events()
@@ -76,7 +68,7 @@ class HedgedBelief(NamedTuple):
     @property
     def trusted(self) -> float:
         """q, the probability that A's picture is right."""
-        return share_of(self.log_odds)
+        return probability_of(self.log_odds)
 
     def points(self, offset: int = 0) -> Points | None:
         """Return the poses of both, their weights times q and 1 - q; of one where q is 1 or 0.
@@ -158,18 +150,16 @@ class Hedge:
         log_odds = switched(belief.log_odds, s)
         advised, protected = belief.advised, belief.protected
         if s > 0.0:
-            share = s * share_of(-belief.log_odds) / share_of(log_odds)
+            share = s * probability_of(-belief.log_odds) / probability_of(log_odds)
             advised = mixed(advised, share, belief.protected, stream)
         if s > 0.0 and self.mutual:
-            share = s * share_of(belief.log_odds) / share_of(-log_odds)
+            share = s * probability_of(belief.log_odds) / probability_of(-log_odds)
             protected = mixed(protected, share, belief.advised, stream)
         advised = self.advised.step(advised, scan, action, plan, stream)
         protected = self.protected.step(protected, scan, action, plan[:0], rng)
         protected = self._foreseeing(protected, plan, stream)
         log_odds, evidence = weighed(log_odds, _evidence(advised), _evidence(protected))
-        events = belief.events
-        if _counts(advised, protected) != _counts(belief.advised, belief.protected):
-            events = _events(events, advised, protected)
+        events = _events(belief.events, advised, protected)
         return HedgedBelief(advised, protected, log_odds, evidence, events)
 
     def _foreseeing(self, protected: Any, plan: Actions, stream: np.random.Generator) -> Any:
@@ -181,7 +171,7 @@ class Hedge:
 
 
 @compiled
-def share_of(log_odds: float) -> float:
+def probability_of(log_odds: float) -> float:
     """Return q of log q / (1 - q)."""
     if log_odds > 0.0:
         return float(1.0 / (1.0 + exp64(-log_odds)))
@@ -262,13 +252,9 @@ def _evidence(belief: Any) -> float:
         ) from None
 
 
-def _counts(*members: Any) -> list[Any]:
-    return [getattr(belief, "events", None) for belief in members]
-
-
 def _events(before: Events, *members: Any) -> Events:
     """Return the counts of both members; unusable beams, which both get, are counted once."""
-    told = _counts(*members)
+    told = [getattr(belief, "events", None) for belief in members]
     counts = {one.name: sum(getattr(own, one.name, 0) for own in told) for one in fields(Events)}
     counts["skipped_beams"], counts["blind_scans"] = before.skipped_beams, before.blind_scans
     return Events(**counts)
@@ -291,7 +277,7 @@ class Plugged:
         return self.localizer.update(scan.ranges, action, plan)
 
 
-def judging(member: F) -> F:
+def predictive(member: _F) -> _F:
     """Return a filter all of whose particles tell how well a scan was predicted."""
     if isinstance(member, ParticleFilter):
         return replace(member, predictive=member.particles)
@@ -321,7 +307,7 @@ def hedged(
         switching, trust, mutual, own_plans: see ``Hedge``.
     """
     members = [
-        judging(one.filter) if isinstance(one, FilterLocalizer) else Plugged(one)
+        predictive(one.filter) if isinstance(one, FilterLocalizer) else Plugged(one)
         for one in (advised, protected)
     ]
     return FilterLocalizer(

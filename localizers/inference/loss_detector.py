@@ -22,9 +22,9 @@ from localizers.models.prior import even_poses
 from localizers.models.scan import LidarScan, Scan, ScanModel, ScanTable
 
 LOST = 0.01  # probability of getting lost, per step
-FOUND = 0.01  # probability of being found again, per step
-MEMORY = 50  # scans kept: 1 / (LOST + FOUND)
-POSES = 128  # that represent "somewhere in free space"
+FOUND_AGAIN = 0.01  # probability of being found again, per step
+MEMORY = 50  # scans kept: 1 / (LOST + FOUND_AGAIN)
+ANYWHERE = 128  # that represent "somewhere in free space"
 
 
 @compiled
@@ -74,7 +74,7 @@ class LostDensity:
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence:
+class ScanEvidence:
     """A scan, and how well the belief before it predicted it.
 
     Attributes:
@@ -105,14 +105,14 @@ class LossDetector(Memory):
     """
 
     lost: LostDensity
-    evidence: tuple[Evidence, ...] = ()
+    evidence: tuple[ScanEvidence, ...] = ()
     start: float = 1.0 - LOST
     known: Floats = field(default_factory=partial(np.empty, 0))
 
     @classmethod
     def of(cls, model: ScanModel, floor_plan: Map) -> "LossDetector":
         """Return the detector before the first scan, for a localizer with this scan model."""
-        return cls(LostDensity(model, even_poses(floor_plan, POSES)))
+        return cls(LostDensity(model, even_poses(floor_plan, ANYWHERE)))
 
     def scanned(self, scan: Scan, log_evidence: float) -> "LossDetector":
         """Return the detector after one more step; of scans no longer kept only the time counts.
@@ -124,9 +124,9 @@ class LossDetector(Memory):
         evidence, start = self.evidence, self.start
         known = vars(self).get("_ratios", self.known)
         if len(evidence) == MEMORY:
-            evidence, start = evidence[1:], start * (1.0 - LOST) + (1.0 - start) * FOUND
+            evidence, start = evidence[1:], start * (1.0 - LOST) + (1.0 - start) * FOUND_AGAIN
             known = known[1:]
-        latest = Evidence(scan, log_evidence, self.lost)
+        latest = ScanEvidence(scan, log_evidence, self.lost)
         return LossDetector(self.lost, (*evidence, latest), start, known)
 
     @property
@@ -138,9 +138,10 @@ class LossDetector(Memory):
     def quality(self) -> float:
         """Probability of not being lost, in [0, 1].
 
-        q⁻ = q (1 - LOST) + (1 - q) FOUND; then q ∝ q⁻ p(o | belief), 1 - q ∝ (1 - q⁻) p(o | lost).
+        q⁻ = q (1 - LOST) + (1 - q) FOUND_AGAIN, then q ∝ q⁻ p(o | belief) and
+        1 - q ∝ (1 - q⁻) p(o | lost).
         """
-        return _two_states(self.start, 1.0 - LOST, FOUND, self._ratios)
+        return _two_states(self.start, 1.0 - LOST, FOUND_AGAIN, self._ratios)
 
     @cached_property
     def _ratios(self) -> Floats:

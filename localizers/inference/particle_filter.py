@@ -11,17 +11,10 @@ from localizers.api import Motion
 from localizers.inference.belief import FilteredEvents, ParticleBelief, PlanReading
 from localizers.inference.futures import Redraw, Rollout
 from localizers.inference.loss_detector import LossDetector
-from localizers.inference.parts import (
-    Action,
-    Actions,
-    BeamFilter,
-    Feasibility,
-    Initial,
-    Resampling,
-)
+from localizers.inference.parts import Action, Actions, BeamFilter, Feasibility, Initial
 from localizers.inference.plan_evidence import Lookahead
-from localizers.inference.resampling import KeepsSampleSize
-from localizers.inference.start import InformedStart, Injection, drawn
+from localizers.inference.resampling import Resampling, power_that_keeps
+from localizers.inference.start import InformedStart, Injection, initial_cloud
 from localizers.inference.weights import normalized_with_log_sum
 from localizers.models.scan import Scan, ScanModel
 
@@ -46,7 +39,8 @@ class ParticleFilter:
             plan is not looked at.
         start: chooses the first particles among draws from the prior; None: all are taken.
         beams: chooses the beams of a scan that are used; None: all are.
-        tempering: sets the exponent of a scan's likelihood; None: 1, Bayes' rule.
+        keep: κ in [0, 1], the least share of the effective sample size that a scan leaves: its
+            likelihood gets an exponent, see ``power_that_keeps``; 0: Bayes' rule.
         injection: mixes random poses into the belief, needs ``future`` = 0; None: none.
         detector: evidence for and against its beliefs at t = 0; None: none is kept.
         predictive: how many particles, evenly spaced, tell how well a scan was predicted.
@@ -64,7 +58,7 @@ class ParticleFilter:
     lookahead: Lookahead | None = None
     start: InformedStart | None = None
     beams: BeamFilter | None = None
-    tempering: KeepsSampleSize | None = None
+    keep: float = 0.0
     injection: Injection | None = None
     detector: LossDetector | None = None
     predictive: int = 256
@@ -92,7 +86,7 @@ class ParticleFilter:
         """
         stream = rng.spawn(1)[0]
         draws = self.particles * (1 if self.start is None else self.start.draws)
-        belief = drawn(prior, draws, self.dtype, plan, stream)
+        belief = initial_cloud(prior, draws, self.dtype, plan, stream)
         if self.beams is not None:
             belief = belief._replace(events=FilteredEvents())
         if self.detector is not None:
@@ -141,8 +135,8 @@ class ParticleFilter:
             events = belief.events.plus(dropped_beams=scan.beams - kept.beams)
             belief, scan = belief._replace(events=events), kept
         log_likelihood, power = self.scan.log_likelihood(belief.present, scan), 1.0
-        if self.tempering is not None:
-            power = self.tempering(belief.log_weights, log_likelihood)
+        if self.keep > 0.0:
+            power = power_that_keeps(belief.log_weights, log_likelihood, self.keep)
         belief = belief.scanned(scan, log_likelihood, self.predictive, power)
         if self.lookahead is not None:
             return self.lookahead(belief, plan, rng)

@@ -65,16 +65,6 @@ class Walk(Protocol):
         """
 
 
-class Resampling(Protocol):
-    """When to resample, and how; draws one uniform number or row whether or not it triggers."""
-
-    def ancestors(self, weights: Weights, rng: np.random.Generator) -> Indices | None:
-        """Return the particles to keep, (n,), or None to keep all with their weights.
-
-        The weights have sum 1, (n,).
-        """
-
-
 class Memory:
     """What a part remembers from step to step.
 

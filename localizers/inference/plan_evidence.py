@@ -5,7 +5,6 @@ The plan as an observation, and how feasible its future is from a state.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -18,18 +17,10 @@ from localizers.inference.futures import DrawnFuture, Rollout, agreeing
 from localizers.inference.parts import Actions
 from localizers.models.plan_sensor import PlanSensor, charges
 
-
-class Lookahead(Protocol):
-    """Takes in what the plan says of the present, at the start and at every step.
-
-    By h_t(x_t) = E[Π g of the planned future | x_t], which weights what is reported; or, as
-    ``PlanEvidence``, by an observation of x_t, which stays.
-    """
-
-    def __call__(
-        self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
-    ) -> ParticleBelief:
-        """Return the belief, looking ahead along the plan (h, k)."""
+# Takes in what the plan (h, k) says of the present, at the start and at every step. By
+# h_t(x_t) = E[Π g of the planned future | x_t], which weights what is reported; or, as
+# ``PlanEvidence``, by an observation of x_t, which stays.
+Lookahead = Callable[[ParticleBelief, Actions, np.random.Generator], ParticleBelief]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,19 +60,6 @@ class Foresight:
         return belief.foreseeing(future.log_h) if self.weighs else belief
 
 
-Known = Callable[[Actions | None, Actions], int]
-
-
-def nothing_known(last: Actions | None, plan: Actions) -> int:
-    """Charge all steps of every plan: its author has looked at the robot again."""
-    return 0
-
-
-def steps_known(last: Actions | None, plan: Actions) -> int:
-    """Charge each planned step once: a plan that merely continues the last one adds nothing."""
-    return 0 if last is None else agreeing(last[1:], plan)
-
-
 @dataclass(frozen=True, kw_only=True)
 class PlanEvidence:
     """w ← w p(π_t | x_t, m)^λ, at every step and at the start: the ``Lookahead`` of ``mcl-plan``.
@@ -97,13 +75,15 @@ class PlanEvidence:
         sensor: p(π_t | x_t, m).
         steps: L, how many planned steps are read; None: all.
         keep: κ in [0, 1].
-        known: how many first steps of a plan are already charged, given those of the last one.
+        new_only: whether each planned step is charged once, when it comes into view: a plan that
+            merely continues the last one adds nothing. Else all steps of every plan: its author has
+            looked at the robot again.
     """
 
     sensor: PlanSensor
     steps: int | None = None
     keep: float = 0.0
-    known: Known = nothing_known
+    new_only: bool = False
 
     def __post_init__(self) -> None:
         number("keep", self.keep, low=0, high=1)
@@ -116,7 +96,7 @@ class PlanEvidence:
         if last is not None and last.shown is plan:  # the start was chosen by it
             return belief
         seen = plan[: self.steps]
-        first = self.known(None if last is None else last.seen, plan)
+        first = agreeing(last.seen[1:], plan) if self.new_only and last is not None else 0
         if first >= len(seen):  # further than ``steps`` where the start was chosen by all of it
             return belief.remembering(PlanReading(plan, plan[:first]))
         collisions = self.sensor.collisions(belief.present, seen, first)

@@ -12,9 +12,9 @@ import numpy as np
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64
 from deqmcl_gym.numerics.types import Floats, Indices, Singles
-from deqmcl_gym.validation import InputError, integer, number, one_of
-from localizers.inference.parts import LogWeights, Weights
-from localizers.inference.weights import effective_sample_size, largest
+from deqmcl_gym.validation import InputError, integer, number
+from localizers.inference.parts import Weights
+from localizers.inference.weights import effective_sample_size, maximum
 
 
 @compiled
@@ -126,72 +126,45 @@ SCHEMES: dict[str, Scheme] = {
 
 
 @dataclass(frozen=True)
-class Always:
-    """Resample at every step, as the paper does."""
+class Resampling:
+    """When to resample, and how.
 
-    scheme: Scheme = systematic
-
-    def ancestors(self, weights: Weights, rng: np.random.Generator) -> Indices | None:
-        """Return the particles to keep, (n,)."""
-        return self.scheme(weights, rng)
-
-
-@dataclass(frozen=True)
-class WhenDegenerate:
-    """Resample when the effective sample size falls below ``threshold`` times n.
-
-    The random numbers are drawn whether or not it triggers, so that runs stay comparable.
-    """
-
-    threshold: float
-    scheme: Scheme = systematic
-
-    def ancestors(self, weights: Weights, rng: np.random.Generator) -> Indices | None:
-        """Return the particles to keep, (n,), or None to keep all with their weights."""
-        chosen = self.scheme(weights, rng)
-        degenerate = effective_sample_size(weights) < self.threshold * weights.size
-        return chosen if degenerate else None
-
-
-def resampling(resampler: str, ess_threshold: float | None) -> Always | WhenDegenerate:
-    """Return the strategy of these two parameters; ``ess_threshold`` None means always."""
-    scheme = SCHEMES[one_of("resampler", resampler, SCHEMES)]
-    if ess_threshold is None:
-        return Always(scheme)
-    return WhenDegenerate(number("ess_threshold", ess_threshold, low=0, high=1), scheme)
-
-
-@dataclass(frozen=True)
-class KeepsSampleSize:
-    """λ_t, the largest in [0, 1] that leaves ``keep`` of the effective sample size.
-
-    In a cloud spread over a building no particle is close enough to explain many sharp beams, and
-    the least wrong one would take all the weight. λ grows as the cloud contracts. It depends on
-    the cloud, so the filter is exact only at ``keep`` = 0.
+    The random numbers are drawn whether or not it resamples, so that runs stay comparable.
 
     Attributes:
-        keep: κ in [0, 1].
+        scheme: how; one of ``SCHEMES``.
+        ess_threshold: only when the effective sample size is below this share of n; None: at every
+            step, as the paper does.
     """
 
-    keep: float
+    scheme: Scheme = systematic
+    ess_threshold: float | None = None
 
     def __post_init__(self) -> None:
-        number("scan_keep", self.keep, low=0, high=1)
+        if self.ess_threshold is not None:
+            number("ess_threshold", self.ess_threshold, low=0, high=1)
 
-    def __call__(self, log_weights: LogWeights, log_likelihood: LogWeights) -> float:
-        """Return λ; 1 if no particle explains the scan."""
-        return power_that_keeps(log_weights, log_likelihood, self.keep)
+    def ancestors(self, weights: Weights, rng: np.random.Generator) -> Indices | None:
+        """Return the particles to keep by weights of sum 1, (n,); None: all, with their weights."""
+        chosen, threshold = self.scheme(weights, rng), self.ess_threshold
+        if threshold is None or effective_sample_size(weights) < threshold * weights.size:
+            return chosen
+        return None
 
 
 @compiled
 def power_that_keeps(log_weights: Floats, log_factor: Floats, keep: float) -> float:
     """Return the largest λ in [0, 1] at which w f^λ has ``keep`` of the sample size of w.
 
+    In a cloud spread over a building no particle is close enough to explain many sharp beams, and
+    the least wrong one would take all the weight. λ grows as the cloud contracts. It depends on
+    the cloud, so a filter is exact only at ``keep`` = 0.
+
     By bisection, to 2⁻²⁰; the effective sample size is never less. 1 if no weight is left by f, or
     one is infinite.
     """
     scaled = log_weights + log_factor
-    if not abs(largest(scaled)) < np.inf:
+    if not abs(maximum(scaled)) < np.inf:
         return 1.0
     wanted = keep * _sample_size(log_weights)
     low, high, power = 0.0, 1.0, 1.0
@@ -211,7 +184,7 @@ def power_that_keeps(log_weights: Floats, log_factor: Floats, keep: float) -> fl
 @compiled
 def _sample_size(log_weights: Floats) -> float:
     """(Σ w)² / Σ w²."""
-    top, total, square = largest(log_weights), 0.0, 0.0
+    top, total, square = maximum(log_weights), 0.0, 0.0
     for i in range(log_weights.size):
         weight = exp64(log_weights[i] - top)
         total += weight

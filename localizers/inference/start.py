@@ -18,7 +18,7 @@ from localizers.inference.weights import normalized_with_log_sum
 from localizers.models.scan import Scan
 
 
-def drawn(
+def initial_cloud(
     prior: Initial, count: int, dtype: Any, plan: Actions, rng: np.random.Generator
 ) -> ParticleBelief:
     """Return draws from a prior as a belief without a queued future."""
@@ -197,8 +197,8 @@ class Injection:
             return belief
         dtype = belief.present.dtype
         if self.start is None or news == 0:
-            return belief.exchanged(chosen, drawn(self.poses, count, dtype, plan, stream))
-        candidates = drawn(self.poses, self.start.draws * count, dtype, plan, stream)
+            return belief.exchanged(chosen, initial_cloud(self.poses, count, dtype, plan, stream))
+        candidates = initial_cloud(self.poses, self.start.draws * count, dtype, plan, stream)
         return belief.exchanged(chosen, self.start(candidates, plan, stream))
 
 

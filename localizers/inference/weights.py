@@ -9,7 +9,7 @@ from localizers.inference.parts import LogWeights, Weights
 
 
 @compiled
-def largest(values: Floats) -> float:
+def maximum(values: Floats) -> float:
     """Return the maximum, -inf of none, in four strands: one alone would wait at every step."""
     first, second, third, fourth = -np.inf, -np.inf, -np.inf, -np.inf
     whole = values.size - values.size % 4
@@ -26,7 +26,7 @@ def largest(values: Floats) -> float:
 @compiled
 def normalize(log_weights: Floats, out: Floats) -> float:
     """Fill in weights with sum 1; return log Σ exp(log w), -inf (and fill in none) if all are 0."""
-    top = largest(log_weights)
+    top = maximum(log_weights)
     if not top > -np.inf:
         return top
     total = 0.0
@@ -45,7 +45,7 @@ def log_evidence(log_weights: Floats, log_likelihoods: Floats, most: int) -> flo
     stride = (log_weights.size - 1) // most + 1
     before = log_weights[::stride].copy()
     after = before + log_likelihoods[::stride]
-    top, top_both = largest(before), largest(after)
+    top, top_both = maximum(before), maximum(after)
     if not (top > -np.inf and top_both > -np.inf):
         return top_both - top  # -inf, or NaN
     alike = True  # as after resampling: then each exponential is 1
@@ -79,7 +79,7 @@ def shifted(log_weights: Floats, log_factor: Floats, out: Floats) -> float:
     """Fill in log w + log factor; return its maximum, -inf if no weight is left."""
     for i in range(out.size):
         out[i] = log_weights[i] + log_factor[i]
-    return largest(out)
+    return maximum(out)
 
 
 @compiled
@@ -103,9 +103,7 @@ def log_sum_exp(log_weights: LogWeights) -> float:
 
 def normalized(log_weights: LogWeights) -> Weights:
     """Weights with sum 1, (n,)."""
-    weights = np.empty(log_weights.size)
-    normalize(log_weights, weights)
-    return weights
+    return normalized_with_log_sum(log_weights)[0]
 
 
 def normalized_with_log_sum(log_weights: LogWeights) -> tuple[Weights, float]:

@@ -29,7 +29,7 @@ from localizers.inference.parts import BeamFilter, Memory, States
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import KldSampling, searched
 from localizers.inference.start import Averages
-from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed, moved
+from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed_increment, moved
 from localizers.models.nav2_scan import (
     BeamCubes,
     BeamSkipping,
@@ -140,6 +140,7 @@ class _Running:
     rng: np.random.Generator
 
 
+@dataclass(kw_only=True)
 class AdaptiveLocalizer:
     """A ``Localizer`` that draws as many particles as the spread of its belief requires.
 
@@ -148,24 +149,17 @@ class AdaptiveLocalizer:
     moved along the odometry, without noise. The first scan is always used.
     """
 
-    def __init__(
-        self,
-        robot: RobotModel,
-        *,
-        motion: Motion,
-        scan: ScanModel,
-        kld: KldSampling,
-        averages: WeightAverages,
-        resampling: ResamplingTime,
-        gate: UpdateGate,
-        skipping: BeamFilter | None = None,
-    ) -> None:
-        """Make a localizer for ``robot`` from its parts; None: no beam is skipped."""
-        self.robot = robot
-        self._motion, self._scan, self._skipping = motion, scan, skipping
-        self._kld, self._averages = kld, averages
-        self._resampling, self._gate = resampling, gate
-        self._detector = LossDetector.of(scan, robot.floor_plan)
+    robot: RobotModel
+    motion: Motion
+    scan: ScanModel
+    kld: KldSampling
+    averages: WeightAverages
+    resampling: ResamplingTime
+    gate: UpdateGate
+    skipping: BeamFilter | None = None  # None: no beam is skipped
+
+    def __post_init__(self) -> None:
+        self._detector = LossDetector.of(self.scan, self.robot.floor_plan)
         self._running: _Running | None = None
 
     def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> ParticleBelief:
@@ -173,27 +167,27 @@ class AdaptiveLocalizer:
         known = checked_prior(prior, self.robot)
         checked_plan(plan)
         started = checked_rng(rng).spawn(1)[0]
-        cloud = np.ascontiguousarray(known.sample(self._kld.most, started).T, np.float32)
+        cloud = np.ascontiguousarray(known.sample(self.kld.most, started).T, np.float32)
         belief = _cloud(cloud, Events(), (self._detector,))
-        self._running = _Running(belief, np.zeros(3), 0.0, self._averages, 0, False, rng)
+        self._running = _Running(belief, np.zeros(3), 0.0, self.averages, 0, False, rng)
         return belief
 
     def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> ParticleBelief:
         """Advance one step; see ``Localizer.update``."""
         now = require_reset(self._running)
         scan, command, _ = checked_step(ranges, action, plan, self.robot.lidar)
-        since = composed(now.since, command)
+        since = composed_increment(now.since, command)
         belief = now.belief
         belief = belief._replace(events=belief.events.of_scan(scan))
-        if now.updates and not self._gate.opens(since, now.heading):
+        if now.updates and not self.gate.opens(since, now.heading):
             self._running = replace(now, belief=belief, since=since)
             return belief._replace(queue=Queue((moved(belief.present, since),)))
-        cloud = self._motion.sample(belief.present, since, now.rng)
+        cloud = self.motion.sample(belief.present, since, now.rng)
         used = scan
-        if now.converged and self._skipping is not None:
-            used = self._skipping.kept(cloud, belief.log_weights, scan)
+        if now.converged and self.skipping is not None:
+            used = self.skipping.kept(cloud, belief.log_weights, scan)
         weighed = belief._replace(queue=Queue((cloud,))).scanned(
-            used, self._scan.log_likelihood(cloud, used), most=cloud.shape[1]
+            used, self.scan.log_likelihood(cloud, used), most=cloud.shape[1]
         )
         averages = now.averages
         if scan.beams > 0:
@@ -202,7 +196,7 @@ class AdaptiveLocalizer:
         running = _Running(
             weighed, np.zeros(3), heading, averages, now.updates + 1, now.converged, now.rng
         )
-        if self._resampling.has_come(running.updates, weighed):
+        if self.resampling.has_come(running.updates, weighed):
             running = self._resampled(running)
         self._running = running
         return running.belief
@@ -211,14 +205,14 @@ class AdaptiveLocalizer:
         """Draw independently, by weight or at random poses, until KLD-sampling is satisfied."""
         belief, share = now.belief, now.averages.share
         cumulative = np.cumsum(belief.weights)
-        pointers = now.rng.random(self._kld.most) * cumulative[-1]
-        anywhere = now.rng.random(self._kld.most) < share
+        pointers = now.rng.random(self.kld.most) * cumulative[-1]
+        anywhere = now.rng.random(self.kld.most) < share
         chosen = np.empty(pointers.size, np.intp)
         searched(cumulative, pointers, chosen)
         drawn = belief.present.take(chosen, axis=1)
         if count := int(np.count_nonzero(anywhere)):
             drawn[:, anywhere] = random_poses(self.robot.floor_plan, count, now.rng)
-        enough = self._kld.enough(drawn)
+        enough = self.kld.enough(drawn)
         events = belief.events
         if count:
             events = events.plus(random_poses=int(np.count_nonzero(anywhere[:enough])))
@@ -344,7 +338,7 @@ def amcl(
             error_threshold=beam_skip_error_threshold,
         )  # fmt: skip
     return AdaptiveLocalizer(
-        robot,
+        robot=robot,
         motion=motions[robot_model_type],
         scan=scan,
         kld=KldSampling(

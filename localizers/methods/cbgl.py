@@ -215,7 +215,6 @@ def cbgl(
     on.
 
     Args:
-        robot, shared: see ``Shared``.
         poses: hypotheses drawn from the prior.
         matched: how many of them, those of the least error, are matched to the map.
         modes: around how many of the matched poses the particles are put, in equal numbers; 1 is

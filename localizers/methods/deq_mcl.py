@@ -50,7 +50,7 @@ def mcl_map(robot: RobotModel, shared: Shared) -> ParticleFilter:
         mcl.build(robot, shared),
         feasibility=shared.feasibility(robot),
         start=shared.start(robot),
-        tempering=shared.tempering,
+        keep=shared.scan_keep,
         injection=shared.injection(robot),
     )
 
@@ -72,7 +72,6 @@ def deq_mcl(robot: RobotModel, shared: Shared, *, pilots: int = 16) -> ParticleF
     """Return DEQ-MCL with a queue of ``lag`` = L steps to either side.
 
     Args:
-        robot, shared: see ``Shared``.
         pilots: M, rollouts per particle when the executed action or the plan differs from the
             actions that the queue was drawn with.
     """

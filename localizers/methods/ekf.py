@@ -6,7 +6,7 @@ landmarks. A single Gaussian can track a robot, but not find a lost one.
 
 from dataclasses import dataclass
 from statistics import NormalDist
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -29,15 +29,7 @@ from localizers.models.scan import LidarScan, Scan
 PRIOR_DRAWS = 10_000  # from which the prior's covariance is taken
 # Half-widths of the central differences: px (scaled to the map's unit), px, rad. Above the float32
 # resolution of the ray cast, below the size of walls.
-STEPS = np.array([1.0, 1.0, 0.01])
-
-
-@runtime_checkable
-class HitMoments(Protocol):
-    """A beam model with the mean and the variance of a beam that hits the expected wall."""
-
-    def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
-        """Mean and variance, (n, B) each."""
+_STEPS = np.array([1.0, 1.0, 0.01])
 
 
 @dataclass(frozen=True)
@@ -97,14 +89,14 @@ class KalmanFilter:
     Attributes:
         motion: p(x_t | x_{t-1}, a_t).
         scan: p(o_t | x_t, m), from which the quality is computed.
-        beam: mean and variance of a beam.
+        beam: with ``hit_moments``, the mean and variance of a beam that hits the expected wall.
         gate: largest ν² / S of a beam that is used.
         detector: evidence for and against its beliefs at t = 0.
     """
 
     motion: OdometryMotion
     scan: LidarScan
-    beam: HitMoments
+    beam: Any
     gate: float
     detector: LossDetector
 
@@ -137,7 +129,7 @@ class KalmanFilter:
     def _corrected(self, mean: Floats, covariance: Floats, scan: Scan) -> tuple[int, int]:
         """Correct by a scan, in place; return the numbers of gated and of unpredicted beams."""
         floor_plan, lidar = self.scan.floor_plan, self.scan.lidar
-        steps = STEPS * np.array([pixel(floor_plan.unit), pixel(floor_plan.unit), 1.0])
+        steps = _STEPS * np.array([pixel(floor_plan.unit), pixel(floor_plan.unit), 1.0])
         shifts = np.vstack([np.zeros(3), np.diag(steps), -np.diag(steps)])
         seen = lidar.ranges(floor_plan, (mean + shifts).T, scan.usable)
         predicted = np.isfinite(seen).all(axis=0)
@@ -166,7 +158,7 @@ def ekf(robot: RobotModel, *, gate: float = 0.99) -> FilterLocalizer[GaussianBel
             every beam pass.
     """
     number("gate", gate, low=0, high=1, above=True)
-    if not isinstance(robot.scan, HitMoments):
+    if not hasattr(robot.scan, "hit_moments"):
         raise InputError(
             f"the scan model is {robot.scan!r}, but the localizer 'ekf' needs the mean and the "
             "variance of a beam: give one with a method hit_moments(expected, max_range)."

@@ -5,13 +5,13 @@ from dataclasses import dataclass, fields
 from inspect import Parameter, Signature, signature
 from typing import Any, Generic, TypeVar
 
-from deqmcl_gym.validation import InputError, integer, keep_plain, number, shown
+from deqmcl_gym.validation import InputError, integer, keep_plain, number, one_of, shown
 from localizers.inference.bayes_filter import Filter, FilterLocalizer
-from localizers.inference.parts import Feasibility, Resampling
+from localizers.inference.parts import Feasibility
 from localizers.inference.plan_evidence import PlanEvidence
-from localizers.inference.resampling import KeepsSampleSize, resampling
+from localizers.inference.resampling import SCHEMES, Resampling
 from localizers.inference.start import InformedStart, Injection, Recovery
-from localizers.models.cost_map import Cost, CostImage, CostMap, Inflation
+from localizers.models.cost_map import CostImage, CostMap, Inflation
 from localizers.models.plan_sensor import FreeSpace, PlanSensor
 from localizers.models.prior import UniformPrior
 from localizers.models.robot import RobotModel
@@ -80,6 +80,7 @@ class Shared:
                 number(name, beta, low=0, finite=False)
         integer("start_draws", self.start_draws, low=1)
         number("start_jitter", self.start_jitter, low=0)
+        number("scan_keep", self.scan_keep, low=0, high=1)
         keep_plain(self)
         if self.start_jitter > 0 and self.start_draws == 1:
             raise InputError(
@@ -100,16 +101,14 @@ class Shared:
     @property
     def resampling(self) -> Resampling:
         """When to resample, and how."""
-        return resampling(self.resampler, self.ess_threshold)
-
-    def charge(self, robot: RobotModel) -> float:
-        """β of a step."""
-        return robot.beta if self.beta is None else self.beta
+        scheme = SCHEMES[one_of("resampler", self.resampler, SCHEMES)]
+        return Resampling(scheme, self.ess_threshold)
 
     def feasibility(self, robot: RobotModel) -> Feasibility:
         """What a step is charged."""
-        floor_plan, radius, beta = robot.floor_plan, robot.radius, self.charge(robot)
-        cost: Cost
+        floor_plan, radius = robot.floor_plan, robot.radius
+        beta = robot.beta if self.beta is None else self.beta
+        cost: CostImage | Inflation
         if self.cost_map is not None:
             cost = CostImage.load(self.cost_map, floor_plan, radius)
         elif self.inflation_radius is not None:
@@ -135,12 +134,6 @@ class Shared:
         evidence = PlanEvidence(sensor=self.sensor(robot))
         return InformedStart(evidence=evidence, draws=self.start_draws, jitter=self.start_jitter)
 
-    @property
-    def tempering(self) -> KeepsSampleSize | None:
-        """The exponent of scan likelihoods."""
-        kept = KeepsSampleSize(self.scan_keep)
-        return kept if self.scan_keep > 0 else None
-
     def injection(self, robot: RobotModel) -> Injection | None:
         """Which random poses are mixed in, and when."""
         recovery = Recovery(
@@ -152,11 +145,11 @@ class Shared:
         return Injection(recovery=recovery, poses=poses, start=self.start(robot))
 
 
-F = TypeVar("F", bound=Filter[Any])
+_F = TypeVar("_F", bound=Filter[Any])
 
 
 @dataclass(frozen=True)
-class Method(Generic[F]):
+class FamilyMethod(Generic[_F]):
     """A method of the family: ``method(robot, **parameters)`` makes a localizer.
 
     Attributes:
@@ -164,7 +157,7 @@ class Method(Generic[F]):
         takes: names of the shared parameters it accepts.
     """
 
-    build: Callable[..., F]
+    build: Callable[..., _F]
     takes: tuple[str, ...]
 
     def __call__(self, robot: RobotModel, **params: Any) -> FilterLocalizer[Any]:
@@ -185,6 +178,6 @@ class Method(Generic[F]):
         return Signature([robot, *shared, *own])
 
 
-def method(*takes: str) -> Callable[[Callable[..., F]], Method[F]]:
+def method(*takes: str) -> Callable[[Callable[..., _F]], FamilyMethod[_F]]:
     """Decorate a build function as a method that accepts these ``Shared`` parameters."""
-    return lambda build: Method(build, takes)
+    return lambda build: FamilyMethod(build, takes)

@@ -25,7 +25,7 @@ from localizers.models.motion import odometry
 from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan, Scan, ScanTable
 
-LEAST = 1e-9  # of the heaviest cell's weight: lighter cells are left out of ``points``
+LEAST_SHARE = 1e-9  # of the heaviest cell's weight: lighter cells are left out of ``points``
 MOST_POINTS = 20_000
 _UNSEEN = -20.0  # log of the prior's mass on the grid: below, the points missed it
 _WORKING_BYTES = 100  # per cell: four float64 masses, poses, what a prior is integrated with
@@ -48,14 +48,14 @@ class GridBelief(NamedTuple):
     def points(self, offset: int = 0) -> Points | None:
         """Return the centres (n, 3) of the heavier cells and their weights; at offset 0 only.
 
-        Cells of less than ``LEAST`` of the heaviest one's weight are left out. If more than
+        Cells of less than ``LEAST_SHARE`` of the heaviest one's weight are left out. If more than
         ``MOST_POINTS`` are left, the cells at that many equidistant quantiles of the mass represent
         them (systematic selection without randomness), so n is at most ``MOST_POINTS``.
         """
         if offset != 0:
             return None
         mass = self.mass.reshape(-1)
-        cells = np.flatnonzero(mass > LEAST * mass.max())
+        cells = np.flatnonzero(mass > LEAST_SHARE * mass.max())
         weights = mass[cells]
         if cells.size > MOST_POINTS:
             chosen = pointed_at(weights, (np.arange(MOST_POINTS) + 0.5) / MOST_POINTS)
@@ -166,5 +166,5 @@ def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
         mass[at] = 1.0
     with np.errstate(under="ignore"):
         shares: Floats = mass / mass.sum()
-    shares[shares < grid_motion.NOTHING] = 0.0
+    shares[shares < grid_motion.EMPTY_CELL] = 0.0
     return shares.reshape(grid.shape)

@@ -15,20 +15,12 @@
 from dataclasses import replace
 
 from deqmcl_gym.validation import InputError, integer, one_of
-from localizers.inference.hedge import Hedge, judging
+from localizers.inference.hedge import Hedge, predictive
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.plan_evidence import (
-    Foresight,
-    Known,
-    PlanEvidence,
-    nothing_known,
-    steps_known,
-)
+from localizers.inference.plan_evidence import Foresight, PlanEvidence
 from localizers.methods.deq_mcl import mcl_map_smoother
 from localizers.methods.family import FOR_THE_LOST, Shared, method
 from localizers.models.robot import RobotModel
-
-CHARGES: dict[str, Known] = {"always": nothing_known, "new": steps_known}
 
 
 @method(*mcl_map_smoother.takes, *FOR_THE_LOST)
@@ -42,13 +34,12 @@ def mcl_plan(
     """Return map-based MCL that uses the first ``lag`` = L steps of every plan as evidence.
 
     Args:
-        robot, shared: see ``Shared``.
         keep: κ, the least share of the effective sample size that a plan leaves; 0 is exact.
         charge: "always", or "new": each planned step once, when it comes into view.
     """
+    new_only = one_of("charge", charge, ("always", "new")) == "new"
     sensor = shared.sensor(robot)
-    known = CHARGES[one_of("charge", charge, CHARGES)]
-    evidence = PlanEvidence(sensor=sensor, steps=shared.lag, keep=keep, known=known)
+    evidence = PlanEvidence(sensor=sensor, steps=shared.lag, keep=keep, new_only=new_only)
     return replace(mcl_map_smoother.build(robot, shared), lookahead=evidence)
 
 
@@ -65,7 +56,6 @@ def deq_mcl_fresh(
     """Return DEQ-MCL whose future is drawn anew from the present after each scan.
 
     Args:
-        robot, shared: see ``Shared``.
         evidence: what judges the present beside scan and map: "future", how feasible the drawn
             futures are, the paper's target; "plan", the plan as ``mcl_plan`` reads it.
         pilots: M, roll-outs of each particle, of which one is kept.
@@ -111,7 +101,7 @@ def mcl_plan_hedged(
     """Return a hedge of ``mcl_plan``, exact, and ``mcl_map``, each with half of the particles.
 
     Args:
-        robot, shared: see ``Shared``; ``start_draws`` is for the half that is shown plans.
+        shared: see ``Shared``; ``start_draws`` is for the half that is shown plans.
         switching, trust, mutual, own_plans: see ``Hedge``.
         plans: "all": each is evidence; "first": they only choose poses, by ``start_draws``.
 
@@ -133,8 +123,8 @@ def mcl_plan_hedged(
             "more, or plans = 'all'."
         )
     return Hedge(
-        advised=judging(shown),
-        protected=judging(mcl_map_smoother.build(robot, protected)),
+        advised=predictive(shown),
+        protected=predictive(mcl_map_smoother.build(robot, protected)),
         switching=switching,
         trust=trust,
         mutual=mutual,

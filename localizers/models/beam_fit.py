@@ -18,7 +18,7 @@ from deqmcl_gym.numerics.types import Floats, Reals
 from deqmcl_gym.validation import InputError
 from localizers.models.beams import BeamModel
 
-LEAST = 100  # readings
+LEAST_READINGS = 100  # readings
 _ROUNDS = 500  # at most
 _ENOUGH = 1e-9  # nats per reading: gained in the last round
 _NARROWEST, _WIDEST = 1e-4, 1e4  # σ and 1 / λ, in largest ranges …
@@ -58,10 +58,10 @@ def fitted(ranges: Floats, expected: Reals, max_range: float) -> BeamFit:
     usable = (ranges >= 0) & (ranges <= max_range) & ~np.isnan(expected)
     count, at_max = int(usable.sum()), usable & (ranges >= max_range)
     own = usable & ~at_max
-    if own.sum() < LEAST:
+    if own.sum() < LEAST_READINGS:
         raise InputError(
             f"{int(own.sum()):,} readings are below the largest range of {max_range:g}, too few to "
-            f"fit a beam model, which needs {LEAST}."
+            f"fit a beam model, which needs {LEAST_READINGS}."
         )
     inside = _Readings(ranges[own], np.minimum(expected[own], max_range), max_range)
     model = inside.begun(float(at_max.sum()) / count)

@@ -13,7 +13,7 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, logs64
 from deqmcl_gym.numerics.types import Floats, Singles
 
-Scalar = Any  # a float64 inside a kernel
+_Scalar = Any  # a float64 inside a kernel
 _POSES = 512  # looked at in one go
 _FEW = 64  # the same where much is kept for each
 _MOST_CUT = 512  # beams of which small shares are left out: 2^512 is 1e154
@@ -266,7 +266,7 @@ def _emptied(urn: Floats, least: float, sums: Floats, part: Floats, total: Float
 
 
 @compiled
-def shorter(
+def chance_of_shorter(
     ranges: Floats, expected: Singles, weights: Floats, sigma: float, max_range: float, out: Floats
 ) -> None:
     """Fill in Σ w Φ((ô - o_b) / σ) for each beam, ô at most ``max_range``.
@@ -292,7 +292,7 @@ def shorter(
 
 @compiled
 def _bell(
-    expected: Scalar, measured: float, sigma: float, part: Floats, power: Floats, out: Floats
+    expected: _Scalar, measured: float, sigma: float, part: Floats, power: Floats, out: Floats
 ) -> None:
     """Fill in out and power, of which exp(-½ ((o - ô) / σ)²) is the ``_scaled``, for ô (n,)."""
     scale = np.sqrt(0.5 * _LOG2E) / sigma  # exp(-½ z²) = 2^-t for t = (scale (o - ô))²
@@ -304,7 +304,7 @@ def _bell(
 
 @compiled
 def _mass_beyond(
-    expected: Scalar,
+    expected: _Scalar,
     end: float,
     below: bool,
     sigma: float,
@@ -323,14 +323,14 @@ def _mass_beyond(
 
 
 @compiled
-def _tail(a: Scalar) -> Scalar:
+def _tail(a: _Scalar) -> _Scalar:
     """Return Φ(-a) / exp(-a²/2) for 0 ≤ a ≤ 39, to about 5e-16 of itself."""
     inverse = 1.0 / (a + 5.0)
     t = (a - 5.0) * inverse
     z = t * t
-    even: Scalar = ((((_T20 * z + _T18) * z + _T16) * z + _T14) * z + _T12) * z + _T10
+    even: _Scalar = ((((_T20 * z + _T18) * z + _T16) * z + _T14) * z + _T12) * z + _T10
     even = ((((even * z + _T8) * z + _T6) * z + _T4) * z + _T2) * z + _T0
-    odd: Scalar = ((((_T21 * z + _T19) * z + _T17) * z + _T15) * z + _T13) * z + _T11
+    odd: _Scalar = ((((_T21 * z + _T19) * z + _T17) * z + _T15) * z + _T13) * z + _T11
     odd = ((((odd * z + _T9) * z + _T7) * z + _T5) * z + _T3) * z + _T1
     return (even + t * odd) * inverse
 
@@ -339,7 +339,7 @@ def _tail(a: Scalar) -> Scalar:
 
 
 @compiled
-def _split(t: Scalar) -> tuple[Scalar, Scalar]:
+def _split(t: _Scalar) -> tuple[_Scalar, _Scalar]:
     """Return f, and a number whose lowest bits are k."""
     t = 1023.0 if t > 1023.0 else t  # NaN stays NaN
     rounded = t + _ROUNDER
@@ -359,7 +359,7 @@ def _mantissas(f: Floats, out: Floats) -> None:
 
 
 @compiled
-def _scaled(mantissa: Scalar, rounded: Scalar) -> Scalar:
+def _scaled(mantissa: _Scalar, rounded: _Scalar) -> _Scalar:
     """Return 2^-k times the mantissa."""
     bits = (np.int64(1023) - np.float64(rounded).view(np.int64)) << np.int64(52)
     return mantissa * np.int64(bits).view(np.float64)

@@ -7,7 +7,7 @@ the former, ``CostMap`` the latter. Source: nav2_costmap_2d, inflation_layer.
 import os
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol, final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,13 +22,6 @@ from deqmcl_gym.validation import InputError, number
 INSCRIBED, NO_INFORMATION = 253, 255  # values of nav2_msgs/Costmap from which on a robot collides
 _BLOCK = 2**16  # cells tested at a time
 _OF_METRE = 10.0  # cost_scaling_factor, Nav2's default
-
-
-class Cost(Protocol):
-    """The cost of standing somewhere, where the robot does not collide."""
-
-    def at(self, points: Singles) -> Floats:
-        """Cost from 0 (none) to 1 (as a collision) at points, rows x, y, (2+, n); (n,)."""
 
 
 @final
@@ -48,7 +41,7 @@ class CostMap:
 
     floor_plan: Map
     radius: float
-    cost: Cost
+    cost: "Inflation | CostImage"
     beta: float = 10.0
 
     def __post_init__(self) -> None:
@@ -100,7 +93,7 @@ class Inflation:
         return self.cost_scaling_factor
 
     def at(self, points: Singles) -> Floats:
-        """See ``Cost``."""
+        """Cost from 0 (none) to 1 (as a collision) at points, rows x, y, (2+, n); (n,)."""
         distance = self.floor_plan.distance(points[:2].T).astype(np.float64)
         beyond = np.maximum(distance - self.radius, 0.0)
         cost = arrays.exp(-self.falloff * beyond)
@@ -163,7 +156,7 @@ class CostImage:
         return found
 
     def at(self, points: Singles) -> Floats:
-        """See ``Cost``."""
+        """Cost from 0 (none) to 1 (as a collision) at points, rows x, y, (2+, n); (n,)."""
         x0, y0, cosine, sine = self._frame
         x, y = points[0].astype(np.float64) - x0, points[1].astype(np.float64) - y0
         columns = np.floor((cosine * x + sine * y) / self.resolution)

@@ -154,14 +154,9 @@ class OdometryMotion:
         return after
 
     def moves(self, actions: Floats, uniforms: Floats) -> Singles:
-        """Return several increments (F, 3) with their noise for n poses.
+        """Return increments (F, 3) with noise, (F, 3, n).
 
-        Args:
-            actions: (F, 3).
-            uniforms: numbers in [0, 1), (F, n), each of which makes two normal ones.
-
-        Returns:
-            (F, 3, n).
+        Each uniform number in [0, 1), (F, n), makes two normal ones.
         """
         steps, n = uniforms.shape
         moves = np.empty((steps, 3, n), np.float32)

@@ -65,16 +65,7 @@ class DifferentialMotion:
         _check(self)
 
     def sample(self, states: Singles, action: Floats, rng: np.random.Generator) -> Singles:
-        """Draw one successor of each pose.
-
-        Args:
-            states: rows x, y, θ, (3, n).
-            action: (forward, left, turn), or (distance, turn).
-            rng: draws 2 n uniform numbers, whatever the action.
-
-        Returns:
-            (3, n), θ in [-π, π].
-        """
+        """Draw one successor of each pose (3, n), by 2 n uniform numbers, whatever the action."""
         rot1, drive, rot2 = _turns_and_drive(_rows(action), self.still)
         r1, r2 = _either_way(rot1), _either_way(rot2)
         sd1 = np.sqrt(self.alpha1 * r1**2 + self.alpha2 * drive**2)
@@ -171,7 +162,7 @@ class OmniMotion:
         _check(self)
 
     def sample(self, states: Singles, action: Floats, rng: np.random.Generator) -> Singles:
-        """Draw one successor of each pose; as ``DifferentialMotion.sample``."""
+        """Draw one successor of each pose (3, n), by 2 n uniform numbers, whatever the action."""
         told = _rows(action)
         bearing, drive, _ = _turns_and_drive(told, 0.0)
         turn = told[:, 2]
@@ -233,7 +224,7 @@ def unknown_motion(kind: str, unit: str) -> MotionModel:
     return scaled(found, pixel(unit) / PIXELS["m"])
 
 
-def composed(first: Floats, then: Floats) -> Floats:
+def composed_increment(first: Floats, then: Floats) -> Floats:
     """Return one increment (3,) for two; the turn in [-π, π]."""
     forward, left, turn = then.tolist()
     cosine, sine = float(arrays.cos([turn])[0]), float(arrays.sin([turn])[0])

@@ -91,7 +91,7 @@ class PlanSensor:
         Returns:
             C, (n,).
         """
-        poses, path = np.ascontiguousarray(states, np.float32), path_of(plan)[first:]
+        poses, path = np.ascontiguousarray(states, np.float32), plan_path(plan)[first:]
         if len(path) < 2:
             return np.zeros(poses.shape[1], np.int32)
         return self.floor_plan.collisions_along(poses, path, self.radius)
@@ -110,7 +110,7 @@ def _charge(beta: float, collisions: Ints, out: Floats) -> None:
         out[i] = -beta * collisions[i] if collisions[i] > 0 else 0.0
 
 
-def path_of(plan: Floats) -> Singles:
+def plan_path(plan: Floats) -> Singles:
     """Where actions (h, 2 or 3) lead without noise, seen from where they start, (h + 1, 2)."""
     path = np.empty((len(plan) + 1, 2), np.float32)
     _drive_on(increments(plan), path)

@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol, TypeGuard
+from typing import TypeGuard
 
 import numpy as np
 
@@ -28,21 +28,6 @@ _STEPS = np.array(
 )  # written out, as NumPy's powers differ between processors
 
 
-class Region(Protocol):
-    """A part of the plane."""
-
-    @property
-    def bounds(self) -> Box:
-        """The rectangle (x0, y0, x1, y1) around it."""
-
-    @property
-    def area(self) -> float:
-        """Its area."""
-
-    def contains(self, points: Floats) -> Bools:
-        """Whether points (n, 2 or more) lie in it, (n,)."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class PolygonRegion:
     """The inside of a simple polygon, as of a room.
@@ -61,17 +46,17 @@ class PolygonRegion:
 
     @cached_property
     def bounds(self) -> Box:
-        """See ``Region.bounds``."""
+        """The rectangle (x0, y0, x1, y1) around it."""
         (x0, y0), (x1, y1) = (end(self._corners, axis=0).tolist() for end in (np.min, np.max))
         return x0, y0, x1, y1
 
     @cached_property
     def area(self) -> float:
-        """See ``Region.area``."""
+        """Its area."""
         return abs(signed_area(self._corners))
 
     def contains(self, points: Floats) -> Bools:
-        """See ``Region.contains``: a ray from each point crosses an odd number of edges."""
+        """Whether points (n, 2 or more) lie in it, (n,): a ray crosses an odd number of edges."""
         x, y = points[:, 0], points[:, 1]
         inside = np.zeros(len(points), np.bool_)
         for x0, y0, x1, y1 in edges_of(self._corners).tolist():
@@ -105,25 +90,28 @@ class AnnulusRegion:
 
     @property
     def bounds(self) -> Box:
-        """See ``Region.bounds``."""
+        """The rectangle (x0, y0, x1, y1) around it."""
         (x, y), most = self.centre, self.within
         return x - most, y - most, x + most, y + most
 
     @property
     def area(self) -> float:
-        """See ``Region.area``."""
+        """Its area."""
         return math.pi * (self.within**2 - self.beyond**2)
 
     def contains(self, points: Floats) -> Bools:
-        """See ``Region.contains``."""
+        """Whether points (n, 2 or more) lie in it, (n,)."""
         square = ((points[:, :2] - np.array(self.centre)) ** 2).sum(axis=1)
         return np.asarray((square >= self.beyond**2) & (square <= self.within**2))
 
 
+Region = PolygonRegion | AnnulusRegion
+
+
 def even_poses(floor_plan: Map, count: int) -> Singles:
     """Return poses spread evenly over free space and headings, always the same, (3, count)."""
-    starts = itertools.count(step=_BLOCK)
-    return _first(count, floor_plan, (_even_shares(start, _BLOCK) for start in starts), 0.0)
+    shares = map(_even_shares, itertools.count(step=_BLOCK))
+    return _first(count, floor_plan, shares, 0.0)
 
 
 def random_poses(
@@ -162,7 +150,7 @@ def _first(
     return np.ascontiguousarray(np.vstack(found)[:count].T, dtype=np.float32)
 
 
-def _even_shares(start: int, count: int) -> Floats:
+def _even_shares(start: int, count: int = _BLOCK) -> Floats:
     shares: Floats = (0.5 + np.arange(start, start + count)[:, None] * _STEPS) % 1.0
     return shares
 
@@ -197,14 +185,6 @@ def _within(bounds: Box, shares: Floats) -> Floats:
 def _is_rare(floor_plan: Map) -> TypeGuard[GridMap]:
     """Whether free space is a small part of the cells of a grid."""
     return isinstance(floor_plan, GridMap) and floor_plan.open_share < _RARE
-
-
-def _sides(floor_plan: Map) -> tuple[float, float]:
-    """Sides of a rectangle as large as the ground of ``_free``."""
-    if _is_rare(floor_plan):
-        return len(floor_plan.open_cells) * floor_plan.resolution, floor_plan.resolution
-    x0, y0, x1, y1 = floor_plan.bounds
-    return x1 - x0, y1 - y0
 
 
 _SD_IN_PX = 10.0
@@ -304,7 +284,11 @@ class UniformPrior:
         at even points, to about one percent.
         """
         if self.region is None:
-            width, height = _sides(self.floor_plan)
+            if _is_rare(plan := self.floor_plan):
+                width, height = len(plan.open_cells) * plan.resolution, plan.resolution
+            else:
+                x0, y0, x1, y1 = plan.bounds
+                width, height = x1 - x0, y1 - y0
             density = 1 / (self._share * width * height * 2 * math.pi)
         else:
             density = 1 / (self._share * self.region.area * 2 * math.pi)

@@ -80,7 +80,7 @@ def fill_where_nan(marks: Singles, value: float, out: Floats) -> None:
         out[i] = value if np.isnan(marks[i]) else out[i]
 
 
-OUTSIDE = -30.0  # see outside
+OUTSIDE = -30.0
 _BLOCK = 8192  # poses per block: their exact ranges fit the processor's cache
 _VERBS = ("log_likelihood", "least_density")
 
@@ -92,7 +92,7 @@ class LidarScan:
 
     A beam that is NaN, infinite or outside [0, max_range] is skipped; a scan without a usable beam
     has log-likelihood 0. Rays start at the lidar's mounts; if a beam of one that is outside the
-    outer wall is used, see ``outside``.
+    outer wall is used, each counts -30 or less.
     """
 
     floor_plan: Map
@@ -136,7 +136,13 @@ class LidarScan:
 
     @cached_property
     def _outside(self) -> float:
-        return outside(self.beam.least_density(self.lidar.max_range))
+        """Log-likelihood of each usable beam at a pose outside the outer wall.
+
+        -30, or the log of the least density of a beam, the smaller of the two: a scan is never
+        likelier outside than at any pose inside, whatever the number of its beams.
+        """
+        least = self.beam.least_density(self.lidar.max_range)
+        return min(OUTSIDE, float(arrays.log(least)))
 
 
 def _leave_out(expected: Singles, lidar: Lidar) -> None:
@@ -166,12 +172,3 @@ class ScanTable:
             return self._scan.weighed(measured, expected)
         blocks = [expected[:, start : start + _BLOCK] for start in range(0, n, _BLOCK)]
         return np.concatenate([self._scan.weighed(measured, block.copy()) for block in blocks])
-
-
-def outside(least: float) -> float:
-    """Log-likelihood of each usable beam at a pose outside the outer wall: -30, or log ``least``.
-
-    The smaller of the two: a scan is never likelier outside than at any pose inside, whatever the
-    number of its beams. ``least`` is the lower bound of the model's density of one beam.
-    """
-    return min(OUTSIDE, float(arrays.log(least)))

@@ -24,49 +24,18 @@ from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
 
 # As in a robot's bring-up, other nodes left in
 BRINGUP = """
-amcl:
-  ros__parameters:
-    use_sim_time: True
-    alpha1: 0.04
-    alpha2: 0.08
-    alpha3: 0.09
-    alpha4: 0.2
-    alpha5: 0.2
-    base_frame_id: "base_footprint"
-    beam_skip_distance: 0.5
-    beam_skip_error_threshold: 0.9
-    beam_skip_threshold: 0.3
-    do_beamskip: false
-    global_frame_id: "map"
-    lambda_short: 0.1
-    laser_likelihood_max_dist: 1.5
-    laser_max_range: 4.0
-    laser_min_range: -1.0
-    laser_model_type: "likelihood_field_prob"
-    max_beams: 30
-    max_particles: 1500
-    min_particles: 300
-    odom_frame_id: "odom"
-    pf_err: 0.04
-    pf_z: 0.98
-    kld_err: 0.05
-    recovery_alpha_fast: 0.1
-    recovery_alpha_slow: 0.001
-    resample_interval: 2
-    robot_model_type: "nav2_amcl::DifferentialMotionModel"
-    save_pose_rate: 0.5
-    sigma_hit: 0.15
-    tf_broadcast: true
-    transform_tolerance: 1.0
-    update_min_a: 0.2
-    update_min_d: 0.1
-    z_hit: 0.6
-    z_max: 0.05
-    z_rand: 0.4
-    z_short: 0.05
-    scan_topic: scan
-    set_initial_pose: true
-    initial_pose: {x: 1.2, y: 1.0, z: 0.0, yaw: 0.1}
+amcl: {ros__parameters: {
+      use_sim_time: True, alpha1: 0.04, alpha2: 0.08, alpha3: 0.09, alpha4: 0.2, alpha5: 0.2,
+      base_frame_id: "base_footprint", beam_skip_distance: 0.5, beam_skip_error_threshold: 0.9,
+      beam_skip_threshold: 0.3, do_beamskip: false, global_frame_id: "map", lambda_short: 0.1,
+      laser_likelihood_max_dist: 1.5, laser_max_range: 4.0, laser_min_range: -1.0,
+      laser_model_type: "likelihood_field_prob", max_beams: 30, max_particles: 1500,
+      min_particles: 300, odom_frame_id: "odom", pf_err: 0.04, pf_z: 0.98, kld_err: 0.05,
+      recovery_alpha_fast: 0.1, recovery_alpha_slow: 0.001, resample_interval: 2,
+      robot_model_type: "nav2_amcl::DifferentialMotionModel", save_pose_rate: 0.5,
+      sigma_hit: 0.15, tf_broadcast: true, transform_tolerance: 1.0, update_min_a: 0.2,
+      update_min_d: 0.1, z_hit: 0.6, z_max: 0.05, z_rand: 0.4, z_short: 0.05, scan_topic: scan,
+      set_initial_pose: true, initial_pose: {x: 1.2, y: 1.0, z: 0.0, yaw: 0.1}}}
 bt_navigator:
   ros__parameters:
     global_frame: map
@@ -159,7 +128,7 @@ def test_namespaces_are_found_however_they_are_written(tmp_path, text):
 
 
 BAD = [
-    ("amcl:\n  ros__parameters", "amcl:\n  parameters", "no node amcl"),
+    ("amcl: {ros__parameters", "amcl: {parameters", "no node amcl"),
     ("ros__parameters", "parameters", "is it of ROS 1?"),
     ("pf_err: 0.04", "pf_err: small", "pf_err is 'small'"),
     ("pf_err: 0.04", "pf_err: 0.0", "pf_err"),

@@ -5,7 +5,6 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 import pytest
-from checked import has_nothing_to_say
 from room_trace import ROOM_ID
 
 import deqmcl_gym  # noqa: F401
@@ -129,12 +128,6 @@ def test_a_single_cluster_has_a_second_without_a_share():
     seen, _ = BeliefObservation(sharp(), Known(), PRIOR).reset(seed=0)
     assert (seen["best_share"], seen["second_share"]) == (1, 0)
     np.testing.assert_array_equal(seen["second"], seen["best"])
-
-
-@pytest.mark.parametrize("observation", ["scan", "dict"])
-def test_the_env_checker_has_nothing_to_say(observation):
-    env = with_belief(sharp(observation=observation), particles=20)
-    has_nothing_to_say(env, "different from the unwrapped version", skip_render_check=True)
 
 
 def test_rooms_with_localizers_run_side_by_side_and_are_reproducible():

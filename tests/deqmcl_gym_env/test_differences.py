@@ -5,10 +5,8 @@ import subprocess
 import sys
 from itertools import pairwise
 
-import gymnasium as gym
 import numpy as np
 import pytest
-from checked import has_nothing_to_say
 from room_cases import SMALL, WORLD, infos_of
 
 from deqmcl_gym.envs.room import RoomEnv
@@ -309,15 +307,6 @@ def test_a_kidnapped_robot_is_put_where_nothing_is():
         pose = env.elsewhere(rng)
         assert there(env).free([pose], env.world.body)[0]
         env.place(pose)
-
-
-@pytest.mark.parametrize("world", ["room", "office"])
-def test_the_env_checker_has_nothing_to_say(world):
-    horizon = {} if world == "room" else {"horizon": 30}
-    has_nothing_to_say(
-        gym.make("deqmcl_gym/Room-v0", **WORLDS[world], **ALL, **horizon).unwrapped,
-        skip_render_check=world == "office",
-    )
 
 
 def test_frames_show_what_is_there_and_the_map_in_outline():

@@ -6,8 +6,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import reference
-from checked import has_nothing_to_say
-from gymnasium.envs.registration import EnvSpec
 from room_cases import SEVERAL, WRAPPED, calm, drive, poses_of, wrapped
 from room_trace import ROOM_ID
 
@@ -232,14 +230,6 @@ def test_a_refused_action_changes_nothing_and_what_was_due_comes_with_the_next(w
     assert room.pose[:2] == ELSEWHERE[:2] or len(room.plan) == 4
 
 
-@pytest.mark.parametrize("name", WRAPPED)
-def test_the_env_checker_accepts_wrapped_envs(name):
-    env = WRAPPED[name](gym.make(ROOM_ID, lidar={"beams": 5}))
-    # wrapped on purpose here; +inf is a lost beam
-    allowed = "is different from the unwrapped", "A Box observation space maximum value is infinity"
-    has_nothing_to_say(env, *allowed)
-
-
 def test_stacked_wrappers_all_act():
     env = WRAPPED["all"](gym.make(ROOM_ID, lidar={"beams": 50}))
     bare = gym.make(ROOM_ID, lidar={"beams": 50})
@@ -253,12 +243,3 @@ def test_stacked_wrappers_all_act():
         counts.append(info["planned_count"])
     assert jumps == [False, True, True]
     assert counts == [203, 202, 10]
-
-
-def test_the_spec_of_a_wrapped_env_makes_it_again():
-    env = Kidnap(WRAPPED["all"](gym.make(ROOM_ID)), step=4, pose=(60, 200, 1.0))
-    copy = gym.make(EnvSpec.from_json(env.spec.to_json()))
-    for one in (env, copy):
-        one.reset(seed=2)
-    still = np.zeros((8, 2))
-    np.testing.assert_equal(drive(env, still), drive(copy, still))

@@ -3,7 +3,6 @@
 import dataclasses
 import itertools
 import math
-import pickle
 
 import numpy as np
 import pytest
@@ -170,13 +169,6 @@ def test_the_plan_of_a_driver_is_not_replaced():
         env.replace_plan([(1.0, 0.0)])
     action = np.float32([5.0, 0.1])
     np.testing.assert_equal(env.step(action), other.step(action))
-
-
-def test_a_pickled_room_drives_on_alike():
-    env = guided()
-    plan = pickle.loads(pickle.dumps(env._rules.plan))
-    env.reset(seed=2)
-    np.testing.assert_equal(*(one.after(env._episode.underway) for one in (plan, env._rules.plan)))
 
 
 def test_any_world_can_have_a_driver_and_lose_it_and_its_keys_change_alone():

@@ -1,79 +1,19 @@
 """Many rooms say what as many single environments on pymunk say, and keep Gymnasium's contract."""
 
-import json
-
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.envs.registration import EnvSpec
-from gymnasium.vector import AutoresetMode
 from refusals import refused
 from room_cases import FLOOR_PLANS, SPIKE
 from room_trace import ROOM_ID
+from side_by_side import NEAR, assert_same, both, run_beside
 
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.validation import InputError
 
 PLANS = FLOOR_PLANS | {"spike": SPIKE}
-
-# Contacts differ by rounding errors, some 1e-13 px a step. What is asked for is a thousandth of a
-# pixel.
-NEAR = 1e-3
-# Ranges, as float32, from poses rounded to float32: off by 3e-5 px and by as much along a slant.
-NEAR_SCAN = 1e-2
-
-
-def both(rooms: int, mode: str = "NextStep", **kwargs):
-    """The native vector env, and Gymnasium's around single ones."""
-    native = gym.make_vec(ROOM_ID, num_envs=rooms, autoreset_mode=mode, **kwargs)
-    loop = gym.make_vec(
-        ROOM_ID, num_envs=rooms, vectorization_mode="sync",
-        vector_kwargs={"autoreset_mode": mode}, **kwargs,
-    )  # fmt: skip
-    return native, loop
-
-
-def assert_same(ours, theirs, what="the step"):
-    """Same keys, types and shapes; numbers near, everything that is no measure equal."""
-    if isinstance(theirs, dict):
-        assert ours.keys() == theirs.keys()
-        for key in theirs:
-            assert_same(ours[key], theirs[key], key)
-    elif isinstance(theirs, tuple):
-        for name, *pair in zip(("scan", "reward", "ended", "cut", "info"), ours, theirs):  # noqa: B905
-            assert_same(*pair, name)
-    elif theirs.dtype == object:  # final_obs
-        for one, other in zip(ours, theirs, strict=True):
-            assert (one is None) == (other is None)
-            if other is not None:
-                assert_same(one, other, "scan" if isinstance(other, np.ndarray) else "final_obs")
-    else:
-        assert (ours.dtype, ours.shape) == (theirs.dtype, theirs.shape), what
-        near = {"truth": NEAR, "reward": NEAR, "progress": 1e-5, "scan": NEAR_SCAN}.get(what, 0)
-        np.testing.assert_allclose(ours, theirs, rtol=0, atol=near, err_msg=what)
-
-
-def run_beside(native, loop, steps: int, planned: float, seed: int) -> tuple[int, int]:
-    """Run both; a share of the actions is the planned one. Return contacts and ends."""
-    agent = np.random.default_rng(seed)
-    said = native.reset(seed=seed), loop.reset(seed=seed)
-    assert_same(*said)
-    assert_same(said[0][1], said[1][1])
-    plans = said[1][1]["planned_actions"]
-    low, high = loop.action_space.low, loop.action_space.high
-    contacts = ends = 0
-    for _ in range(steps):
-        follow = agent.random((loop.num_envs, 1)) < planned
-        anything = agent.uniform(low, high).astype(np.float32)
-        actions = np.where(follow, plans[:, 0], anything).clip(low, high)
-        ours, theirs = native.step(actions), loop.step(actions)
-        assert_same(ours, theirs)
-        plans = theirs[4]["planned_actions"]
-        contacts += theirs[4]["collided"].sum()
-        ends += (theirs[2] | theirs[3]).sum()
-    return int(contacts), int(ends)
-
+MODES = ("NextStep", "SameStep")
 
 # beams, a start of its own for each room, and long steps that meet walls and pass corners
 ROUGH = {
@@ -84,43 +24,55 @@ ROUGH = {
 }
 
 
-@pytest.mark.parametrize("plan", PLANS)
-def test_rough_drives_agree_contacts_and_new_episodes_included(plan):
-    native, loop = both(8, floor_plan=PLANS[plan], max_episode_steps=120, **ROUGH)
-    contacts, ends = run_beside(native, loop, 250, planned=0.3, seed=1)
-    assert contacts > 250
-    assert ends >= 2 * 8
-
-
-def test_a_lidar_that_is_not_in_the_robots_centre_agrees():
-    lidar = {**ROUGH["lidar"], "mounting": (4.0, -6.0)}
-    native, loop = both(4, max_episode_steps=120, **{**ROUGH, "lidar": lidar})
-    contacts, ends = run_beside(native, loop, 150, planned=0.3, seed=1)
-    assert contacts > 50
-    assert ends >= 4
-
-
 OTHERWISE = {"clutter": {"number": 6}, "changed_walls": {"share": 0.4}}
 
 
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-def test_rooms_that_differ_from_the_map_and_from_each_other_agree(mode):
-    native, loop = both(4, mode, max_episode_steps=60, **OTHERWISE, **ROUGH)
-    assert isinstance(native, RoomVectorEnv)
-    contacts, ends = run_beside(native, loop, 150, planned=0.3, seed=1)
-    assert contacts > 50
-    assert ends >= 8
-
-
-def test_rooms_of_cells_that_differ_from_the_map_agree():
-    cells = np.zeros((60, 80), np.int8)
-    cells[[0, -1]] = cells[:, [0, -1]] = cells[25:35, 25:55] = 100
+def cells() -> dict:
+    occupancy = np.zeros((60, 80), np.int8)
+    occupancy[[0, -1]] = occupancy[:, [0, -1]] = occupancy[25:35, 25:55] = 100
     lap = {"waypoints": [(1.2, 1.2), (6.8, 1.2), (6.8, 4.8), (1.2, 4.8)], "step": 0.1}
-    grid = GridMap(occupancy=cells, resolution=0.1)
-    native, loop = both(3, floor_plan=grid, lap=lap, max_episode_steps=40, **OTHERWISE)
-    contacts, ends = run_beside(native, loop, 100, planned=0.2, seed=2)
-    assert contacts > 10
-    assert ends >= 6
+    return {"floor_plan": GridMap(occupancy=occupancy, resolution=0.1), "lap": lap}
+
+
+OFF_CENTRE = {**ROUGH, "lidar": {**ROUGH["lidar"], "mounting": (4.0, -6.0)}}
+WHOLE = {"planned": 1.0, "steps": 450, "ends": 8}
+DRIVES = [  # the world; the share of planned actions, the steps; least contacts and ends
+    *(({"floor_plan": plan, "max_episode_steps": 120, "rooms": 8, **ROUGH},
+       {"planned": 0.3, "steps": 250, "contacts": 250, "ends": 16}) for plan in PLANS.values()),
+    ({"max_episode_steps": 120, **OFF_CENTRE},
+     {"planned": 0.3, "steps": 150, "contacts": 50, "ends": 4}),
+    *(({"mode": mode, "max_episode_steps": 60, **OTHERWISE, **ROUGH},
+       {"planned": 0.3, "steps": 150, "contacts": 50, "ends": 8}) for mode in MODES),
+    ({"rooms": 3, "max_episode_steps": 40, **OTHERWISE, **cells()},
+     {"planned": 0.2, "steps": 100, "contacts": 10, "ends": 6}),
+    *(({"mode": mode, "preset": name}, WHOLE)
+      for mode in MODES for name in ("paper", "matched", "sharp")),
+    *(({"mode": mode, "observation": "dict", "horizon": 5, "max_episode_steps": 30},
+       {"planned": 0.7, "steps": 70}) for mode in MODES),
+    ({"horizon": 5, "ends_at_goal": False}, {"planned": 1.0, "steps": 210}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("world", "drive"), DRIVES)
+def test_rooms_side_by_side_say_what_as_many_single_ones_on_pymunk_say(world, drive):
+    """Through contacts, to the end and into the next episodes."""
+    native, loop = both(ROOM_ID, **{"rooms": 4, **world})
+    assert isinstance(native, RoomVectorEnv)
+    assert native.metadata["autoreset_mode"] is loop.metadata["autoreset_mode"]
+    for name in ("observation_space", "single_observation_space", "single_action_space"):
+        assert getattr(native, name) == getattr(loop, name)
+    run = {"contacts": 0, "ends": 0, **drive}
+    contacts, ends = run_beside((native, loop), run["steps"], run["planned"], seed=3, near=NEAR)
+    assert contacts >= run["contacts"]
+    assert ends >= run["ends"]
+    assert native.step(native.action_space.sample())[0] in native.observation_space
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("plan", PLANS)
+def test_rough_drives_agree_over_a_hundred_thousand_steps(plan):
+    envs = both(ROOM_ID, 50, floor_plan=PLANS[plan], **ROUGH)
+    assert run_beside(envs, 2000, planned=0.3, seed=6, near=NEAR)[0] > 10_000
 
 
 @pytest.mark.parametrize(("part", "words"), [("people", "people have"), ("glass", "glass have")])
@@ -132,7 +84,7 @@ def test_rooms_with_people_or_glass_run_one_by_one(part, words):
 
 
 def test_frames_of_rooms_that_differ_are_those_of_single_rooms():
-    native, loop = both(2, render_mode="rgb_array", **OTHERWISE)
+    native, loop = both(ROOM_ID, 2, render_mode="rgb_array", **OTHERWISE)
     frames = []
     for envs in (native, loop):
         envs.reset(seed=4)
@@ -142,47 +94,17 @@ def test_frames_of_rooms_that_differ_are_those_of_single_rooms():
     assert (frames[0][0] != frames[0][1]).any()
 
 
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-@pytest.mark.parametrize("preset", ["paper", "matched", "sharp"])
-def test_laps_agree_to_their_end_and_into_the_next(preset, mode):
-    native, loop = both(4, mode, preset=preset)
-    _, ends = run_beside(native, loop, 450, planned=1.0, seed=3)
-    assert ends >= 8
-
-
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-def test_dict_observations_agree(mode):
-    native, loop = both(3, mode, observation="dict", horizon=5, max_episode_steps=30)
-    assert native.observation_space == loop.observation_space
-    run_beside(native, loop, 70, planned=0.7, seed=8)
-    assert native.observation_space.contains(native.step(native.action_space.sample())[0])
-
-
-def test_a_short_horizon_and_no_goal_agree():
-    native, loop = both(3, horizon=5, ends_at_goal=False)
-    run_beside(native, loop, 210, planned=1.0, seed=5)
-
-
 @pytest.mark.parametrize("seed", [[11, 5, 11], None, 7])
 def test_masked_resets_agree(seed):
-    native, loop = both(3, "Disabled", preset="matched")
-    assert_same(native.reset(seed=2), loop.reset(seed=2))
+    native, loop = both(ROOM_ID, 3, "Disabled", preset="matched")
+    assert_same(native.reset(seed=2), loop.reset(seed=2), NEAR)
     actions = np.tile(np.float32([9, 0.5]), (3, 1))
     for mask in ([True, False, False], [False, True, True], [True, True, True]):
-        assert_same(native.step(actions), loop.step(actions))
+        assert_same(native.step(actions), loop.step(actions), NEAR)
         chosen = {"reset_mask": np.array(mask)}
         ours = native.reset(seed=seed, options=dict(chosen))
         theirs = loop.reset(seed=seed, options=dict(chosen))
-        assert_same(ours, theirs)
-        assert_same(ours[1], theirs[1])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("plan", PLANS)
-def test_rough_drives_agree_over_a_hundred_thousand_steps(plan):
-    native, loop = both(50, floor_plan=PLANS[plan], **ROUGH)
-    contacts, _ = run_beside(native, loop, 2000, planned=0.3, seed=6)
-    assert contacts > 10_000
+        assert_same(ours, theirs, NEAR)
 
 
 FORWARD = np.float32([5.0, 0.0])
@@ -197,30 +119,6 @@ def rooms(number: int = 3, **kwargs) -> RoomVectorEnv:
 
 def forward(number: int = 3) -> np.ndarray:
     return np.tile(FORWARD, (number, 1))
-
-
-def test_make_vec_makes_the_native_env_and_says_how_it_resets():
-    env = gym.make_vec(ROOM_ID, num_envs=3)
-    assert isinstance(env, RoomVectorEnv)
-    assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-    assert "autoreset_mode" not in RoomVectorEnv.metadata  # two modes can live side by side
-
-
-def test_spaces_are_those_of_single_rooms_in_a_batch():
-    env = rooms(lidar={"beams": 4})
-    single = gym.make(ROOM_ID, lidar={"beams": 4})
-    assert env.single_observation_space == single.observation_space
-    assert env.single_action_space == single.action_space
-    assert (env.observation_space.shape, env.action_space.shape) == ((3, 4), (3, 2))
-
-
-def test_a_spec_with_json_kwargs_makes_the_same_env_again():
-    first = rooms(2, preset="sharp", lidar={"beams": 4}, horizon=7, autoreset_mode="SameStep")
-    second = gym.make_vec(EnvSpec.from_json(first.spec.to_json()))
-    assert json.loads(first.spec.to_json())["kwargs"]["num_envs"] == 2
-    assert second.world == first.world
-    assert second.metadata == first.metadata
-    np.testing.assert_equal(second.reset(seed=3), first.reset(seed=3))
 
 
 def test_what_was_returned_does_not_change_later_and_may_be_written_to():

@@ -21,7 +21,7 @@ from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.trials.stage import DISTURBANCES
 from deqmcl_gym import logs
 from localizers import template
-from localizers.checks import LAWS, check_localizer, name_of
+from localizers.checks import LAWS, check_localizer, law_name
 
 FEWER = ("--particles 3000 --seeds 2", "--particles 300 --seeds 1")  # global: whether it runs
 NAMED = "./my_localizer.py:MyLocalizer"
@@ -88,7 +88,7 @@ def test_the_check_from_python_runs_as_a_file(tmp_path):
 def test_the_table_names_all_laws_in_their_order():
     section = LOCALIZER.partition("## The laws")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| ([a-z ]+) \| .+ \|$", section, re.MULTILINE)
-    assert rows == ["law", *map(name_of, LAWS)]
+    assert rows == ["law", *map(law_name, LAWS)]
 
 
 def test_the_localizer_that_follows_the_plan_keeps_all_laws(tmp_path):

@@ -17,13 +17,8 @@ from itertools import pairwise, product
 import numpy as np
 
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.plan_evidence import (
-    Foresight,
-    PlanEvidence,
-    nothing_known,
-    steps_known,
-)
-from localizers.inference.resampling import Always, WhenDegenerate
+from localizers.inference.plan_evidence import Foresight, PlanEvidence
+from localizers.inference.resampling import Resampling
 from localizers.inference.start import InformedStart
 from localizers.models.scan import Scan
 
@@ -178,7 +173,7 @@ def likely(plan: Plan, beta: float, first: int = 0) -> list[float]:
     return figures
 
 
-RESAMPLING = {"always": Always(), "when degenerate": WhenDegenerate(0.5)}
+RESAMPLING = {"always": Resampling(), "when degenerate": Resampling(ess_threshold=0.5)}
 
 
 def ring_filter(
@@ -188,7 +183,7 @@ def ring_filter(
         motion=RingMotion(),
         scan=RingScan(),
         feasibility=parts.pop("feasibility", RingWalls(beta)),
-        resampling=parts.pop("resampling", Always()),
+        resampling=parts.pop("resampling", Resampling()),
         particles=PARTICLES,
         dtype=np.intp,
         **parts,
@@ -205,8 +200,8 @@ def fresh(beta: float, copies=3, **parts) -> ParticleFilter:
     return replace(ring, lookahead=ahead)
 
 
-def with_plans(beta: float, steps=FUTURE, known=nothing_known, **parts) -> ParticleFilter:
-    evidence = PlanEvidence(sensor=RingPlans(beta), steps=steps, known=known)
+def with_plans(beta: float, steps=FUTURE, new_only=False, **parts) -> ParticleFilter:
+    evidence = PlanEvidence(sensor=RingPlans(beta), steps=steps, new_only=new_only)
     return ring_filter(beta, past=PAST, lookahead=evidence, **parts)
 
 
@@ -234,11 +229,11 @@ METHODS = {
 PLANS = {
     "plans": with_plans,
     "plans, to their end": partial(with_plans, steps=None),
-    "plans, when new": partial(with_plans, steps=3, known=steps_known),
+    "plans, when new": partial(with_plans, steps=3, new_only=True),
     "start": started_by_plan,
     "start, two draws": partial(started_by_plan, draws=2),
     "start and plans": informed_throughout,
-    "start and plans, when new": partial(informed_throughout, steps=3, known=steps_known),
+    "start and plans, when new": partial(informed_throughout, steps=3, new_only=True),
 }
 
 
@@ -260,7 +255,7 @@ def plans_shown(ring: ParticleFilter, drive: Drive) -> np.ndarray | None:
             figures[s] = likely(plan, beta)
         elif isinstance(evidence, PlanEvidence):
             first, seen = 0, plan[: evidence.steps]
-            if s > 0 and evidence.known is not nothing_known:
+            if s > 0 and evidence.new_only:
                 whole = s == 1 and isinstance(start, InformedStart)
                 last = drive.plans[s - 1][: None if whole else evidence.steps][1:]
                 while first < min(len(last), len(seen)) and last[first] == seen[first]:

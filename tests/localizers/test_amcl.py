@@ -35,13 +35,6 @@ def test_the_kld_limit_is_a_chi_square_quantile_over_twice_the_error(degrees, ch
     assert bound == pytest.approx(chi_square / 0.1, rel=0.01, abs=1)
 
 
-def test_the_kld_limit_keeps_its_bounds_and_is_the_largest_for_a_single_bin():
-    assert limit(2, 500, 2000, 0.05, 0.99) == 500
-    assert limit(10**6, 500, 2000, 0.05, 0.99) == 2000
-    for bins in (0, 1):
-        assert limit(bins, 500, 2000, 0.05, 0.99) == 2000
-
-
 def test_draws_by_weight_fall_on_the_first_particle_whose_cumulative_weight_is_above():
     rng = np.random.default_rng(0)
     for n in (1, 2, 50, 1000):

@@ -18,7 +18,7 @@ from localizers.checks import (
     Report,
     check_localizer,
     default_robot,
-    name_of,
+    law_name,
     parametrize_with_laws,
 )
 from localizers.checks import laws as laws_of
@@ -34,7 +34,7 @@ HERE = {law: need for law, need in LAWS.items() if law is not laws_of.runs_in_a_
 
 
 def example(law):
-    return f"{BROKEN}:{name_of(law).title().replace(' ', '')}"
+    return f"{BROKEN}:{law_name(law).title().replace(' ', '')}"
 
 
 def subject_of(localizer, robot=None, **params):
@@ -79,10 +79,10 @@ def test_the_template_keeps(law):
 
 
 @pytest.mark.parametrize(
-    "law", [law for law in HERE if law is not laws_of.increments_of_three], ids=name_of
+    "law", [law for law in HERE if law is not laws_of.increments_of_three], ids=law_name
 )
 def test_each_law_is_broken_by_its_example_which_keeps_all_others(law):
-    assert broken_here(subject_of(example(law))) == [name_of(law)]
+    assert broken_here(subject_of(example(law))) == [law_name(law)]
 
 
 @pytest.mark.parametrize("name", localizers.names())
@@ -212,8 +212,9 @@ def test_the_law_of_the_global_random_states_leaves_them_as_they_were():
 
 @pytest.mark.parametrize("change", ProcessStateUntouched.CHANGES)
 def test_a_changed_state_of_the_process_is_named_and_put_back(change):
-    before = process_state()
-    (failed,) = check_localizer(ProcessStateUntouched, change=change).failed
+    before, report = process_state(), check_localizer(ProcessStateUntouched, change=change)
+    failed = report.verdict(laws_of.process_state_untouched)
+    assert failed.status == "FAILED"
     assert f"it changes {change} for its whole process" in failed.note
     assert process_state() == before
 

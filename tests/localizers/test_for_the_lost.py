@@ -27,7 +27,7 @@ import localizers
 from deqmcl_gym.maps import GridMap, Lidar
 from deqmcl_gym.maps.office import Office
 from deqmcl_gym.validation import InputError
-from localizers.inference.resampling import KeepsSampleSize, power_that_keeps
+from localizers.inference.resampling import power_that_keeps
 from localizers.inference.start import Injection, Recovery, Watch, is_new
 from localizers.models.plan_sensor import PlanSensor
 from localizers.models.prior import even_poses, random_poses
@@ -128,8 +128,6 @@ def test_the_belief_says_at_which_power_its_scan_was_taken(name, robot, prior, d
     assert min(belief.scan_power for belief in kept) < 1
     plain = follow(localizers.make(name, robot, particles=60), prior, drive)
     assert {belief.scan_power for belief in plain} == {1.0}
-    tempered = varied(localizers.make(name, robot, particles=60), tempering=KeepsSampleSize(0.0))
-    assert same(plain, follow(tempered, prior, drive), offsets=range(-3, 1))
 
 
 @pytest.mark.parametrize("name", FOR_THE_LOST)

@@ -197,7 +197,7 @@ def test_the_number_of_points_is_bounded_and_their_moments_stay(robot):
     wide = localizers.GaussianPrior(mean=(175, 50, 0.0), sd_position=80.0, sd_heading=1.0)
     belief = localizers.make("grid", robot).reset(wide, [], np.random.default_rng(0))
     poses, weights = belief.points()
-    assert (belief.mass > method.LEAST * belief.mass.max()).sum() > method.MOST_POINTS
+    assert (belief.mass > method.LEAST_SHARE * belief.mass.max()).sum() > method.MOST_POINTS
     assert len(weights) <= method.MOST_POINTS
     assert weights.sum() == pytest.approx(1.0)
     headings, ys, xs = belief.grid.axes

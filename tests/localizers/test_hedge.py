@@ -14,7 +14,7 @@ import localizers
 from deqmcl_gym.validation import InputError
 from localizers.inference.bayes_filter import FilterLocalizer
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.hedge import Hedge, judging, mixed, share_of, switched, weighed
+from localizers.inference.hedge import Hedge, mixed, predictive, probability_of, switched, weighed
 from localizers.inference.queue import Queue
 from localizers.models.scan import LidarScan, Scan
 
@@ -46,14 +46,14 @@ def test_what_is_unknown_or_impossible_to_both_moves_no_trust():
         log_odds, evidence = weighed(0.3, log_a, log_b)
         assert log_odds == 0.3
         assert math.isnan(evidence)
-    doubt = math.log(1 - share_of(0.3))
+    doubt = math.log(1 - probability_of(0.3))
     assert weighed(0.3, -math.inf, -2.0) == (-math.inf, pytest.approx(doubt - 2.0))
     assert weighed(math.inf, -math.inf, -2.0) == (math.inf, -math.inf)  # never doubted
 
 
 @given(q=st.floats(1e-9, 1 - 1e-9), switching=st.floats(0.0, 0.5))
 def test_odds_switch_as_probabilities_do(q, switching):
-    ahead = share_of(switched(math.log(q) - math.log1p(-q), switching))
+    ahead = probability_of(switched(math.log(q) - math.log1p(-q), switching))
     assert ahead == pytest.approx(q * (1 - switching) + (1 - q) * switching, rel=1e-9)
 
 
@@ -186,7 +186,7 @@ TOLERANCE = 5 * 0.5 * math.sqrt(5 / MANY)
 def test_many_particles_are_the_two_modes_enumerated(author, mutual):
     drive = ring.AUTHORS[author]
     members = [
-        judging(replace(made(BETA), particles=MANY))
+        predictive(replace(made(BETA), particles=MANY))
         for made in (ring.with_plans, ring.METHODS["g and past"])
     ]
     hedge = Hedge(

@@ -162,9 +162,21 @@ def test_a_model_or_a_prior_that_cannot_be_is_refused_by_its_field(model, params
 
 
 @pytest.mark.parametrize("name", localizers.names())
-def test_update_before_reset_says_what_to_do(robot, name):
+def test_what_none_can_start_from_or_do_is_refused_by_every_localizer(robot, name):
+    localizer, prior = localizers.make(name, robot), GaussianPrior(mean=(50, 50, 0))
+    scan = np.full(robot.lidar.beams, 100.0)
     with pytest.raises(RuntimeError, match=r"call reset\(prior, plan, rng\) first"):
-        localizers.make(name, robot).update([100.0], [5.0, 0.0], [])
+        localizer.update(scan, [5.0, 0.0], [])
+    with refused("the prior is "):
+        localizer.reset(None, [], RNG(0))
+    for rng in (0, None, np.random, np.random.RandomState(0)):
+        with pytest.raises(InputError, match=r"^rng is .*, but must be a numpy\.random\.Generator"):
+            localizer.reset(prior, [], rng)
+    for huge in ((1e30, 0), (0, -1e30), (1e300, 1e300)):
+        localizer.reset(prior, [huge][:0], RNG(0))
+        for action, plan in ((huge, []), ((1.0, 0.0), [huge])):
+            with pytest.raises(InputError, match=r"but (the largest allowed is|must be) .*1e\+"):
+                localizer.update(scan, np.array(action), np.reshape(plan, (-1, 2)))
 
 
 BAD_INPUTS = [
@@ -183,12 +195,6 @@ def test_a_bad_plan_is_refused_at_reset_and_the_localizer_stays_unstarted(robot,
     with pytest.raises(RuntimeError):
         localizer.update([100.0], [5.0, 0.0], [])
     assert rng.bit_generator.state == RNG(0).bit_generator.state
-
-
-@pytest.mark.parametrize("name", localizers.names())
-def test_what_is_no_prior_is_refused(robot, name):
-    with refused("the prior is "):
-        localizers.make(name, robot).reset(None, [], RNG(0))
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.int16, np.float16])
@@ -226,20 +232,3 @@ def test_bad_beams_are_counted_and_an_all_bad_scan_is_no_update(room, prior, bad
     after = localizer.update([200.0, bad], [5.0, 0.0], [])
     assert (after.events.skipped_beams, after.events.blind_scans) == (3, 1)
     assert np.ptp(after.points()[1]) > 0
-
-
-@pytest.mark.parametrize("name", localizers.names())
-@pytest.mark.parametrize("rng", [0, None, np.random, np.random.RandomState(0)])
-def test_what_is_no_generator_is_refused(robot, name, rng):
-    with pytest.raises(InputError, match=r"^rng is .*, but must be a numpy\.random\.Generator"):
-        localizers.make(name, robot).reset(GaussianPrior(mean=(50, 50, 0)), [], rng)
-
-
-@pytest.mark.parametrize("name", localizers.names())
-@pytest.mark.parametrize("huge", [(1e30, 0), (0, -1e30), (1e300, 1e300)])
-def test_a_huge_action_is_refused_done_or_planned(robot, name, huge):
-    localizer, scan = localizers.make(name, robot), np.full(robot.lidar.beams, 100.0)
-    localizer.reset(GaussianPrior(mean=(50, 50, 0)), [huge][:0], RNG(0))
-    for action, plan in ((huge, []), ((1.0, 0.0), [huge])):
-        with pytest.raises(InputError, match=r"but (the largest allowed is|must be) .*1e\+"):
-            localizer.update(scan, np.array(action), np.reshape(plan, (-1, 2)))

@@ -12,7 +12,6 @@ from deqmcl_gym.maps import Map
 from localizers import OdometryMotion
 from localizers.inference.futures import DrawnFuture, Rollout, StepByStep
 from localizers.inference.hedge import hedged
-from localizers.inference.queue import Queue
 from localizers.models import motion
 from localizers.models.plan_sensor import FreeSpace
 
@@ -159,17 +158,6 @@ def test_parts_of_ones_own_are_asked_step_by_step(room):
     walls = FreeSpace(floor_plan=Solid(), radius=8.0, beta=2.0)
     _, log_g = Rollout(MOTION, walls).futures(cloud(5), PLAN, 1, RNG(0))
     assert np.array_equal(log_g, np.full((1, 5), -2.0 * len(PLAN)))
-
-
-def test_the_states_of_a_queue_from_a_step_on_are_those_at_each():
-    rng = RNG(0)
-    queue = Queue((cloud(20),))
-    for step in range(6):
-        queue = queue.resampled(rng.integers(0, 20, 20)).appended(cloud(20) + np.float32(step))
-    queue = queue.stepped(1).resampled(rng.integers(0, 20, 20))
-    for offset in range(queue.ahead + 1):
-        each = [queue.at(k) for k in range(offset, queue.ahead + 1)]
-        assert np.array_equal(queue.since(offset), each)
 
 
 @pytest.mark.parametrize("beta", [0.0, 2.0, math.inf])

@@ -9,7 +9,7 @@ from following import follow, robot_of, small, started
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
-from localizers.inference.loss_detector import FOUND, LOST, MEMORY, LossDetector, LostDensity
+from localizers.inference.loss_detector import FOUND_AGAIN, LOST, MEMORY, LossDetector, LostDensity
 from localizers.inference.weights import log_evidence
 from localizers.models.prior import even_poses
 from localizers.models.scan import Scan
@@ -49,7 +49,7 @@ def quality(evidence: list[float], ask_always: bool = False) -> float:
 def test_the_quality_is_that_of_all_paths_through_the_two_states():
     evidence = [-1.0, -6.0, -0.2, -9.0, -1.5]
     lost = [math.log(np.exp(row).mean()) for row in Table.rows[:3]]
-    change = {(1, 1): 1 - LOST, (1, 0): LOST, (0, 0): 1 - FOUND, (0, 1): FOUND}
+    change = {(1, 1): 1 - LOST, (1, 0): LOST, (0, 0): 1 - FOUND_AGAIN, (0, 1): FOUND_AGAIN}
     ending = {0: 0.0, 1: 0.0}
     for path in itertools.product((0, 1), repeat=6):  # 1: not lost
         p = 1 - LOST if path[0] else LOST
@@ -70,20 +70,9 @@ def test_of_scans_beyond_the_memory_only_time_remains():
     assert quality(evidence) == pytest.approx(quality(forgotten), rel=1e-12)
 
 
-def test_the_latest_scans_are_remembered_and_time_passes_over_the_others():
-    detector, start = DETECTOR, 1 - LOST
-    for i in range(4 * MEMORY + 1):
-        seen = [evidence.scan.ranges[0] for evidence in detector.evidence]
-        assert seen == list(range(max(0, i - MEMORY), i))
-        assert detector.start == start
-        detector = detector.scanned(scan_of(i), -1.0)
-        if i >= MEMORY:
-            start = start * (1 - LOST) + (1 - start) * FOUND
-
-
 def test_impossible_and_unknown_evidence_leaves_a_number():
     assert quality([-math.inf]) == 0.0
-    assert quality([math.nan]) == pytest.approx((1 - LOST) ** 2 + LOST * FOUND)
+    assert quality([math.nan]) == pytest.approx((1 - LOST) ** 2 + LOST * FOUND_AGAIN)
     assert DETECTOR.scanned(scan_of(3), -math.inf).quality == pytest.approx(0.9802)
     assert DETECTOR.scanned(scan_of(3), -50.0).quality == 1.0
 

@@ -142,16 +142,6 @@ HALL = PolygonMap(outer=[(0, 0), (9, 0), (9, 6), (0, 6)], unit="m")
 PRIOR = GaussianPrior(mean=(50.0, 40.0, 3.0), sd_position=15.0, sd_heading=0.2)
 
 
-def test_draws_have_the_priors_mean_and_standard_deviations():
-    # 100,000 draws, 9 statistics at 5 standard errors: false alarms 5e-6 together
-    n, sd = 100_000, np.array([15.0, 15.0, 0.2])
-    off = (PRIOR.sample(n, np.random.default_rng(1)) - PRIOR.mean) / sd
-    assert np.abs(off.mean(axis=0) * math.sqrt(n)).max() < 5
-    assert np.abs(((off**2).mean(axis=0) - 1) * math.sqrt(n / 2)).max() < 5
-    correlations = (off.T @ off / n)[np.triu_indices(3, k=1)]
-    assert np.abs(correlations * math.sqrt(n)).max() < 5
-
-
 def test_the_log_density_is_that_of_three_normals():
     poses = np.array([(50, 40, 3.0), (65, 40, 3.0), (50, 10, 3.2)])
     peak = -3 / 2 * math.log(2 * math.pi) - math.log(15 * 15 * 0.2)
@@ -162,25 +152,6 @@ def test_headings_a_full_turn_apart_have_the_same_density():
     poses = np.array([(50, 40, 3.1), (50, 40, 3.1 - 2 * math.pi), (50, 40, 3.1 + 4 * math.pi)])
     density = PRIOR.log_density(poses)
     assert density == pytest.approx(np.full(3, density[0]), abs=1e-9)
-
-
-def test_draws_of_a_uniform_prior_are_free_and_even_over_space_and_headings(room):
-    prior = UniformPrior(floor_plan=room, radius=8.0)
-    poses = prior.sample(4000, np.random.default_rng(0))
-    assert prior.mean is None
-    assert room.free(poses, 8.0).all()
-    # share of a quarter of the area or of the turns: sd √(¼ ¾ / 4000) = 0.0068; 5 sd
-    for quarter in ((poses[:, 0] < 175) & (poses[:, 1] < 150), poses[:, 2] < -np.pi / 2):
-        assert quarter.mean() == pytest.approx(0.25, abs=0.034)
-
-
-def test_the_density_of_a_uniform_prior_is_one_over_free_space_and_turns(room):
-    prior = UniformPrior(floor_plan=room)
-    poses = np.array([(50, 50, 0.0), (300, 250, 9.0), (175, 150, 0.0), (-1, 50, 0.0)])
-    level = -math.log((350 * 300 - 150 * 100) * 2 * math.pi)
-    # free space is counted at 16,384 even points: to a percent
-    assert prior.log_density(poses)[:2] == pytest.approx([level, level], abs=0.01)
-    assert prior.log_density(poses)[2:].tolist() == [-math.inf, -math.inf]
 
 
 def test_the_gaussian_of_a_kalman_filter_has_the_moments_of_a_uniform_prior(robot):

@@ -15,7 +15,7 @@ from following import wrapped
 from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
 from localizers.models.motion import OdometryMotion
-from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed, moved
+from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed_increment, moved
 
 N = 100_000
 ALPHAS = {"alpha1": 0.001, "alpha2": 0.002, "alpha3": 0.003, "alpha4": 0.0004}
@@ -125,10 +125,10 @@ def test_increments_compose_as_the_poses_they_lead_to():
     rng = np.random.default_rng(0)
     pose, total = np.zeros((3, 1), np.float32), np.zeros(3)
     for increment in rng.uniform(-1, 1, (20, 3)):
-        pose, total = moved(pose, increment), composed(total, increment)
+        pose, total = moved(pose, increment), composed_increment(total, increment)
     np.testing.assert_allclose(moved(np.zeros((3, 1), np.float32), total), pose, atol=1e-5)
     first = rng.uniform(-1, 1, 3)
-    assert composed(np.zeros(3), first).tolist() == first.tolist()
+    assert composed_increment(np.zeros(3), first).tolist() == first.tolist()
 
 
 @pytest.mark.parametrize("model", [DifferentialMotion, OmniMotion])

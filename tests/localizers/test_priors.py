@@ -51,6 +51,8 @@ def density(prior, side, turns):
         (UniformPrior(floor_plan=HALL, region=EDGE), 0.02),  # half of it counted
         (UniformPrior(floor_plan=GRID, region=DOOR, radius=0.16), 0.02),
         (UniformPrior(floor_plan=GRID), 0.02),
+        (UniformPrior(floor_plan=HALL), 1e-9),
+        (BED, 1e-6),
         (TWO, 1e-6),
         (MixturePrior(parts=(TWO, BED)), 1e-6),
     ],
@@ -70,7 +72,15 @@ def test_the_density_of_a_free_region_is_exact():
 
 
 @pytest.mark.parametrize(
-    "prior", [KITCHEN, UniformPrior(floor_plan=GRID, region=DOOR), TWO], ids=["room", "door", "two"]
+    "prior",
+    [
+        KITCHEN,
+        UniformPrior(floor_plan=GRID, region=DOOR),
+        TWO,
+        UniformPrior(floor_plan=GRID),
+        UniformPrior(floor_plan=HALL, radius=0.16),
+    ],
+    ids=["room", "door", "two", "cells", "hall"],
 )
 def test_draws_follow_the_density(prior):
     n, fine = 20_000, density(prior, 0.05, 12)

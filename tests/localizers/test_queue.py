@@ -7,7 +7,7 @@ import pytest
 from following import STILL, follow, same
 
 import localizers
-from localizers.inference.queue import Queue, SlidingComposition
+from localizers.inference.queue import Queue
 from localizers.models.motion import increments
 
 
@@ -43,6 +43,9 @@ def assert_same(queue: Queue, oracle: CopyingQueue) -> None:
         assert (seen is None) == (expected is None)
         if seen is not None:
             assert np.array_equal(seen, expected)
+    for offset in range(queue.ahead + 1):
+        each = [oracle.at(ahead) for ahead in range(offset, queue.ahead + 1)]
+        assert np.array_equal(queue.since(offset), each)
     some = np.arange(queue.held(0).shape[1])[::-2]
     for offset, states in enumerate(queue.back(some)):
         assert np.array_equal(states, oracle.at(-offset)[:, some])
@@ -88,25 +91,6 @@ def test_an_older_queue_stays_right_whatever_is_made_of_it_or_written_into_its_s
         queue.at(offset)[:] = resampled.at(offset)[:] = 777
         assert np.array_equal(queue.at(offset), start + 100 * offset)
         assert (resampled.at(offset) == start[0, 3] + 100 * offset).all()
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_a_sliding_composition_is_the_composition_of_the_links_it_holds(seed):
-    rng, n = np.random.default_rng(seed), 6
-    window, held = SlidingComposition(), []
-    for _ in range(200):
-        if held and rng.random() < 0.5:
-            window = window.pop()
-            held.pop(0)
-        else:
-            link = None if rng.random() < 0.3 else rng.integers(0, n, n)
-            window = window.push(link)
-            held.append(link)
-        plain = np.arange(n)  # from the newest slot's order back to the oldest's
-        for link in reversed(held):
-            plain = plain if link is None else link[plain]
-        composed = window.composed()
-        assert np.array_equal(np.arange(n) if composed is None else composed, plain)
 
 
 T = 12

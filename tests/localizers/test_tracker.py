@@ -57,6 +57,25 @@ def begun(tracker, log):
     return tracker
 
 
+class Follows:
+    """Adds up the odometry: the cheapest localizer."""
+
+    def reset(self, prior, plan, rng):
+        self.pose = np.array(prior.mean)
+        return PointsBelief(np.array([self.pose, self.pose + 0.1]))
+
+    def update(self, ranges, action, plan):
+        self.pose = dead_reckoned(action[None], self.pose)[1]
+        return PointsBelief(np.array([self.pose, self.pose + 0.1]))
+
+
+def follower(**params):
+    """A tracker of it that starts at (1, 2, 0) with the first odometry."""
+    tracker = Tracker(Follows(), np.random.default_rng(0), **params)
+    tracker.initialpose(GaussianPrior(mean=(1.0, 2.0, 0.0), sd_position=0.1))
+    return tracker
+
+
 @pytest.mark.parametrize(
     ("name", "params"),
     [("mcl", {"particles": 200}), ("amcl", {"max_particles": 300, "min_particles": 100})],
@@ -165,9 +184,8 @@ def test_single_messages_of_long_ago_are_left_out_as_of_a_second_publisher_that_
     same(estimates(lap, both, late_odometry=61, clock_resets=0), plain)
 
 
-def test_before_a_jump_of_the_odometry_an_estimate_has_that_of_its_time(lap):
-    tracker = Tracker(Follows(), np.random.default_rng(0))
-    tracker.initialpose(GaussianPrior(mean=(1.0, 2.0, 0.0), sd_position=0.1))
+def test_before_a_jump_of_the_odometry_an_estimate_has_that_of_its_time():
+    tracker = follower()
     for time, x in ((0.0, 5.0), (0.5, 5.1), (1.0, 0.0), (1.5, 0.1)):
         tracker.odometry(time, (x, 0.0, 0.0))
     assert tracker.counts.odometry_jumps == 1
@@ -179,9 +197,8 @@ def test_before_a_jump_of_the_odometry_an_estimate_has_that_of_its_time(lap):
     assert tracker.at().map_to_odom[0] - before[0] > 4
 
 
-def test_after_a_long_stop_what_was_believed_before_is_remembered(lap):
-    tracker = Tracker(Follows(), np.random.default_rng(0))
-    tracker.initialpose(GaussianPrior(mean=(1.0, 2.0, 0.0), sd_position=0.1))
+def test_after_a_long_stop_what_was_believed_before_is_remembered():
+    tracker = follower()
     for step in range(601):
         tracker.odometry(0.1 * step, (0.0, 0.0, 0.0))
         tracker.scan(0.1 * step, np.ones(3, np.float32))
@@ -203,8 +220,7 @@ def test_a_start_that_waits_begins_by_a_clock_that_was_set_back():
 
 
 def test_a_jump_at_the_message_that_tells_that_the_clock_was_set_back_is_seen():
-    tracker = Tracker(Follows(), np.random.default_rng(0))
-    tracker.initialpose(GaussianPrior(mean=(1.0, 2.0, 0.0), sd_position=0.1))
+    tracker = follower()
     for time, x in ((1000.0, 0.0), (0.0, 0.0), (0.1, 7.0)):
         tracker.odometry(time, (x, 0.0, 0.0))
     assert (tracker.counts.clock_resets, tracker.counts.odometry_jumps) == (1, 1)
@@ -246,18 +262,6 @@ def test_a_start_waits_for_its_odometry_and_a_new_one_begins_anew(lap):
     assert tracker.at().pose == pytest.approx((3.0, 1.0, 0.5), abs=1e-4)
 
 
-class Follows:
-    """Adds up the odometry: the cheapest localizer."""
-
-    def reset(self, prior, plan, rng):
-        self.pose = np.array(prior.mean)
-        return PointsBelief(np.array([self.pose, self.pose + 0.1]))
-
-    def update(self, ranges, action, plan):
-        self.pose = dead_reckoned(action[None], self.pose)[1]
-        return PointsBelief(np.array([self.pose, self.pose + 0.1]))
-
-
 def test_pose_and_covariance_are_those_of_the_cloud():
     tracker = Tracker(Follows(), np.random.default_rng(0))
     tracker.odometry(0.0, (5.0, 5.0, 1.0))
@@ -296,8 +300,7 @@ def test_messages_that_are_no_numbers_are_counted_and_of_another_shape_refused()
 
 @pytest.mark.slow
 def test_a_million_updates_take_no_more_memory_than_a_hundred_thousand():
-    tracker = Tracker(Follows(), np.random.default_rng(0), every=ALL)
-    tracker.initialpose(GaussianPrior(mean=(0.0, 0.0, 0.0), sd_position=0.1))
+    tracker = follower(every=ALL)
     ranges, most = np.ones(60, np.float32), 0
     for step in range(1_000_001):
         angle = 1e-3 * step

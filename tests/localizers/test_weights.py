@@ -16,15 +16,13 @@ from localizers.inference.gaussian import gaussian_points, sigma_points
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import (
     SCHEMES,
-    Always,
-    WhenDegenerate,
+    Resampling,
     pointed_at,
     stratified,
     systematic,
 )
 from localizers.inference.weights import (
     effective_sample_size,
-    largest,
     log_sum_exp,
     normalized_with_log_sum,
 )
@@ -93,7 +91,7 @@ def test_evidence_of_any_size_makes_a_distribution_or_is_dropped_and_counted(giv
 def test_the_mass_of_a_grid_is_a_distribution_or_none_is_left(shares, logs):
     mass = np.resize(shares, max(len(shares), len(logs)))
     mass = mass / max(mass.sum(), 1e-300)
-    mass[mass < grid_motion.NOTHING] = 0.0
+    mass[mass < grid_motion.EMPTY_CELL] = 0.0
     logs, after = np.resize(logs, mass.size), np.empty(mass.size)
     evidence = grid_motion.reweight(mass, logs, after)
     top = logs[mass > 0].max(initial=-INF)
@@ -151,7 +149,7 @@ def test_resampling_copies_each_particle_n_w_times_on_average_and_no_weightless_
 @given(lists(LOG).filter(lambda logs: max(logs) > -INF), st.integers(0, 2**32 - 1))
 def test_a_resampled_belief_is_evenly_weighted_and_has_the_evidence_of_before(logs, seed):
     belief = cloud(logs)
-    chosen = Always().ancestors(belief.weights, np.random.default_rng(seed))
+    chosen = Resampling().ancestors(belief.weights, np.random.default_rng(seed))
     after = belief.resampled(chosen, log_sum_exp(belief.log_weights))
     n = len(logs)
     assert after.points()[1].tolist() == pytest.approx([1 / n] * n)
@@ -177,6 +175,10 @@ def test_a_particle_is_copied_floor_or_ceil_n_w_times_or_within_two_of_n_w_if_st
     rng = np.random.default_rng(n)
     for _ in range(200):
         weights = random_weights(n, rng)
+        for scheme in SCHEMES.values():
+            chosen = scheme(weights, rng)
+            assert (np.diff(chosen) >= 0).all()
+            assert (weights[chosen] > 0).all()
         copies = counts(systematic(weights, rng))
         assert (copies >= np.floor(n * weights - 1e-9)).all()
         assert (copies <= np.ceil(n * weights + 1e-9)).all()
@@ -185,27 +187,6 @@ def test_a_particle_is_copied_floor_or_ceil_n_w_times_or_within_two_of_n_w_if_st
 
 def test_systematic_resampling_of_weights_that_are_all_zero_gives_the_first_particle():
     assert systematic(np.zeros(3), np.random.default_rng(0)).tolist() == [0] * 3
-
-
-@pytest.mark.parametrize("n", range(10))
-def test_the_largest_of_numbers_is_found_wherever_it_stands(n):
-    values = -1.0 - np.arange(n)
-    assert largest(values) == max(values, default=-math.inf)
-    for place in range(n):
-        assert largest(np.roll(values, place)) == -1.0
-    assert largest(np.full(n, -math.inf)) == -math.inf
-
-
-@pytest.mark.parametrize("name", SCHEMES)
-@pytest.mark.parametrize("n", [1, 5, 100])
-def test_n_valid_indices_come_out_in_ascending_order_and_none_of_weight_zero(name, n):
-    rng = np.random.default_rng(3)
-    for _ in range(100):
-        weights = random_weights(n, rng)
-        chosen = SCHEMES[name](weights, rng)
-        assert chosen.shape == (n,)
-        assert (np.diff(chosen) >= 0).all()
-        assert (weights[chosen] > 0).all()
 
 
 def test_multinomial_resampling_has_the_multinomial_variance():
@@ -225,7 +206,7 @@ def test_equal_weights_under_systematic_and_stratified_keep_every_particle():
 @pytest.mark.parametrize("weights", [[1, 1, 1, 1.0], [1, 2, 3, 4.0], [1, 1e-9, 0, 0.0]])
 def test_the_rng_is_used_the_same_whether_or_not_resampling_triggers(name, weights):
     states, scheme = [], SCHEMES[name]
-    for strategy in (Always(scheme), *(WhenDegenerate(t, scheme) for t in (0, 0.5, 1))):
+    for strategy in [Resampling(scheme, threshold) for threshold in (None, 0, 0.5, 1)]:
         rng = np.random.default_rng(7)
         with np.errstate(divide="ignore"):
             strategy.ancestors(normalized_with_log_sum(np.log(weights))[0], rng)
@@ -240,7 +221,7 @@ def test_resampling_triggers_iff_the_effective_sample_size_is_below_the_threshol
     for _ in range(200):
         log_weights = np.log(random_weights(20, rng) + 1e-300)
         weights, _ = normalized_with_log_sum(log_weights)
-        chosen = WhenDegenerate(threshold).ancestors(weights, rng)
+        chosen = Resampling(ess_threshold=threshold).ancestors(weights, rng)
         degenerate = weights.sum() ** 2 / (weights**2).sum() < threshold * 20
         assert (chosen is not None) == degenerate
         seen.add(degenerate)

@@ -1,6 +1,7 @@
 """Damaged logs: a bad record is skipped and counted, a bad file refused in one sentence."""
 
 import gzip
+import io
 import os
 import re
 import sqlite3
@@ -154,12 +155,6 @@ def test_noise_is_refused_in_one_sentence(tmp_path_factory, ending, noise):
     refused(path)
 
 
-def test_a_gzip_that_breaks_off_says_so(tmp_path):
-    packed = gzip.compress("\n".join(carmen_lines(500)).encode())
-    (tmp_path / "x.log.gz").write_bytes(packed[: len(packed) // 2])
-    assert "truncated" in refused(tmp_path / "x.log.gz")
-
-
 def test_utf_16_and_a_byte_order_mark_are_read(tmp_path):
     for encoding in ("utf-16", "utf-8-sig", "latin-1"):
         text = "\n".join(["# Gebäude 79", VIEW, *carmen_lines()])
@@ -220,21 +215,6 @@ def test_a_stray_quote_or_a_number_beyond_all_use_costs_one_record(csv):
     assert "beyond 1e+12" in warned
 
 
-def test_an_array_that_is_no_archive_and_half_a_reference_are_refused(tmp_path, csv):
-    np.save(tmp_path / "x.npy", np.zeros(3))
-    (tmp_path / "x.npy").rename(tmp_path / "x.npz")
-    assert "not a complete npz file" in refused(tmp_path / "x.npz")
-    path, lines = csv
-    path.write_text("\n".join(lines).replace("ref_heading", "ref_theta"))
-    assert "2 of the columns ref_x, ref_y, ref_heading" in refused(path)
-
-
-def test_a_column_that_is_there_twice_is_refused(csv):
-    path, lines = csv
-    path.write_text("\n".join(lines).replace("ref_x", "odom_x"))
-    assert "the column 'odom_x' twice" in refused(path)
-
-
 @pytest.mark.parametrize("ending", ENDINGS)
 def test_a_name_that_is_too_long_is_refused_read_or_written(tmp_path, ending):
     path = tmp_path / f"{'a' * 300}{ending}"
@@ -261,34 +241,48 @@ def test_no_more_is_unpacked_than_is_allowed_and_only_what_is_needed(tmp_path, m
         read(path)
 
 
-def test_a_scanner_that_measures_nothing_is_refused():
-    for bad in ({"min_range": 6.0}, {"max_range": 0.0}):
-        with pytest.raises(InputError, match="must be a number"):
-            logs.Scanner(**{"angles": (0.0,), "max_range": 5.0, **bad})
-
-
-def test_a_file_that_promises_or_nests_without_end_is_refused(tmp_path, csv):
+def promised():
+    """An archive whose array would have 10¹³ numbers."""
     header = {"descr": "<f8", "fortran_order": False, "shape": (10**13,)}
     with (
-        zipfile.ZipFile(tmp_path / "x.npz", "w") as archive,
+        zipfile.ZipFile(buffer := io.BytesIO(), "w") as archive,
         archive.open("times.npy", "w") as file,
     ):
         np.lib.format.write_array_header_1_0(file, header)
-    assert "not a complete npz file" in refused(tmp_path / "x.npz")
-    path, lines = csv
-    path.write_text("\n".join(["# " + "[" * 10**5, *lines[1:]]))
-    assert "is not a JSON object" in refused(path)
+    return buffer.getvalue()
 
 
-def test_pickles_are_never_loaded(tmp_path):
-    times = np.array([{}], object)
-    np.savez(tmp_path / "x.npz", times=times, odometry=np.zeros((1, 3)), ranges=np.ones((1, 1)))
-    assert "pickles" in refused(tmp_path / "x.npz")
+def array(save, *values, **arrays):
+    save(buffer := io.BytesIO(), *values, **arrays)
+    return buffer.getvalue()
+
+
+PICKLED = {"times": np.array([{}], object), "odometry": np.zeros((1, 3)), "ranges": np.ones((1, 1))}
+FILES = {  # by name: the content, or what it is of a whole text; the words
+    "half.log.gz": (gzip.compress("\n".join(carmen_lines(500)).encode())[:900], "truncated"),
+    "array.npz": (array(np.save, np.zeros(3)), "not a complete npz file"),
+    "promised.npz": (promised(), "not a complete npz file"),
+    "pickled.npz": (array(np.savez, **PICKLED), "pickles"),
+    "twice.csv": (lambda text: text.replace("ref_x", "odom_x"), "the column 'odom_x' twice"),
+    "nested.csv": (lambda text: "# " + "[" * 10**5 + text, "is not a JSON object"),
+    "other.csv": (lambda text: text.replace("ref_heading", "ref_theta"),
+                  "2 of the columns ref_x, ref_y, ref_heading"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_file_that_is_wrong_as_a_whole_is_refused(tmp_path, csv, name):
+    content, said = FILES[name]
+    content = content("\n".join(csv[1])).encode() if callable(content) else content
+    (tmp_path / name).write_bytes(content)
+    assert said in refused(tmp_path / name)
 
 
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
+        ({"scanner": {"min_range": 6.0}}, "must be a number"),
+        ({"scanner": {"max_range": 0.0}}, "must be a number"),
         ({"odometry": np.zeros((2, 3))}, "odometry"),
         ({"ranges": np.zeros((3, 2))}, "have shape"),
         ({"times": [0.0, 2.0, 1.0]}, "run backwards"),
@@ -301,10 +295,11 @@ def test_pickles_are_never_loaded(tmp_path):
     ],
 )
 def test_a_log_made_by_hand_is_checked(changes, said):
-    scanner = logs.Scanner(angles=(0.0,), max_range=5.0)
-    arrays = {"times": np.arange(3.0), "odometry": np.zeros((3, 3)), "ranges": np.ones((3, 1))}
+    given = {"times": np.arange(3.0), "odometry": np.zeros((3, 3)), "ranges": np.ones((3, 1))}
+    given |= {"scanner": {}, **changes}
+    scanner = {"angles": (0.0,), "max_range": 5.0, **given.pop("scanner")}
     with pytest.raises(InputError, match=said):
-        logs.Log(scanner, **(arrays | changes))
+        logs.Log(logs.Scanner(**scanner), **given)
 
 
 def test_a_reference_that_does_not_overlap_is_refused_and_a_bad_line_of_it_counted(tmp_path):

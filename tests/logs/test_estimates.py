@@ -104,67 +104,38 @@ def test_poses_that_are_not_finite_are_left_out_and_counted(tmp_path):
         assert read_estimate(tmp_path / "x.tum").times.tolist() == [1.0]
 
 
-@pytest.mark.parametrize(
-    ("name", "text", "words"),
-    [
-        ("x.tum", "# nothing\n", "has no usable pose"),
-        ("x.csv", "time,x,y\n1,2,3\n", "'heading' 0 times"),
-        ("x.csv", "time,x,y,heading,var_x\n", "'cov_xy' 0 times"),
-        ("x.csv", "time,x,y,heading\n1,2,3,4\n1,2\n", "line 3 of"),
-        ("x.csv", "time,x,y,heading\n1,2,3,left\n", "line 2 of"),
-    ],
-)
-def test_an_estimate_that_is_none_is_refused(tmp_path, name, text, words):
+TWO = logs.Trajectory([1.0, 2.0], np.zeros((2, 3)))
+POSED, SPREAD = read_estimate, lambda path: with_covariances(TWO, path)
+REFUSED = [
+    (POSED, "x.tum", "# nothing\n", "has no usable pose"),
+    (POSED, "x.csv", "time,x,y\n1,2,3\n", "'heading' 0 times"),
+    (POSED, "x.csv", "time,x,y,heading,var_x\n", "'cov_xy' 0 times"),
+    (POSED, "x.csv", "time,x,y,heading\n1,2,3,4\n1,2\n", "line 3 of"),
+    (POSED, "x.csv", "time,x,y,heading\n1,2,3,left\n", "line 2 of"),
+    (lambda path: read_estimate(path, "/amcl_pose"), "x.tum", "", "no topic /amcl_pose"),
+    (SPREAD, "c.txt", "1 1 0 0\n", "line 1 of"),
+    (SPREAD, "c.txt", "1 1 0 0 1 0 1\n2 1 0 0 0 1 0 0 0 1\n", "line 2 of"),
+    (SPREAD, "c.txt", "1 1 0 0 1 0 1\n", "1 lines of covariances"),
+    (SPREAD, "c.txt", "", "0 lines of covariances"),
+]
+
+
+@pytest.mark.parametrize(("read", "name", "text", "words"), REFUSED)
+def test_what_is_no_estimate_or_no_covariance_of_it_is_refused(tmp_path, read, name, text, words):
     (tmp_path / name).write_text(text)
     with refused(name, words):
-        read_estimate(tmp_path / name)
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("1 1 0 0\n", "line 1 of"),
-        ("1 1 0 0 1 0 1\n2 1 0 0 0 1 0 0 0 1\n", "line 2 of"),
-        ("1 1 0 0 1 0 1\n", "1 lines of covariances"),
-        ("", "0 lines of covariances"),
-    ],
-)
-def test_covariances_that_are_not_those_of_the_poses_are_refused(tmp_path, text, words):
-    (tmp_path / "c.txt").write_text(text)
-    with refused("c.txt", words):
-        with_covariances(logs.Trajectory([1.0, 2.0], np.zeros((2, 3))), tmp_path / "c.txt")
-
-
-def test_a_file_that_is_no_bag_has_no_topic(tmp_path):
-    with refused("no topic /amcl_pose"):
-        read_estimate(tmp_path / "x.tum", "/amcl_pose")
+        read(tmp_path / name)
 
 
 @pytest.mark.parametrize("shape", [(3, 3), (2, 3, 2)])
-def test_covariances_of_another_shape_are_refused(shape):
+def test_covariances_of_another_shape_are_refused_and_unknown_ones_kept(shape):
     with refused(str(shape), "(2, 3, 3)"):
         logs.Trajectory([1.0, 2.0], np.zeros((2, 3)), covariances=np.zeros(shape))
-    assert math.isnan(
-        logs.Trajectory(
-            [1.0], np.zeros((1, 3)), covariances=[np.full((3, 3), math.nan)]
-        ).covariances[0, 0, 0]
-    )
+    unknown = np.full((1, 3, 3), math.nan)
+    assert np.isnan(logs.Trajectory([1.0], np.zeros((1, 3)), covariances=unknown).covariances).all()
 
 
-def test_the_command_says_that_odometry_is_scored_as_poses_in_the_map(
-    tmp_path, monkeypatch, capsys
-):
-    monkeypatch.chdir(tmp_path)
-    logs.Trajectory(TIMES, POSES).write("true.tum")
-    rows = (("/odometry/filtered", ODOMETRY, odometry(time, 1.0)) for time in TIMES)
-    bag(tmp_path / "nav", *rows)
-    words = ("score", "nav:/odometry/filtered", "--reference", "true.tum", "--out", "scored")
-    assert exit_code(*words) == 0
-    said = "Warning: the poses of /odometry/filtered in nav are in frame odom"
-    assert said in capsys.readouterr().err
-
-
-def test_the_command_scores_a_bag_s_amcl_pose_with_its_covariance(tmp_path, monkeypatch):
+def test_the_command_scores_a_bag_s_amcl_pose_with_its_covariance(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     logs.Trajectory(TIMES, POSES).write("true.tum")
     spread = np.diag([0.04, 0.04, 0.01])
@@ -179,3 +150,8 @@ def test_the_command_scores_a_bag_s_amcl_pose_with_its_covariance(tmp_path, monk
     assert float(row["nees"]) == pytest.approx(1, rel=1e-3)
     assert [float(row[f"coverage_{p}"]) for p in (50, 80, 95)] == [1, 1, 1]
     assert float(row["position_median"]) == pytest.approx(0.2)
+    odom = (("/odometry/filtered", ODOMETRY, odometry(time, 1.0)) for time in TIMES)
+    bag(tmp_path / "ekf", *odom)
+    assert exit_code("score", "ekf:/odometry/filtered", *words[2:-1], "again") == 0
+    said = "Warning: the poses of /odometry/filtered in ekf are in frame odom"
+    assert said in capsys.readouterr().err

@@ -154,21 +154,6 @@ def test_a_step_collides_by_the_grid_iff_it_does_by_all_walls(name, radius):
     assert np.array_equal(plan.collides(starts, ends, radius), expected)
 
 
-@pytest.mark.parametrize("name", PLANS)
-def test_no_point_is_nearer_to_a_wall_than_its_square_says_or_much_farther(name):
-    plan = PLANS[name]
-    corner, per_side, bounds, slack = plan._clearance
-    points = anywhere(plan, 10_000, np.random.default_rng(4))
-    column, row = ((points - corner) * per_side).astype(int).T
-    bound = bounds[row, column]
-    clearance = reference.clearance(plan.walls, points, points)
-    assert (clearance >= np.abs(bound)).all()
-    assert (clearance <= np.abs(bound) + slack).all()
-    free = reference.winding(plan.walls, points) == 1
-    assert free[bound > 0].all()
-    assert not free[bound < 0].any()
-
-
 def random_steps(plan: PolygonMap, n: int, rng, longest=(0.1, 5.0, 30.0, 400.0)):
     """Starts and ends anywhere, also in solids and outside, or near corners; some do not move."""
     starts = anywhere(plan, n, rng, margin=30)

@@ -20,15 +20,7 @@ import reference
 from sample_plans import PLANS, anywhere, awkward_poses, corners, space_of
 
 from deqmcl_gym.maps import Lidar, PolygonMap
-from deqmcl_gym.maps.casting import (
-    MANY_WALLS,
-    AllAtOnce,
-    CellByCell,
-    all_at_once,
-    caster_of,
-    cell_by_cell,
-    cells_of,
-)
+from deqmcl_gym.maps.casting import all_at_once, cell_by_cell
 
 HALF_PX, HALF_RAD = 5e-4, 5e-6
 EVERYTHING = pymunk.ShapeFilter()
@@ -150,31 +142,6 @@ def squares(side: int, xs: range, ys: range) -> list:
     return [[(x, y), (x + side, y), (x + side, y + side), (x, y + side)] for x in xs for y in ys]
 
 
-def test_a_rectangle_counts_as_one_however_many_walls_it_has():
-    boxes = squares(5, range(10, 90, 10), range(10, 80, 10))
-    room = [(0, 0), (100, 0), (100, 100), (0, 100)]
-    assert 4 * len(boxes) > MANY_WALLS > len(boxes) + 1
-    assert isinstance(caster_of(room, boxes, 1.0), AllAtOnce)
-    assert all_at_once(room, boxes, 1.0).tries == len(boxes) + 1
-
-
-@pytest.mark.parametrize(("walls", "kind"), [(191, AllAtOnce), (192, CellByCell)])
-def test_walls_that_make_no_rectangle_count_one_each(walls, kind):
-    angles = np.arange(walls) * 2 * np.pi / walls + 0.1
-    ring = [(100 * x, 100 * y) for x, y in zip(np.cos(angles), np.sin(angles), strict=True)]
-    assert all_at_once(ring, (), 1.0).tries == walls
-    assert isinstance(caster_of(ring, (), 1.0), kind)
-
-
-@pytest.mark.parametrize(("walls", "kind"), [(572, AllAtOnce), (580, CellByCell)])
-def test_walls_along_the_axes_count_a_third_each(walls, kind):
-    steps = [(x, x % 2) for x in range((walls - 2) // 2)]  # a stair of ups and downs
-    stair = [corner for x, y in steps for corner in ((x, y), (x + 1, y))]
-    ring = [*stair, (len(steps), 100), (0, 100)]
-    assert len(all_at_once(ring, (), 1.0).walls.oblique) == 0
-    assert isinstance(caster_of(ring, (), 1.0), kind)
-
-
 def cast(caster, poses: np.ndarray) -> np.ndarray:
     out = np.empty((1, len(poses)), np.float32)
     caster.cast(np.ascontiguousarray(poses.T, np.float32), np.zeros(1, np.float32), out)
@@ -200,20 +167,6 @@ def test_both_casters_see_the_same_but_where_a_beam_grazes_a_corner(name):
         assert np.isfinite([one, other]).all()  # no beam escapes
         assert 0 <= np.min([one, other]) <= np.max([one, other]) <= np.hypot(x1 - x0, y1 - y0)
         assert (np.abs(one - other) > 1e-3).mean() < differ
-
-
-@pytest.mark.parametrize("name", PLANS)
-def test_each_point_of_a_wall_lies_in_a_cell_that_lists_the_wall(name):
-    walls = PLANS[name].walls
-    cells = cells_of(walls, np.zeros((len(walls), 6), np.float32), 0.05)
-    table, columns = cells.table, cells.table.reach.shape[1]
-    share = np.random.default_rng(8).random((200, 1, 1))
-    points = walls[:, :2] + share * (walls[:, 2:] - walls[:, :2])  # (200, S, 2)
-    column, row = np.floor((points - cells.corner) / cells.side).astype(int).transpose(2, 0, 1)
-    of_points = np.tile(np.arange(len(walls)), len(points)).tolist()
-    for cell, wall in zip((row * columns + column).ravel().tolist(), of_points, strict=True):
-        assert wall in table.listed[table.first[cell] : table.first[cell + 1]]
-        assert table.reach.flat[cell] == 0
 
 
 def test_a_wall_along_the_border_of_cells_is_not_missed():

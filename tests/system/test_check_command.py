@@ -8,7 +8,7 @@ import pytest
 from deqmcl_command import exit_code, files
 
 from deqmcl_gym.maps import GridMap
-from localizers.checks import LAWS, name_of
+from localizers.checks import LAWS, law_name
 
 BROKEN = Path(__file__).parents[1] / "localizers" / "broken.py"
 
@@ -17,7 +17,7 @@ def test_a_good_localizer_gets_one_line_per_law_and_exit_code_0(capsys):
     assert exit_code("check", "dead-reckoning") == 0
     printed = capsys.readouterr()
     *laws, last = printed.out.splitlines()
-    assert [line[9:].partition(":")[0] for line in laws] == [name_of(law) for law in LAWS]
+    assert [line[9:].partition(":")[0] for line in laws] == [law_name(law) for law in LAWS]
     assert {line.split()[0] for line in laws} == {"ok", "skipped"}
     assert "skipped  one particle: it has no parameter particles" in laws
     assert last == "dead-reckoning keeps all laws of localizers (1 skipped)."
@@ -28,7 +28,7 @@ def test_a_broken_localizer_gets_the_reason_in_one_line_and_exit_code_3(capsys):
     assert exit_code("check", f"{BROKEN}:Finite") == 3
     printed = capsys.readouterr()
     lines = printed.out.splitlines()
-    assert [line[9:].partition(":")[0] for line in lines] == [name_of(law) for law in LAWS]
+    assert [line[9:].partition(":")[0] for line in lines] == [law_name(law) for law in LAWS]
     assert "FAILED   finite: a pose of points(0) at step 1 is nan" in lines
     assert "skipped  max range scan: it fails 'finite'" in lines
     assert printed.err == (

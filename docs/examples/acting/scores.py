@@ -27,7 +27,7 @@ from deqmcl_gym.envs.acting import ActingEnv, TrackEnv
 from deqmcl_gym.files import write_bytes
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics.types import Floats, Singles
-from localizers.tasks import OFFICE, POWER, robot_model
+from localizers.tasks import BEAM_POWER, OFFICE, robot_model
 
 _BUILDINGS = 20  # of Localize-v0: episode k takes place in that of seed k modulo this
 _PICTURES = 40  # of a film, about
@@ -91,7 +91,7 @@ def play(task: str, policy: str, seed: int, film: list[Any] | None = None, **mad
     env = gym.make(f"deqmcl_gym/{task}", **made)
     room: Any = env.unwrapped
     seen, info = env.reset(seed=seed)
-    power = POWER if task == "Localize-v0" else 1.0
+    power = BEAM_POWER if task == "Localize-v0" else 1.0
     agent = AGENTS[_DRIVER.get(policy, policy)](robot_model(room.world, power))
     score, steps, metres, contacts, scans = 0.0, 0, 0.0, 0, 0
     agent.plan_at_reset(_shown(room, seen, info))
