@@ -162,7 +162,7 @@ def swept(out, names=("sure",), where=ONE_JOB, **said):
 
 
 def errors(results):
-    return [row.errors for panel in results.panels for row in panel.rows if row.offset == 0]
+    return results.table.loc[results.table["offset"] == 0, "error"].tolist()
 
 
 def test_a_class_that_was_changed_in_memory_is_not_taken_for_the_one_of_the_results(
