@@ -167,10 +167,12 @@ def _of_maps(records: list[Finished]) -> dict[tuple[str, str], Auroc]:
     trouble = {"lost": lost, "wrong": wrong, "wrong_localized": wrong, "which": lost}
     asked = {"wrong_localized": steps["off"] == 0, "which": lost | wrong}
     unknown = ~there | steps["off"].isna()
-    signals = _signals(steps)
+    signals, worlds = _signals(steps), int(steps["world"].max()) + 1
     steps = steps.assign(**{name: -steps[name] for name in _RISING})
     return {
-        (question, name): _auroc(steps.assign(trouble=told)[asked.get(question, there)], name)
+        (question, name): _auroc(
+            steps.assign(trouble=told)[asked.get(question, there)], name, worlds
+        )
         for question in QUESTIONS
         for told in [trouble[question].astype(float).mask(unknown)]
         for name in signals

@@ -101,6 +101,13 @@ def test_each_question_is_of_its_own_steps_and_a_signal_has_its_natural_order():
     assert list(table.frame["question"]) == list(QUESTIONS.values())
 
 
+def test_a_question_that_no_step_is_about_has_no_answer_and_one_that_few_worlds_are_about_has():
+    never = [run(w, [0.0, 0.0], [0.0, 0.0]) for w in (0, 1)]
+    assert answers(never).loc["which", "auroc"].isna().all()
+    once = [run(0, [1.0, 0.0], [0.5, 0.5], quality=[0.1, 0.9]), *never]
+    assert answers(once).loc["lost", "quality"]["worlds"] == 1
+
+
 def test_the_trust_in_a_plan_is_a_signal_of_those_who_doubt_it():
     plan = dict.fromkeys(PLAN_COLUMNS, [0.5] * STEPS)
     ours, theirs = ([run(w, [0.0, 1.0], [0.0, 0.0]) for w in (0, 1)] for _ in range(2))
