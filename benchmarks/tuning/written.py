@@ -53,8 +53,9 @@ def write(
     """
     rows = segment_rows(found)
     best, why_not = _nav2(found.task, found.best, nav2, node)
+    said = f"{verdict(found, rows)}{_too_sure(found)}"
     parts = {
-        f"# {found.task.localizer}, tuned": f"{verdict(found, rows)}{_too_sure(found)}\n\n{_table(found)}",
+        f"# {found.task.localizer}, tuned": f"{said}\n\n{_table(found)}",
         "## Best parameters": _changed(found),
         "## Which parameters mattered": _importance(found),
     }
