@@ -9,12 +9,12 @@ import pandas as pd
 
 from benchmarks.report.charts import INK, Chart, canvas, line
 from benchmarks.report.frames import PanelFrames
-from benchmarks.report.tables import Table, nees_words, values
+from benchmarks.report.tables import Table, means, nees_words
 from benchmarks.report.verdict import rounded
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import scenario
 from benchmarks.tables.frames import paired, whole_runs
-from benchmarks.tables.stats import ALPHA, Estimate, sample_sd, worlds_to_see
+from benchmarks.tables.stats import ALPHA, sample_sd, worlds_to_see
 from benchmarks.tables.text import p_value, percent
 from benchmarks.tables.tracks import Row, TrackedRun, rows_of, worse
 from benchmarks.trials.fixes import FOUND, NEAR
@@ -173,7 +173,7 @@ def differences_table(panel: PanelFrames) -> Table | None:
         "pairs": [str(n) for n in rows["paired_worlds"]],
     }
     for name, (words, form, scale, unit) in scores.items():
-        columns[words] = values(rows, f"{name}_diff", form, scale=scale)
+        columns[words] = list(means(f"{name}_diff", form, scale=scale)(rows))
         columns[f"p, Holm ({unit})"] = [p_value(p) for p in rows[f"{name}_p_holm"]]
         columns[f"runs needed ({unit})"] = [_needed(panel, row, name) for _, row in rows.iterrows()]
     caption = (
@@ -232,7 +232,7 @@ def _word(name: str, value: float, runs: int) -> str:
         return "n/a" if math.isnan(value) else "never"
     kind = name.partition("_")[0]
     if kind == "nees":
-        return nees_words(Estimate(value))
+        return nees_words(value)
     if kind == "log":
         return f"{value:,.2f}"
     if kind in ("agreement", "within", "coverage"):
