@@ -1,7 +1,6 @@
 """Write what a paper needs from the finished trials in a folder. Nothing is run.
 
-That is tables.tex (booktabs), references.bib and a document.tex that shows them, and the report's
-charts as PDF.
+That is tables.tex (booktabs), references.bib, and the report's charts as PDF.
 """
 
 import argparse

@@ -25,22 +25,6 @@ _SIGNS = str.maketrans(
         "[": "{[}", "]": "{]}",  # after \\ it would begin an argument
     }
 )  # fmt: skip
-_DOCUMENT = r"""\documentclass{article}
-\usepackage[margin=10mm,landscape]{geometry}
-\usepackage{amssymb,booktabs,graphicx}
-\title{TITLE}
-\author{}
-\begin{document}
-\maketitle
-Experiments by deqmcl-gym~\cite{deqmcl-gym}; DEQ-MCL is by
-Taniguchi et al.~\cite{taniguchi2024deqmcl}.
-\input{tables}
-\IfFileExists{figures.tex}{\input{figures}}{}
-\bibliographystyle{plain}
-\bibliography{references}
-\end{document}
-"""
-_PAGE = 8  # figures before a page is ended: LaTeX holds few that wait
 
 
 def escaped(text: str) -> str:
@@ -50,39 +34,31 @@ def escaped(text: str) -> str:
 
 
 def latex_files(results: Results) -> dict[str, bytes]:
-    """Return tables.tex, references.bib and a document.tex that shows them, by name."""
+    """Return tables.tex and references.bib by name."""
     panels = frames_of(results)
-    source = f"% Made by: {escaped(command_line(results.command))}\n% Needs \\usepackage"
-    parts = [f"{source}{{amssymb,booktabs,graphicx}}.\n"]
+    parts = [
+        f"% Made by: {escaped(command_line(results.command))}\n"
+        "% Needs \\usepackage{amssymb,booktabs,graphicx}.\n"
+    ]
     if len(panels) > 1:
         parts.append(_table(glance_table(panels), "glance", results.title))
-    parts += [
-        _table(verdict_table(panel), f"setting-{panel.number}", f"{panel.where}: {head}")
-        for panel in panels
-        for head in [verdict(panel).partition(":")[0]]
-    ]
+    for panel in panels:
+        told = f"{panel.where}: {verdict(panel).partition(':')[0]}"
+        parts.append(_table(verdict_table(panel), f"setting-{panel.number}", told))
     cited = (files("benchmarks.report") / "references.bib").read_text(encoding="utf-8")
     return {
         "tables.tex": utf8("\n".join(parts)),
         "references.bib": utf8(cited.replace("VERSION", __version__)),
-        "document.tex": utf8(_DOCUMENT.replace("TITLE", escaped(results.title))),
     }
 
 
 def pdf_files(results: Results) -> dict[str, bytes]:
-    """Return every chart of the report as figures/NAME.pdf, and figures.tex, which shows them."""
+    """Return every chart of the report as figures/NAME.pdf."""
     panels = frames_of(results)
     with styled(STYLE):
         charts = swept_charts(panels)
         charts += [c for panel in panels for part in parts_of(panel) for c in part.charts]
-        drawn = {f"figures/{chart.name}.pdf": chart.drawn("pdf") for chart in charts}
-    shown = [
-        f"\\begin{{figure}}[htbp]\n  \\centering\n  \\includegraphics{{figures/{one.name}.pdf}}\n"
-        f"  \\caption{{{escaped(f'{one.title}. {one.caption}')}}}\n  \\label{{fig:{one.name}}}\n"
-        "\\end{figure}\n" + "\\clearpage\n" * (n % _PAGE == 0)
-        for n, one in enumerate(charts, 1)
-    ]
-    return {"figures.tex": utf8("% Needs \\usepackage{graphicx}.\n\n" + "\n".join(shown))} | drawn
+        return {f"figures/{chart.name}.pdf": chart.drawn("pdf") for chart in charts}
 
 
 def _table(table: Table, label: str, caption: str) -> str:

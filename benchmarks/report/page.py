@@ -97,11 +97,13 @@ def page_files(
     with styled(STYLE), films(panels, folder, draw=draw) as shown:
         sections = [_section(panel, several=several, more=more) for panel in panels]
         swept = swept_charts(panels)
-        drawn = {chart.name: chart.drawn("svg") for chart in _charts(sections, swept)}
+        charts = [chart for one in sections for part in one.parts for chart in part.charts]
+        drawn = {chart.name: chart.drawn("svg") for chart in (*swept, *charts)}
         pictures, no_films = shown()
     if sections:
         sections[0] = sections[0]._replace(films=pictures, no_films=no_films)
     figures = paper_figures(folder)
+    methods = dict.fromkeys(name for panel in panels for name in panel.rows["method"])
     glances = [tables.glance_table(panels)] if several else []
     glances += _known(tables.detection_glance(panels)) if several else []
     glances += _known(tables.validity_table(validity_frame(results))) if several else []
@@ -110,7 +112,7 @@ def page_files(
         "conclusion": conclusion(results),
         "progress": progress(results),
         "baseline": baseline_of(panels, results),
-        "methods": [f"{n} ({WORDS[n]})" if n in WORDS else short_name(n) for n in _names(panels)],
+        "methods": [f"{n} ({WORDS[n]})" if n in WORDS else short_name(n) for n in methods],
         "agents": list(dict.fromkeys(name for panel in panels for name in panel.agents)),
         "worlds": sorted({int(n) for panel in panels for n in panel.rows["worlds"]}),
         "filter_seeds": len({record.trial.filter_seed for record in results.records}),
@@ -169,15 +171,6 @@ def _section(panel: PanelFrames, *, several: bool, more: Sequence[Part]) -> Sect
         films=[],
         no_films="",
     )
-
-
-def _charts(sections: Sequence[Section], swept: Sequence[Chart]) -> list[Chart]:
-    shown = [chart for one in sections for part in one.parts for chart in part.charts]
-    return [*swept, *shown]
-
-
-def _names(panels: Sequence[PanelFrames]) -> list[str]:
-    return list(dict.fromkeys(name for panel in panels for name in panel.rows["method"]))
 
 
 def _engine() -> Environment:

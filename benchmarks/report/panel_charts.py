@@ -285,34 +285,37 @@ def _lines(
 ) -> list[Chart]:
     """The score, and the difference to the baseline, over one number."""
     scale, unit = (1, "error e of x[t]") if aim is None else (100, "% of runs")
-    for name in ("score", "apart"):
-        for end in ("", "_low", "_high"):
-            rows[f"{name}{end}"] *= scale
-    over = f"{name_of(key)}" + (f" (with {', '.join(map(name_of, others))})" if others else "")
+    numbers = [f"{name}{end}" for name in ("score", "apart") for end in ("", "_low", "_high")]
+    rows[numbers] = rows[numbers].astype(float) * scale
+    swept, place = name_of(key), f": {where}" if where else ""
     of = "Error" if aim is None else f"Runs {aim.words.partition(' (')[0]}"
-    titles = {"score": f"{of} over {name_of(key)}", "apart": f"Difference over {name_of(key)}"}
-    charts = []
-    for name, title in titles.items():
-        shown = rows[rows[name].notna()]
-        axes = line(shown, key, name, f"{name}_low", f"{name}_high")
-        scaled(axes, list(rows[key]))
-        axes.axhline(0, color=INK, lw=0.8)
-        axes.set(xlabel=over, ylabel=unit if name == "score" else f"{unit} - the baseline's")
-        if name == "score":
-            from_zero(axes, shown["score"] if aim is None else pd.Series(dtype=float))
-        elif aim is None and len(shown):
-            most = _FAR * rows.loc[rows["is_baseline"], "score"].max()
-            low, high = axes.get_ylim()
-            axes.set_ylim(max(low, -most), min(high, most))
-        caption = {
-            "score": "A method without this parameter is the same everywhere. Bars: 95 % intervals "
-            "over worlds.",
-            "apart": "On the same worlds; bars: 95 % bootstrap intervals over worlds. Differences "
-            f"beyond {_FAR} times the baseline's error are outside.",
-        }[name]
-        file = {"score": "curve", "apart": "difference"}[name]
-        charts.append(Chart(file, title + (f": {where}" if where else ""), caption, axes.figure))
-    return charts
+    score, apart = (_curve(rows, key, column) for column in ("score", "apart"))
+    over = swept + (f" (with {', '.join(map(name_of, others))})" if others else "")
+    score.set(xlabel=over, ylabel=unit)
+    apart.set(xlabel=over, ylabel=f"{unit} - the baseline's")
+    from_zero(score, rows["score"].dropna() if aim is None else pd.Series(dtype=float))
+    if aim is None and rows["apart"].notna().any():
+        most = _FAR * rows.loc[rows["is_baseline"], "score"].max()
+        low, high = apart.get_ylim()
+        apart.set_ylim(max(low, -most), min(high, most))
+    everywhere = (
+        "A method without this parameter is the same everywhere. Bars: 95 % intervals over worlds."
+    )
+    outside = (
+        "On the same worlds; bars: 95 % bootstrap intervals over worlds. Differences beyond "
+        f"{_FAR} times the baseline's error are outside."
+    )
+    return [
+        Chart("curve", f"{of} over {swept}{place}", everywhere, score.figure),
+        Chart("difference", f"Difference over {swept}{place}", outside, apart.figure),
+    ]
+
+
+def _curve(rows: pd.DataFrame, key: str, column: str) -> Any:
+    axes = line(rows[rows[column].notna()], key, column, f"{column}_low", f"{column}_high")
+    scaled(axes, list(rows[key]))
+    axes.axhline(0, color=INK, lw=0.8)
+    return axes
 
 
 def _maps(
@@ -340,15 +343,13 @@ def _maps(
                 for one, sure in zip(ends.itertuples(index=False), clear, strict=True)
             ]
             rows["ahead"] = (-1 if score.censored else 1) * rows[f"{name}_diff"].fillna(0)
-            what = score.words.removesuffix(", median")
-            charts.append(
-                Chart(
-                    f"regimes-{name.replace('_', '-')}-{number}",
-                    f"Where {label} is ahead: {what}",
-                    f"Difference to the baseline in {'points' if share else 'metres'}, and its "
-                    "95 % interval. Blue: ahead; red: behind; *: p < 0.05, corrected for the tests "
-                    "of a setting, not for the number of settings.",
-                    cells(rows, x, y, square, "ahead", "words", least=0.1 if share else 1.0),
-                )
+            file, what = name.replace("_", "-"), score.words.removesuffix(", median")
+            caption = (
+                f"Difference to the baseline in {'points' if share else 'metres'}, and its 95 % "
+                "interval. Blue: ahead; red: behind; *: p < 0.05, corrected for the tests of a "
+                "setting, not for the number of settings."
             )
+            drawn = cells(rows, x, y, square, "ahead", "words", least=0.1 if share else 1.0)
+            title = f"Where {label} is ahead: {what}"
+            charts.append(Chart(f"regimes-{file}-{number}", title, caption, drawn))
     return charts

@@ -2,14 +2,13 @@
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from html import escape
 from typing import Any, NamedTuple
 
-import numpy as np
 import pandas as pd
 
-from benchmarks.report.frames import PanelFrames, each
+from benchmarks.report.frames import PanelFrames
 from benchmarks.report.verdict import WITHIN, rounded
 from benchmarks.sweeps.results import Results
 from benchmarks.tables import stats
@@ -65,7 +64,8 @@ _TESTS = (
 )
 
 
-Columns = dict[str, Iterable[Any]]
+Cells = Callable[[pd.DataFrame], Iterable[Any]]
+Columns = Mapping[str, str | Cells]  # by title: the column of a frame, or what its rows are told as
 
 
 class Table(NamedTuple):
@@ -122,74 +122,100 @@ def html_cell(text: str) -> str:
     return f"{escape(value)} <span>{escape(ends)}</span>" if ends else escape(value)
 
 
-def values(
-    frame: pd.DataFrame, name: str, form: str = ".2f", unit: str = "", scale: float = 1
-) -> list[str]:
-    """Return means of a column with the intervals of name_low and name_high, as words."""
-    none = pd.Series(np.nan, frame.index)
-    ends = [frame.get(f"{name}{end}", none).astype(float) * scale for end in ("", "_low", "_high")]
-    return [estimated(Estimate(*one), form, unit) for one in zip(*ends, strict=True)]
+def of_rows(rows: pd.DataFrame, columns: Columns) -> pd.DataFrame:
+    """Return rows as words, a line each."""
+    cells = {
+        name: rows[own] if isinstance(own, str) else own(rows) for name, own in columns.items()
+    }
+    return pd.DataFrame({name: list(own) for name, own in cells.items()}, dtype=str)
+
+
+def words(write: Callable[..., str], *names: str) -> Cells:
+    """Tell the values of columns, row by row."""
+    return lambda rows: [write(*one) for one in zip(*(rows[name] for name in names), strict=True)]
+
+
+def means(name: str, form: str = ".2f", unit: str = "", scale: float = 1) -> Cells:
+    """Tell means with the intervals of name_low and name_high, if there are any."""
+
+    def write(*ends: float) -> str:
+        return estimated(Estimate(*(scale * float(end) for end in ends)), form, unit)
+
+    ends = (name, f"{name}_low", f"{name}_high")
+    return lambda rows: words(write, *(end for end in ends if end in rows))(rows)
+
+
+def apart(name: str, form: str = "+.2f", unit: str = "", scale: float = 1) -> Cells:
+    """Tell differences to the baseline in this way."""
+    told = means(name, form, unit, scale)
+    return lambda rows: [
+        "baseline" if itself else cell
+        for itself, cell in zip(rows["is_baseline"], told(rows), strict=True)
+    ]
+
+
+def dashed(write: Callable[[float], str]) -> Callable[[float], str]:
+    """Tell a number; – if there is none."""
+    return lambda value: "–" if math.isnan(value) else write(value)
+
+
+def spread(mean: float, sd: float) -> str:
+    """A mean and its SD."""
+    return f"{fixed(mean)} ({fixed(sd)})"
+
+
+METHOD: Columns = {"method": "label", "belief about": words(state_name, "offset")}
 
 
 def verdict_table(panel: PanelFrames) -> Table:
     """The methods, the best first, and how they compare with the baseline."""
-    rows, aim, unit = panel.ranked, panel.aim, panel.unit
-    columns: Columns = {"method": map(_marked_label, each(rows))}
-    error = {f"error e, {unit} (SD)": map(_spread, rows["error"], rows["error_sd"])}
-    if panel.margin is not None:
-        name, points = ("error", "%") if aim is None else (aim.words, "points")
-        apart = values(rows, "decided", "+.1f", f" {points}", 100)
-        bounded = np.isfinite(rows["decided_low"] + rows["decided_high"])
-        columns |= {
-            f"difference to the baseline ({WITHIN})": [
-                "baseline" if base else one if ends else one.partition(" (")[0]
-                for one, base, ends in zip(apart, rows["is_baseline"], bounded, strict=True)
-            ],
-            "verdict": rows["relation"],
-            "after worlds": ["–" if math.isnan(n) else f"{n:.0f}" for n in rows["decided_worlds"]],
-        }
-        columns |= error if aim is None else {name: [percent(v) for v in rows["score"]]}
-    elif aim is None:
-        columns |= error
-        columns |= {
-            "difference to the baseline (95 %)": _apart(rows, "diff"),
-            "verdict": rows["relation"],
-            "wins": [_percent(v) for v in rows["win_rate"]],
-            "p, Holm": [_p(v) for v in rows["p_holm"]],
-            "lost runs (95 %)": [
-                f"{percent(row.lost_rate)} of {row.runs} "
-                f"({100 * row.lost_low:.0f} to {100 * row.lost_high:.0f})"
-                for row in each(rows)
-            ],
-        }
-        columns |= _worlds_needed(panel, rows)
-    else:
-        columns |= _score_columns(rows, aim) | {"verdict": rows["relation"]} | error
-        columns["difference of e (95 %)"] = _apart(rows, "diff")
-    columns |= {
-        "ms per step (ratio)": [
-            f"{fixed(row.ms_per_step)} ({significant(row.cost, 2)} ×)" for row in each(rows)
-        ],
-        "worlds": rows["worlds"],
-    }
-    best = [n for n, order in enumerate(rows["order"]) if order == rows["order"].iloc[0]]
-    at = panel.thresholds
+    rows, aim, unit, at = panel.ranked, panel.aim, panel.unit, panel.thresholds
     caption = "The best first and in bold, compared with the baseline on the same worlds. "
+    error: Columns = {f"error e, {unit} (SD)": words(spread, "error", "error_sd")}
+    relation: Columns = {"verdict": "relation"}
     if panel.margin is not None:
         caption += (
             "All intervals of the sweep, at all looks, hold together with 95 %; each method's own "
             "score is of the worlds that it needed. "
         )
+        decided = apart("decided", "+.1f", " %" if aim is None else " points", 100)
+        numbers = {
+            f"difference to the baseline ({WITHIN})": lambda rows: [
+                re.sub(r" \(.*inf.*\)", "", cell) for cell in decided(rows)
+            ],
+            **relation,
+            "after worlds": words(dashed("{:.0f}".format), "decided_worlds"),
+            **(error if aim is None else {aim.words: words(percent, "score")}),
+        }
     elif aim is None:
         caption += (
             "Error of the belief about the present, x[t]. Better, worse: the interval excludes 0 "
             f"and p < 0.05. Lost: position error above {at.lost:g} {unit} on average over the last "
             f"{at.lost_steps} states. "
         )
+        numbers = {
+            **error,
+            "difference to the baseline (95 %)": apart("diff"),
+            **relation,
+            "wins": words(dashed(percent), "win_rate"),
+            "p, Holm": words(dashed(p_value), "p_holm"),
+            "lost runs (95 %)": words(_lost, "lost_rate", "runs", "lost_low", "lost_high"),
+            **_worlds_needed(panel, rows),
+        }
+    else:
+        difference = {"difference of e (95 %)": apart("diff")}
+        numbers = {**_score_columns(aim), **relation, **error, **difference}
     caption += (
         "ms per step: the method's own time, median over runs, and its ratio to the baseline's."
     )
-    return Table(caption, _frame(columns), [(n, column) for n in best for column in (0, 1)])
+    columns: Columns = {
+        "method": words(_marked_label, "label", "is_baseline", "plug_in"),
+        **numbers,
+        "ms per step (ratio)": words(_cost, "ms_per_step", "cost"),
+        "worlds": "worlds",
+    }
+    best = [n for n, order in enumerate(rows["order"]) if order == rows["order"].iloc[0]]
+    return Table(caption, of_rows(rows, columns), [(n, column) for n in best for column in (0, 1)])
 
 
 def journey_table(panel: PanelFrames, group: Group) -> Table | None:
@@ -198,23 +224,21 @@ def journey_table(panel: PanelFrames, group: Group) -> Table | None:
     scores = [score for score in group.scores if score.name in rows]
     if not scores:
         return None
-    columns: Columns = {"method": rows["label"]}
+    columns: dict[str, str | Cells] = {"method": "label"}
     for score in scores:
-        columns |= _score_columns(rows, score)
+        columns |= _score_columns(score)
     tested = any(score.tested for score in scores)
-    return Table(WORDS[group.name][1] + (_TESTS if tested else ""), _frame(columns))
+    return Table(WORDS[group.name][1] + (_TESTS if tested else ""), of_rows(rows, columns))
 
 
 def glance_table(panels: Sequence[PanelFrames]) -> Table:
     """What all methods are ranked by, on all settings, with marks, the best in bold."""
-    labels = _all_labels(panels)
+    labels = list(dict.fromkeys(label for panel in panels for label in panel.present["label"]))
     lines, strong = [], []
     for n, panel in enumerate(panels):
-        rows, share = panel.ranked, panel.aim is not None
-        marked = {
-            row.label: f"{(percent if share else fixed)(row.score)} {_mark(row, share)}".rstrip()
-            for row in each(rows)
-        }
+        rows, aim = panel.ranked, panel.aim
+        told = words(_marked if aim is None else _marked_share, "score", "relation")(rows)
+        marked = dict(zip(rows["label"], told, strict=True))
         best = rows.loc[rows["order"] == rows["order"].iloc[0], "label"]
         strong += [(n, 1 + labels.index(label)) for label in best]
         lines.append([f"{panel.number}. {panel.where}", *(marked.get(one, "–") for one in labels)])
@@ -244,75 +268,65 @@ def rival_tables(panel: PanelFrames) -> list[Table]:
         if not against or len(rows) < 2:
             continue
         columns: Columns = {
-            "method": rows["label"],
-            f"error e of {state_name(offset)}": map(fixed, rows["error"]),
+            "method": "label",
+            f"error e of {state_name(offset)}": words(fixed, "error"),
         }
+        frame = of_rows(rows, columns)
         for rival in against:
-            apart = runs.sub(runs[rival], axis=0).groupby("trial").mean()
-            columns[f"difference to {rival}"] = [
+            worlds = runs.sub(runs[rival], axis=0).groupby("trial").mean()
+            frame[f"difference to {rival}"] = [
                 "–"
                 if label == rival
-                else estimated(stats.estimate(apart[label].dropna().to_numpy()), "+.2f")
+                else estimated(stats.estimate(worlds[label].dropna().to_numpy()), "+.2f")
                 for label in rows["label"]
             ]
         caption = (
             f"Differences of the errors of {state_name(offset)} on the same worlds, with 95 % "
             "intervals; negative: better."
         )
-        tables.append(Table(caption, _frame(columns)))
+        tables.append(Table(caption, frame))
     return tables
 
 
 def gap_table(panel: PanelFrames) -> Table | None:
     """The errors on the limits' worlds, each limit before its methods; None if there is none."""
-    rows = panel.gaps
-    if rows.empty:
+    if panel.gaps.empty:
         return None
+    itself = panel.gaps["label"] == "limit: " + panel.gaps["limit_label"]
+    gaps = pd.Series(means("gap", "+.2f")(panel.gaps), panel.gaps.index).mask(itself, "–")
     columns: Columns = {
-        "method": rows["label"],
-        "belief about": rows["offset"].map(state_name),
-        "error e": map(fixed, rows["error"]),
-        "SD between runs on a world": map(fixed, rows["seed_sd"]),
-        "gap to the limit (95 %)": [
-            "–" if label == f"limit: {limit}" else one
-            for label, limit, one in zip(
-                rows["label"], rows["limit_label"], values(rows, "gap", "+.2f"), strict=True
-            )
-        ],
-        "worlds": rows["worlds"],
+        **METHOD,
+        "error e": words(fixed, "error"),
+        "SD between runs on a world": words(fixed, "seed_sd"),
+        "gap to the limit (95 %)": "gaps",
+        "worlds": "worlds",
     }
     caption = (
         "Error minus the limit's on the same worlds. Below each limit are the methods with its "
         "target. The limit is what many more particles would give, as far as its own runs agree."
     )
-    return Table(caption, _frame(columns))
+    return Table(caption, of_rows(panel.gaps.assign(gaps=gaps), columns))
 
 
 def calibration_table(panel: PanelFrames) -> Table:
     """Calibration of the beliefs at every offset."""
-    rows = panel.rows
-    inside = {f"inside {at} %": values(rows, f"coverage_{at}", ".0f", " %", 100) for at in LEVELS}
     columns: Columns = {
-        "method": rows["label"],
-        "belief about": rows["offset"].map(state_name),
-        f"energy score, {panel.unit}": map(fixed, rows["energy_score"]),
-        **inside,
-        "NEES (3)": [
-            nees_words(Estimate(*one))
-            for one in rows[["nees", "nees_low", "nees_high"]].itertuples(index=False)
-        ],
-        "entropy, nats": [fixed(value).replace("-", "−") for value in rows["entropy"]],
-        "in walls": [percent(value, 1) for value in rows["wall_share"]],
+        **METHOD,
+        f"energy score, {panel.unit}": words(fixed, "energy_score"),
+        **{f"inside {at} %": means(f"coverage_{at}", ".0f", " %", 100) for at in LEVELS},
+        "NEES (3)": words(nees_words, "nees", "nees_low", "nees_high"),
+        "entropy, nats": words(lambda nats: fixed(nats).replace("-", "−"), "entropy"),
+        "in walls": words(_tenths, "wall_share"),
     }
     caption = "With 95 % intervals over worlds; n/a: the method's belief has no spread."
-    return Table(caption, _frame(columns))
+    return Table(caption, of_rows(panel.rows, columns))
 
 
-def nees_words(value: Estimate) -> str:
+def nees_words(*ends: float) -> str:
     """A NEES with one decimal; a large one, which is far from 3 anyhow, with three digits."""
-    if not value.mean >= 100:
-        return estimated(value, ".1f")
-    return estimated(Estimate(*(float(f"{one:.3g}") for one in value)), ",.0f")
+    if not ends[0] >= 100:
+        return estimated(Estimate(*ends), ".1f")
+    return estimated(Estimate(*(float(f"{one:.3g}") for one in ends)), ",.0f")
 
 
 def detection_table(panel: PanelFrames) -> Table | None:
@@ -321,19 +335,16 @@ def detection_table(panel: PanelFrames) -> Table | None:
     if rows["auroc"].isna().all():
         return None
     columns: Columns = {
-        "method": rows["label"],
-        "AUROC (95 %)": _aurocs(rows),
-        f"steps with {far}": [percent(value, 1) for value in rows["far_steps"]],
-        "in how many worlds": [
-            "n/a" if math.isnan(row.far_worlds) else f"{row.far_worlds:.0f} of {row.worlds}"
-            for row in each(rows)
-        ],
+        "method": "label",
+        "AUROC (95 %)": AUROC,
+        f"steps with {far}": words(_tenths, "far_steps"),
+        "in how many worlds": words(_of_worlds, "far_worlds", "worlds"),
     }
     caption = (
         f"AUROC of the quality at x[t] against {far}, over all steps of all worlds; 1: every far "
         "step has a smaller quality than every other, ½: no better than chance."
     )
-    return Table(caption, _frame(columns))
+    return Table(caption, of_rows(rows, columns))
 
 
 def detection_glance(panels: Sequence[PanelFrames]) -> Table | None:
@@ -343,15 +354,15 @@ def detection_glance(panels: Sequence[PanelFrames]) -> Table | None:
     if known["auroc"].isna().all():
         return None
     table = known.pivot(index="number", columns="label", values="auroc")
-    columns: Columns = {"setting": [f"{panel.number}. {panel.where}" for panel in panels]}
-    for label in table.columns:
-        columns[str(label)] = [fixed(v) for v in table[label].reindex([p.number for p in panels])]
+    frame = table.reindex([panel.number for panel in panels]).map(fixed)
+    frame.columns = pd.Index(map(str, table.columns))
+    frame.insert(0, "setting", [f"{panel.number}. {panel.where}" for panel in panels])
     far = ", ".join(dict.fromkeys(panel.far for panel in panels))
     caption = (
         f"AUROC of the quality at x[t] against {far}: 1 separates all far steps from the others, "
         "½ is chance; n/a where no step, or every one, is far off, or a method gives no quality."
     )
-    return Table(caption, _frame(columns))
+    return Table(caption, frame)
 
 
 def validity_table(signals: pd.DataFrame) -> Table | None:
@@ -386,18 +397,16 @@ def told_apart_table(panel: PanelFrames) -> Table | None:
 
 def offsets_table(panel: PanelFrames) -> Table:
     """The errors at every offset."""
-    rows = panel.rows
     columns: Columns = {
-        "method": rows["label"],
-        "belief about": rows["offset"].map(state_name),
-        "error e (SD)": map(_spread, rows["error"], rows["error_sd"]),
-        "error, common states": map(fixed, rows["error_window"]),
-        f"position RMSE, {panel.unit}": map(fixed, rows["position_rmse"]),
-        "heading RMSE, °": [fixed(math.degrees(value), 1) for value in rows["heading_rmse"]],
-        "difference to the baseline's x[t] (95 %)": _apart(rows, "diff"),
+        **METHOD,
+        "error e (SD)": words(spread, "error", "error_sd"),
+        "error, common states": words(fixed, "error_window"),
+        f"position RMSE, {panel.unit}": words(fixed, "position_rmse"),
+        "heading RMSE, °": words(lambda value: fixed(math.degrees(value), 1), "heading_rmse"),
+        "difference to the baseline's x[t] (95 %)": apart("diff"),
     }
     caption = "Errors of the beliefs about the present, the past and the future."
-    return Table(caption, _frame(columns))
+    return Table(caption, of_rows(panel.rows, columns))
 
 
 def failed_table(results: Results) -> Table | None:
@@ -424,58 +433,50 @@ def left_out_table(results: Results) -> Table | None:
     return Table(caption, pd.DataFrame(lines, columns=["file", "why"])) if lines else None
 
 
-def _frame(columns: Columns) -> pd.DataFrame:
-    return pd.DataFrame({name: list(cells) for name, cells in columns.items()}, dtype=str)
+def _marked_label(label: str, is_baseline: bool, plug_in: bool) -> str:
+    return label + (" (baseline)" if is_baseline else " (plug-in)" if plug_in else "")
 
 
-def _all_labels(panels: Sequence[PanelFrames]) -> list[str]:
-    return list(dict.fromkeys(label for panel in panels for label in panel.present["label"]))
+def _marked(error: float, relation: str) -> str:
+    return f"{fixed(error)} {_MARKED.get(relation, '')}".rstrip()
 
 
-def _marked_label(row: Any) -> str:
-    more = " (baseline)" if row.is_baseline else " (plug-in)" if row.plug_in else ""
-    return f"{row.label}{more}"
+def _marked_share(share: float, relation: str) -> str:
+    smaller = {"better": "worse", "worse": "better"}.get(relation, relation)
+    return f"{percent(share)} {_MARKED.get(smaller, '')}".rstrip()
 
 
-def _mark(row: Any, share: bool) -> str:
-    """▼ smaller than the baseline's, whether that is better or worse."""
-    relation = {"better": "worse", "worse": "better"}.get(row.relation) if share else None
-    return _MARKED.get(relation or row.relation, "")
+def _lost(share: float, runs: int, low: float, high: float) -> str:
+    return f"{percent(share)} of {runs} ({100 * low:.0f} to {100 * high:.0f})"
 
 
-def _spread(mean: float, sd: float) -> str:
-    return f"{fixed(mean)} ({fixed(sd)})"
+def _cost(ms: float, ratio: float) -> str:
+    return f"{fixed(ms)} ({significant(ratio, 2)} ×)"
 
 
-def _apart(rows: pd.DataFrame, name: str, form: str = "+.2f", scale: float = 1) -> list[str]:
-    """Differences to the baseline with their intervals."""
-    cells = values(rows, name, form, scale=scale)
-    return ["baseline" if own else c for own, c in zip(rows["is_baseline"], cells, strict=True)]
+def _tenths(share: float) -> str:
+    return percent(share, 1)
 
 
-def _percent(share: float) -> str:
-    return "–" if math.isnan(share) else percent(share)
+def _of_worlds(some: float, worlds: int) -> str:
+    return "n/a" if math.isnan(some) else f"{some:.0f} of {worlds}"
 
 
-def _p(value: float) -> str:
-    return "–" if math.isnan(value) else p_value(value)
-
-
-def _score_columns(rows: pd.DataFrame, score: Score) -> Columns:
+def _score_columns(score: Score) -> Columns:
     """A score of whole runs, and how it compares with the baseline's."""
     share = score.unit == "share"
     scale, unit, of = (100, "points", "") if share else (1, score.unit, f" of {score.unit}")
     digits = {"share": 0, "m": 1, "steps": 1}.get(score.unit, 2)
     digits = digits if score.digits is None else score.digits
-    cells = values(rows, score.name, f".{digits}f", " %" * share, scale)
-    columns: Columns = {score.words: [c.replace("inf", "never") for c in cells]}
-    if score.tested:
-        apart = _apart(rows, f"{score.name}_diff", f"+.{digits}f", scale)
-        columns |= {
-            f"difference, {unit} (95 %)": apart,
-            f"p{of}, Holm": [_p(value) for value in rows[f"{score.name}_p_holm"]],
-        }
-    return columns
+    mean = means(score.name, f".{digits}f", " %" * share, scale)
+    columns: Columns = {score.words: lambda rows: [c.replace("inf", "never") for c in mean(rows)]}
+    if not score.tested:
+        return columns
+    return {
+        **columns,
+        f"difference, {unit} (95 %)": apart(f"{score.name}_diff", f"+.{digits}f", scale=scale),
+        f"p{of}, Holm": words(dashed(p_value), f"{score.name}_p_holm"),
+    }
 
 
 def _worlds_needed(panel: PanelFrames, rows: pd.DataFrame) -> Columns:
@@ -484,37 +485,35 @@ def _worlds_needed(panel: PanelFrames, rows: pd.DataFrame) -> Columns:
     small = stats.worth_seeing(base.iloc[0]) if len(base) else math.nan
     if math.isnan(small) or not (rows["diff_sd"] > 0).any():
         return {}
-    needed = [
-        rounded(stats.worlds_to_see(small, sd, panel.tests)) if sd > 0 else "–"
-        for sd in rows["diff_sd"]
-    ]
-    return {f"worlds to see {small:g} {panel.unit}": needed}
+
+    def needed(sd: float) -> str:
+        return rounded(stats.worlds_to_see(small, sd, panel.tests)) if sd > 0 else "–"
+
+    return {f"worlds to see {small:g} {panel.unit}": words(needed, "diff_sd")}
 
 
-def _aurocs(rows: pd.DataFrame) -> list[str]:
-    """AUROC with their intervals, or why there is none."""
-    cells = values(rows, "auroc")
-    for n, row in enumerate(each(rows)):
-        if math.isnan(row.far_worlds):
-            cells[n] = "n/a: gives no quality"
-        elif row.far_worlds == 0:
-            cells[n] = "n/a: no step is far off"
-        elif row.far_steps == 1:
-            cells[n] = "n/a: every step is far off"
-        elif math.isnan(row.auroc_low):
-            cells[n] += " (one world)"
-    return cells
+def _auroc(mean: float, low: float, high: float, steps: float, worlds: float) -> str:
+    """An AUROC with its interval, or why there is none."""
+    if math.isnan(worlds):
+        return "n/a: gives no quality"
+    if worlds == 0:
+        return "n/a: no step is far off"
+    if steps == 1:
+        return "n/a: every step is far off"
+    return estimated(Estimate(mean, low, high)) + " (one world)" * math.isnan(low)
+
+
+AUROC = words(_auroc, "auroc", "auroc_low", "auroc_high", "far_steps", "far_worlds")
 
 
 def _signal_table(signals: pd.DataFrame, keys: list[str], steps: str, caption: str) -> Table | None:
     """AUROC of signals, a column each, by what they are of."""
-    if signals.empty or (known := signals[signals["auroc"].notna()]).empty:
+    known = signals[signals["auroc"].notna()]
+    if known.empty:
         return None
-    known = known.assign(cell=_aurocs(known))
-    names = list(dict.fromkeys(known["signal"]))
-    lines = []
+    names, lines = list(dict.fromkeys(known["signal"])), []
     for of, rows in known.groupby(keys, sort=False):
-        cells = dict(zip(rows["signal"], rows["cell"], strict=True))
+        cells = dict(zip(rows["signal"], AUROC(rows), strict=True))
         share = percent(rows["far_steps"].iloc[0], 1)
         lines.append([*of, *(cells.get(name, "–") for name in names), share])
     columns = [{"label": "method"}.get(key, key) for key in keys]

@@ -1,7 +1,7 @@
 """What a report says and draws of runs on a whole log: scores, differences, tracks, errors."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,12 +9,12 @@ import pandas as pd
 
 from benchmarks.report.charts import INK, Chart, canvas, line
 from benchmarks.report.frames import PanelFrames
-from benchmarks.report.tables import Table, nees_words, values
+from benchmarks.report.tables import Table, means, nees_words
 from benchmarks.report.verdict import rounded
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import scenario
 from benchmarks.tables.frames import paired, whole_runs
-from benchmarks.tables.stats import ALPHA, Estimate, sample_sd, worlds_to_see
+from benchmarks.tables.stats import ALPHA, sample_sd, worlds_to_see
 from benchmarks.tables.text import p_value, percent
 from benchmarks.tables.tracks import Row, TrackedRun, rows_of, worse
 from benchmarks.trials.fixes import FOUND, NEAR
@@ -27,25 +27,32 @@ from deqmcl_gym.world.drawing import PALE, Drawing, View
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_RESULTS = {
-    "within_1m": "within 1 m, 30°",
-    "within_05m": "0.5 m, 10°",
-    "success_1m": "localized to the end",
-    "lost": "lost",
-    "position_median": "position, median",
-    "position_p95": "95 %",
-    "heading_median": "heading, median",
-    "metres_to_localize": "metres to localize",
+# by score: its title, and what tells it; None counts runs
+_Columns = dict[str, tuple[str, Callable[[float], str] | None]]
+_METRES, _DEGREES = "{:.3f} m".format, "{:.2f}°".format
+_RESULTS: _Columns = {
+    "within_1m": ("within 1 m, 30°", percent),
+    "within_05m": ("0.5 m, 10°", percent),
+    "success_1m": ("localized to the end", None),
+    "lost": ("lost", None),
+    "position_median": ("position, median", _METRES),
+    "position_p95": ("95 %", _METRES),
+    "heading_median": ("heading, median", lambda angle: _DEGREES(math.degrees(angle))),
+    "metres_to_localize": ("metres to localize", "{:.1f} m".format),
 }
-_TIMED = {"ms_per_step": "ms per step"}
-_BELIEFS = {f"coverage_{level}": f"inside {level} %" for level in LEVELS} | {
-    "nees": "NEES (3)",
-    "log_score": "log score",
+_TIMED: _Columns = {"ms_per_step": ("ms per step", "{:.2f}".format)}
+_BELIEFS: _Columns = {
+    **{f"coverage_{level}": (f"inside {level} %", percent) for level in LEVELS},
+    "nees": ("NEES (3)", nees_words),
+    "log_score": ("log score", "{:,.2f}".format),
 }
-_FITTING = {"agreement_01": "beams within 0.1 m", "agreement_03": "0.3 m"}
-_STAMPS = {
-    "position_median_stamps": "position, median, at stamps",
-    "heading_median_stamps": "heading",
+_FITTING: _Columns = {
+    "agreement_01": ("beams within 0.1 m", percent),
+    "agreement_03": ("0.3 m", percent),
+}
+_STAMPS: _Columns = {
+    "position_median_stamps": ("position, median, at stamps", _METRES),
+    "heading_median_stamps": ("heading", lambda angle: _DEGREES(math.degrees(angle))),
 }
 
 
@@ -173,7 +180,7 @@ def differences_table(panel: PanelFrames) -> Table | None:
         "pairs": [str(n) for n in rows["paired_worlds"]],
     }
     for name, (words, form, scale, unit) in scores.items():
-        columns[words] = values(rows, f"{name}_diff", form, scale=scale)
+        columns[words] = list(means(f"{name}_diff", form, scale=scale)(rows))
         columns[f"p, Holm ({unit})"] = [p_value(p) for p in rows[f"{name}_p_holm"]]
         columns[f"runs needed ({unit})"] = [_needed(panel, row, name) for _, row in rows.iterrows()]
     caption = (
@@ -217,30 +224,27 @@ def _needed(panel: PanelFrames, row: pd.Series, score: str) -> str:
     return "–" if needed <= len(apart) else f"about {rounded(needed)}"
 
 
-def _table(rows: Sequence[Row], caption: str, columns: Mapping[str, str]) -> Table:
-    lines = []
-    for row in rows:
-        runs = dict.fromkeys(columns, row.seeds)
-        runs["lost"] = len(row.runs)  # of a failed run it is not known
-        cells = [_word(name, row.scores.get(name, math.nan), runs[name]) for name in columns]
-        lines.append([row.label, str(row.seeds), *cells])
-    return Table(caption, pd.DataFrame(lines, columns=["localizer", "runs", *columns.values()]))
+def _table(rows: Sequence[Row], caption: str, columns: _Columns) -> Table:
+    lines = [
+        [
+            row.label,
+            str(row.seeds),
+            *(_cell(row, name, tell) for name, (_, tell) in columns.items()),
+        ]
+        for row in rows
+    ]
+    header = ["localizer", "runs", *(title for title, _ in columns.values())]
+    return Table(caption, pd.DataFrame(lines, columns=header))
 
 
-def _word(name: str, value: float, runs: int) -> str:
+def _cell(row: Row, name: str, tell: Callable[[float], str] | None) -> str:
+    value = row.scores.get(name, math.nan)
     if not math.isfinite(value):
         return "n/a" if math.isnan(value) else "never"
-    kind = name.partition("_")[0]
-    if kind == "nees":
-        return nees_words(Estimate(value))
-    if kind == "log":
-        return f"{value:,.2f}"
-    if kind in ("agreement", "within", "coverage"):
-        return percent(value)
-    if kind in ("success", "lost"):
-        return f"{round(value * runs)} of {runs}"
-    forms = {"heading": f"{math.degrees(value):.2f}°", "metres": f"{value:.1f} m"}
-    return forms.get(kind, f"{value:.2f}" if kind == "ms" else f"{value:.3f} m")
+    if tell is not None:
+        return tell(value)
+    runs = len(row.runs) if name == "lost" else row.seeds  # of a failed run it is not known
+    return f"{round(value * runs)} of {runs}"
 
 
 _SCALE = 1.0  # of a drawn map: 480 image pixels, about as many as the page shows

@@ -83,28 +83,24 @@ def test_the_bibliography_is_that_of_the_citation_file(latex):
         assert said in text
     assert str(CITATION["date-released"])[:4] in text
     assert all(author["family-names"] in text for author in paper["authors"])
-    cited = set(re.findall(r"\\cite\{([^}]*)\}", latex["document.tex"]))
-    assert cited == set(re.findall(r"^@\w+\{([^,]*),", latex["references.bib"], re.MULTILINE))
 
 
-def test_the_figures_of_the_document_are_pdf_of_which_the_same_results_give_the_same_bytes():
+def test_the_figures_are_pdf_of_which_the_same_results_give_the_same_bytes():
     made = trials("mcl", [1.0, 2.0]) + trials("a", [2.0, 3.0], offsets=(0, -20))
     given_results = results(made + trials("far", [90.0, 91.0], offsets=(0, -20)))
     files = pdf_files(given_results)
     assert {"figures/points-1.pdf", "figures/lap-errors-1.pdf"} <= files.keys()
     assert pdf_files(given_results) == files
-    shown = files.pop("figures.tex").decode("ascii")
-    assert re.findall(r"includegraphics\{(.*)\}", shown) == list(files)
-    assert r"\caption{Along the queue. Error of the belief at t" in shown
-    assert r"\input{figures}" in latex_files(given_results)["document.tex"].decode()
     assert all(content.startswith(b"%PDF-") for content in files.values())
     assert b"/Subtype /Image" not in b"".join(files.values())  # vectors
 
 
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="needs pdflatex")
-def test_the_document_compiles(latex, tmp_path):
+def test_the_tables_compile(latex, tmp_path):
     for name, text in latex.items():
         (tmp_path / name).write_text(text)
-    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "document.tex"]
+    head = r"\documentclass{article}\usepackage{amssymb,booktabs,graphicx}\begin{document}"
+    (tmp_path / "paper.tex").write_text(head + r"\input{tables}\end{document}")
+    command = ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "paper.tex"]
     subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
-    assert (tmp_path / "document.pdf").stat().st_size > 1000
+    assert (tmp_path / "paper.pdf").stat().st_size > 1000

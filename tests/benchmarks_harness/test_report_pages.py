@@ -166,7 +166,7 @@ def test_a_report_that_is_written_anew_has_the_animations_of_the_folder_and_runs
     out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
     written(out, given, [LAP])
     monkeypatch.setattr(animations, "films_of", lambda panel: [LAP])
-    monkeypatch.setattr(drawing, "drawn", None)
+    monkeypatch.setattr(drawing, "filmed", None)
     files = writing.rewrite_report(out, elsewhere, given)
     for path in files:
         assert path.read_bytes() == (out / path.relative_to(elsewhere)).read_bytes()
@@ -211,18 +211,6 @@ def test_without_the_extra_the_tables_are_written_and_the_extra_is_named(tmp_pat
     files = writing.write_report(tmp_path, results(paired(THREE)))
     assert {path.name for path in files} == TABLES
     assert {path.name for path in tmp_path.iterdir()} == TABLES
-
-
-def test_in_print_the_page_is_light_its_parts_are_open_and_its_tables_are_not_cut(report):
-    css = re.search("<style>(.*?)</style>", (report[0] / "report.html").read_text(), re.DOTALL)[1]
-    (dark,) = re.findall(r"@media[^{]*prefers-color-scheme: dark[^{]*", css)
-    assert dark.startswith("@media screen and")
-    printed = css[css.index("@media print {") :]
-    assert "details::details-content { content-visibility: visible;" in printed
-    assert ".scroll { overflow: visible;" in printed
-    assert "td > span { white-space: normal; }" in printed
-    assert "thead { display: table-header-group; }" in printed
-    assert re.search(r"@media print, [^{]*\{\s*figure .still \{ display: block; \}", css)
 
 
 def test_ones_own_method_is_marked_and_the_best_is_bold(report):

@@ -42,9 +42,9 @@ def swept(tmp_path_factory):
 def test_an_export_has_tables_figures_and_bibtex_and_can_be_made_again(swept, tmp_path, capsys):
     folder = swept("mcl", "mcl-map")
     for flags, made in (
-        ((), {"tables.tex", "references.bib", "document.tex", "figures.tex", "figures"}),
-        (("--latex",), {"tables.tex", "references.bib", "document.tex"}),
-        (("--pdf",), {"figures.tex", "figures"}),
+        ((), {"tables.tex", "references.bib", "figures"}),
+        (("--latex",), {"tables.tex", "references.bib"}),
+        (("--pdf",), {"figures"}),
     ):
         assert exit_code("export", folder, "--out", tmp_path / "out", *flags) == 0
         there = {name.partition("/")[0] for name in files(tmp_path / "out")}
