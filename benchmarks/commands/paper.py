@@ -68,7 +68,7 @@ def run(options: argparse.Namespace) -> str:
 
 
 def _table(sweep: "Sweep", results: "Results", style: str) -> str:
-    from benchmarks.tables.table_1 import table_1
+    from benchmarks.tables.table_1 import reading, table_1
     from benchmarks.tables.text import short_name
 
     worlds = "1 world" if sweep.trials == 1 else f"{sweep.trials} worlds"
@@ -79,4 +79,4 @@ def _table(sweep: "Sweep", results: "Results", style: str) -> str:
     mark = "# " if style == "github" else ""
     rows = results.table
     parts = [f"{mark}{title}; the paper's values beside ours", table_1(rows, style), NOTE]
-    return "\n\n".join(parts) + "\n"
+    return "\n\n".join([*parts, *filter(None, [reading(rows)])]) + "\n"

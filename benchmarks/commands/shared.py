@@ -135,7 +135,7 @@ def add_params(parser: argparse.ArgumentParser) -> None:
 def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return NAME.KEY=VALUE words as parameters by localizer; a value is as in a sweep file."""
     from benchmarks.setup.changes import OF_LOCALIZERS, Changes
-    from benchmarks.setup.settings import settings
+    from benchmarks.sweeps.settings import settings
     from deqmcl_gym.validation import InputError, one_of
     from localizers import absolute_name, parameters
     from localizers.registry import LOCALIZER

@@ -26,10 +26,10 @@ from benchmarks.report.writing import no_report
 from benchmarks.setup.changes import Changes
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import scenario as named
-from benchmarks.setup.settings import value_of
 from benchmarks.sweeps.design import Axis, Sweep
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.running import Options, begun, complete
+from benchmarks.sweeps.settings import value_of
 from benchmarks.tables.stats import wilson
 from benchmarks.tables.text import csv_text, percent, short_names
 from benchmarks.trials.collecting import WholeRun

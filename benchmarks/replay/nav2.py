@@ -13,7 +13,7 @@ from typing import Any
 
 from benchmarks.replay import ros_params
 from benchmarks.replay.options import Replay
-from benchmarks.setup.settings import sweep_text
+from benchmarks.sweeps.settings import sweep_text
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError, boolean, number, one_of, pose, shown

@@ -16,7 +16,7 @@ from benchmarks.setup.changes import NOTHING, Changes, file_names
 from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise, shows_noise
 from benchmarks.setup.names import absolute_assumed, scenario
 from benchmarks.setup.priors import Gaussian
-from benchmarks.setup.settings import settings, value_of
+from benchmarks.sweeps.settings import settings, value_of
 from benchmarks.trials.tracks import absolute
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced

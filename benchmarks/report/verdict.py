@@ -1,5 +1,6 @@
 """Who is best: one sentence a panel, and one on all that was run."""
 
+import json
 import math
 from collections import Counter
 from collections.abc import Sequence
@@ -16,6 +17,7 @@ from benchmarks.tables.stats import ALPHA, Estimate
 from benchmarks.tables.text import interval, p_value, percent, short_name, significant
 
 WITHIN = "95 % at all looks"  # what an interval of a decided comparison is
+_COVERAGE_APART = 0.1  # difference of shares inside a region that is told
 
 Row = Any  # of a frame, as ``itertuples`` gives it
 
@@ -32,13 +34,23 @@ def verdict(panel: PanelFrames) -> str:
     ranked = panel.ranked
     if ranked["score"].isna().all():
         return "No error is known." if any(panel.records.values()) else "No trial is finished."
-    said, winner = _sentence(panel, ranked), _winner(ranked)
+    winner = _winner(ranked)
+    said = [_sentence(panel, ranked)]
     if winner.relation != "better":
-        return _nearest(panel.present) or said
-    filters = ranked[ranked["method"] != BLIND]
-    if winner.method == BLIND and len(filters):
-        said += f" Of the methods that use scans: {_sentence(panel, filters)}"
-    return said
+        said = [_on_a_log(panel) or said[0]]
+    elif winner.method == BLIND and len(filters := ranked[ranked["method"] != BLIND]):
+        said.append(f"Of the methods that use scans: {_sentence(panel, filters)}")
+    said += [
+        f"{label} has Nav2's defaults, while the motion noise and the power of the scans that the "
+        "others assume are fitted to this log: deqmcl tune fits it, too."
+        for label in _unfitted(panel)
+    ]
+    said += [
+        f"Plug-in {row.label}: {_reached(panel, row)}, {row.relation}."
+        for row in each(ranked[ranked["plug_in"]])
+        if row.relation != "baseline" and row.label != winner.label
+    ]
+    return " ".join(said)
 
 
 def progress(results: Results) -> str:
@@ -93,13 +105,23 @@ def _of_several(panels: Sequence[PanelFrames], results: Results) -> str:
         return f"{n} settings, nothing to compare in them: {' to '.join(told)}."
     winners = [_winner(ranked) for _, ranked in known]
     best = Counter(row.label for row in winners if row.relation == "better")
+    others = ", ".join(f"{label} in {count}" for label, count in best.most_common()[1:])
     open_ = n - best.total()
-    if not best:
-        return f"In none of {n} settings is a method confirmed to be better than {baseline}."
-    (leader, most), *others = best.most_common()
-    more = [", ".join(f"{label} in {count}" for label, count in others)] if others else []
-    more += [f"in {open_} no method is confirmed to be better than {baseline}"] if open_ else []
-    return f"{leader} is best in {most} of {n} settings{': ' * bool(more)}{'; '.join(more)}."
+    none = f"in {open_} no method is confirmed to be better than {baseline}" if open_ else ""
+    if best:
+        leader, most = best.most_common(1)[0]
+        more = "; ".join(filter(None, (others, none)))
+        said = f"{leader} is best in {most} of {n} settings{': ' * bool(more)}{more}."
+    else:
+        said = f"In none of {n} settings is a method confirmed to be better than {baseline}."
+    plug_ins = Counter(
+        (row.label, row.relation)
+        for (_, ranked), winner in zip(known, winners, strict=True)
+        for row in each(ranked[ranked["plug_in"]])
+        if row.relation != "baseline" and row.label != winner.label
+    )
+    told = [f"Plug-in {label}: {what} in {k} of {n}." for (label, what), k in plug_ins.items()]
+    return " ".join([said, *told])
 
 
 def _winner(ranked: pd.DataFrame) -> Row:
@@ -110,45 +132,49 @@ def _winner(ranked: pd.DataFrame) -> Row:
 
 def _sentence(panel: PanelFrames, ranked: pd.DataFrame) -> str:
     first, row = next(each(ranked)), _winner(ranked)
-    reached, reference = _reached(panel, row), row.reference
+    reached = _reached(panel, row)
     if row.relation == "better":
-        said = f"{row.label} is best: {reached}, {_ahead(panel, row)}"
-        if row.same_driver and not math.isnan(row.cost):
-            said += f"; costs {significant(row.cost, 2)} × the time"
-        if first.label != row.label:
-            said += f" ({first.label} has {_brief(panel, first)}, which is not confirmed)"
-        return f"{said}."
+        aside = f"{first.label} has {_brief(panel, first)}, which is not confirmed"
+        return (
+            f"{row.label} is best: {reached}, {_ahead(panel, row)}"
+            + (f"; costs {significant(row.cost, 2)} × the time" if _is_priced(row) else "")
+            + (f" ({aside})." if first.label != row.label else ".")
+        )
     if ranked["is_baseline"].all():
         return f"{row.label} alone, nothing to compare it with: {reached}."
     if row.is_baseline:
         return f"No method is better than the baseline, {row.label}: {reached}."
+    ahead = f"first is {row.label}, {reached}, {_ahead(panel, row)}"
     if row.relation == "not compared":
         return f"Too few worlds to compare methods: first is {row.label}, {reached}."
-    ahead = f"first is {row.label}, {reached}, {_ahead(panel, row)}"
+    reference = row.reference
     if isinstance(row.decision, str):
         return f"No method is shown to be better than {reference}: {ahead}."
     base = next(one for one in each(panel.ranked) if one.label == reference)
-    doubt = f"p = {p_value(row.p)}"
-    if stats.least_p(row.paired_worlds, panel.tests) >= ALPHA:
-        doubt = (
-            f"p < {ALPHA:g} needs {stats.least_worlds(panel.tests)} worlds with the tests of this "
-            f"section ({panel.tests})"
-        )
     return (
         f"No method is confirmed to be better than {reference}, {_brief(panel, base)}: {ahead}, "
-        f"{doubt}."
+        f"{_doubt(row, panel.tests)}."
     )
 
 
+def _is_priced(row: Row) -> bool:
+    return not math.isnan(row.cost) and bool(row.same_driver)
+
+
 def _brief(panel: PanelFrames, row: Row) -> str:
-    """The error, or the share of runs that succeed."""
     if panel.aim is None:
         return f"{significant(row.score)} {panel.unit}"
-    return f"{panel.aim.words.partition(' (')[0]} in {percent(row.score)} of runs"
+    return f"{done(panel)} in {percent(row.score)} of runs"
+
+
+def done(panel: PanelFrames) -> str:
+    """What a run that succeeds is, without how that is measured."""
+    assert panel.aim is not None
+    return panel.aim.words.partition(" (")[0]
 
 
 def _reached(panel: PanelFrames, row: Row) -> str:
-    """The same; a share with its interval."""
+    """The error, or the share of runs that succeed with its interval."""
     if panel.aim is None:
         return _brief(panel, row)
     ends = interval(Estimate(row.score, row.score_low, row.score_high).percent, ".0f")
@@ -158,41 +184,77 @@ def _reached(panel: PanelFrames, row: Row) -> str:
 def _ahead(panel: PanelFrames, row: Row) -> str:
     """By how much a method is better than its baseline, with the interval."""
     unit, side = ("%", "below") if panel.aim is None else ("points", "above")
-    name, within, after = "apart", "95 %", ""
+    own, within, after = Estimate(row.apart, row.apart_low, row.apart_high), "95 %", ""
     if isinstance(row.decision, str):
+        own = Estimate(row.decided, row.decided_low, row.decided_high)
         word = "open" if row.decision == "open" else "decided"
-        name, within, after = "decided", WITHIN, f", {word} after {row.decided_worlds:.0f} worlds"
+        within, after = WITHIN, f", {word} after {row.decided_worlds:.0f} worlds"
     elif panel.aim is None:
-        name = "relative"
+        own = Estimate(row.relative, row.relative_low, row.relative_high)
         after = f", smaller in {row.win_rate * row.paired_worlds:g} of {row.paired_worlds} worlds"
-    own = _estimate(row, name).percent
     if panel.aim is None:
         own = Estimate(-own.mean, -own.high, -own.low)
+    own = own.percent
     form = ".0f" if abs(own.mean) >= 10 or panel.aim else ".1f"
     ends = f" ({within}: {interval(own, form)})" if abs(own.low) + abs(own.high) < 1e9 else ""
     return f"{own.mean:{form}}".replace("-", "−") + f" {unit} {side} {row.reference}{ends}{after}"
 
 
-def _estimate(row: Row, name: str) -> Estimate:
-    return Estimate(*(getattr(row, f"{name}{end}") for end in ("", "_low", "_high")))
+def _doubt(row: Row, tests: int) -> str:
+    """Why what comes first is not confirmed."""
+    if stats.least_p(row.paired_worlds, tests) < ALPHA:
+        return f"p = {p_value(row.p)}"
+    return (
+        f"p < {ALPHA:g} needs {stats.least_worlds(tests)} worlds with the tests of this section "
+        f"({tests})"
+    )
 
 
-def _nearest(present: pd.DataFrame) -> str:
-    """The verdict on whole logs by position errors; "" if these separate no methods, either."""
-    score = "position_median"
-    if score not in present:
+def _on_a_log(panel: PanelFrames) -> str:
+    """The verdict on whole logs where the share of successes separates no methods.
+
+    By their errors, else by how often their 95 % regions hold the reference; "" if neither does.
+    """
+    score, rows = "position_median", panel.present
+    if score not in rows:
         return ""
-    rows = present.sort_values(score)
+    rows = rows.sort_values(score)
     low, high = rows[f"{score}_diff_low"], rows[f"{score}_diff_high"]
     clear = rows[((low > 0) | (high < 0)) & (rows[f"{score}_p_holm"] < ALPHA)]
-    if clear.empty:
+    if len(clear):
+        near = next(each(clear))
+        apart = Estimate(*(getattr(near, f"{score}_diff{end}") for end in ("", "_low", "_high")))
+        first = near.label if apart.mean < 0 else near.reference
+        errors = rows[["label", score]].itertuples(index=False)
+        listed = ", ".join(f"{label} {error:.3f} m" for label, error in errors)
+        return (
+            f"{first} is nearest to the reference: median position error of a run, mean over runs: "
+            f"{listed}; {near.label} - {near.reference}: {apart.mean:+.3f} m (95 %: "
+            f"{interval(apart, '+.3f')}), p (Holm) "
+            f"{p_value(getattr(near, f'{score}_p_holm'))}. The share of runs that are localized to "
+            "the end separates no methods."
+        )
+    held = {}
+    for label, records in panel.records.items():
+        found = [one.track.scores.get("coverage_95") for one in records if one.track is not None]
+        if known := [share for share in found if share is not None]:
+            held[label] = sum(known) / len(known)
+    if len(held) < 2 or max(held.values()) - min(held.values()) < _COVERAGE_APART:
         return ""
-    near = next(each(clear))
-    apart = _estimate(near, f"{score}_diff")
-    first = near.label if apart.mean < 0 else near.reference
-    listed = ", ".join(f"{row.label} {getattr(row, score):.3f} m" for row in each(rows))
+    listed = ", ".join(f"{percent(share)} of {label}" for label, share in held.items())
     return (
-        f"{first} is nearest to the reference: median position error of a run, mean over runs: "
-        f"{listed}; {near.label} - {near.reference}: {apart.mean:+.3f} m (95 %: "
-        f"{interval(apart, '+.3f')}), p (Holm) {p_value(getattr(near, f'{score}_p_holm'))}."
+        "Neither successes nor errors separate the methods, but the 95 % regions do: they hold the "
+        f"reference in {listed}."
     )
+
+
+def _unfitted(panel: PanelFrames) -> list[str]:
+    """Methods with default assumptions beside others that are fitted to the log."""
+    rows = panel.present
+    waits = [
+        row.label
+        for row in each(rows)
+        if row.method == "amcl" and "alpha1" not in json.loads(row.params)
+    ]
+    fitted = "scan.power" in panel.setting.assumed and len(rows) > len(waits)
+    return waits[:1] if fitted else []

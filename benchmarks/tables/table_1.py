@@ -1,10 +1,12 @@
 """The paper's Table 1 beside ours."""
 
+import json
 import math
 
 import pandas as pd
 from tabulate import tabulate
 
+from benchmarks.tables.panels import BLIND
 from benchmarks.tables.text import fixed, percent, short_name, state_name
 
 _VARIANCES = {  # score: words, digits
@@ -64,6 +66,30 @@ def table_1(rows: pd.DataFrame, style: str) -> str:
         stralign="right",
         colalign=("left", "left"),
     )
+
+
+def reading(rows: pd.DataFrame) -> str:
+    """Return one sentence on what the error of dead reckoning means for the others'.
+
+    Args:
+        rows: of one panel, see ``results_table``.
+    """
+    present = rows[rows["offset"] == 0]
+    blind = present[present["method"] == BLIND]
+    filters = present[present["method"] != BLIND]
+    agents = present["params"].map(lambda params: json.loads(params).get("agent"))
+    if agents.nunique(dropna=False) > 1 or blind.empty or filters.empty:  # not on the same paths
+        return ""
+    error, best = blind["error"].iloc[0], filters.sort_values("error", kind="stable").iloc[0]
+    theirs = f"{short_name(best['method'])}: {fixed(best['error'])}"
+    if error < best["error"]:
+        return (
+            f"{BLIND}, which uses no scan, has a smaller error at x[t] than "
+            f"every filter ({fixed(error)}; the best filter is {theirs}): here the plan "
+            "alone predicts the path better than the filters do, so the table shows how well "
+            "filters tolerate wrong assumptions, not whether localization is needed."
+        )
+    return f"{BLIND} (error {fixed(error)} at x[t]) is worse than the best filter ({theirs})."
 
 
 def _difference(row: pd.Series) -> str:

@@ -15,7 +15,7 @@ from benchmarks.files import write_files
 from benchmarks.replay.nav2 import nav2_document
 from benchmarks.report.writing import load, no_report
 from benchmarks.setup.changes import NOTHING, Changes, file_names
-from benchmarks.setup.settings import sweep_text
+from benchmarks.sweeps.settings import sweep_text
 from benchmarks.tables.frames import milliseconds_per_step
 from benchmarks.tables.stats import Estimate, estimate
 from benchmarks.tables.text import csv_text, estimated, fixed, percent, significant

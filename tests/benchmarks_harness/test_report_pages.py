@@ -13,7 +13,6 @@ from report_cases import THREE, paired, results, trial_of, trials, written
 
 from benchmarks.report import animations, writing
 from benchmarks.report.animations import Animation
-from benchmarks.sweeps import drawing
 
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"
 TITLE = "Sweep <i>& more"
@@ -166,7 +165,7 @@ def test_a_report_that_is_written_anew_has_the_animations_of_the_folder_and_runs
     out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
     written(out, given, [LAP])
     monkeypatch.setattr(animations, "films_of", lambda panel: [LAP])
-    monkeypatch.setattr(drawing, "filmed", None)
+    monkeypatch.setattr(animations, "filmed", None)
     files = writing.rewrite_report(out, elsewhere, given)
     for path in files:
         assert path.read_bytes() == (out / path.relative_to(elsewhere)).read_bytes()

@@ -4,6 +4,7 @@ import re
 
 import pytest
 from report_cases import (
+    STEPS,
     changed,
     finished,
     frames,
@@ -24,6 +25,7 @@ from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.comparison import LimitRuns
 from benchmarks.tables.panels import panels
 from benchmarks.tables.text import WORDS
+from benchmarks.trials.collecting import RecordedTrack
 from localizers.registry import LOCALIZER
 
 ONE = (0,)
@@ -218,9 +220,14 @@ def test_of_one_method_in_several_settings_the_ends_are_told_and_nothing_is_comp
     assert said == "2 settings, nothing to compare in them: 8.00 px in b to 20.0 px in a."
 
 
-def test_every_localizer_of_ours_has_words():
+def test_a_plug_in_is_in_the_verdict_whoever_is_best():
     # all others are plug-ins; of ours that are gone folders may hold trials
     assert {*localizers.names(), *LOCALIZER.gone} == set(WORDS)
+    own = "./file.py:Mine"
+    records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE), own: (24.0, ONE)})
+    assert verdict(panel_of(records)).endswith(" Plug-in Mine: 24.0 px, worse.")
+    records += paired({"mcl": (20.0, ONE), own: (24.0, ONE)}, scenario="sharp")
+    assert conclusion(results(records)).endswith(" Plug-in Mine: worse in 2 of 2.")
 
 
 def test_scenarios_of_files_are_named_by_their_stems_where_these_differ():
@@ -242,20 +249,31 @@ def test_the_table_names_a_number_of_worlds_for_every_method_that_differs():
     assert needed["mcl (baseline)"] == "–"
 
 
-def on_a_log(errors, successes=(1.0, 1.0)):
-    """Twelve runs of two methods: their median errors, m, and successes."""
+def on_a_log(errors, coverage, successes=(1.0, 1.0)):
+    """Twelve runs of two methods: their median errors, m, their coverage and successes."""
     records = []
-    for name, error, success in zip(("mcl", "amcl"), errors, successes, strict=True):
-        scores = {"success_1m": success, "position_median": error}
-        records += [whole(finished(name, world, 1.0), scores, 9.0) for world in range(12)]
+    still = [0.0] * (STEPS + 1)
+    for k, name in enumerate(("mcl", "amcl")):
+        track = RecordedTrack(best=(still, still, still), scores={"coverage_95": coverage[k]})
+        for world in range(12):
+            scores = {"success_1m": successes[k], "position_median": errors[k]}
+            one = whole(finished(name, world, 1.0, assumed={"scan.power": 0.1}), scores, 9.0)
+            records.append(changed(one, track=track))
     return verdict(panel_of(records))
 
 
-def test_on_a_log_successes_decide_then_errors():
-    told = on_a_log((0.2, 0.1), (0.0, 1.0))
+def test_on_a_log_successes_then_errors_then_coverage_decide_and_who_is_not_fitted_is_named():
+    unfitted = "amcl has Nav2's defaults, while the motion noise"
+    told = on_a_log((0.2, 0.1), (0.9, 0.9), (0.0, 1.0))
     assert told.startswith("amcl is best: localized to the end in 100 % of runs")
-    assert on_a_log((0.2, 0.1)) == (
-        "amcl is nearest to the reference: median position error of a run, mean over runs: amcl "
-        "0.100 m, mcl 0.200 m; amcl - mcl: -0.100 m (95 %: −0.100 to −0.100), p (Holm) 0.0015."
+    assert unfitted in told
+    told = on_a_log((0.2, 0.1), (0.9, 0.5))
+    assert told.startswith("amcl is nearest to the reference: median position error of a run, mean")
+    assert "amcl 0.100 m, mcl 0.200 m; amcl - mcl: -0.100 m (95 %: −0.100 to −0.100)" in told
+    told = on_a_log((0.2, 0.2), (0.9, 0.5))
+    assert told.startswith(
+        "Neither successes nor errors separate the methods, but the 95 % regions"
     )
-    assert on_a_log((0.2, 0.2)).startswith("No method is better than the baseline, mcl: ")
+    assert "90 % of mcl, 50 % of amcl" in told
+    told = on_a_log((0.2, 0.2), (0.9, 0.9))
+    assert told.startswith("No method is better than the baseline, mcl: ")

@@ -1,4 +1,4 @@
-"""Table 1 with the paper's values; trials.csv, timings.csv."""
+"""Table 1 with the paper's values and the sentence on dead reckoning; trials.csv, timings.csv."""
 
 import math
 
@@ -6,7 +6,7 @@ import pytest
 from report_cases import changed, finished, paired, parsed, table_of, trials, trials_csv
 
 from benchmarks.tables.frames import csv_of, timings_table
-from benchmarks.tables.table_1 import table_1
+from benchmarks.tables.table_1 import reading, table_1
 from benchmarks.tables.text import WORDS, csv_text
 
 PRINTED = {  # typed from Table 1 of the paper: error, SD, entropy, variances of x, y, cos θ, sin θ
@@ -59,6 +59,31 @@ def test_in_a_terminal_no_line_of_any_method_of_ours_is_longer_than_120_columns(
         assert len(line) <= 120
     header = table_1(rows, "simple").splitlines()[0]
     assert header.split()[:5] == ["method", "of", "error", "-", "mcl's,"]
+
+
+def sentence(**errors):
+    """The reading of a table with these errors at x[t]; underscores for hyphens."""
+    records = [finished(name.replace("_", "-"), 0, {0: e, -20: 0.5}) for name, e in errors.items()]
+    return reading(table_of(records))
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (
+            3.25,
+            "has a smaller error at x[t] than every filter (3.25; the best filter is mcl: 6.00)",
+        ),
+        (8.0, "(error 8.00 at x[t]) is worse than the best filter (mcl: 6.00)."),
+    ],
+)
+def test_it_is_said_whether_dead_reckoning_wins(error, said):
+    assert said in sentence(mcl=6.0, deq_mcl=7.0, dead_reckoning=error)
+
+
+@pytest.mark.parametrize("run", [{"mcl": 6.0}, {"dead_reckoning": 3.0}, {}])
+def test_nothing_is_said_without_dead_reckoning_or_without_a_filter(run):
+    assert sentence(**run) == ""
 
 
 def test_trials_csv_has_a_line_per_trial_and_offset_with_its_counts():

@@ -8,7 +8,8 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_vector_env import both, run_beside
+from room_trace import ROOM_ID
+from side_by_side import both, run_beside
 
 import deqmcl_gym
 from deqmcl_gym import GridMap
@@ -73,10 +74,9 @@ def test_a_beam_through_transparent_cells_and_out_of_the_map_reads_its_limit():
 def test_many_rooms_in_it_are_as_many_single_ones(yaw, unknown):
     grid = GridMap(occupancy=hall(), resolution=0.05, origin=(0, 0, yaw), unknown=unknown)
     corners = tuple(map(tuple, grid.placed(20 * np.array(WAYPOINTS)).tolist()))
-    contacts, _ = run_beside(
-        *both(3, floor_plan=grid, lap={"waypoints": corners}, robot={"max_distance": 0.5}),
-        steps=300, planned=0.3, seed=1,
-    )  # fmt: skip
+    world = {"lap": {"waypoints": corners}, "robot": {"max_distance": 0.5}}
+    envs = both(ROOM_ID, 3, floor_plan=grid, **world)
+    contacts, _ = run_beside(envs, steps=300, planned=0.3, seed=1)
     assert contacts > 50
 
 
