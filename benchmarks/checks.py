@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.setup.changes import Changes, Named
 from benchmarks.setup.interfaces import Agent
 from benchmarks.setup.names import absolute_agent, absolute_scenario, make_agent
+from benchmarks.setup.overrides import Named, Overrides
 from benchmarks.trials.episode import moments
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -40,7 +40,7 @@ _CLOSE = 1e-4  # of log-likelihoods: a sum in another order, as BLAS makes it fo
 
 _TRIAL: dict[str, Any] = {
     "localizer": "mcl-map",
-    "params": Changes({"particles": 50}),
+    "params": Overrides({"particles": 50}),
     "lag": 0,
     "seed": 0,
     "trial": 0,
@@ -199,7 +199,7 @@ class ScanTests:
 
     @cached_property
     def _stage(self) -> Stage:
-        assumed = Changes({"scan.kind": self.kind})
+        assumed = Overrides({"scan.kind": self.kind})
         return Stage.of(Trial(scenario=self.scenario, assumed=assumed, **_TRIAL))
 
 

@@ -24,7 +24,7 @@ from benchmarks.pictures.film import Camera
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import write_report
 from benchmarks.scenarios import SCENARIOS
-from benchmarks.setup.changes import Changes, Named
+from benchmarks.setup.overrides import Named, Overrides
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence, summary
 from benchmarks.sweeps.running import Options, Running, begun, check, shard_of
@@ -273,7 +273,7 @@ def run(
         of = Sweep(
             title=scenario,
             scenario=scenario,
-            localizers=(Method(name, Changes(_plain(params))),),
+            localizers=(Method(name, Overrides(_plain(params))),),
             seed=seed,
             trials=trial + 1,
         )

@@ -10,7 +10,7 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from benchmarks.setup.changes import Changes, Named
+from benchmarks.setup.overrides import Named, Overrides
 from benchmarks.setup.priors import Gaussian, Uniform
 from benchmarks.setup.scenario import RoomScenario, Thresholds
 from deqmcl_gym.world.config import MotionNoise, Start, World
@@ -37,7 +37,7 @@ def _known(world: World) -> dict[str, Any]:
 def _as(base: RoomScenario, words: str, agent: str | None = None, **parts: Any) -> RoomScenario:
     """Another scenario, with another agent or other parts of its world."""
     driven = Named(agent) if agent else base.agent
-    return replace(base.in_world(Changes(parts)), words=words, agent=driven)
+    return replace(base.in_world(Overrides(parts)), words=words, agent=driven)
 
 
 _GUIDED = RoomScenario(
@@ -58,7 +58,7 @@ _LOST = RoomScenario(
     thresholds=Thresholds(far=1.0, lost=1.0),
     buildings=20,
 ).in_world(
-    Changes(
+    Overrides(
         {
             "floor_plan": {"office": {"wings": 2, "corridors": 2}},
             "lidar": _FAN,
@@ -84,7 +84,7 @@ _KIDNAPPED = replace(
         "as lost, but carried elsewhere before step 75; the dispatcher plans from there",
         route={"min_length": 30.0, "max_length": 60.0},
     ),
-    disturbance=(Changes({"kind": "kidnap", "step": 75}),),
+    disturbance=(Overrides({"kind": "kidnap", "step": 75}),),
 )
 _DRIVING = replace(
     _as(

@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.replay.basin import Question, basin_sweep, run_basin
     from benchmarks.replay.command import disagreement, gated
-    from benchmarks.setup.changes import NOTHING, Changes
+    from benchmarks.setup.overrides import NOTHING, Overrides
     from benchmarks.sweeps.running import Options, check
     from deqmcl_gym.validation import InputError, integer, number
 
@@ -84,7 +84,7 @@ def run(options: argparse.Namespace) -> str:
         said = [*read, disagreement(replay)]
         whole = {name: own for name, own in replay.world.items() if name not in ("start", "judged")}
         scenario, assumed = "log", replay.assumed
-        world = Changes({**whole, "segment": segment})
+        world = Overrides({**whole, "segment": segment})
         title = f"Segments of {segment:g} m of {Path(options.log).name}"
     localizers = shared.localizers_named(options.localizers)
     with checking():

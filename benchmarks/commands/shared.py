@@ -134,7 +134,7 @@ def add_params(parser: argparse.ArgumentParser) -> None:
 
 def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Return NAME.KEY=VALUE words as parameters by localizer; a value is as in a sweep file."""
-    from benchmarks.setup.changes import OF_LOCALIZERS, Changes
+    from benchmarks.setup.overrides import OF_LOCALIZERS, Overrides
     from benchmarks.sweeps.settings import settings
     from deqmcl_gym.validation import InputError, one_of
     from localizers import absolute_name, parameters
@@ -154,7 +154,7 @@ def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, d
         if known is not None:
             one_of(f"parameter of localizer {name!r} in --param", key, known)
         found.setdefault(name, {})[key] = value
-    return {name: dict(Changes(own).beside(Path(), OF_LOCALIZERS)) for name, own in found.items()}
+    return {name: dict(Overrides(own).beside(Path(), OF_LOCALIZERS)) for name, own in found.items()}
 
 
 def setting_sweep(
@@ -165,7 +165,7 @@ def setting_sweep(
     agent: str | None = None,
 ) -> "Sweep":
     """Return the localizers on the worlds of the setting."""
-    from benchmarks.setup.changes import Changes, Named
+    from benchmarks.setup.overrides import Named, Overrides
     from benchmarks.sweeps.suites import paper_sweep
     from benchmarks.trials.spec import Method
     from deqmcl_gym.validation import InputError, integer
@@ -186,7 +186,7 @@ def setting_sweep(
         particles=integer("--particles", options.particles, low=1),
     )
     if own:
-        methods = (Method(name=name, params=Changes(own.get(name, {}))) for name in localizers)
+        methods = (Method(name=name, params=Overrides(own.get(name, {}))) for name in localizers)
         sweep = replace(sweep, localizers=tuple(methods))
     if agent is not None:
         sweep = replace(sweep, agent=Named(agent))
@@ -195,7 +195,7 @@ def setting_sweep(
 
 def with_agents(sweep: "Sweep", listed: str | None) -> "Sweep":
     """Return a sweep driven by each of the agents in ``a,b,c`` in turn; None: as it says itself."""
-    from benchmarks.setup.changes import Changes
+    from benchmarks.setup.overrides import Overrides
     from benchmarks.sweeps.design import Axis
     from deqmcl_gym.validation import InputError
 
@@ -208,7 +208,7 @@ def with_agents(sweep: "Sweep", listed: str | None) -> "Sweep":
         )
     if taken := [name for name in sweep.varied if name.partition(".")[0] == "agent"]:
         raise InputError(f"the sweep varies {taken[0]} itself: leave out --agents.")
-    axis = Axis(values=Changes({"agent": names}))
+    axis = Axis(values=Overrides({"agent": names}))
     baseline = "" if len(names) > 1 else sweep.baseline
     return replace(sweep, agent=None, vary=(*sweep.vary, axis), baseline=baseline)
 
@@ -218,7 +218,7 @@ def with_options(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
 
     The method of a limit keeps its own parameters, such as its particles.
     """
-    from benchmarks.setup.changes import Changes
+    from benchmarks.setup.overrides import Overrides
     from deqmcl_gym.validation import integer
 
     own = params_named(options.param, list(dict.fromkeys(sweep.names)))
@@ -233,7 +233,7 @@ def with_options(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
     )
     limits = []
     for limit in sweep.limits:
-        params = Changes(own.get(limit.method.name, {})) | limit.method.params
+        params = Overrides(own.get(limit.method.name, {})) | limit.method.params
         limits.append(replace(limit, method=replace(limit.method, params=params)))
     return replace(sweep, trials=trials, seed=seed, localizers=localizers, limits=tuple(limits))
 

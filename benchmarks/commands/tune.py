@@ -93,7 +93,7 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     """Return what is searched for, of the options."""
     from benchmarks.replay.nav2 import usual_params
     from benchmarks.replay.options import length_and_angle
-    from benchmarks.setup.changes import Changes
+    from benchmarks.setup.overrides import Overrides
     from benchmarks.tuning.segments import segments_of
     from benchmarks.tuning.space import built_in, read_space
     from benchmarks.tuning.task import Task
@@ -108,7 +108,7 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     own = shared.params_named(options.param, [name]).get(name, {})
     replays = _replays(options, name, nav2)
     noise = [one for one in vars(replays[0].motion) if one != "still"]
-    base = Changes({} if nav2 is None else nav2.params) | own
+    base = Overrides({} if nav2 is None else nav2.params) | own
     if options.space is None:
         space = built_in(name, noise, base)
     else:

@@ -4,7 +4,7 @@ import contextlib
 import gc
 
 from benchmarks.execution.processes import load_trials
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.overrides import Overrides
 from benchmarks.trials.provenance import code_digest
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -13,7 +13,12 @@ from deqmcl_gym.numerics.compiling import leave_untold
 leave_untold()
 load_trials()
 _SMALL = Trial(
-    scenario="paper", localizer="deq-mcl", params=Changes({"particles": 2}), lag=1, seed=0, trial=0
+    scenario="paper",
+    localizer="deq-mcl",
+    params=Overrides({"particles": 2}),
+    lag=1,
+    seed=0,
+    trial=0,
 )
 with contextlib.suppress(Exception):  # whatever it is, the trials will say so
     Stage.of(_SMALL).trace()

@@ -23,9 +23,9 @@ from benchmarks.replay.command import methods_of, own_params
 from benchmarks.replay.options import length_and_angle
 from benchmarks.report.charts import STYLE, Chart, cells
 from benchmarks.report.writing import no_report
-from benchmarks.setup.changes import Changes
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import scenario as named
+from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps.design import Axis, Sweep
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.running import Options, begun, complete
@@ -116,8 +116,8 @@ def basin_sweep(
     *,
     title: str,
     scenario: str,
-    world: Changes,
-    assumed: Changes,
+    world: Overrides,
+    assumed: Overrides,
     particles: int | None,
     own: Mapping[str, Mapping[str, Any]],
     trials: int,
@@ -152,10 +152,10 @@ def basin_sweep(
     lengths = tuple(distance * size for distance in question.distances)
     return replace(
         base,
-        assumed=Changes({**told, **prior}),
+        assumed=Overrides({**told, **prior}),
         vary=(
-            Axis(values=Changes({"assumed.prior.distance": lengths})),
-            Axis(values=Changes({"assumed.prior.angle": question.angles})),
+            Axis(values=Overrides({"assumed.prior.distance": lengths})),
+            Axis(values=Overrides({"assumed.prior.angle": question.angles})),
         ),
     )
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.replay.options import NAME, Replay
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.overrides import Overrides
 from benchmarks.tables.text import percent
 from benchmarks.trials.collecting import TrackLog
 from benchmarks.trials.spec import Trial
@@ -103,8 +103,8 @@ def calibrated(replay: Replay) -> Replay:
         return replay
     here = {name: own for name, own in replay.assumed.items() if not name.startswith("prior.")}
     own = {name: value for name, value in replay.world.items() if name != "judged"}
-    world = Changes({**own, "start": _first(replay)})
-    begun = replace(replay, assumed=Changes(here), world=world)
+    world = Overrides({**own, "start": _first(replay)})
+    begun = replace(replay, assumed=Overrides(here), world=world)
     tried = {power: _covered(begun, power, count) for power in _POWERS}
     level, noise = LEVEL / 100, 2 * math.sqrt(LEVEL * (100 - LEVEL)) / 100 / math.sqrt(count)
     for _ in range(_FINER):
@@ -181,7 +181,7 @@ def _covered(replay: Replay, power: float, count: int) -> tuple[float, float]:
         world=replay.world,
         assumed=replay.assumed | {"scan.power": power},
         localizer="mcl",
-        params=Changes({"particles": _PARTICLES}),
+        params=Overrides({"particles": _PARTICLES}),
         lag=0,
         seed=_ROOT,
         trial=0,

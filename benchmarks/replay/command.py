@@ -15,7 +15,7 @@ from benchmarks.report.frames import frames_of
 from benchmarks.report.tracks import accuracy, differences_table, tables_of
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import load, no_report
-from benchmarks.setup.changes import NOTHING, Changes, file_names
+from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.running import Options, begun, complete
@@ -265,7 +265,7 @@ def methods_of(
         name: {**(shared.get(name) or particles_by_name(name, particles)), **own.get(name, {})}
         for name in localizers
     }
-    return tuple(Method(name, Changes(given)) for name, given in params.items())
+    return tuple(Method(name, Overrides(given)) for name, given in params.items())
 
 
 def particles_by_name(name: str, particles: int | None) -> Mapping[str, Any]:

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from benchmarks.setup import documents
-from benchmarks.setup.changes import NOTHING, Changes, file_names
 from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise, shows_noise
 from benchmarks.setup.names import absolute_assumed, scenario
+from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.setup.priors import Gaussian
 from benchmarks.sweeps.settings import settings, value_of
 from benchmarks.trials.tracks import absolute
@@ -57,8 +57,8 @@ class Replay:
         calibration: how the power of the scan model was fitted, in words; "" if it was not.
     """
 
-    world: Changes
-    assumed: Changes
+    world: Overrides
+    assumed: Overrides
     noise: str
     reference: str
     beams: str = ""
@@ -218,7 +218,7 @@ def replay_of(
     check_inside(played, ground)
     if start == "reference" and (at := played[0].reference) is not None:
         _check_free(ground, at, "the reference begins at", "the reference of this log and map")
-    assumed = {**_assumed("motion", motion), **absolute_assumed(Changes(_assumed("scan", scan)))}
+    assumed = {**_assumed("motion", motion), **absolute_assumed(Overrides(_assumed("scan", scan)))}
     assumed, origin = _with_noise(world, assumed, played)
     if start != "reference":
         assumed |= (prior := _start_of(start))
@@ -227,7 +227,7 @@ def replay_of(
             _check_free(ground, at, "--start is", "a pose where the robot can be")
     tolerance = (reading or {}).get("reference_tolerance")
     said = _reference(whole.segment(world.get("start", 0)), played, tolerance)
-    return Replay(world=Changes(world), assumed=Changes(assumed), noise=origin, reference=said)
+    return Replay(world=Overrides(world), assumed=Overrides(assumed), noise=origin, reference=said)
 
 
 def _check_free(ground: Map, at: Pose, what: str, remedy: str) -> None:
@@ -310,7 +310,7 @@ def _start_of(start: str | Sequence[float]) -> dict[str, Any]:
         given = documents.read_toml(Path(start), "prior")
         with documents.errors_name(Path(start)):
             documents.check_values(given, ["prior"])
-            return dict(Changes.told("prior", {"prior": given.get("prior", {})}))
+            return dict(Overrides.told("prior", {"prior": given.get("prior", {})}))
     word, equals, text = start.rpartition("=") if isinstance(start, str) else ("", "", start)
     known = value_of("--start", text) if isinstance(text, str) else text
     some = isinstance(known, list | tuple) and all(isinstance(one, int | float) for one in known)

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.setup.changes import Changes
 from benchmarks.setup.names import plug_ins_of_agent
+from benchmarks.setup.overrides import Overrides
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.comparison import journey_columns
@@ -47,7 +47,7 @@ class PanelFrames:
     number: int
     title: str
     setting: Setting
-    swept: Changes
+    swept: Overrides
     unit: str
     thresholds: Thresholds
     aim: Score | None

@@ -8,9 +8,9 @@ from typing import Any, Self
 
 import numpy as np
 
-from benchmarks.setup.changes import NOTHING, Changes
 from benchmarks.setup.documents import digest_of_file
 from benchmarks.setup.interfaces import TrialEnv
+from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.setup.priors import Gaussian
 from benchmarks.setup.scenario import Scenario, Thresholds
 from deqmcl_gym.envs.log import LogEnv, log_of
@@ -93,7 +93,7 @@ class LogScenario(Scenario):
         """Return the records that are played and their map."""
         others = (*_EPISODES, "judged")
         played = {name: value for name, value in self._named().items() if name not in others}
-        return _played(Changes(played), self._digests)
+        return _played(Overrides(played), self._digests)
 
     @property
     def whole(self) -> Log:
@@ -110,7 +110,7 @@ class LogScenario(Scenario):
         if not log.referenced.size:
             raise InputError(f"{log.source} has no reference to score by: name one as reference.")
 
-    def in_world(self, values: Changes) -> Self:
+    def in_world(self, values: Overrides) -> Self:
         """Return this scenario with arguments of its env changed, by dotted name."""
         env = {**self.env, **values.by_part(self._names, "part of a log's world")}
         return replace(self, env=env)
@@ -127,7 +127,7 @@ class LogScenario(Scenario):
 
     @property
     def _digests(self) -> str:
-        return "".join(map(digest_of_file, Changes(self.env).files))
+        return "".join(map(digest_of_file, Overrides(self.env).files))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,12 +173,12 @@ def _arguments(env: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _read(env: Mapping[str, Any]) -> Changes:
-    return Changes({name: value for name, value in env.items() if name in _READ})
+def _read(env: Mapping[str, Any]) -> Overrides:
+    return Overrides({name: value for name, value in env.items() if name in _READ})
 
 
 @lru_cache(maxsize=4)
-def _whole(env: Changes, digests: str) -> Log:
+def _whole(env: Overrides, digests: str) -> Log:
     """Return all records of a log, read once for all trials of a process."""
     del digests  # a file that was changed is read again
     given = _arguments(env)
@@ -186,7 +186,7 @@ def _whole(env: Changes, digests: str) -> Log:
 
 
 @lru_cache(maxsize=4)
-def _played(env: Changes, digests: str) -> tuple[Log, Map]:
+def _played(env: Overrides, digests: str) -> tuple[Log, Map]:
     """Return the records that are played and their map."""
     others = {name: value for name, value in _arguments(env).items() if name not in _READ}
     made = LogEnv(log=_whole(_read(env), digests), **others)

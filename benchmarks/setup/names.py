@@ -12,9 +12,9 @@ from typing import Any
 from benchmarks.agents import AGENTS
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup import documents
-from benchmarks.setup.changes import Changes, Named
 from benchmarks.setup.documents import digest_of_file, from_folder
 from benchmarks.setup.interfaces import Agent
+from benchmarks.setup.overrides import Named, Overrides
 from benchmarks.setup.scenario import Scenario, Thresholds
 from deqmcl_gym.validation import InputError, part
 from localizers import RobotModel, absolute_name
@@ -74,7 +74,7 @@ def absolute_agent(agent: Named, folder: Path = Path()) -> Named:
     return replace(agent, name=absolute_reference(AGENT, agent.name, folder))
 
 
-def absolute_assumed(assumed: Changes, folder: Path = Path()) -> Changes:
+def absolute_assumed(assumed: Overrides, folder: Path = Path()) -> Overrides:
     """Return what is assumed with the absolute names of a scan model, or of those varied."""
 
     def placed(kind: Any) -> Any:  # a scenario refuses what is none
@@ -104,7 +104,7 @@ def plug_ins_of_agent(agent: Named | None) -> tuple[str, ...]:
     return (agent.name,) if agent is not None and AGENT.is_plug_in(agent.name) else ()
 
 
-def plug_ins_of_scan(assumed: Changes) -> tuple[str, ...]:
+def plug_ins_of_scan(assumed: Overrides) -> tuple[str, ...]:
     """Return the name of the scan model that is assumed, if its code is not ours."""
     kind = assumed.get(_SCAN, "")
     return (kind,) if is_code(kind) else ()
@@ -143,10 +143,10 @@ def _read(path: Path, within: tuple[str, ...]) -> Scenario:
         documents.check_values(given, _KEYS)
         name = documents.as_text("base", given.get("base", "paper"))
         base = _scenario(absolute_scenario(name, path.parent), within)
-        prior = Changes.told("prior", {"prior": given.get("prior", {})})
-        assumed = Changes.told("assumed", given.get("assumed", {}))
+        prior = Overrides.told("prior", {"prior": given.get("prior", {})})
+        assumed = Overrides.told("assumed", given.get("assumed", {}))
         assumed = absolute_assumed(assumed, path.parent) | prior
-        world = Changes.told("env", given.get("env", {})).beside(path.parent)
+        world = Overrides.told("env", given.get("env", {})).beside(path.parent)
         changed = base.changed(world, assumed)
         own = [base.source, str(content_digest(path)), *map(digest_of_file, world.files)]
         return replace(

@@ -7,8 +7,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from benchmarks.setup.changes import NOTHING, Changes, Named, located
 from benchmarks.setup.interfaces import TrialEnv
+from benchmarks.setup.overrides import NOTHING, Named, Overrides, located
 from benchmarks.setup.priors import PRIORS, Gaussian, Places, Uniform, changed
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps.map import LENGTH, pixel, scaled
@@ -100,7 +100,7 @@ class Scenario(ABC):
         """Return the env, set up to run all planned steps."""
 
     @abstractmethod
-    def in_world(self, values: Changes) -> Self:
+    def in_world(self, values: Overrides) -> Self:
         """Return this scenario with its world changed, by dotted name."""
 
     @property
@@ -149,19 +149,19 @@ class Scenario(ABC):
                 new world is: ``{"motion": "world", "scan.sigma": "world"}``.
         """
         moved = self
-        if values := located(Changes(world)):
+        if values := located(Overrides(world)):
             moved = self.in_world(values)
             if (factor := pixel(moved.unit) / pixel(self.unit)) != 1.0:
                 own = {name: scaled(getattr(self, name), factor) for name in _LENGTHS}
                 moved = replace(moved, **own)
-        groups = moved._told(Changes.told("assumed", assumed)).by_part(_KINDS, "assumption")
+        groups = moved._told(Overrides.told("assumed", assumed)).by_part(_KINDS, "assumption")
         parts = {
             part: changed(part, getattr(moved, part), keys, moved.unit, _KINDS[part])
             for part, keys in groups.items()
         }
         return replace(moved, **parts)
 
-    def _told(self, assumed: Changes) -> Changes:
+    def _told(self, assumed: Overrides) -> Overrides:
         """Return what is assumed with the world's values in place of the word "world"."""
         told: dict[str, Any] = {}
         for name, value in assumed.items():
@@ -170,7 +170,7 @@ class Scenario(ABC):
             if not of_it:
                 one_of('assumption that can be "world"', name, known)
             told |= of_it
-        return Changes(told)
+        return Overrides(told)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,7 +218,7 @@ class RoomScenario(Scenario):
         floor_plan = _seeded(self.office, trial, self.buildings)
         return replace(self, world=self.world.changed(floor_plan=floor_plan))
 
-    def in_world(self, values: Changes) -> Self:
+    def in_world(self, values: Overrides) -> Self:
         """Return this scenario with parts of its world, or the horizon, changed by dotted name."""
         parts = values.by_part((*_PARTS, "horizon"), "part of the world")
         horizon, office = parts.pop("horizon", self.horizon), self.office

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any
 
-from benchmarks.setup.changes import NOTHING, Changes, Named, jsonable
 from benchmarks.setup.names import absolute_agent, absolute_scenario
+from benchmarks.setup.overrides import NOTHING, Named, Overrides, jsonable
 from benchmarks.tables.panels import BASELINE
 from benchmarks.trials.spec import Method, Run, Setting, Trial, changes_of
 from deqmcl_gym.validation import InputError, integer, number, one_of
@@ -55,10 +55,10 @@ class Axis:
             "params.…" or "agent.…".
     """
 
-    values: Changes
+    values: Overrides
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "values", Changes.told("vary", self.values))
+        object.__setattr__(self, "values", Overrides.told("vary", self.values))
         lengths = {name: len(values) for name, values in self.values.items()}
         for name, length in lengths.items():
             group, _, rest = name.partition(".")
@@ -138,11 +138,11 @@ class Sweep:
     localizers: tuple[Method, ...]
     scenario: str = "paper"
     lag: int = 20
-    world: Changes = NOTHING
-    assumed: Changes = NOTHING
-    disturbance: tuple[Changes, ...] = ()
+    world: Overrides = NOTHING
+    assumed: Overrides = NOTHING
+    disturbance: tuple[Overrides, ...] = ()
     agent: Named | None = None
-    params: Changes = NOTHING
+    params: Overrides = NOTHING
     seed: int = 0
     trials: int = 10
     filter_seeds: int = 1
@@ -159,7 +159,7 @@ class Sweep:
         methods = [one if isinstance(one, Method) else Method(name=one) for one in self.localizers]
         object.__setattr__(self, "localizers", tuple(methods))
         for name in ("world", "assumed"):  # nested as in TOML, or by dotted name
-            object.__setattr__(self, name, Changes.told(name, getattr(self, name)))
+            object.__setattr__(self, name, Overrides.told(name, getattr(self, name)))
         object.__setattr__(self, "scenario", _scenario(self.scenario))
         object.__setattr__(self, "vary", tuple(map(_absolute, self.vary)))
         if self.agent is not None:
@@ -306,7 +306,7 @@ class Sweep:
                     tuned[rest] = value
                 elif not rest:
                     base[name] = value
-                elif isinstance(value, Changes):  # a part beside "none": {look_ahead = 25.0}
+                elif isinstance(value, Overrides):  # a part beside "none": {look_ahead = 25.0}
                     base[group] |= {f"{rest}.{key}": inner for key, inner in value.items()}
                 else:
                     base[group] |= {rest: value}
@@ -320,7 +320,7 @@ class Sweep:
         known = self.takes(method.name)
         shared = {"lag": base["lag"], **base["params"]}
         useful = {k: v for k, v in shared.items() if known is None or k in known}
-        params = Changes(useful) | method.params
+        params = Overrides(useful) | method.params
         same = base | {"localizer": method.name, "params": params, "seed": self.seed}
         for world in range(trials):
             for filter_seed in range(filter_seeds):

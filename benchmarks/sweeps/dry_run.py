@@ -9,7 +9,7 @@ from tabulate import tabulate
 
 from benchmarks.execution.engines import Where, available_cpus, outcomes
 from benchmarks.execution.executors import Engine
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps.design import Sweep, cells_of
 from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Provenance
@@ -83,7 +83,7 @@ def _times(
     began = time.perf_counter()
     measured(trials[0])  # compile first
     known: dict[int, float | None] = {}
-    rates: dict[tuple[str, Changes], list[float]] = {}  # seconds per particle
+    rates: dict[tuple[str, Overrides], list[float]] = {}  # seconds per particle
     first = {_form(trial): index for index, trial in reversed([*enumerate(trials)])}
     for index in sorted(range(len(trials)), key=lambda i: i not in first.values()):
         trial = trials[index]
@@ -102,7 +102,7 @@ def _times(
     ]
 
 
-def _form(trial: Trial) -> tuple[str, Changes]:
+def _form(trial: Trial) -> tuple[str, Overrides]:
     return trial.localizer, trial.params | {"particles": _USUAL}
 
 

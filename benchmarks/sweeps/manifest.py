@@ -12,7 +12,7 @@ from msgspec import Struct, field, to_builtins
 from msgspec.structs import replace
 
 from benchmarks.files import is_empty
-from benchmarks.setup.changes import renamed, spelt
+from benchmarks.setup.overrides import renamed, spelt
 from benchmarks.sweeps.design import Sweep
 from benchmarks.trials.plugins import provenance_of
 from benchmarks.trials.provenance import Environment, Provenance, environment

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from benchmarks.files import is_empty
-from benchmarks.setup import changes, documents
+from benchmarks.setup import documents, overrides
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep, cells_of
 from benchmarks.sweeps.manifest import Manifest, differences
@@ -263,7 +263,7 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
         return None if known is None else tuple(known)
 
     with documents.errors_name(folder / manifest.NAME):
-        return sweep_of(changes.of_json(made.placed), title="", takes=takes)
+        return sweep_of(overrides.of_json(made.placed), title="", takes=takes)
 
 
 def named_as_in(folder: Path, sweep: Sweep) -> Sweep:
@@ -272,7 +272,7 @@ def named_as_in(folder: Path, sweep: Sweep) -> Sweep:
     before = "" if is_empty(folder) else json.dumps(manifest.read(folder).sweep)
     if not any(json.dumps(place) in before for place in places.values()):
         return sweep
-    said = changes.renamed(changes.of_json(sweep.canonical()), places)
+    said = overrides.renamed(overrides.of_json(sweep.canonical()), places)
     return sweep_of(said, title="", takes=sweep.takes)
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.setup import documents
-from benchmarks.setup.changes import OF_LOCALIZERS, Changes, Named, located
 from benchmarks.setup.documents import from_folder, said_from
 from benchmarks.setup.names import (
     absolute_agent,
@@ -15,6 +14,7 @@ from benchmarks.setup.names import (
     absolute_reference,
     absolute_scenario,
 )
+from benchmarks.setup.overrides import OF_LOCALIZERS, Named, Overrides, located
 from benchmarks.sweeps.design import PARTS, Axis, Limit, Sweep, Takes, UntilDecided
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
@@ -115,9 +115,9 @@ def sweep_of(
     said: dict[str, Any] = plain | {
         "title": documents.as_text("title", given.get("title", title)),
         "localizers": tuple(names.method(entry) for entry in methods),
-        "world": names.world(Changes.told("world", given.get("world", {}))),
-        "assumed": names.assumed(Changes.told("assumed", given.get("assumed", {}))),
-        "params": names.params(Changes.told("params", given.get("params", {}))),
+        "world": names.world(Overrides.told("world", given.get("world", {}))),
+        "assumed": names.assumed(Overrides.told("assumed", given.get("assumed", {}))),
+        "params": names.params(Overrides.told("params", given.get("params", {}))),
         "disturbance": _wrappers("disturbance", given.get("disturbance", [])),
         "vary": tuple(map(names.axis, _list("vary", given.get("vary", [])))),
         "limits": tuple(map(names.limit, limits)),
@@ -156,13 +156,13 @@ class _Names:
         name = documents.as_text(what, value)
         return name if self.folder is None else absolute_reference(LOCALIZER, name, self.folder)
 
-    def world(self, given: Changes) -> Changes:
+    def world(self, given: Overrides) -> Overrides:
         return given if self.folder is None else given.beside(self.folder)
 
-    def assumed(self, given: Changes) -> Changes:
+    def assumed(self, given: Overrides) -> Overrides:
         return given if self.folder is None else absolute_assumed(given, self.folder)
 
-    def params(self, given: Changes) -> Changes:
+    def params(self, given: Overrides) -> Overrides:
         return given if self.folder is None else given.beside(self.folder, OF_LOCALIZERS)
 
     def method(self, entry: Any, what: str = "an entry of localizers") -> Method:
@@ -181,7 +181,7 @@ class _Names:
         return Limit(method=self.method(own, "limit"), of=of, **runs)
 
     def axis(self, table: Any) -> Axis:
-        values = Changes.told("vary", documents.as_table("vary", table, "a [[vary]] table"))
+        values = Overrides.told("vary", documents.as_table("vary", table, "a [[vary]] table"))
 
         def point(name: str, value: Any) -> Any:
             group, _, key = name.partition(".")
@@ -193,11 +193,11 @@ class _Names:
                 return self.agent(value).json()
             if group not in PARTS:
                 return value
-            return getattr(self, group)(Changes({key: value}))[key]
+            return getattr(self, group)(Overrides({key: value}))[key]
 
         listed = {name: _list(f"[[vary]] {name}", given) for name, given in values.items()}
         return Axis(
-            values=Changes({n: tuple(point(n, one) for one in own) for n, own in listed.items()})
+            values=Overrides({n: tuple(point(n, one) for one in own) for n, own in listed.items()})
         )
 
 
@@ -210,11 +210,11 @@ def _until_decided(table: Any) -> UntilDecided | None:
     return UntilDecided(**known)
 
 
-def _wrappers(what: str, value: Any) -> tuple[Changes, ...]:
+def _wrappers(what: str, value: Any) -> tuple[Overrides, ...]:
     wanted = "a table like {kind = 'kidnap', step = 100}"
     tables = (documents.as_table(f"an entry of {what}", one, wanted) for one in _list(what, value))
     return tuple(
-        Changes({k: _repeated(v) if k == "actions" else v for k, v in table.items()})
+        Overrides({k: _repeated(v) if k == "actions" else v for k, v in table.items()})
         for table in tables
     )
 

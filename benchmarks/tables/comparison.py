@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.overrides import Overrides
 from benchmarks.tables import stats
 from benchmarks.tables.deciding import Decision, Rule, decide
 from benchmarks.tables.frames import (
@@ -299,7 +299,7 @@ def gaps_table(
     return pd.DataFrame(rows, columns=[*GAPS, "panel", "label"])
 
 
-def limit_of(swept: Changes, method: Method, limits: Sequence[Method]) -> Method | None:
+def limit_of(swept: Overrides, method: Method, limits: Sequence[Method]) -> Method | None:
     """Return the limit with the panel's and the method's value of all in which limits differ."""
     limits = [limit for limit in limits if limit.agent == method.agent]
     told = [limit.params for limit in limits]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.setup.changes import Changes, Named, spelt
+from benchmarks.setup.overrides import Named, Overrides, spelt
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.text import short_names
 from benchmarks.trials.scores import JOURNEY_SCORES, Score
@@ -39,7 +39,7 @@ class Panel:
     number: int
     title: str
     setting: Setting
-    swept: Changes
+    swept: Overrides
     labels: dict[Method, str]
     baselines: dict[Method, Method]
     records: dict[Method, list[Finished]]
@@ -74,7 +74,7 @@ class Group(NamedTuple):
     """What a panel is of: the methods of a setting at one value of each swept parameter."""
 
     setting: Setting
-    swept: Changes
+    swept: Overrides
     methods: list[Method]
 
     def pairs(self, baseline: str) -> list[tuple[Method, Method]]:
@@ -145,7 +145,7 @@ def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
     return next((one for one in variants if agree(one.values, method.values)), variants[0])
 
 
-def agree(some: Changes, others: Changes) -> bool:
+def agree(some: Overrides, others: Overrides) -> bool:
     """Whether the parameters that both have are the same."""
     return all(spelt(some[name]) == spelt(others[name]) for name in some.keys() & others.keys())
 
@@ -170,14 +170,14 @@ def is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def disturbance_words(wrapper: Changes) -> str:
+def disturbance_words(wrapper: Overrides) -> str:
     """Its kind, and what it was given."""
     given = dict(wrapper)
     kind = given.pop("kind", "disturbance")
     return " ".join([kind, *(f"{name} {value}" for name, value in given.items())])
 
 
-def _swept(methods: Sequence[Method]) -> list[Changes]:
+def _swept(methods: Sequence[Method]) -> list[Overrides]:
     """Values of the numbers of which one localizer has several; none of them if there are none.
 
     A word makes variants of a localizer, which appear side by side.
@@ -189,7 +189,7 @@ def _swept(methods: Sequence[Method]) -> list[Changes]:
                 seen.setdefault((_owner(method, name), name), set()).add(spelt(value))
     names = {name for (_, name), values in seen.items() if len(values) > 1}
     taken = dict.fromkeys(
-        Changes({name: value for name, value in method.values.items() if name in names})
+        Overrides({name: value for name, value in method.values.items() if name in names})
         for method in methods
     )
     # what says less than another one, and nothing else, is no panel of its own
@@ -237,7 +237,7 @@ def _variant(method: Method, methods: Sequence[Method]) -> list[str]:
     return [f"{name}={value}" for name, value in (words if len(alike) == 1 else apart)]
 
 
-def _has(params: Changes, name: str, value: Any) -> bool:
+def _has(params: Overrides, name: str, value: Any) -> bool:
     return name in params and spelt(params[name]) == spelt(value)
 
 

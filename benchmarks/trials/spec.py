@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.setup.changes import NOTHING, OF_LOCALIZERS, Changes, Named, jsonable
+from benchmarks.setup.overrides import NOTHING, OF_LOCALIZERS, Named, Overrides, jsonable
 
 _WORLD, _FILTER, _START = 0, 1, 2  # children of a trial's seed
 
@@ -28,9 +28,9 @@ class Setting:
     """
 
     scenario: str
-    world: Changes
-    assumed: Changes
-    disturbance: tuple[Changes, ...]
+    world: Overrides
+    assumed: Overrides
+    disturbance: tuple[Overrides, ...]
     lag: int
     seed: int
 
@@ -46,7 +46,7 @@ class Method(Named):
     agent: Named | None = None
 
     @property
-    def values(self) -> Changes:
+    def values(self) -> Overrides:
         """All parameters by name, those of the agent as "agent.…"."""
         own = self.agent.params if self.agent else NOTHING
         return self.params | {f"agent.{name}": value for name, value in own.items()}
@@ -84,11 +84,11 @@ class Trial:
     """
 
     scenario: str
-    world: Changes = NOTHING
-    assumed: Changes = NOTHING
-    disturbance: tuple[Changes, ...] = ()
+    world: Overrides = NOTHING
+    assumed: Overrides = NOTHING
+    disturbance: tuple[Overrides, ...] = ()
     localizer: str
-    params: Changes
+    params: Overrides
     agent: Named | None = None
     lag: int
     seed: int
@@ -175,7 +175,7 @@ class Trial:
 
 
 def changes_of(given: Any) -> None:
-    """Let what a trial or a sweep is made of be ``Changes``, however they were given."""
+    """Let what a trial or a sweep is made of be ``Overrides``, however they were given."""
     for name in ("world", "assumed", "params"):
-        object.__setattr__(given, name, Changes(getattr(given, name)))
-    object.__setattr__(given, "disturbance", tuple(map(Changes, given.disturbance)))
+        object.__setattr__(given, name, Overrides(getattr(given, name)))
+    object.__setattr__(given, "disturbance", tuple(map(Overrides, given.disturbance)))

@@ -20,7 +20,7 @@ import numpy as np
 from msgspec import to_builtins
 
 from benchmarks.files import is_empty
-from benchmarks.setup.changes import NOTHING, Changes
+from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
 from benchmarks.sweeps.store import Store, writing
@@ -57,7 +57,7 @@ class Tried:
         ms: median ms per step; NaN unknown.
     """
 
-    values: Changes
+    values: Overrides
     round: int
     free: bool
     rank: float = math.nan
@@ -99,7 +99,7 @@ class Searching:
     store: Store
     options: Options
     now: Provenance
-    _measured: dict[tuple[Changes, int, int], tuple[float, float]] = field(default_factory=dict)
+    _measured: dict[tuple[Overrides, int, int], tuple[float, float]] = field(default_factory=dict)
 
     def found(self, candidates: int) -> Found:
         """Search until so many candidates were tried.
@@ -208,7 +208,7 @@ class Searching:
             "another one."
         )
 
-    def _run(self, candidates: Sequence[Changes], segments: Sequence[Segment], runs: int) -> None:
+    def _run(self, candidates: Sequence[Overrides], segments: Sequence[Segment], runs: int) -> None:
         """Run what was not yet run; of each run the score and the time are kept in memory."""
         asked = [
             (one, segment, run)
@@ -226,11 +226,11 @@ class Searching:
                 measured = value_of(self.task.goal, record), milliseconds_per_step([record])
             self._measured[one, segment.number, run] = measured
 
-    def _record(self, one: Changes, segment: Segment, run: int) -> Finished | None:
+    def _record(self, one: Overrides, segment: Segment, run: int) -> Finished | None:
         trial = self.task.trial(one, segment, run)
         return self.store.get(self.now.key(trial), trial)
 
-    def _held_out(self, one: Changes) -> list[list[Finished]]:
+    def _held_out(self, one: Overrides) -> list[list[Finished]]:
         """Return the finished runs of a candidate by held-out segment."""
         each = [[self._record(one, s, run) for run in range(RUNS)] for s in self.task.held_out]
         return [[record for record in own if record is not None] for own in each]

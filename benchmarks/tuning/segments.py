@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.replay.options import Replay
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.overrides import Overrides
 from deqmcl_gym.validation import InputError
 
 MOST = 24  # segments of each kind
@@ -35,9 +35,9 @@ class Segment:
     number: int
     begins: float
     metres: float
-    world: Changes
-    whole: Changes
-    assumed: Changes
+    world: Overrides
+    whole: Overrides
+    assumed: Overrides
     held_out: bool
 
 
@@ -89,14 +89,14 @@ def _segment(
     mean[2] = math.remainder(mean[2], 4 * math.pi)  # within 2π, as a pose must be
     noise = {f"motion.{n}": v for n, v in vars(replay.motion).items() if n != "still"}
     prior = {"prior.mean": tuple(mean.tolist()), "prior.sd_position": sd[0]}
-    log = Changes({name: value for name, value in replay.world.items() if name != "judged"})
+    log = Overrides({name: value for name, value in replay.world.items() if name != "judged"})
     return Segment(
         number=number,
         begins=float(whole.times[start]),
         metres=float(whole.driven[last] - whole.driven[start]),
         whole=log,
         world=log | {"start": start, "length": last - start + 1},
-        assumed=Changes({**noise, **replay.assumed, **prior, "prior.sd_heading": sd[1]}),
+        assumed=Overrides({**noise, **replay.assumed, **prior, "prior.sd_heading": sd[1]}),
         held_out=held_out,
     )
 

@@ -10,7 +10,7 @@ from msgspec import Meta, Struct
 from msgspec.structs import replace
 
 from benchmarks.setup import documents
-from benchmarks.setup.changes import NOTHING, Changes
+from benchmarks.setup.overrides import NOTHING, Overrides
 from deqmcl_gym.files import UnreadableError, typed
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, boolean, one_of, shown
@@ -225,7 +225,7 @@ def _one(name: str, value: Any) -> Range | Choice:
     return found
 
 
-def spread(space: Space, count: int, rng: np.random.Generator) -> list[Changes]:
+def spread(space: Space, count: int, rng: np.random.Generator) -> list[Overrides]:
     """Return candidates of a Latin hypercube: of each parameter, one in each of ``count`` strips.
 
     Source: McKay, Beckman & Conover 1979.
@@ -233,7 +233,7 @@ def spread(space: Space, count: int, rng: np.random.Generator) -> list[Changes]:
     strips = rng.permuted(np.tile(np.arange(count), (len(space), 1)), axis=1)
     places: Floats = (strips + rng.random(strips.shape)) / count
     return [
-        Changes(
+        Overrides(
             {name: one.at(place) for (name, one), place in zip(space.items(), own, strict=True)}
         )
         for own in places.T.tolist()
@@ -242,7 +242,7 @@ def spread(space: Space, count: int, rng: np.random.Generator) -> list[Changes]:
 
 def beside(
     space: Space, values: Mapping[str, Any], usual: Mapping[str, Any], rng: np.random.Generator
-) -> Changes:
+) -> Overrides:
     """Return a candidate near good values: half of the parameters are moved, at least one.
 
     Args:
@@ -257,4 +257,4 @@ def beside(
     for (name, one), move in zip(space.items(), moved.tolist(), strict=True):
         if move:
             found[name] = one.near(values.get(name, usual.get(name)), rng)
-    return Changes(found)
+    return Overrides(found)

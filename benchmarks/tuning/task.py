@@ -12,7 +12,7 @@ from typing import Any
 from msgspec import to_builtins
 
 from benchmarks.replay.options import NAME
-from benchmarks.setup.changes import NOTHING, Changes
+from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_SCORES, Score
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
@@ -74,7 +74,7 @@ class Task:
     """
 
     localizer: str
-    base: Changes
+    base: Overrides
     usual: Mapping[str, Any]
     space: Space
     segments: Sequence[Segment]
@@ -103,15 +103,15 @@ class Task:
         count = len(self.training)
         return sorted({-(-count // ETA**2), -(-count // ETA), count})
 
-    def parts(self, candidate: Changes) -> tuple[Changes, Changes]:
+    def parts(self, candidate: Overrides) -> tuple[Overrides, Overrides]:
         """Return the parameters of the localizer, and what it assumes beside the log's own."""
         assumed = {n: v for n, v in candidate.items() if n.partition(".")[0] in ASSUMED}
         own = {n: v for n, v in candidate.items() if n not in assumed}
         if self.localizer == "amcl" and "z_hit" in own and "z_rand" not in own:
             own["z_rand"] = round(1 - own["z_hit"], 12)  # Nav2: "all z must sum to 1"
-        return self.base | own, Changes(assumed)
+        return self.base | own, Overrides(assumed)
 
-    def trial(self, candidate: Changes, segment: Segment, run: int) -> Trial:
+    def trial(self, candidate: Overrides, segment: Segment, run: int) -> Trial:
         """Return the run of a candidate on a segment."""
         params, assumed = self.parts(candidate)
         return Trial(
@@ -131,7 +131,7 @@ class Task:
         first = {one.world["log"]: one for one in self.segments}
         for one in first.values():
             Stage.of(self.trial(NOTHING, one, 0)).check()
-        ends = [Changes({name: end}) for name, one in self.space.items() for end in one.ends]
+        ends = [Overrides({name: end}) for name, one in self.space.items() for end in one.ends]
         try:
             check_trials([self.trial(one, self.segments[0], 0) for one in (NOTHING, *ends)])
         except InputError as error:

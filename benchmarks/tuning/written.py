@@ -14,7 +14,7 @@ from tabulate import tabulate
 from benchmarks.files import write_files
 from benchmarks.replay.nav2 import nav2_document
 from benchmarks.report.writing import load, no_report
-from benchmarks.setup.changes import NOTHING, Changes, file_names
+from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.settings import sweep_text
 from benchmarks.tables.frames import milliseconds_per_step
 from benchmarks.tables.stats import Estimate, estimate
@@ -286,7 +286,7 @@ def _sweep_file(found: Found, words: Sequence[str]) -> str:
     task, segment = found.task, found.task.segments[0]
     params, assumed = task.parts(found.best.values)
     if (lag := task.usual.get("lag")) is not None:
-        params = Changes({"lag": lag}) | params
+        params = Overrides({"lag": lag}) | params
     own = {n: v for n, v in segment.assumed.items() if not n.startswith("prior.")}
     localizer = {"name": task.localizer, **{f"params.{n}": v for n, v in params.items()}}
     return sweep_text(

@@ -51,7 +51,7 @@ def rows_where(
 ) -> Iterator[dict[str, str]]:
     """Yield the rows of a report at an offset, if it has several, where columns have these values.
 
-    Changes of the world, and of what is assumed of it, count as columns.
+    Overrides of the world, and of what is assumed of it, count as columns.
     """
     for row in read(report):
         said = row | _parts(row, "world") | _parts(row, "assumed")

@@ -11,7 +11,7 @@ from msgspec.structs import replace as changed
 from benchmarks.report import animations
 from benchmarks.report.frames import frames_of
 from benchmarks.report.writing import write_report
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.overrides import Overrides
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.results import Failure, Results
 from benchmarks.tables.comparison import FURTHER
@@ -29,10 +29,10 @@ def trial_of(localizer, number, *, params=None, world=None, assumed=None, distur
     return Trial(
         localizer=localizer,
         trial=number,
-        params=Changes(params or {}),
-        world=Changes(world or {}),
-        assumed=Changes(assumed or {}),
-        disturbance=tuple(map(Changes, disturbance)),
+        params=Overrides(params or {}),
+        world=Overrides(world or {}),
+        assumed=Overrides(assumed or {}),
+        disturbance=tuple(map(Overrides, disturbance)),
         **base,
     )
 

@@ -10,8 +10,8 @@ from benchmarks.agents import AGENTS
 from benchmarks.checks import check_agent
 from benchmarks.report.frames import frames_of
 from benchmarks.report.verdict import conclusion
-from benchmarks.setup.changes import Named
 from benchmarks.setup.names import make_agent, scenario
+from benchmarks.setup.overrides import Named
 from benchmarks.sweeps.sweepfile import read_sweep, sweep_of
 from benchmarks.tables.panels import baseline_of, panels
 from benchmarks.trials.plugins import key_of

@@ -7,7 +7,7 @@ import pytest
 from report_cases import changed, finished, parsed, results, results_csv, table_of, trials
 
 from benchmarks.report.frames import judged
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.overrides import Overrides
 from benchmarks.tables import stats
 from benchmarks.tables.panels import baseline_of, panels
 from benchmarks.trials.spec import Method
@@ -88,7 +88,7 @@ def test_only_trials_of_the_same_setting_and_world_are_compared(world, number):
 
 
 def method(localizer, **params):
-    return Method(localizer, Changes(params))
+    return Method(localizer, Overrides(params))
 
 
 VARIANTS = [method("deq-mcl", kind="a"), method("mcl", kind="a"), method("mcl", kind="b")]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import localizers
-from benchmarks.setup.changes import Named
 from benchmarks.setup.names import make_agent, scenario, scenario_names
+from benchmarks.setup.overrides import Named
 from benchmarks.setup.priors import Uniform
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
 from benchmarks.trials.episode import moments

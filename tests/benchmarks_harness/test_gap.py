@@ -8,7 +8,7 @@ import pytest
 from refusals import refused
 from report_cases import changed, finished, parsed, results, trials
 
-from benchmarks.setup.changes import NOTHING, Changes
+from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.sweeps.design import Limit, Sweep
 from benchmarks.sweeps.results import of_sweep
 from benchmarks.sweeps.sweepfile import sweep_of
@@ -84,7 +84,7 @@ def test_the_limit_of_a_method_has_its_value_of_what_the_limits_differ_in():
     assert limit_of(NOTHING, varied, limits) == limits[1]
     assert limit_of(NOTHING, Method("mcl-map", (("beta", 5),)), limits) is None
     assert limit_of(NOTHING, Method("mcl", (("particles", 300),)), limits) == limits[0]
-    assert limit_of(Changes({"beta": 10}), Method("mcl"), limits) == limits[1]  # the panel's
+    assert limit_of(Overrides({"beta": 10}), Method("mcl"), limits) == limits[1]  # the panel's
     assert limit_of(NOTHING, Method("mcl"), []) is None
 
 
@@ -108,8 +108,8 @@ SWEEP = Sweep(
     localizers=(Method(name="mcl"), Method(name="dead-reckoning")),
     trials=5,
     filter_seeds=3,
-    params=Changes({"particles": 10}),
-    limits=(Limit(method=Method(name="mcl", params=Changes(MANY)), trials=2, filter_seeds=4),),
+    params=Overrides({"particles": 10}),
+    limits=(Limit(method=Method(name="mcl", params=Overrides(MANY)), trials=2, filter_seeds=4),),
 )
 
 
@@ -121,7 +121,7 @@ def test_the_limit_runs_on_the_first_worlds_and_is_not_compared():
     assert SWEEP.combinations == 2 * 5 * 3 + 2 * 4 == len(SWEEP.distinct()) == SWEEP.planned
     limits = list(SWEEP.limiting(*SWEEP.limits))
     assert {(t.trial, t.filter_seed) for t in limits} == {(w, s) for w in (0, 1) for s in range(4)}
-    assert {t.params for t in limits} == {Changes(MANY)}
+    assert {t.params for t in limits} == {Overrides(MANY)}
     apart = of_sweep(SWEEP, results(ran(SWEEP)))
     (limit,) = apart.limits
     assert [len(apart.records), len(limit.records), len(apart.finished)] == [30, 8, 38]

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.setup.changes import Changes
 from benchmarks.setup.names import make_agent, scenario
+from benchmarks.setup.overrides import Overrides
 from benchmarks.trials.collecting import JourneyLog
 from benchmarks.trials.episode import moments
 from benchmarks.trials.fixes import (
@@ -197,11 +197,11 @@ def test_weight_near_a_pose_is_within_a_metre_and_thirty_degrees():
 
 def trial(**parts):
     usual = {"scenario": "sharp", "localizer": "mcl-map", "lag": 0, "seed": 0, "trial": 0}
-    return Trial(**usual | {"params": Changes({"particles": 300})} | parts)
+    return Trial(**usual | {"params": Overrides({"particles": 300})} | parts)
 
 
 ANYWHERE = (("prior.kind", "uniform"),)
-KIDNAP = (Changes({"kind": "kidnap", "step": 40}),)
+KIDNAP = (Overrides({"kind": "kidnap", "step": 40}),)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from report_cases import STEPS, changed, finished, panel_of
 
 from benchmarks.report.tables import told_apart_table
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.overrides import Overrides
 from benchmarks.tables.panels import panels
 from benchmarks.tables.signals import QUESTIONS, WRONG, maps_table
 from benchmarks.trials.episode import Step
@@ -132,7 +132,7 @@ def test_only_a_trial_whose_world_differs_from_the_map_keeps_signals():
     def record_of(**world):
         trial = Trial(
             scenario="sharp", localizer="dead-reckoning", params={}, lag=0, seed=0, trial=0,
-            world=Changes(world)
+            world=Overrides(world)
         )  # fmt: skip
         return Stage.of(trial).trace()
 

@@ -10,7 +10,7 @@ from test_journey_tables import run
 from benchmarks.pictures import styled
 from benchmarks.report.charts import STYLE
 from benchmarks.report.panel_charts import swept_charts
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.overrides import Overrides
 
 
 @pytest.fixture(autouse=True)
@@ -109,7 +109,7 @@ def at(record, beams, width, length):
         "route.max_length": length[1],
         "route.min_length": length[0],
     }
-    return changed(record, trial=replace(record.trial, world=Changes(world)))
+    return changed(record, trial=replace(record.trial, world=Overrides(world)))
 
 
 def regimes(lengths=LENGTHS):

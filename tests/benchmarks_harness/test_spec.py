@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from refusals import refused
 
-from benchmarks.setup.changes import Changes, Named, of_json
+from benchmarks.setup.overrides import Named, Overrides, of_json
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
 from benchmarks.trials.spec import Method, Trial
@@ -87,11 +87,11 @@ VALUES = {
 
 
 def test_changes_are_made_again_of_their_json_and_cannot_be_changed():
-    made = Changes(VALUES)
+    made = Overrides(VALUES)
     written = made.json()
     json.dumps(written, allow_nan=False)
     assert list(written) == ["a", "b.c", "wrappers"]
-    again = Changes(of_json(json.loads(json.dumps(written))))
+    again = Overrides(of_json(json.loads(json.dumps(written))))
     assert again == made
     assert hash(again) == hash(made)
     assert made["b.c"] == (1, (2.0, "x"))
@@ -107,7 +107,7 @@ def test_values_that_are_other_json_are_other_methods_and_are_read_back_as_they_
     methods = [Method("m", {"way": (value, {"of": value})}) for value in alike]
     assert len(set(methods)) == len(alike)
     for method in methods:
-        again = Changes(of_json(json.loads(json.dumps(method.json()["params"], allow_nan=False))))
+        again = Overrides(of_json(json.loads(json.dumps(method.json()["params"], allow_nan=False))))
         assert again == method.params
         assert repr(again) == repr(method.params)
     sweep = Sweep(title="s", localizers=methods, trials=1, takes=lambda name: None)
@@ -115,19 +115,19 @@ def test_values_that_are_other_json_are_other_methods_and_are_read_back_as_they_
 
 
 def test_changes_told_by_tables_are_those_by_dotted_name_and_by_part_they_are_nested():
-    told = Changes.told("world", {"lidar": {"beams": 9}, "floor_plan": {"office": {"seed": 3}}})
+    told = Overrides.told("world", {"lidar": {"beams": 9}, "floor_plan": {"office": {"seed": 3}}})
     assert told == {"lidar.beams": 9, "floor_plan.office.seed": 3}
     nested = {"floor_plan": {"office": {"seed": 3}}, "lidar": {"beams": 9}}
     assert told.by_part(("lidar", "floor_plan"), "part") == nested
     with refused("world names lidar.beams twice"):
-        Changes.told("world", {"lidar.beams": 9, "lidar": {"beams": 9}})
+        Overrides.told("world", {"lidar.beams": 9, "lidar": {"beams": 9}})
 
 
 def test_files_of_a_world_are_found_beside_a_folder_and_shown_without_it():
-    world = Changes({"floor_plan": {"file": "a.yaml"}, "log": ["l.csv", "/m.csv"], "map.x": "b"})
+    world = Overrides({"floor_plan": {"file": "a.yaml"}, "log": ["l.csv", "/m.csv"], "map.x": "b"})
     beside = world.beside(Path("/data"))
     assert beside["floor_plan"]["file"] == "/data/a.yaml"
     assert beside["log"] == ("/data/l.csv", "/m.csv")
     assert beside["map.x"] == "b"
     assert beside.files == ["/data/l.csv", "/m.csv", "/data/a.yaml"]  # parts of a log
-    assert Changes({"log": "/data/l.csv"}).short() == {"log": "l.csv"}
+    assert Overrides({"log": "/data/l.csv"}).short() == {"log": "l.csv"}

@@ -14,7 +14,7 @@ import localizers
 from benchmarks.console import FailedWarning
 from benchmarks.execution.engines import Where
 from benchmarks.report.writing import write_report
-from benchmarks.setup.changes import Named
+from benchmarks.setup.overrides import Named
 from benchmarks.sweeps.design import Axis, Sweep
 from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.running import Options, begun, run_missing

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from refusals import refused
 
-from benchmarks.setup.changes import Changes, located
+from benchmarks.setup.overrides import Overrides, located
 from benchmarks.sweeps.design import MOST_TRIALS
 from benchmarks.sweeps.running import check
 from benchmarks.sweeps.suites import SUITES, sweep_named
@@ -60,15 +60,15 @@ def test_everything_said_in_a_file_reaches_the_trials(tmp_path):
     assert {t.scenario for t in trials} == {"sharp"}
     assert {t.seed for t in trials} == {3}
     assert {(t.trial, t.filter_seed) for t in trials} == {(0, 0), (0, 1), (1, 0), (1, 1)}
-    assert {t.assumed for t in trials} == {Changes({"scan.sigma": 50})}
-    assert {t.disturbance for t in trials} == {(Changes({"kind": "kidnap", "step": 100}),)}
+    assert {t.assumed for t in trials} == {Overrides({"scan.sigma": 50})}
+    assert {t.disturbance for t in trials} == {(Overrides({"kind": "kidnap", "step": 100}),)}
     # walked together: lag 5 with sigma 5, lag 6 with sigma 20
     assert {(t.lag, dict(t.world)["lidar.sigma"]) for t in trials} == {(5, 5.0), (6, 20.0)}
     assert {dict(t.world)["lidar.beams"] for t in trials} == {9}
     assert {dict(t.world)["noise.drive"] for t in trials} == {0.04}
     mcl = {t.params for t in trials if t.localizer == "mcl"}
     deq_mcl = [dict(t.params) for t in trials if t.localizer == "deq-mcl"]
-    assert mcl == {Changes({"particles": 30})}  # it has no use for the others
+    assert mcl == {Overrides({"particles": 30})}  # it has no use for the others
     assert {p["pilots"] for p in deq_mcl} == {1, 2, 3}
     kept = {(p["beta"], p["lag"], p["particles"]) for p in deq_mcl}
     assert kept == {(math.inf, 5, 30), (math.inf, 6, 30)}

@@ -15,7 +15,7 @@ from refusals import refused
 
 from benchmarks.replay.nav2 import nav2_document, read_nav2, usual_params
 from benchmarks.replay.options import replay_of
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.tuning.search import RUNS, Found, Tried
 from benchmarks.tuning.segments import segments_of
@@ -273,8 +273,8 @@ def held_out(default, tuned, *, max_ms=None, best_ms=1.0, default_ms=1.0):
     """A search for the smallest median, with these errors on each held-out segment; None failed."""
     segments = [SimpleNamespace(world={"log": "lap.csv"}, begins=0.0, metres=1.0)] * len(default)
     task = SimpleNamespace(goal=GOALS["median"], max_ms=max_ms, held_out=segments)
-    tried = [Tried(values=Changes(), round=0, free=False, ms=default_ms)]
-    tried += [Tried(values=Changes({"particles": 5}), round=0, free=True, ms=best_ms)]
+    tried = [Tried(values=Overrides(), round=0, free=False, ms=default_ms)]
+    tried += [Tried(values=Overrides({"particles": 5}), round=0, free=True, ms=best_ms)]
     runs = [
         [[run(error)] * RUNS if error is not None else [] for error in own]
         for own in (default, tuned)
@@ -444,7 +444,7 @@ def test_a_candidate_beside_another_stays_in_the_space_and_moves_something():
     rng = np.random.default_rng(0)
     for _ in range(300):
         found = beside(space, {"x": 0.99, "c": "a"}, {"n": 1000}, rng)
-        assert found != Changes({"x": 0.99, "c": "a"})
+        assert found != Overrides({"x": 0.99, "c": "a"})
         assert 5 <= found.get("n", 5) <= 50
         assert isinstance(found.get("n", 5), int)
         assert -1 <= found["x"] <= 1
@@ -539,7 +539,7 @@ def test_importance_is_the_share_of_variance_between_groups_beyond_chance():
         replace(Tried(values=one, round=0, free=True), rank=rank)
         for one, rank in zip(drawn, ranks.tolist(), strict=True)
     ]
-    rows = importance(space, [*tried, Tried(values=Changes(), round=0, free=False)])
+    rows = importance(space, [*tried, Tried(values=Overrides(), round=0, free=False)])
     found = {name: own for name, *own in rows}
     groups = {kind: [r for one, r in zip(drawn, ranks, strict=True) if one["c"] == kind]
               for kind in (1, 2)}  # fmt: skip

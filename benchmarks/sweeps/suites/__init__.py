@@ -5,7 +5,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from benchmarks.setup.changes import Changes
+from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.sweepfile import read_sweep, suite_file, suite_names, with_localizers
 from benchmarks.trials.spec import Method, Trial
@@ -64,7 +64,7 @@ def paper_sweep(
         trials=trials,
         seed=seed,
         lag=lag,
-        params=Changes(params),
+        params=Overrides(params),
     )
 
 

@@ -1,4 +1,4 @@
-"""Changes: values by dotted name, as a trial changes its scenario or sets up its localizer."""
+"""Overrides: values by dotted name, as a trial changes its scenario or sets up its localizer."""
 
 import json
 import math
@@ -16,18 +16,18 @@ OF_LOCALIZERS = ("cost_map",)  # of files that parameters of localizers name
 _WORDS = {"inf": math.inf, "-inf": -math.inf}  # JSON has no infinity; the text is "'inf"
 
 
-class Changes(Mapping[str, Any]):
+class Overrides(Mapping[str, Any]):
     """An immutable mapping by dotted name, such as ``{"lidar.beams": 9}``, in the order of names.
 
     It is made of a mapping or pairs, as a dict is, of TOML by ``told``, and by ``of_json`` of what
-    ``json`` gave. Lists in it become tuples, tables ``Changes``. Equal are those with the same
+    ``json`` gave. Lists in it become tuples, tables ``Overrides``. Equal are those with the same
     JSON, which names results: 1, 1.0 and True differ.
     """
 
     __slots__ = ("_text", "_values")
 
     def __init__(self, values: Mapping[str, Any] | Iterable[tuple[str, Any]] = ()) -> None:
-        if isinstance(values, Changes):
+        if isinstance(values, Overrides):
             self._values: dict[str, Any] = values._values
         else:
             own = dict(values)
@@ -58,7 +58,7 @@ class Changes(Mapping[str, Any]):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Mapping):
             return NotImplemented
-        return self.text == Changes(other).text
+        return self.text == Overrides(other).text
 
     def __hash__(self) -> int:
         return hash(self.text)
@@ -122,7 +122,7 @@ def file_names(given: Any) -> str:
     return ", ".join(Path(one).name for one in (given if isinstance(given, tuple) else (given,)))
 
 
-NOTHING = Changes()
+NOTHING = Overrides()
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ class Named:
     """
 
     name: str
-    params: Changes = NOTHING
+    params: Overrides = NOTHING
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
@@ -143,7 +143,7 @@ class Named:
                 f"the name of a localizer or agent is {shown(self.name)}, but must be text: give "
                 "file.py:NAME, or make a class a name by localizers.registered(name, factory)."
             )
-        object.__setattr__(self, "params", Changes(self.params))
+        object.__setattr__(self, "params", Overrides(self.params))
 
     @classmethod
     def told(cls, what: str, given: Any) -> Self:
@@ -156,7 +156,7 @@ class Named:
         if "name" not in known:
             raise InputError(f"{what} has no name: write {{name = …, params = {{…}}}}.")
         params = as_table(f"params of {what}", known.get("params", {}), "a table")
-        return cls(as_text(f"name of {what}", known["name"]), Changes(params))
+        return cls(as_text(f"name of {what}", known["name"]), Overrides(params))
 
     def __str__(self) -> str:
         return " ".join([self.name, *(f"{name}={value}" for name, value in self.params.items())])
@@ -170,7 +170,7 @@ def _kept(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return tuple(map(_kept, value))
     if isinstance(value, Mapping):
-        return value if isinstance(value, Changes) else Changes(value)
+        return value if isinstance(value, Overrides) else Overrides(value)
     return value
 
 
@@ -178,7 +178,7 @@ def jsonable(value: Any) -> Any:
     """Return a value of a trial as JSON has it: no tuples, and infinity as a word."""
     if isinstance(value, tuple):
         return list(map(jsonable, value))
-    if isinstance(value, Changes | Named):
+    if isinstance(value, Overrides | Named):
         return value.json()
     if isinstance(value, str) and value.lstrip("'") in _WORDS:
         return f"'{value}"
@@ -204,15 +204,15 @@ def spelt(value: Any) -> str:
 def _absolute(folder: Path, value: Any) -> Any:
     if isinstance(value, tuple):  # of a [[vary]]
         return tuple(_absolute(folder, one) for one in value)
-    if isinstance(value, Changes):
+    if isinstance(value, Overrides):
         return value | {"file": _absolute(folder, value["file"])} if "file" in value else value
     return from_folder(folder, value) if isinstance(value, str) else value
 
 
 def located(value: Any) -> Any:
     """Return a value of a trial with absolute paths in place of those that are said."""
-    if isinstance(value, Changes):
-        return Changes({name: located(inner) for name, inner in value.items()})
+    if isinstance(value, Overrides):
+        return Overrides({name: located(inner) for name, inner in value.items()})
     if isinstance(value, tuple):
         return tuple(map(located, value))
     return value.place if isinstance(value, Placed) else value
