@@ -28,6 +28,7 @@ from deqmcl_gym.files import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, in_words, one_of
 from localizers.digests import loaded_digest, module_digest, source_digest_of_file
 
+_MODULE = "_localizer_"  # begins the name of a module that is a file of its own
 _LOADERS = (__file__, str(importlib.__file__), "<frozen importlib")  # of code, in a traceback
 _MISSING = (
     "install it, put its folder on PYTHONPATH, or give path/to/file.py:NAME; a file stands alone, "
@@ -339,13 +340,22 @@ def raised(error: BaseException, file: str | None = None) -> str:
 
     The line is the deepest one in ``file``, or the deepest of all.
     """
-    words = in_words(error).rstrip(".")
+    words = reason_of(error).rstrip(".")
     if isinstance(error, SyntaxError):  # they say where
         return words
     frames = traceback.extract_tb(error.__traceback__)
     theirs = [frame for frame in frames if not frame.filename.startswith(_LOADERS)]
     own = [frame for frame in theirs if frame.filename == file] or theirs
     return f"{words} ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else words
+
+
+def reason_of(error: BaseException) -> str:
+    """Return an error in words; of a file whose own processes cannot import it, what to do."""
+    shown = "".join(traceback.format_exception(error))  # and what caused it
+    if "BrokenProcessPool" not in shown and f"No module named '{_MODULE}" not in shown:
+        return in_words(error)
+    remedy = "its file.py cannot be imported by processes that it starts, so make it a package"
+    return f"{in_words(error).rstrip('.')}: {remedy}"
 
 
 def _called(
@@ -370,7 +380,7 @@ def _called(
 def _run(path: str, source: bytes) -> ModuleType:
     """Run a file as a module of its own, once per content: an edited file is another module."""
     content = hashlib.sha256(b"\0".join((path.encode(), source))).hexdigest()
-    name = f"_localizer_{content[:16]}"
+    name = f"{_MODULE}{content[:16]}"
     if name not in sys.modules:
         code = compile(source, path, "exec")
         module = sys.modules[name] = ModuleType(name)  # dataclasses and pickle look it up

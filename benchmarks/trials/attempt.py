@@ -10,8 +10,8 @@ from benchmarks.trials.plugins import key_of
 from benchmarks.trials.scoring import Record, record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from deqmcl_gym.validation import LogWarning, in_words
-from localizers.kinds import is_ctrl_c
+from deqmcl_gym.validation import LogWarning
+from localizers.kinds import is_ctrl_c, reason_of
 from localizers.registry import LOCALIZER
 
 
@@ -46,7 +46,7 @@ def attempt(trial: Trial, key: str) -> Outcome:
     except BaseException as error:
         if is_ctrl_c(error):
             raise
-        return Outcome(reason=in_words(error))
+        return Outcome(reason=reason_of(error))
     if trace.steps == 0:
         return Outcome(reason="it processed 0 steps")
     return Outcome(record=kept, seconds=trace.seconds)
