@@ -60,7 +60,6 @@ def _report(options: argparse.Namespace) -> "tuple[str, Report[Any]]":
     from deqmcl_gym.validation import InputError
     from localizers.checks import check_localizer
     from localizers.checks.subject import robot_on
-    from localizers.registry import LOCALIZER
 
     if options.agent or options.scan:
         from benchmarks import checks
@@ -75,4 +74,4 @@ def _report(options: argparse.Namespace) -> "tuple[str, Report[Any]]":
             "localizer."
         )
     robot = None if options.map is None else robot_on(GridMap.load(options.map))
-    return "localizers", check_localizer(LOCALIZER.complete(options.name), robot)
+    return "localizers", check_localizer(options.name, robot)

@@ -13,7 +13,7 @@ import numpy as np
 
 from deqmcl_gym.validation import one_of
 from localizers.checks.laws import LAWS
-from localizers.checks.process import process_state_kept
+from localizers.checks.process import changes_since, process_state, process_state_kept
 from localizers.checks.subject import (
     Law,
     LawBrokenError,
@@ -142,6 +142,7 @@ def check_localizer(
         InputError: the name cannot be resolved, or a parameter is unknown.
     """
     robot = default_robot() if robot is None else robot
+    before = process_state()
     if isinstance(localizer, str):
         name, factory = localizer, resolve(localizer)
         sent = factory if name in LOCALIZER.added else absolute_name(name)
@@ -153,8 +154,9 @@ def check_localizer(
             one_of(f"parameter of localizer {name!r}", param, known)
     drive = random_drive(robot, np.random.default_rng(0))
     subject = Subject(
-        name=name, factory=factory, params=params, robot=robot, drive=drive, sent=sent
-    )
+        name=name, factory=factory, params=params, robot=robot, drive=drive, sent=sent,
+        imported=tuple(changes_since(before)),
+    )  # fmt: skip
     return Report(name, LAWS, subject, subject.file)
 
 

@@ -25,6 +25,7 @@ from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
 from localizers.beliefs import mean_pose
 from localizers.checks.process import (
+    ADDED_BY_IMPORTS,
     changes_since,
     no_global_rng,
     process_state,
@@ -143,7 +144,15 @@ def global_rng_untouched(subject: Subject) -> None:
 
 
 def process_state_untouched(subject: Subject) -> None:
-    """Working folder, signal handlers, np.seterr, os.environ and the like stay as they are."""
+    """Working folder, signal handlers, np.seterr, os.environ and the like stay as they are.
+
+    An import may add to the filters of warnings, to os.environ and to sys.path, as many do.
+    """
+    if imported := [name for name in subject.imported if name not in ADDED_BY_IMPORTS]:
+        raise LawBrokenError(
+            f"its import changes {', '.join(imported)} for its whole process: change it in a call, "
+            "which puts it back before it returns"
+        )
     before = process_state()
     subject.history()
     touched = changes_since(before)

@@ -46,6 +46,9 @@ _STATES: dict[str, tuple[Callable[[], Any], Callable[[Any], object]]] = {  # how
 }
 
 
+ADDED_BY_IMPORTS = ("the filters of warnings", "os.environ", "sys.path")
+
+
 def process_state() -> dict[str, Any]:
     """Return the global state of this process, by name."""
     return {name: read() for name, (read, _) in _STATES.items()}

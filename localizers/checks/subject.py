@@ -154,6 +154,7 @@ class Subject:
         robot: what it is made for.
         drive: along which it is run.
         sent: how another process finds it: a name to resolve, or the factory itself.
+        imported: what its import changed of the state of this process.
     """
 
     name: str
@@ -162,6 +163,7 @@ class Subject:
     robot: RobotModel
     drive: RandomDrive
     sent: str | Factory | None = None
+    imported: tuple[str, ...] = ()
 
     @property
     def file(self) -> str | None:

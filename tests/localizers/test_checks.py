@@ -1,5 +1,6 @@
 """Every law can fail, each on an example that breaks nothing else; who is right passes all."""
 
+import inspect
 import random
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ import localizers
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
 from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
+from localizers import template
 from localizers.checks import (
     LAWS,
     LawBrokenError,
@@ -22,7 +24,7 @@ from localizers.checks import (
     parametrize_with_laws,
 )
 from localizers.checks import laws as laws_of
-from localizers.checks.process import process_state
+from localizers.checks.process import process_state, process_state_kept
 from localizers.checks.subject import first_difference, random_drive, robot_on
 from localizers.methods.dead_reckoning import dead_reckoning
 from localizers.models.nav2_motion import DifferentialMotion
@@ -228,6 +230,25 @@ def test_a_deterministic_localizer_that_needs_a_mean_is_told_so_and_passes():
     notes = {verdict.law: verdict.note for verdict in verdicts_here(subject_of("dead-reckoning"))}
     assert notes["other rng other result"] == "deterministic, it draws nothing"
     assert notes["prior without mean"] == "refused"
+
+
+@pytest.mark.parametrize(
+    ("line", "broken"),
+    [
+        ("import numpy; numpy.seterr(all='raise')", "np.seterr"),
+        ("import sys; sys.setrecursionlimit(5_000)", "the recursion limit"),
+        ("import os, warnings; os.environ['MINE'] = ''; warnings.simplefilter('ignore')", None),
+    ],
+)
+def test_what_an_import_changes_of_the_process_is_seen_but_for_what_many_add(
+    tmp_path, line, broken
+):
+    (tmp_path / "mine.py").write_text(f"{line}\n{inspect.getsource(template)}")
+    with process_state_kept():
+        report = check_localizer(f"{tmp_path}/mine.py:MyLocalizer")
+        verdict = report.verdict(laws_of.process_state_untouched)
+    assert verdict.status == ("FAILED" if broken else "ok")
+    assert broken is None or f"its import changes {broken} for" in verdict.note
 
 
 SUITE = f"""
