@@ -31,7 +31,7 @@ LIMITS = {  # the most files that each may enter
 }
 MOST_CALLS = 26_000  # of functions of ours, in a trial of mcl
 MOST_FILES = 233  # of source
-MOST_LINES = {"source": 45_920, "tests": 32_930}
+MOST_LINES = {"source": 45_940, "tests": 32_960}
 
 COMMANDS = {
     "deqmcl paper": "paper --trials 1 --jobs 1 --localizers mcl --out {out}",
