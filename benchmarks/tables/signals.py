@@ -75,9 +75,9 @@ def auroc(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Auroc:
     found = Estimate(float(wins.sum() / pairs) if pairs else math.nan)
     if min((far > 0).sum(), (others > 0).sum()) >= 2:
         drawn = multiplicities(worlds)
-        pairs = (drawn @ far) * (drawn @ others)
+        each = (drawn @ far) * (drawn @ others)  # pairs of each resample
         # sums of halves below 2⁵³: exact, in whatever order they are added
-        resampled = ((drawn @ wins) * drawn).sum(axis=1)[pairs > 0] / pairs[pairs > 0]
+        resampled = ((drawn @ wins) * drawn).sum(axis=1)[each > 0] / each[each > 0]
         found = Estimate(found.mean, *map(float, np.quantile(resampled, QUANTILES)))
     return Auroc(auroc=found, far_steps=float(trouble.mean()), far_worlds=float((far > 0).sum()))
 
