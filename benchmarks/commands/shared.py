@@ -47,7 +47,7 @@ def add_jobs(parser: argparse.ArgumentParser, what: str = "trials") -> None:
 
 def add_timeout(parser: argparse.ArgumentParser, what: str = "trial") -> None:
     """Add the time limit of each."""
-    help_ = f"seconds allowed per {what} (no limit; for a plug-in 3600, and 60 to load)"
+    help_ = f"seconds allowed per {what} (no limit; for a plug-in 3600)"
     parser.add_argument("--timeout", type=float, metavar="S", help=help_)
 
 

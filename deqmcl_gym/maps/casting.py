@@ -71,7 +71,7 @@ MARGIN = 0.05
 # From this many walls on, walking through cells is faster than trying all walls. A box counts as
 # one wall, a wall along an axis as a third. In an office with 232 of the latter, all at once does
 # 31 M rays/s and cell by cell 12 M; with 844 it is 8 M and 11 M; with 256 oblique walls 14 M and
-# 12 M. `deqmcl speed` measures rays against segments on both sides of the limit.
+# 12 M.
 MANY_WALLS = 192
 _PARALLEL = 1 / 3
 # Below this, lanes over the beams of each pose are faster than lanes over the poses.
