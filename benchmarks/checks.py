@@ -4,12 +4,12 @@
 ``deqmcl check NAME --scan`` a scan model on scans and poses of a scenario's map.
 """
 
-from collections.abc import Callable, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -20,16 +20,13 @@ from benchmarks.trials.episode import moments
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.numerics.types import Reals, Singles
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, array
 from localizers import Belief, UniformPrior, absolute_name, make
-from localizers.api import Points
-from localizers.checks import LawBrokenError, Laws, Report
-from localizers.checks.process import no_global_rng
+from localizers.checks import Report, laws
+from localizers.checks.verdicts import LawBrokenError, Laws, Subject, difference, report_of
 from localizers.models.scan import Scan, ScanModel
 from localizers.scan_plug_in import SCAN_MODEL, is_code
 
-DRIVEN_IN = ("guided", "driving")  # the first that an agent does not refuse
-SCANNED_IN = ("sharp", "lost")  # the first that a scan model does not refuse
 _STEPS = 40
 FREE, ANYWHERE = 200, 100  # poses that a scan is held against; the last on and around the map
 _SCANS = 100
@@ -37,116 +34,102 @@ _SCANS = 100
 # of 100 have a probability below 0.001 (binomial).
 FEWEST = 60
 _CLOSE = 1e-4  # of log-likelihoods: a sum in another order, as BLAS makes it for other sizes
-
-_TRIAL: dict[str, Any] = {
-    "localizer": "mcl-map",
-    "params": Overrides({"particles": 50}),
-    "lag": 0,
-    "seed": 0,
-    "trial": 0,
-}
+_FEW = Overrides({"particles": 50})
+_TRIAL = Trial(scenario="", localizer="mcl-map", params=_FEW, lag=0, seed=0, trial=0)
+_NOWHERE = SimpleNamespace(points=lambda offset=0: (np.empty((0, 3)), np.empty(0)))
 
 Answer = tuple[Reals, Reals | None]
 
 
-def check_agent(name: str, scenario: str | None = None) -> "Report[AgentDrive]":
-    """Return the verdicts of all laws on an agent.
-
-    Args:
-        name: see ``make_agent``; ``file.py`` is its only agent.
-        scenario: where it drives; by default the first of ``DRIVEN_IN`` that it does not refuse.
-    """
-    agent = absolute_agent(Named(name))
-    worlds = DRIVEN_IN if scenario is None else (absolute_scenario(scenario),)
-    world = _accepting(worlds, lambda world: AgentDrive(agent, world).watched(0))
-    return Report(name, AGENT_LAWS, AgentDrive(agent, world), agent.name.rpartition(":")[0])
+def check_agent(name: str, scenario: str | None = None, **limit: float) -> Report:
+    """Return the verdicts of all laws on an agent, ``file.py`` being the only one in it."""
+    agent = absolute_agent(Named(name)).name
+    return report_of(AgentDrive.of(agent, scenario, **limit), AGENT_LAWS)
 
 
-def check_scan(name: str, scenario: str | None = None) -> "Report[ScanTests]":
+def check_scan(name: str, scenario: str | None = None, **limit: float) -> Report:
     """Return the verdicts of all laws on a scan model."""
     kind = absolute_name(SCAN_MODEL.complete(name)) if is_code(name) else name
-    worlds = SCANNED_IN if scenario is None else (absolute_scenario(scenario),)
-    world = _accepting(worlds, lambda world: ScanTests(kind, world).model())
-    return Report(name, SCAN_LAWS, ScanTests(kind, world), kind.rpartition(":")[0])
+    return report_of(ScanTests.of(kind, scenario, **limit), SCAN_LAWS)
 
 
-def _accepting(worlds: Sequence[str], begin: Callable[[str], object]) -> str:
-    """Return the first world that is not refused."""
-    for world in worlds:
-        try:
-            begin(world)
-        except InputError as error:
-            refusal = error
-            continue
-        except Exception:  # a law will say so
-            pass
-        return world
-    raise refusal
+@dataclass(frozen=True, kw_only=True)
+class _InAScenario(Subject):
+    """What is made for a scenario, by default for the first of ``worlds`` that it accepts."""
+
+    worlds: ClassVar[tuple[str, ...]]
+    scenario: str
+
+    @classmethod
+    def of(cls, name: str, scenario: str | None, **limit: float) -> Self:
+        for world in cls.worlds if scenario is None else (absolute_scenario(scenario),):
+            subject = cls(name=name, scenario=world, **limit)
+            try:
+                subject.begin()
+            except InputError as error:
+                refusal = error
+                continue
+            except Exception:  # a law will say so
+                pass
+            return subject
+        raise refusal
+
+    def begin(self) -> object:
+        """Make it."""
+        raise NotImplementedError
 
 
-@dataclass
 class _Watched:
-    """An agent whose answers and inputs are looked at; see ``Agent``."""
+    """An agent whose answers and inputs are looked at; if blind, it is shown an empty belief."""
 
-    agent: Agent
-    blind: bool = False
-    answers: list[Answer] = field(default_factory=list)
-    changed: str = ""  # what it has written into
-
-    def __post_init__(self) -> None:
-        self.sees_truth = getattr(self.agent, "sees_truth", False)
+    def __init__(self, agent: Agent, *, blind: bool) -> None:
+        self._agent, self._blind = agent, blind
+        self.sees_truth = getattr(agent, "sees_truth", False)
+        self.answers: list[Answer] = []
+        self.written: str | None = None  # into what
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals | None:
-        before = deepcopy(info)
-        plan = self.agent.plan_at_reset(info)
-        self.changed = self.changed or ("" if _same(before, info) else "info at reset")
+        before = deepcopy({"info": info})
+        plan = self._agent.plan_at_reset(info)
+        self.written = difference(before, {"info": info})
         return plan
 
     def act(self, belief: Belief, info: dict[str, Any]) -> Answer:
-        if self.blind:
-            belief = _Empty()
-        before = deepcopy((belief.points(), info))
-        answer = self.agent.act(belief, info)
-        for what, old, new in zip(
-            ("the belief", "info"), before, (belief.points(), info), strict=True
-        ):
-            self.changed = self.changed or ("" if _same(old, new) else what)
+        shown: Any = _NOWHERE if self._blind else belief
+        before = deepcopy({"the belief": shown.points(), "info": info})
+        answer = self._agent.act(shown, info)
+        after = {"the belief": shown.points(), "info": info}
+        self.written = self.written or difference(before, after)
         self.answers.append(deepcopy(answer))
         return answer
 
 
-class _Empty:
-    """A belief without a point."""
-
-    def points(self, offset: int = 0) -> Points:
-        return np.empty((0, 3)), np.empty(0)
-
-
-def _same(before: Any, after: Any) -> bool:
-    """Whether two nested values are equal, arrays by their elements."""
-    if isinstance(before, dict):
-        return before.keys() == after.keys() and all(_same(before[k], after[k]) for k in before)
-    if isinstance(before, tuple):
-        return len(before) == len(after) and all(map(_same, before, after))
-    return bool(np.array_equal(before, after))
-
-
-@dataclass(frozen=True)
-class AgentDrive:
+class AgentDrive(_InAScenario):
     """An agent in a world."""
 
-    agent: Named
-    scenario: str
+    remedy = (
+        "draw random numbers from numpy.random.default_rng of what it is shown, as of "
+        "info['truth'] or info['route']"
+    )
+    worlds = "guided", "driving"
 
-    def answers(self) -> list[Answer]:
+    def begin(self) -> object:
+        """Take no more than the first step."""
+        return self.watched(0)
+
+    def history(self) -> list[Answer]:
         """Return what an agent, made anew, answers at each step of one and the same drive."""
         return self.watched().answers
 
+    def written(self) -> str | None:
+        """Name what it writes into of beliefs and info."""
+        return self.watched().written
+
     def watched(self, steps: int = _STEPS, *, blind: bool = False) -> _Watched:
         """Return an agent, made anew, after the drive; all that a blind one sees is empty."""
-        stage = Stage.of(Trial(scenario=self.scenario, agent=self.agent, **_TRIAL))
-        agent = _Watched(make_agent(self.agent, stage.robot), blind)
-        localizer = make("mcl-map", stage.robot, **stage.trial.params)
+        stage = Stage.of(replace(_TRIAL, scenario=self.scenario, agent=Named(self.name)))
+        agent = _Watched(make_agent(self.name, stage.robot), blind=blind)
+        localizer = make("mcl-map", stage.robot, **_FEW)
         rng, seed = np.random.default_rng(0), stage.trial.world_seed
         drive = moments(stage.env, agent, localizer, stage.prior, rng, seed=seed)
         for _ in islice(drive, steps + 1):
@@ -154,30 +137,32 @@ class AgentDrive:
         return agent
 
 
-@dataclass(frozen=True)
-class ScanTests:
-    """A scan model in a world, with poses and scans to try it on.
+class ScanTests(_InAScenario):
+    """A scan model in a world, with poses and scans to try it on."""
 
-    Attributes:
-        kind: name of the model.
-        scenario: whose map, lidar and noise it is.
-    """
+    remedy = "make a generator of your own"
+    worlds = "sharp", "lost"
 
-    kind: str
-    scenario: str
-
-    def model(self) -> ScanModel:
-        """Return the model, made anew."""
+    def begin(self) -> ScanModel:
+        """Make the model anew."""
         return self._stage.robot.scan_model()
+
+    def history(self) -> list[Reals]:
+        """Return what a model, made anew, says of a scan, of another one, and of the first."""
+        model = self.begin()
+        return [model.log_likelihood(self.poses, self.scan(number)) for number in (0, 1, 0)]
+
+    def written(self) -> str | None:
+        """Name what it writes into of poses and a scan."""
+        poses, scan = self.poses, self.scan(0)
+        before = deepcopy({"the poses": poses, "the scan": scan})
+        self.begin().log_likelihood(poses, scan)
+        return difference(before, {"the poses": poses, "the scan": scan})
 
     @property
     def poses(self) -> Singles:
         """Poses as rows x, y, θ, free ones first, (3, n); a copy, as a model may write into it."""
         return self._poses.copy()
-
-    def answers(self, number: int = 0, model: ScanModel | None = None) -> Reals:
-        """Return what a model, made anew if none is given, says of the poses and a scan."""
-        return (model or self.model()).log_likelihood(self.poses, self.scan(number))
 
     def scan(self, number: int, missing: float = 0.0) -> Scan:
         """Return what the lidar measures at a free pose, with a share of the beams missing."""
@@ -199,8 +184,8 @@ class ScanTests:
 
     @cached_property
     def _stage(self) -> Stage:
-        assumed = Overrides({"scan.kind": self.kind})
-        return Stage.of(Trial(scenario=self.scenario, assumed=assumed, **_TRIAL))
+        assumed = Overrides({"scan.kind": self.name})
+        return Stage.of(replace(_TRIAL, scenario=self.scenario, assumed=assumed))
 
 
 def _require(holds: bool, otherwise: str) -> None:
@@ -210,62 +195,40 @@ def _require(holds: bool, otherwise: str) -> None:
 
 def answers_with_actions(drive: AgentDrive) -> None:
     """At every step an action is two finite numbers; a plan is None or finite rows (h, 2)."""
-    for step, (action, plan) in enumerate(drive.answers()):
-        shape = np.shape(action)
-        _require(shape == (2,), f"its action at step {step} has shape {shape}, not (2,)")
-        _require(bool(np.isfinite(action).all()), f"its action at step {step} is {action}")
+    for step, (action, plan) in enumerate(drive.history()):
+        _require_finite(f"its action at step {step}", action, (2,))
         if plan is not None:
-            rows = np.shape(plan)
-            flat = len(rows) == 2 and rows[1] == 2
-            _require(flat, f"its plan at step {step} has shape {rows}, not (h, 2)")
-            _require(bool(np.isfinite(plan).all()), f"its plan at step {step} is not finite")
+            _require_finite(f"its plan at step {step}", plan, (None, 2))
 
 
-def same_rng_same_result(drive: AgentDrive) -> None:
-    """Two agents, made anew, answer alike to the same beliefs and scans."""
-    first, second = drive.answers(), drive.answers()
-    _require(len(first) == len(second), "two drives with the same seeds differ in length")
-    for step, (one, other) in enumerate(zip(first, second, strict=True)):
-        _require(
-            _same(one, other),
-            f"two drives with the same seeds differ from step {step} on: draw random numbers from "
-            "numpy.random.default_rng of what it is shown, as of info['truth'] or info['route']",
-        )
-
-
-def inputs_not_changed(drive: AgentDrive) -> None:
-    """It writes neither into the belief nor into info."""
-    changed = drive.watched().changed
-    _require(not changed, f"it changed {changed}: make a copy")
-
-
-def global_rng_untouched(subject: AgentDrive | ScanTests) -> None:
-    """It neither seeds nor draws from the global generators of NumPy and Python."""
-    with no_global_rng("make a generator of your own"):
-        subject.answers()
+def _require_finite(what: str, numbers: Reals, shape: tuple[int | None, ...]) -> None:
+    try:
+        array(what, numbers, shape)
+    except InputError as error:
+        raise LawBrokenError(str(error).rstrip(".")) from None
 
 
 def survives_an_empty_belief(drive: AgentDrive) -> None:
     """It answers with finite actions to a belief without points."""
     for step, (action, _) in enumerate(drive.watched(blind=True).answers):
-        finite = bool(np.isfinite(action).all())
-        _require(finite, f"its action at step {step} on an empty belief is {action}")
+        _require_finite(f"its action at step {step} on an empty belief", action, (2,))
 
 
-AGENT_LAWS: Laws[AgentDrive] = dict.fromkeys(
+AGENT_LAWS: Laws = {laws.answers_in_time: None} | dict.fromkeys(
     (
         answers_with_actions,
-        same_rng_same_result,
-        inputs_not_changed,
-        global_rng_untouched,
+        laws.same_rng_same_result,
+        laws.inputs_not_changed,
+        laws.global_rng_untouched,
         survives_an_empty_belief,
-    )
+    ),
+    laws.answers_in_time,
 )
 
 
 def answers_with_numbers(scans: ScanTests) -> None:
     """It answers with (n,) numbers, finite or -inf, also where half of the beams are missing."""
-    model = scans.model()
+    model = scans.begin()
     for number in range(10):
         for missing in (0.0, 0.5):
             model.log_likelihood(scans.poses, scans.scan(number, missing))
@@ -273,36 +236,25 @@ def answers_with_numbers(scans: ScanTests) -> None:
 
 def same_input_same_answer(scans: ScanTests) -> None:
     """Two models, made anew, answer alike, and so does one that has seen other scans."""
-    model = scans.model()
-    first, _, again = (scans.answers(number, model) for number in (0, 1, 0))
+    first, _, again = scans.history()
     _require(np.array_equal(first, again), "it answers otherwise after another scan")
-    _require(np.array_equal(first, scans.answers()), "made anew, it answers otherwise")
-
-
-def poses_and_scan_not_changed(scans: ScanTests) -> None:
-    """It writes neither into the poses nor into the scan."""
-    scan, poses = scans.scan(0), scans.poses
-    ranges, usable = scan.ranges.copy(), scan.usable.copy()
-    scans.model().log_likelihood(poses, scan)
-    _require(np.array_equal(poses, scans.poses), "it changed the poses: make a copy")
-    same = np.array_equal(ranges, scan.ranges, equal_nan=True)
-    _require(same and np.array_equal(usable, scan.usable), "it changed the scan: make a copy")
+    _require(np.array_equal(first, scans.history()[0]), "made anew, it answers otherwise")
 
 
 def each_pose_by_itself(scans: ScanTests) -> None:
     """What it says of a pose does not depend on the other poses, nor on their order."""
-    model = scans.model()
-    order, whole = np.random.default_rng(2).permutation(FREE + ANYWHERE), scans.answers(model=model)
+    model, whole = scans.begin(), scans.history()[0]
+    order = np.random.default_rng(2).permutation(FREE + ANYWHERE)
     for some in (order, order[:7]):
         poses = np.ascontiguousarray(scans.poses[:, some])
-        own = model.log_likelihood(poses, scans.scan(0))
-        alike = np.allclose(own, whole[some], rtol=_CLOSE, atol=_CLOSE)
+        likelihoods = model.log_likelihood(poses, scans.scan(0))
+        alike = np.allclose(likelihoods, whole[some], rtol=_CLOSE, atol=_CLOSE)
         _require(alike, f"it says otherwise of the same poses in a batch of {some.size}")
 
 
 def the_truth_is_likelier(scans: ScanTests) -> None:
     """The pose of a scan is mostly likelier than another free pose."""
-    model, likelier = scans.model(), 0
+    model, likelier = scans.begin(), 0
     for number in range(_SCANS):
         two = np.ascontiguousarray(scans.poses[:, [number, (number + _SCANS) % FREE]])
         truth, other = model.log_likelihood(two, scans.scan(number))
@@ -314,13 +266,14 @@ def the_truth_is_likelier(scans: ScanTests) -> None:
     )
 
 
-SCAN_LAWS: Laws[ScanTests] = dict.fromkeys(
+SCAN_LAWS: Laws = {laws.answers_in_time: None} | dict.fromkeys(
     (
         answers_with_numbers,
         same_input_same_answer,
-        poses_and_scan_not_changed,
+        laws.inputs_not_changed,
         each_pose_by_itself,
-        global_rng_untouched,
+        laws.global_rng_untouched,
         the_truth_is_likelier,
-    )
+    ),
+    laws.answers_in_time,
 )

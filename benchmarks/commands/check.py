@@ -4,12 +4,16 @@ One line per law: ok, FAILED or skipped, with the reason. Exit code 3 if a law f
 """
 
 import argparse
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from traceback import format_exception
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.console import doing
 
 if TYPE_CHECKING:  # loaded when needed
-    from localizers.checks import Report
+    from localizers.checks import LawVerdict, Report
 
 
 class LawsBrokenError(RuntimeError):
@@ -29,49 +33,80 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--scenario", metavar="NAME", help="where an agent drives (guided; with a goal, driving), "
         "or whose map and lidar a scan model is for (sharp; if it needs a map of cells, lost)"
         )  # fmt: skip
+    add("--timeout", type=float, default=60.0, metavar="S", help="seconds allowed per law (60)")
 
 
 def run(options: argparse.Namespace) -> str:
     """Run the command, printing each law as it is tried; return the last line."""
-    from localizers.checks import law_name
+    from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
+    from deqmcl_gym.validation import InputError, number
+    from localizers.checks import LawVerdict, Report
 
-    with doing(f"loading {options.name}"):
-        kind, report = _report(options)
-    for law in report.laws:
-        with doing(f"trying the law {law_name(law)!r}"):
-            verdict = report.verdict(law)
-        print(verdict, flush=True)
-    verdicts, failed = report.verdicts, report.failed
-    if failed:
-        named = ", ".join(repr(verdict.law) for verdict in failed)
-        at_once = kind == "localizers" and options.map is None and failed[0] in verdicts[:2]
-        hint = " If it is for maps of cells alone, give one: --map MAP.yaml." * at_once
-        raise LawsBrokenError(
-            f"{len(failed)} of {len(verdicts)} laws failed: {named}.{hint}"
-        ) from failed[0].error
-    skipped = sum(verdict.status == "skipped" for verdict in verdicts)
-    return f"{options.name} keeps all laws of {kind}" + (
-        f" ({skipped} skipped)." if skipped else "."
-    )
-
-
-def _report(options: argparse.Namespace) -> "tuple[str, Report[Any]]":
-    from deqmcl_gym.maps import GridMap
-    from deqmcl_gym.validation import InputError
-    from localizers.checks import check_localizer
-    from localizers.checks.subject import robot_on
-
-    if options.agent or options.scan:
-        from benchmarks import checks
-
-        if options.map is not None:
-            raise InputError("--map is for localizers: with --agent or --scan give --scenario.")
-        check = checks.check_agent if options.agent else checks.check_scan
-        return "agents" if options.agent else "scan models", check(options.name, options.scenario)
-    if options.scenario is not None:
+    number("--timeout", options.timeout, low=0, high=1e6, above=True)
+    by_scenario = options.agent or options.scan
+    if by_scenario and options.map is not None:
+        raise InputError("--map is for localizers: with --agent or --scan give --scenario.")
+    if options.scenario is not None and not by_scenario:
         raise InputError(
             "--scenario is for agents and scan models: give --agent or --scan, or --map for a "
             "localizer."
         )
-    robot = None if options.map is None else robot_on(GridMap.load(options.map))
-    return "localizers", check_localizer(options.name, robot)
+    kind = "agents" if options.agent else "scan models" if options.scan else "localizers"
+    subject = kind, options.name, options.scenario or options.map
+
+    def attempt(law: str) -> LawVerdict:
+        try:
+            verdict: LawVerdict = worker.submit(_verdict, law, options.timeout, *subject).result()
+            return verdict
+        except TimedOutError:
+            note = f"no answer within {options.timeout:g} s; --timeout S allows more"
+        except WorkerDiedError as error:
+            note = str(error)
+        return LawVerdict(law, "FAILED", note)
+
+    with Processes(1, timeout=options.timeout) as worker:
+        with doing(f"loading {options.name}"):
+            needs = worker.submit(_needs, options.timeout, *subject).result()
+        report = Report(options.name, needs, attempt)
+        for law in needs:
+            with doing(f"trying the law {law!r}"):
+                verdict = report.verdict(law)
+            print(verdict, flush=True)
+    verdicts, failed = report.verdicts, report.failed
+    if failed:
+        named = ", ".join(repr(verdict.law) for verdict in failed)
+        at_once = subject[::2] == ("localizers", None) and failed[0] in verdicts[1:3]
+        hint = " If it is for maps of cells alone, give one: --map MAP.yaml." * at_once
+        words = f"{len(failed)} of {len(verdicts)} laws failed: {named}.{hint}"
+        raise LawsBrokenError(words) from failed[0].error
+    skipped = sum(verdict.status == "skipped" for verdict in verdicts)
+    more = f" ({skipped} skipped)" if skipped else ""
+    return f"{options.name} keeps all laws of {kind}{more}."
+
+
+@cache
+def _report(timeout: float, kind: str, name: str, where: str | None) -> "Report":
+    """Load what is under check, in a worker once; an agent and a scan model in a scenario."""
+    if kind != "localizers":
+        from benchmarks.checks import check_agent, check_scan
+
+        return (check_agent if kind == "agents" else check_scan)(name, where, time_limit=timeout)
+    from deqmcl_gym.maps import GridMap
+    from localizers.checks import LAWS
+    from localizers.checks.subject import localizer_drive, robot_on
+    from localizers.checks.verdicts import report_of
+
+    robot = None if where is None else robot_on(GridMap.load(where))
+    return report_of(replace(localizer_drive(name, robot), time_limit=timeout), LAWS)
+
+
+def _needs(*subject: Any) -> Mapping[str, str | None]:
+    return _report(*subject).needs
+
+
+def _verdict(law: str, *subject: Any) -> "LawVerdict":
+    """Try a law; an error, whose class another process may lack, is told by its traceback."""
+    verdict = _report(*subject).attempt(law)
+    if verdict.error is None:
+        return verdict
+    return replace(verdict, error=RuntimeError("".join(format_exception(verdict.error))))

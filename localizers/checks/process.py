@@ -1,4 +1,4 @@
-"""What a law watches of this process: its global state, its random numbers, what it has started."""
+"""What laws watch of this process: its global state, its threads and the processes it started."""
 
 import os
 import pickle
@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from localizers.checks.subject import LawBrokenError
+GLOBAL_RNG = "the global random numbers of numpy or random"
+ADDED_BY_IMPORTS = ("the filters of warnings", "os.environ", "sys.path", GLOBAL_RNG)
 
 
 def _set_handlers(handlers: Mapping[int, Any]) -> None:
@@ -26,6 +27,16 @@ def _set_handlers(handlers: Mapping[int, Any]) -> None:
 def _set_environment(variables: Mapping[str, str]) -> None:
     os.environ.clear()
     os.environ.update(variables)
+
+
+def _global_rng() -> bytes:
+    return pickle.dumps((np.random.get_state(), random.getstate()))  # noqa: NPY002
+
+
+def _set_global_rng(states: bytes) -> None:
+    of_numpy, of_random = pickle.loads(states)
+    np.random.set_state(of_numpy)  # noqa: NPY002
+    random.setstate(of_random)
 
 
 _STATES: dict[str, tuple[Callable[[], Any], Callable[[Any], object]]] = {  # how to read and set it
@@ -43,26 +54,24 @@ _STATES: dict[str, tuple[Callable[[], Any], Callable[[Any], object]]] = {  # how
     "os.environ": (lambda: dict(os.environ), _set_environment),
     "the recursion limit": (sys.getrecursionlimit, sys.setrecursionlimit),
     "sys.path": (lambda: list(sys.path), lambda kept: setattr(sys, "path", kept)),
+    GLOBAL_RNG: (_global_rng, _set_global_rng),
 }
 
 
-ADDED_BY_IMPORTS = ("the filters of warnings", "os.environ", "sys.path")
-
-
-def process_state() -> dict[str, Any]:
+def state() -> dict[str, Any]:
     """Return the global state of this process, by name."""
     return {name: read() for name, (read, _) in _STATES.items()}
 
 
 def changes_since(before: Mapping[str, Any]) -> list[str]:
     """Name what is not as it was."""
-    return [name for name, state in process_state().items() if state != before[name]]
+    return [name for name, now in state().items() if now != before[name]]
 
 
 @contextmanager
-def process_state_kept() -> Iterator[None]:
+def state_kept() -> Iterator[None]:
     """Put the global state of this process back after a block."""
-    before = process_state()
+    before = state()
     try:
         yield
     finally:
@@ -70,51 +79,12 @@ def process_state_kept() -> Iterator[None]:
             _STATES[name][1](before[name])
 
 
-@contextmanager
-def no_global_rng(remedy: str) -> Iterator[None]:
-    """Refuse a block that uses the global generators of NumPy or Python, which are put back.
-
-    Raises:
-        LawBrokenError: it used one; ``remedy`` says what to do instead.
-    """
-
-    def states() -> tuple[Any, Any]:
-        return np.random.get_state(), random.getstate()  # noqa: NPY002
-
-    held = states()
-    try:
-        np.random.seed(2_718_281)  # noqa: NPY002
-        random.seed(2_718_281)
-        before = pickle.dumps(states())
-        yield
-        after = pickle.dumps(states())
-    finally:
-        np.random.set_state(held[0])  # noqa: NPY002
-        random.setstate(held[1])
-    if after != before:
-        raise LawBrokenError(f"it uses the global random numbers of numpy or random: {remedy}")
-
-
 def running() -> dict[str, str]:
     """Name this process's threads and, as far as /proc shows them, the processes it started."""
-    names = {f"thread {own.ident}": f"the thread {own.name!r}" for own in threading.enumerate()}
+    names = {f"thread {one.ident}": f"the thread {one.name!r}" for one in threading.enumerate()}
     for stat in Path("/proc").glob("[0-9]*/stat"):
         with suppress(OSError):  # it is gone
             state, parent = stat.read_text().rpartition(")")[2].split()[:2]
             if state != "Z" and parent == str(os.getpid()):
                 names[f"process {stat.parent.name}"] = f"the process {stat.parent.name}"
     return names
-
-
-@contextmanager
-def safe_path() -> Iterator[None]:
-    """Let Python processes that are started here find no modules in the working folder."""
-    before = os.environ.get("PYTHONSAFEPATH")
-    os.environ["PYTHONSAFEPATH"] = "1"
-    try:
-        yield
-    finally:
-        if before is None:
-            del os.environ["PYTHONSAFEPATH"]
-        else:
-            os.environ["PYTHONSAFEPATH"] = before

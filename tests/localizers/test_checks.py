@@ -8,30 +8,30 @@ from pathlib import Path
 import numpy as np
 import pytest
 from broken import LeavesAProcess, ProcessStateUntouched, TakesTheSecondForTheTurn
+from refusals import refused
 
 import localizers
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
 from deqmcl_gym.maps.map import scaled
-from deqmcl_gym.validation import InputError
 from localizers import template
 from localizers.checks import (
     LAWS,
-    LawBrokenError,
-    Report,
     check_localizer,
     default_robot,
     law_name,
     parametrize_with_laws,
+    process,
 )
 from localizers.checks import laws as laws_of
-from localizers.checks.process import process_state, process_state_kept
-from localizers.checks.subject import first_difference, random_drive, robot_on
+from localizers.checks.subject import localizer_drive, random_drive, robot_on
+from localizers.checks.verdicts import LawBrokenError, difference, report_of
 from localizers.methods.dead_reckoning import dead_reckoning
 from localizers.models.nav2_motion import DifferentialMotion
 from localizers.template import MyLocalizer
 
 BROKEN = Path(__file__).parent / "broken.py"
 NAV2 = scaled(DifferentialMotion(), 50.0)  # in px
+# all but that for which a process of a second or two is started
 HERE = {law: need for law, need in LAWS.items() if law is not laws_of.runs_in_a_worker}
 
 
@@ -39,17 +39,8 @@ def example(law):
     return f"{BROKEN}:{law_name(law).title().replace(' ', '')}"
 
 
-def subject_of(localizer, robot=None, **params):
-    return check_localizer(localizer, robot, **params).subject
-
-
-def verdicts_here(subject):
-    """Of all laws but that for which a process of a second or two is started."""
-    return Report(subject.name, HERE, subject, subject.file).verdicts
-
-
 def broken_here(subject):
-    return [verdict.law for verdict in verdicts_here(subject) if verdict.status == "FAILED"]
+    return [verdict.law for verdict in report_of(subject, HERE).failed]
 
 
 def coarse(name):
@@ -61,7 +52,7 @@ def coarse(name):
 
 @pytest.mark.parametrize("name", localizers.names())
 def test_every_built_in_localizer_keeps_all_laws(name):
-    verdicts = verdicts_here(subject_of(name, **coarse(name)))
+    verdicts = report_of(localizer_drive(name, **coarse(name)), HERE).verdicts
     has_particles = "particles" in localizers.parameters(name)
     others = {verdict.law: verdict.status for verdict in verdicts if verdict.status != "ok"}
     assert others == ({} if has_particles else {"one particle": "skipped"})
@@ -72,7 +63,7 @@ def test_every_built_in_localizer_keeps_all_laws(name):
     [pytest.param(n, marks=[pytest.mark.slow] * (n != "deq-mcl")) for n in localizers.names()],
 )
 def test_every_built_in_localizer_runs_in_a_worker(name):
-    laws_of.runs_in_a_worker(subject_of(name, **coarse(name)))
+    laws_of.runs_in_a_worker(localizer_drive(name, **coarse(name)))
 
 
 @parametrize_with_laws(MyLocalizer, particles=50)
@@ -80,26 +71,37 @@ def test_the_template_keeps(law):
     law()
 
 
-@pytest.mark.parametrize(
-    "law", [law for law in HERE if law is not laws_of.increments_of_three], ids=law_name
-)
+WITH_AN_EXAMPLE = [
+    law for law in HERE if law not in (laws_of.answers_in_time, laws_of.increments_of_three)
+]
+
+
+@pytest.mark.parametrize("law", WITH_AN_EXAMPLE, ids=law_name)
 def test_each_law_is_broken_by_its_example_which_keeps_all_others(law):
-    assert broken_here(subject_of(example(law))) == [law_name(law)]
+    assert broken_here(localizer_drive(example(law))) == [law_name(law)]
+
+
+def test_a_drive_that_takes_longer_than_the_limit_breaks_its_law():
+    impatient = replace(localizer_drive("dead-reckoning"), time_limit=0.0)
+    report = report_of(impatient, HERE)
+    assert [verdict.law for verdict in report.failed] == ["answers in time"]
+    assert "more than 0 s" in report.failed[0].note
+    assert report.verdict("picklable").note == "it fails 'answers in time'"
 
 
 @pytest.mark.parametrize("name", localizers.names())
 def test_every_built_in_localizer_takes_increments_with_navs_motion_model_too(name):
-    subject = subject_of(name, replace(default_robot(), motion=NAV2), **coarse(name))
+    subject = localizer_drive(name, replace(default_robot(), motion=NAV2), **coarse(name))
     laws_of.increments_of_three(subject)
 
 
 @pytest.mark.parametrize("name", ["ekf", "grid"])
 def test_estimators_in_closed_form_take_navs_motion_as_the_turn_and_drive_of_its_variances(name):
-    own, stated = (
-        subject_of(name, replace(default_robot(), motion=one), **coarse(name)).history()
-        for one in (NAV2, NAV2.turn_and_drive)
+    runs = (
+        localizer_drive(name, replace(default_robot(), motion=motion), **coarse(name)).history()
+        for motion in (NAV2, NAV2.turn_and_drive)
     )
-    assert first_difference(own, stated) is None
+    assert difference(*runs) is None
 
 
 def test_a_plug_in_that_knows_increments_of_two_numbers_only_is_told_so():
@@ -114,8 +116,8 @@ def test_a_plug_in_that_knows_increments_of_two_numbers_only_is_told_so():
         localizer.update = with_two
         return localizer
 
-    for own, why in ((TakesTheSecondForTheTurn, "gives another belief"), (unpacks, "ValueError")):
-        verdict = check_localizer(own).verdict(laws_of.increments_of_three)
+    for made, why in ((TakesTheSecondForTheTurn, "gives another belief"), (unpacks, "ValueError")):
+        verdict = check_localizer(made).verdict("increments of three")
         assert verdict.status == "skipped"
         assert verdict.note.startswith("not for logs, whose increments have three numbers: ")
         assert why in verdict.note
@@ -135,14 +137,14 @@ def test_a_localizer_that_works_only_here_breaks_the_law_of_the_worker_alone():
 @pytest.mark.parametrize("name", ["deq-mcl", "localizers.template:MyLocalizer"])
 def test_the_laws_are_kept_on_any_drive_and_lidar(name, beams, seed):
     robot = replace(default_robot(), lidar=Lidar(beams=beams))
-    subject = subject_of(name, robot, particles=50)
+    subject = localizer_drive(name, robot, particles=50)
     drive = random_drive(robot, np.random.default_rng(seed))
     assert broken_here(replace(subject, drive=drive)) == []
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_a_mean_of_headings_that_is_none_of_directions_is_found_on_any_drive(seed):
-    subject = subject_of(example(laws_of.half_turn))
+    subject = localizer_drive(example(laws_of.half_turn))
     drive = random_drive(subject.robot, np.random.default_rng(seed))
     with pytest.raises(LawBrokenError):
         laws_of.half_turn(replace(subject, drive=drive))
@@ -183,7 +185,7 @@ NARROW = PolygonMap(outer=[(0, 0), (10, 0), (10, 300), (0, 300)])
     ],
 )
 def test_a_bad_question_is_refused(arguments, words):
-    with pytest.raises(InputError, match=words):
+    with refused(words):
         check_localizer(**arguments)
 
 
@@ -207,29 +209,29 @@ def test_a_registered_factory_is_sent_as_it_is():
 def test_the_law_of_the_global_random_states_leaves_them_as_they_were():
     before = np.random.get_state()[1].copy(), random.getstate()  # noqa: NPY002
     with pytest.raises(LawBrokenError):
-        laws_of.global_rng_untouched(subject_of(example(laws_of.global_rng_untouched)))
+        laws_of.global_rng_untouched(localizer_drive(example(laws_of.global_rng_untouched)))
     assert np.array_equal(before[0], np.random.get_state()[1])  # noqa: NPY002
     assert before[1] == random.getstate()
 
 
 @pytest.mark.parametrize("change", ProcessStateUntouched.CHANGES)
 def test_a_changed_state_of_the_process_is_named_and_put_back(change):
-    before, report = process_state(), check_localizer(ProcessStateUntouched, change=change)
-    failed = report.verdict(laws_of.process_state_untouched)
+    before, report = process.state(), check_localizer(ProcessStateUntouched, change=change)
+    failed = report.verdict("process state untouched")
     assert failed.status == "FAILED"
     assert f"it changes {change} for its whole process" in failed.note
-    assert process_state() == before
+    assert process.state() == before
 
 
 def test_a_process_that_is_left_running_is_named():
     with pytest.raises(LawBrokenError, match=r"it leaves the process \d+.* running"):
-        laws_of.nothing_left_running(subject_of(LeavesAProcess))
+        laws_of.nothing_left_running(localizer_drive(LeavesAProcess))
 
 
 def test_a_deterministic_localizer_that_needs_a_mean_is_told_so_and_passes():
-    notes = {verdict.law: verdict.note for verdict in verdicts_here(subject_of("dead-reckoning"))}
-    assert notes["other rng other result"] == "deterministic, it draws nothing"
-    assert notes["prior without mean"] == "refused"
+    report = check_localizer("dead-reckoning")
+    assert report.verdict("other rng other result").note == "deterministic, it draws nothing"
+    assert report.verdict("prior without mean").note == "refused"
 
 
 @pytest.mark.parametrize(
@@ -244,9 +246,9 @@ def test_what_an_import_changes_of_the_process_is_seen_but_for_what_many_add(
     tmp_path, line, broken
 ):
     (tmp_path / "mine.py").write_text(f"{line}\n{inspect.getsource(template)}")
-    with process_state_kept():
+    with process.state_kept():
         report = check_localizer(f"{tmp_path}/mine.py:MyLocalizer")
-        verdict = report.verdict(laws_of.process_state_untouched)
+        verdict = report.verdict("process state untouched")
     assert verdict.status == ("FAILED" if broken else "ok")
     assert broken is None or f"its import changes {broken} for" in verdict.note
 
@@ -283,5 +285,5 @@ def test_expected_failures_are_strict_xfails(pytester):
 
 
 def test_an_expected_failure_of_no_law_is_refused():
-    with pytest.raises(InputError, match="did you mean 'finite'"):
+    with refused("did you mean 'finite'"):
         parametrize_with_laws("mcl", expected_failures={"finit": "?"})

@@ -1,11 +1,15 @@
 """``deqmcl check`` and ``deqmcl new-localizer``: what they print, write and refuse."""
 
 import ast
+import os
+import signal
+import subprocess
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-from deqmcl_command import exit_code, files
+from deqmcl_command import DEQMCL, exit_code, files
 
 from deqmcl_gym.maps import GridMap
 from localizers.checks import LAWS, law_name
@@ -34,6 +38,37 @@ def test_a_broken_localizer_gets_the_reason_in_one_line_and_exit_code_3(capsys):
     assert printed.err == (
         f"deqmcl: 1 of {len(LAWS)} laws failed: 'finite'. (--debug shows where)\n"
     )
+
+
+def test_a_localizer_that_hangs_breaks_the_law_of_time_and_no_other_is_tried(capsys):
+    assert exit_code("check", f"{BROKEN}:AnswersInTime", "--timeout", "10") == 3
+    first, *others = capsys.readouterr().out.splitlines()
+    assert first == "FAILED   answers in time: no answer within 10 s; --timeout S allows more"
+    assert len(others) == len(LAWS) - 1
+    assert {line.partition(": ")[2] for line in others} == {"it fails 'answers in time'"}
+
+
+def test_ctrl_c_ends_a_localizer_that_hangs():
+    running = subprocess.Popen(
+        [DEQMCL, "check", f"{BROKEN}:AnswersInTime"],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+    )
+    while "trying the law 'answers in time'" not in running.stderr.readline():
+        assert running.poll() is None
+    os.killpg(running.pid, signal.SIGINT)  # as a terminal does
+    _, said = running.communicate(timeout=60)  # until its worker, too, has closed stderr
+    assert (running.returncode, said) == (130, "deqmcl: interrupted.\n")
+
+
+def test_a_process_that_dies_and_a_bad_time_limit_are_told(tmp_path, capsys, refusal):
+    (tmp_path / "mine.py").write_text("import os\ndef dies(robot):\n    os._exit(7)\n")
+    assert exit_code("check", f"{tmp_path}/mine.py:dies") == 3
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first == "FAILED   answers in time: its worker died with exit code 7"
+    refusal(["check", "mcl", "--timeout", "0"], "--timeout is 0", "above 0")
 
 
 @pytest.fixture
