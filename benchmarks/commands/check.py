@@ -11,6 +11,7 @@ from traceback import format_exception
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.console import doing
+from benchmarks.execution.starting import prepare
 
 if TYPE_CHECKING:  # loaded when needed
     from localizers.checks import LawVerdict, Report
@@ -38,6 +39,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command, printing each law as it is tried; return the last line."""
+    prepare()  # while this process loads what it needs
     from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
     from deqmcl_gym.validation import InputError, number
     from localizers.checks import LawVerdict, Report

@@ -63,8 +63,9 @@ def answers_with_beliefs(subject: LocalizerDrive) -> str:
     """Reset and every update return a belief whose points(0) are poses (n, 3), weights (n,)."""
     run = subject.history()
     offsets = sorted(set().union(*run))
+    words = f"steps {offsets[0]:+d} to {offsets[-1]:+d}" if offsets[1:] else "the present alone"
     n = max(len(weights) for belief in run for _, weights in belief.values())
-    return f"steps {offsets[0]:+d} to {offsets[-1]:+d}, up to {n} points"
+    return f"{words}, {'one point' if n == 1 else f'up to {n} points'}"
 
 
 def finite(subject: LocalizerDrive) -> None:

@@ -217,18 +217,17 @@ def snapshot(belief: Belief, t: int) -> Snapshot:
     Raises:
         LawBrokenError: it has none, or not in the form of ``Belief.points``.
     """
-    verb = f"{'reset' if t == 0 else 'update'} (step {t})"
-    if not callable(getattr(belief, "points", None)):
-        raise LawBrokenError(
-            f"{verb} returned {_kind(belief)}, but must return a belief with points(offset)"
-        )
+    held = getattr(belief, "points", lambda _: None)
     by_offset = {
         offset: _copied(points, f"points({offset}) at step {t}")
         for offset in OFFSETS
-        if (points := belief.points(offset)) is not None
+        if (points := held(offset)) is not None
     }
     if 0 not in by_offset:
-        raise LawBrokenError(f"the belief of {verb} has no points(0): it must hold the present")
+        raise LawBrokenError(
+            f"{'update' if t else 'reset'} (step {t}) returned {_kind(belief)}, but must return a "
+            "belief that holds points(0), the present"
+        )
     return by_offset
 
 
