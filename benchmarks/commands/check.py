@@ -11,7 +11,6 @@ from traceback import format_exception
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.console import doing
-from benchmarks.execution.starting import prepare
 
 if TYPE_CHECKING:  # loaded when needed
     from localizers.checks import LawVerdict, Report
@@ -39,10 +38,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command, printing each law as it is tried; return the last line."""
-    prepare()  # while this process loads what it needs
     from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
+    from benchmarks.execution.starting import prepare
     from deqmcl_gym.validation import InputError, number
-    from localizers.checks import LawVerdict, Report
 
     number("--timeout", options.timeout, low=0, high=1e6, above=True)
     by_scenario = options.agent or options.scan
@@ -53,6 +51,9 @@ def run(options: argparse.Namespace) -> str:
             "--scenario is for agents and scan models: give --agent or --scan, or --map for a "
             "localizer."
         )
+    prepare()  # while this process loads what it needs
+    from localizers.checks import LawVerdict, Report
+
     kind = "agents" if options.agent else "scan models" if options.scan else "localizers"
     subject = kind, options.name, options.scenario or options.map
 
