@@ -30,7 +30,7 @@ from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
 from localizers.beliefs import mean_pose
 from localizers.checks import process
-from localizers.checks.subject import DRIVE_STEPS, LocalizerDrive, Snapshot, snapshot, steps
+from localizers.checks.subject import DRIVE_STEPS, LocalizerDrive, Snapshot, snapshot
 from localizers.checks.verdicts import LawBrokenError, Laws, LawSkippedError, Subject, difference
 from localizers.kinds import parameters_of, raised
 from localizers.models.beams import GaussianUniform
@@ -80,7 +80,7 @@ def weights_sum_to_one(subject: LocalizerDrive) -> None:
 
 def whole_turn(subject: LocalizerDrive) -> None:
     """A prior whose mean heading is written 2π higher gives the same mean pose."""
-    prior = subject.drive.prior
+    prior = subject.prior
     x, y, heading = prior.mean
     higher = replace(prior, mean=(x, y, heading + 2 * math.pi))
     _require_alike(subject, subject.history(prior=higher), "with a start heading written 2π higher")
@@ -92,14 +92,14 @@ def half_turn(subject: LocalizerDrive) -> None:
     Where headings in one world are about 0, they are about ±π in the other: a mean of headings
     that is not a mean of directions shows.
     """
-    robot, prior = subject.robot, subject.drive.prior
+    robot, prior = subject.robot, subject.prior
     turned_prior = SimpleNamespace(
         mean=tuple(_half_turned(np.array([prior.mean]))[0].tolist()),
         sample=lambda n, rng: _half_turned(prior.sample(n, rng)),
         log_density=lambda poses: prior.log_density(_half_turned(np.asarray(poses))),
     )
-    turned = replace(subject, robot=replace(robot, floor_plan=_turned(robot.floor_plan)))
-    run = turned.history(prior=turned_prior)
+    turned = replace(robot, floor_plan=_turned(robot.floor_plan))
+    run = subject.history(robot=turned, prior=turned_prior)
     back = [{0: (_half_turned(belief[0][0]), belief[0][1])} for belief in run]
     _require_alike(subject, back, "in a world turned by half a turn")
 
@@ -114,9 +114,9 @@ def increments_of_three(subject: LocalizerDrive) -> None:
 
     A localizer for which they do not runs in rooms, but not on logs: the law is skipped.
     """
-    plans = [increments(plan) for plan in subject.drive.plans]
+    plans = [increments(plan) for plan in subject.plans]
     try:
-        wide = subject.history(actions=increments(subject.drive.actions), plans=plans)
+        wide = subject.history(actions=increments(subject.actions), plans=plans)
         subject.require_same(wide, "(d, 0, φ) gives another belief than (d, φ)")
     except Exception as error:
         why = error if isinstance(error, LawBrokenError) else raised(error, subject.file)
@@ -187,13 +187,13 @@ def inputs_not_changed(subject: Subject) -> None:
 
 def robot_and_prior_not_changed(subject: LocalizerDrive) -> None:
     """No number and no array of the robot, its map and the prior changes during a run."""
-    robot, prior = subject.robot, subject.drive.prior
+    robot, prior = subject.robot, subject.prior
     ends = np.array([prior.mean, prior.mean])
     robot.floor_plan.ranges(ends, robot.lidar.bearings)  # fills caches
     robot.floor_plan.collides(ends[:1], ends[1:], robot.radius)
     before = {"robot": robot, "prior": prior}
     given: dict[str, Any] = deepcopy(before)
-    replace(subject, robot=given["robot"]).history(prior=given["prior"])
+    subject.history(**given)
     if name := difference(before, given):
         raise LawBrokenError(f"it wrote into {name}: copy it")
 
@@ -201,7 +201,7 @@ def robot_and_prior_not_changed(subject: LocalizerDrive) -> None:
 def inputs_not_kept(subject: LocalizerDrive) -> None:
     """What the caller writes into ranges, action and plan after the call changes nothing."""
     run = []
-    for t, (belief, given) in enumerate(steps(subject.made(), subject.drive)):
+    for t, (belief, given) in enumerate(subject.steps()):
         run.append(snapshot(belief, t))
         for array in given.values():
             array[...] = np.nan
@@ -212,7 +212,7 @@ def inputs_not_kept(subject: LocalizerDrive) -> None:
 def outputs_are_fresh(subject: LocalizerDrive) -> None:
     """Writing into the arrays that points returned changes no belief, now or later."""
     run = []
-    for t, (belief, _) in enumerate(steps(subject.made(), subject.drive)):
+    for t, (belief, _) in enumerate(subject.steps()):
         run.append(snapshot(belief, t))
         for array in (array for offset in run[-1] for array in belief.points(offset) or ()):
             if array.flags.writeable:
@@ -225,7 +225,7 @@ def outputs_are_fresh(subject: LocalizerDrive) -> None:
 def beliefs_stay(subject: LocalizerDrive) -> None:
     """A belief says the same after the localizer has gone on, and after its next reset."""
     localizer, beliefs, run = subject.made(), [], []
-    for t, (belief, _) in enumerate(steps(localizer, subject.drive)):
+    for t, (belief, _) in enumerate(subject.steps(localizer)):
         beliefs.append(belief)
         run.append(snapshot(belief, t))
     subject.history(localizer, seed=1)
@@ -242,14 +242,14 @@ def prior_without_mean(subject: LocalizerDrive) -> str | None:
 def zero_likelihood(subject: LocalizerDrive) -> None:
     """Scans that no pose explains (all beams 0; σ = 0.001, no uniform share) are survived."""
     robot = replace(subject.robot, scan=GaussianUniform(sigma=1e-3, uniform=0.0))
-    scans = subject.drive.scans.copy()
+    scans = subject.scans.copy()
     scans[: len(scans) // 2] = 0.0
-    replace(subject, robot=robot).require_valid(scans=scans)
+    subject.require_valid(robot=robot, scans=scans)
 
 
 def max_range_scan(subject: LocalizerDrive) -> None:
     """Scans whose beams all read max_range are survived."""
-    scans = np.full_like(subject.drive.scans, subject.robot.lidar.max_range)
+    scans = np.full_like(subject.scans, subject.robot.lidar.max_range)
     subject.require_valid(scans=scans)
 
 
@@ -259,7 +259,7 @@ def bad_beams(subject: LocalizerDrive) -> None:
     One beam of a scan first, then all of them.
     """
     bad = (np.nan, np.inf, -np.inf, -1.0, 1.5 * subject.robot.lidar.max_range)
-    scans = subject.drive.scans.copy()
+    scans = subject.scans.copy()
     scans[: len(bad), 0] = bad
     scans[len(bad) : 2 * len(bad)] = np.array(bad)[:, None]
     subject.require_valid(scans=scans)
@@ -269,7 +269,7 @@ def huge_actions(subject: LocalizerDrive) -> str | None:
     """A planned distance or turn of 1e30 is survived, or refused by an InputError."""
     answers = []
     for huge in ((1e30, 0.0), (0.0, 1e30)):
-        actions, plans = deepcopy((subject.drive.actions, subject.drive.plans))
+        actions, plans = deepcopy((subject.actions, subject.plans))
         actions[_HALF] = huge
         for t, plan in enumerate(plans[: _HALF + 1]):
             plan[_HALF - t] = huge
@@ -282,12 +282,12 @@ def one_particle(subject: LocalizerDrive) -> str | None:
     """A localizer with a parameter ``particles`` works with 1, or refuses it by an InputError."""
     if "particles" not in (parameters_of(subject.factory) or ()):
         raise LawSkippedError("it has no parameter particles")
-    return _valid_or_refused(replace(subject, params={**subject.params, "particles": 1}))
+    return _valid_or_refused(subject, params={**subject.params, "particles": 1})
 
 
 def short_plan(subject: LocalizerDrive) -> None:
     """A plan that is empty, that shows two steps at a time, or that runs out is followed."""
-    plans = subject.drive.plans
+    plans = subject.plans
     for shorter in (
         [plan[:0] for plan in plans],
         [plan[:2] for plan in plans],
@@ -298,28 +298,28 @@ def short_plan(subject: LocalizerDrive) -> None:
 
 def changed_plan(subject: LocalizerDrive) -> None:
     """A plan that changes, and a command that was not the one planned, are survived."""
-    other = [plan + np.array([0.0, 0.05 * (t % 3)]) for t, plan in enumerate(subject.drive.plans)]
+    other = [plan + np.array([0.0, 0.05 * (t % 3)]) for t, plan in enumerate(subject.plans)]
     subject.require_valid(plans=other)
 
 
 def reset_starts_anew(subject: LocalizerDrive) -> None:
     """After reset, a used localizer answers as a new one does."""
     used = subject.made()
-    list(islice(steps(used, subject.drive, seed=1), _HALF))
+    list(islice(subject.steps(used, seed=1), _HALF))
     otherwise = "after reset the localizer remembers its previous run"
     subject.require_same(subject.history(used), otherwise)
 
 
 def picklable(subject: LocalizerDrive) -> None:
     """A copy made by pickle continues as the original does, whether new or halfway."""
-    drive, original = subject.drive, subject.made()
+    original = subject.made()
     copy = pickle.loads(pickle.dumps(original))
     subject.require_same(subject.history(copy), "a pickled copy differs")
-    half = islice(steps(original, drive), _HALF + 1)
+    half = islice(subject.steps(original), _HALF + 1)
     run = [snapshot(belief, t) for t, (belief, _) in enumerate(half)]
     copy = pickle.loads(pickle.dumps(original))
     run += [
-        snapshot(copy.update(*drive.inputs(t).values()), t)
+        snapshot(copy.update(*subject.inputs(t).values()), t)
         for t in range(_HALF + 1, DRIVE_STEPS + 1)
     ]
     subject.require_same(run, "a copy pickled halfway differs")

@@ -30,25 +30,6 @@ Snapshot = Mapping[int, tuple[Floats, Floats]]  # poses and weights by offset
 Seed = int | np.random.Generator
 
 
-@dataclass(frozen=True, kw_only=True)
-class RandomDrive:
-    """What a localizer is given for T steps.
-
-    Actions (T, 2) are the first of those planned, scans (T, B) are taken after them, and plans
-    (h, 2) are those at t = 0 … T.
-    """
-
-    prior: GaussianPrior
-    actions: Floats
-    scans: Floats
-    plans: Sequence[Floats]
-
-    def inputs(self, t: int) -> dict[str, Floats]:
-        """Return copies of what a localizer gets at t: plan, later ranges, action and plan."""
-        before = {"ranges": self.scans[t - 1], "action": self.actions[t - 1]} if t else {}
-        return {name: array.copy() for name, array in (before | {"plan": self.plans[t]}).items()}
-
-
 def default_robot() -> RobotModel:
     """Return a robot with eight beams in a rectangular corridor."""
     return robot_on(
@@ -70,8 +51,8 @@ def robot_on(floor_plan: Map) -> RobotModel:
     )
 
 
-def random_drive(robot: RobotModel, rng: np.random.Generator) -> RandomDrive:
-    """Drive from a free pose, turning where a wall is near; only half of the plan is driven.
+def random_drive(robot: RobotModel, rng: np.random.Generator) -> dict[str, Any]:
+    """Return a drive from a free pose, turning near walls; only half of the plan is driven.
 
     The noise is small and not that which the robot assumes: a check tests whether a localizer
     keeps the laws, not how accurate it is. It starts where it sees far, heading slightly below 0:
@@ -90,12 +71,12 @@ def random_drive(robot: RobotModel, rng: np.random.Generator) -> RandomDrive:
         ends.append(pose)
     ranges = np.asarray(lidar.ranges(floor_plan, np.array(ends[:DRIVE_STEPS]).T), float)
     x, y, heading = start.tolist()
-    return RandomDrive(
-        prior=GaussianPrior(mean=(x, y, heading), sd_position=0.5 * stride, sd_heading=0.1),
-        actions=np.array(actions[:DRIVE_STEPS]),
-        scans=np.clip(rng.normal(ranges, 0.01 * stride), 0.0, lidar.max_range),
-        plans=[np.array(actions[t:]) for t in range(DRIVE_STEPS + 1)],
-    )
+    return {
+        "prior": GaussianPrior(mean=(x, y, heading), sd_position=0.5 * stride, sd_heading=0.1),
+        "actions": np.array(actions[:DRIVE_STEPS]),
+        "scans": np.clip(rng.normal(ranges, 0.01 * stride), 0.0, lidar.max_range),
+        "plans": [np.array(actions[t:]) for t in range(DRIVE_STEPS + 1)],
+    }
 
 
 def _free_step(
@@ -118,17 +99,21 @@ def _free_step(
 
 @dataclass(frozen=True, kw_only=True)
 class LocalizerDrive(Subject):
-    """A localizer along a drive.
+    """A localizer along a drive of T steps.
 
-    ``source`` is its factory, or a name by which any process finds that; ``imported`` is what its
-    import changed of the state of this process.
+    The actions (T, 2) are the first of those planned, the scans (T, B) are taken after them, and
+    the plans (h, 2) are those at t = 0 … T. ``source`` is its factory, or a name by which any
+    process finds that; ``imported`` is what its import changed of the state of this process.
     """
 
     remedy = "use the rng given to reset"
     source: str | Factory
     params: Mapping[str, Any]
     robot: RobotModel
-    drive: RandomDrive
+    prior: GaussianPrior
+    actions: Floats
+    scans: Floats
+    plans: Sequence[Floats]
     imported: tuple[str, ...] = ()
 
     @property
@@ -147,12 +132,27 @@ class LocalizerDrive(Subject):
         made: Localizer = LOCALIZER.checked(self.name, self.factory(self.robot, **self.params))
         return made
 
+    def inputs(self, t: int) -> dict[str, Floats]:
+        """Return copies of what a localizer gets at t: plan, later ranges, action and plan."""
+        before = {"ranges": self.scans[t - 1], "action": self.actions[t - 1]} if t else {}
+        return {name: array.copy() for name, array in (before | {"plan": self.plans[t]}).items()}
+
+    def steps(
+        self, localizer: Localizer | None = None, seed: Seed = 0
+    ) -> Iterator[tuple[Belief, dict[str, Floats]]]:
+        """Run a localizer, a new one if none is given; yield beliefs and what each is given for."""
+        localizer = self.made() if localizer is None else localizer
+        given = self.inputs(0)
+        yield localizer.reset(self.prior, given["plan"], np.random.default_rng(seed)), given
+        for t in range(1, len(self.plans)):
+            given = self.inputs(t)
+            yield localizer.update(*given.values()), given
+
     def history(
         self, localizer: Localizer | None = None, *, seed: Seed = 0, **changes: Any
     ) -> list[Snapshot]:
-        """Run a localizer, a new one if none is given, along the drive, changed as told."""
-        drive = replace(self.drive, **changes)
-        run = steps(self.made() if localizer is None else localizer, drive, seed)
+        """Return what it believes at each step, with some fields of this changed."""
+        run = replace(self, **changes).steps(localizer, seed)
         return [snapshot(belief, t) for t, (belief, _) in enumerate(run)]
 
     def require_valid(self, *, sums: bool = True, **changes: Any) -> None:
@@ -173,8 +173,8 @@ class LocalizerDrive(Subject):
 
     def written(self) -> str | None:
         """Name what it writes into of ranges, action and plan."""
-        for t, (_, given) in enumerate(steps(self.made(), self.drive)):
-            if name := difference(self.drive.inputs(t), given):
+        for t, (_, given) in enumerate(self.steps()):
+            if name := difference(self.inputs(t), given):
                 return f"the {name} at step {t}"
         return None
 
@@ -194,21 +194,10 @@ def localizer_drive(
     for param in params if names is not None else ():
         one_of(f"parameter of localizer {name!r}", param, names or ())
     imported = tuple(process.changes_since(before))
-    drive = random_drive(robot, np.random.default_rng(0))
     return LocalizerDrive(
-        name=name, source=source, params=params, robot=robot, drive=drive, imported=imported
-    )
-
-
-def steps(
-    localizer: Localizer, drive: RandomDrive, seed: Seed = 0
-) -> Iterator[tuple[Belief, dict[str, Floats]]]:
-    """Run a localizer along a drive; yield its beliefs, each with the arrays given for it."""
-    given = drive.inputs(0)
-    yield localizer.reset(drive.prior, given["plan"], np.random.default_rng(seed)), given
-    for t in range(1, len(drive.plans)):
-        given = drive.inputs(t)
-        yield localizer.update(*given.values()), given
+        name=name, source=source, params=params, robot=robot, imported=imported,
+        **random_drive(robot, np.random.default_rng(0)),
+    )  # fmt: skip
 
 
 def snapshot(belief: Belief, t: int) -> Snapshot:

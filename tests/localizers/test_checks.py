@@ -24,7 +24,6 @@ from localizers.checks import (
 from localizers.checks import laws as laws_of
 from localizers.checks.subject import localizer_drive, random_drive, robot_on
 from localizers.checks.verdicts import LawBrokenError, difference, report_of
-from localizers.methods.dead_reckoning import dead_reckoning
 from localizers.models.nav2_motion import DifferentialMotion
 from localizers.template import MyLocalizer
 
@@ -132,7 +131,7 @@ def test_the_laws_are_kept_on_any_drive_and_lidar(name, beams, seed):
     robot = replace(default_robot(), lidar=Lidar(beams=beams))
     subject = localizer_drive(name, robot, particles=50)
     drive = random_drive(robot, np.random.default_rng(seed))
-    assert broken_here(replace(subject, drive=drive)) == []
+    assert broken_here(replace(subject, **drive)) == []
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -140,7 +139,7 @@ def test_a_mean_of_headings_that_is_none_of_directions_is_found_on_any_drive(see
     subject = localizer_drive(example(laws_of.half_turn))
     drive = random_drive(subject.robot, np.random.default_rng(seed))
     with pytest.raises(LawBrokenError):
-        laws_of.half_turn(replace(subject, drive=drive))
+        laws_of.half_turn(replace(subject, **drive))
 
 
 def robot_on_cells():
@@ -155,9 +154,10 @@ def robot_on_cells():
 def test_the_random_drive_stays_in_free_space_and_its_scans_in_range(seed, made):
     robot = made()
     robot = replace(robot, lidar=replace(robot.lidar, max_range=robot.lidar.max_range * 3 / 8))
-    drive = random_drive(robot, np.random.default_rng(seed))
-    commands = dead_reckoning(robot)
-    belief = commands.reset(drive.prior, drive.plans[0], np.random.default_rng(0))
+    drive = replace(
+        localizer_drive("dead-reckoning", robot), **random_drive(robot, np.random.default_rng(seed))
+    )
+    belief, _ = next(drive.steps())
     poses = np.vstack([belief.points(t)[0] for t in range(len(drive.plans[0]) + 1)])
     collides = robot.floor_plan.collides(poses[:-1], poses[1:], robot.radius)
     assert not collides[drive.plans[0][:, 0] != 0].any()
