@@ -1,8 +1,7 @@
 """What commands share: arguments, warnings, and the setting of ``paper`` and ``run``."""
 
 import argparse
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,13 +29,13 @@ def _path(text: str, what: str) -> Path:
     return Path(text)
 
 
-def add_read(parser: argparse.ArgumentParser) -> None:
-    """Add how a log is read."""
+def add_set(parser: argparse.ArgumentParser, example: str = "params.mcl.particles=500") -> None:
+    """Add single values by the names that a sweep file has."""
     help_ = (
-        "how to read the log, as in scan_topic=/front, base_frame=base, max_range=20 (one --read "
-        "each)"
+        f"a value by its name in a sweep file, as {example}; world.…, assumed.…, params.… and "
+        "others: docs/sweeps.md (one --set each)"
     )
-    parser.add_argument("--read", action="append", default=[], metavar="NAME=VALUE", help=help_)
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=help_)
 
 
 def add_jobs(parser: argparse.ArgumentParser, what: str = "trials") -> None:
@@ -91,8 +90,14 @@ def _else(default: int | None) -> str:
 
 
 def add_out(parser: argparse.ArgumentParser, default: str | None = None) -> None:
-    """Add the output folder, which must be given if there is no default."""
-    needed: Any = {"required": True} if default is None else {"default": default}
+    """Add the output folder, which must be given if there is no default; a word of it in capitals
+    is the command's to fill in.
+    """
+    needed: Any = {"default": default}
+    if default is None:
+        needed = {"required": True}
+    elif default != default.lower():
+        needed = {}
     words = "output folder" if default is None else f"output folder ({default})"
     parser.add_argument("--out", type=folder, metavar="DIR", help=words, **needed)
 
@@ -124,51 +129,30 @@ def add_setting(parser: argparse.ArgumentParser) -> None:
     add("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)")
 
 
-def add_params(parser: argparse.ArgumentParser) -> None:
-    """Add parameters of single localizers."""
-    help_ = "a parameter of a localizer, as in mcl-map.start_draws=20 (one --param each)"
-    parser.add_argument(
-        "--param", action="append", default=[], metavar="NAME.KEY=VALUE", help=help_
-    )
-
-
-def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return NAME.KEY=VALUE words as parameters by localizer; a value is as in a sweep file."""
-    from benchmarks.setup.overrides import OF_LOCALIZERS, Overrides
-    from benchmarks.sweeps.settings import settings
-    from deqmcl_gym.validation import InputError, one_of
-    from localizers import absolute_name, parameters
-    from localizers.registry import LOCALIZER
-
-    as_given = {absolute_name(name): name for name in localizers}
-    found: dict[str, dict[str, Any]] = {}
-    form = "NAME.KEY=VALUE, as mcl-map.start_draws=20"
-    for place, value in settings("--param", words, form).items():
-        given, _, key = place.rpartition(".")
-        if not (given and key):
-            raise InputError(f"--param has {place!r}, but must be {form}.")
-        name = LOCALIZER.complete(given)
-        name = as_given.get(absolute_name(name), name)
-        one_of("localizer in --param", name, localizers)
-        known = parameters(name)
-        if known is not None:
-            one_of(f"parameter of localizer {name!r} in --param", key, known)
-        found.setdefault(name, {})[key] = value
-    return {name: dict(Overrides(own).beside(Path(), OF_LOCALIZERS)) for name, own in found.items()}
-
-
 def setting_sweep(
-    options: argparse.Namespace,
-    localizers: Sequence[str],
-    trials: int = 1,
-    own: Mapping[str, Mapping[str, Any]] | None = None,
-    agent: str | None = None,
+    options: argparse.Namespace, localizers: Sequence[str], trials: int = 1
 ) -> "Sweep":
-    """Return the localizers on the worlds of the setting."""
-    from benchmarks.setup.overrides import Named, Overrides
-    from benchmarks.sweeps.suites import paper_sweep
-    from benchmarks.trials.spec import Method
-    from deqmcl_gym.validation import InputError, integer
+    """Return the localizers on the worlds of the setting, with what is set."""
+    from benchmarks.experiment import sweep
+    from benchmarks.sweeps.settings import settings
+    from deqmcl_gym.validation import integer
+
+    refuse_twice(localizers)
+    return sweep(
+        "paper",
+        localizers=localizers,
+        scenario=options.scenario,
+        trials=integer("--trials", trials, low=1, high=100_000),
+        seed=integer("--seed", options.seed),
+        lag=integer("--lag", options.lag),
+        params={"particles": integer("--particles", options.particles, low=1)},
+        settings=settings(options.set),
+    ).sweep
+
+
+def refuse_twice(localizers: Sequence[str]) -> None:
+    """Refuse no localizer, an unknown one, and one that is named twice."""
+    from deqmcl_gym.validation import InputError
     from localizers import names, parameters
 
     if not localizers:
@@ -177,65 +161,6 @@ def setting_sweep(
         parameters(name)
     if len(set(localizers)) < len(localizers):
         raise InputError(f"a localizer is named twice in {', '.join(localizers)}.")
-    sweep = paper_sweep(
-        scenario=options.scenario,
-        localizers=localizers,
-        trials=integer("--trials", trials, low=1, high=100_000),
-        seed=integer("--seed", options.seed),
-        lag=integer("--lag", options.lag),
-        particles=integer("--particles", options.particles, low=1),
-    )
-    if own:
-        methods = (Method(name=name, params=Overrides(own.get(name, {}))) for name in localizers)
-        sweep = replace(sweep, localizers=tuple(methods))
-    if agent is not None:
-        sweep = replace(sweep, agent=Named(agent))
-    return sweep
-
-
-def with_agents(sweep: "Sweep", listed: str | None) -> "Sweep":
-    """Return a sweep driven by each of the agents in ``a,b,c`` in turn; None: as it says itself."""
-    from benchmarks.setup.overrides import Overrides
-    from benchmarks.sweeps.design import Axis
-    from deqmcl_gym.validation import InputError
-
-    if listed is None:
-        return sweep
-    names = tuple(dict.fromkeys(name for part in listed.split(",") if (name := part.strip())))
-    if not names:
-        raise InputError(
-            "--agents names no agent: give one or more, as in --agents stale,misplaced."
-        )
-    if taken := [name for name in sweep.varied if name.partition(".")[0] == "agent"]:
-        raise InputError(f"the sweep varies {taken[0]} itself: leave out --agents.")
-    axis = Axis(values=Overrides({"agent": names}))
-    baseline = "" if len(names) > 1 else sweep.baseline
-    return replace(sweep, agent=None, vary=(*sweep.vary, axis), baseline=baseline)
-
-
-def with_options(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
-    """Return a sweep with the worlds, the root seed and the parameters that are asked for.
-
-    The method of a limit keeps its own parameters, such as its particles.
-    """
-    from benchmarks.setup.overrides import Overrides
-    from deqmcl_gym.validation import integer
-
-    own = params_named(options.param, list(dict.fromkeys(sweep.names)))
-    trials, seed = sweep.trials, sweep.seed
-    if options.trials is not None:
-        trials = integer("--trials", options.trials, low=1, high=100_000)
-    if options.seed is not None:
-        seed = integer("--seed", options.seed)
-    localizers = tuple(
-        replace(method, params=method.params | own.get(method.name, {}))
-        for method in sweep.localizers
-    )
-    limits = []
-    for limit in sweep.limits:
-        params = Overrides(own.get(limit.method.name, {})) | limit.method.params
-        limits.append(replace(limit, method=replace(limit.method, params=params)))
-    return replace(sweep, trials=trials, seed=seed, localizers=localizers, limits=tuple(limits))
 
 
 def localizers_named(listed: str) -> tuple[str, ...]:

@@ -13,7 +13,6 @@ from typing import Any
 
 from benchmarks.replay import ros_params
 from benchmarks.replay.options import Replay
-from benchmarks.sweeps.settings import sweep_text
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError, boolean, number, one_of, pose, shown
@@ -106,38 +105,27 @@ class Amcl:
         return [f"{self.source}: what is played differs in {', '.join(told)}"] if told else []
 
     @property
-    def options(self) -> dict[str, Any]:
-        """What they say of a replay: see ``replay_of``."""
+    def assumed(self) -> dict[str, Any]:
+        """What other localizers assume, as settings of ``replay_of``."""
+        motion = {"kind": kind_of(self.motion), **vars(self.motion)}
         return {
-            "reading": self.reading,
-            "every": self.every,
-            "max_beams": self.max_beams,
-            "motion": {"kind": kind_of(self.motion), **vars(self.motion)},
-            "scan": {"sigma": self.sigma},
-            "otherwise": self.start,
+            **{f"assumed.motion.{name}": value for name, value in motion.items()},
+            "assumed.scan.sigma": self.sigma,
         }
 
     @property
-    def toml(self) -> str:
-        """A sweep file without its log."""
-        distance, angle = self.every
-        unused = [f"not used: {name}: {why}" for name, why in self.unused.items()]
-        at = [] if self.start is None else [",".join(map(str, self.start))]
-        start = [f"initial_pose: deqmcl replay --start={pose}" for pose in at]
-        files = {"log": "robot.log.gz", "map": "map.yaml", "reference": "robot.tum"}
-        given = {f"reading.{name}": value for name, value in self.reading.items()}
-        every = {"every": f"{distance:g}m,{angle:g}rad", "max_beams": self.max_beams}
-        named = {f'{name} = "{file}"': None for name, file in files.items()}
-        motion = {f"motion.{name}": value for name, value in self.options["motion"].items()}
-        return sweep_text(
-            [self.source, *unused, *self.remarks, *start],
-            {"scenario": "log", "localizers": ["amcl"]},
-            {
-                "world": {**named, **every, **given},
-                "assumed": {"scan.sigma": self.sigma, **motion},
-                "params": self.params,
-            },
-        )
+    def world(self) -> dict[str, Any]:
+        """What they say of the log, as settings of ``replay_of``."""
+        return {
+            "world.every": self.every,
+            "world.max_beams": self.max_beams,
+            **self.bounds,
+        }
+
+    @property
+    def bounds(self) -> dict[str, Any]:
+        """The ranges that are measurements, as settings of ``replay_of``."""
+        return {f"world.reading.{name}": value for name, value in self.reading.items()}
 
 
 def read_nav2(path: Path, node: str | None = None) -> Amcl:
