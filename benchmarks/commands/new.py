@@ -34,9 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
             f"--{name}", type=kind, default=argparse.SUPPRESS, metavar="N", help=words
         )
     for name, words in _SWITCHES:
-        office.add_argument(
-            f"--{name}", action="store_true", default=argparse.SUPPRESS, help=words
-        )
+        office.add_argument(f"--{name}", action="store_true", default=argparse.SUPPRESS, help=words)
     office.add_argument(
         "--out", type=shared.folder, required=True, metavar="DIR", help="a new or empty folder"
     )

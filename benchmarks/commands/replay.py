@@ -119,9 +119,7 @@ def run(options: argparse.Namespace) -> str:
     if options.dry_run:
         return sweep_file(plan.sweep, [*plan.warnings, *plan.replay.facts]).rstrip()
     out = options.out or Path("results") / Path(options.log[0]).name.partition(".")[0]
-    text = run_replay(
-        plan, out, Options(where=where), options.words, residuals=options.residuals
-    )
+    text = run_replay(plan, out, Options(where=where), options.words, residuals=options.residuals)
     if mcap is None:
         return text
     first = list(replace(plan.sweep, trials=1).distinct())

@@ -90,9 +90,7 @@ def _else(default: int | None) -> str:
 
 
 def add_out(parser: argparse.ArgumentParser, default: str | None = None) -> None:
-    """Add the output folder, which must be given if there is no default; a word of it in capitals
-    is the command's to fill in.
-    """
+    """Add the output folder; without a default it must be given, LOG in one is for the command."""
     needed: Any = {"default": default}
     if default is None:
         needed = {"required": True}

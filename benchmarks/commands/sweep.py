@@ -98,8 +98,6 @@ def asked(options: argparse.Namespace) -> "Sweep":
     from localizers import parameters
 
     added = [name for listed in options.added for name in shared.localizers_named(listed)]
-    for name in added:
-        parameters(name)
     keys: dict[str, Any] = {}
     if options.trials is not None:
         keys["trials"] = integer("--trials", options.trials, low=1, high=100_000)
@@ -116,6 +114,8 @@ def asked(options: argparse.Namespace) -> "Sweep":
         keys["until_decided"] = {} if options.margin is None else {"margin": options.margin}
     base = with_localizers(sweep(options.suite).sweep, added)
     made = sweep(base, settings=settings(options.set), **keys).sweep
+    for name in added:
+        parameters(name)
     if options.shard and made.until_decided:
         raise InputError(
             "--shard runs a part of all trials, but until all comparisons are decided nobody knows "

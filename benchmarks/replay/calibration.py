@@ -83,8 +83,8 @@ def with_fitted_beams(replay: Replay) -> Replay:
         assumed=replay.assumed
         | {"scan.kind": "beam-model", **{f"scan.{name}": value for name, value in parts.items()}},
         beams=f"Beam model, by expectation maximization on {fit.readings:,} readings from "
-        f"reference poses in the first {count:,} records: --set assumed.scan.kind=beam-model {words} "
-        f"(sigma in {log.unit}, decay per {log.unit}; log-likelihood of a reading "
+        f"reference poses in the first {count:,} records: --set assumed.scan.kind=beam-model "
+        f"{words} (sigma in {log.unit}, decay per {log.unit}; log-likelihood of a reading "
         f"{gained[0]:.3f} at the start, {gained[1]:.3f} after {len(fit.log_likelihoods) - 1} "
         "rounds).",
     )

@@ -123,8 +123,8 @@ class Replay:
             return None
         return (
             f"{aside:.1f} of {driven:.1f} {log.unit} of odometry are sideways: for a robot that "
-            "can move so, add --set assumed.motion.kind=omni; for one that cannot, its odometry is not of the "
-            "point between its wheels, or the wheels slip."
+            "can move so, add --set assumed.motion.kind=omni; for one that cannot, its odometry is "
+            "not of the point between its wheels, or the wheels slip."
         )
 
     @property
@@ -214,6 +214,15 @@ def replay_of(
         whole.segment(world.get("start", 0)), played, world.get("reading.reference_tolerance")
     )
     return Replay(world=Overrides(world), assumed=Overrides(assumed), noise=origin, reference=said)
+
+
+def reading_among(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of ``logs.read`` that are set; nothing else may be."""
+    head = "world.reading."
+    for name in settings:
+        if not name.startswith(head):
+            one_of("name of a setting of a log", name, [f"{head}…"])
+    return {name.removeprefix(head): value for name, value in settings.items()}
 
 
 def params_among(settings: Mapping[str, Any]) -> dict[str, Any]:

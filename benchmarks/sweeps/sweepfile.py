@@ -200,7 +200,9 @@ def params_by_localizer(
     taken = {name: parameters(name) for name in localizers}
     if None not in taken.values():
         for key in shared:
-            one_of("parameter of these localizers", key, {k for t in taken.values() for k in t or ()})
+            one_of(
+                "parameter of these localizers", key, {k for t in taken.values() for k in t or ()}
+            )
     found = {}
     for name, keys in taken.items():
         useful = {k: value for k, value in shared.items() if keys is None or k in keys}

@@ -450,17 +450,27 @@ def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--param", "amcl.alpha1=0.3"], "alpha1 0.04 → 0.3"),
-        (["--param", "amcl.max_particles=400"], "max_particles 1500 → 400"),
-        (["--param", "amcl.selective_resampling=true"], "selective_resampling None → True"),
-        (["--max-beams", "20"], "max_beams 30 → 20"),
+        (["--set", "params.amcl.alpha1=0.3"], "alpha1 0.04 → 0.3"),
+        (["--set", "params.amcl.max_particles=400"], "max_particles 1500 → 400"),
+        (["--set", "params.amcl.selective_resampling=true"], "selective_resampling None → True"),
+        (["--set", "world.max_beams=20"], "max_beams 30 → 20"),
         (["--every", "0.2m,1rad"], "update_min_a 0.2 → 1.0, update_min_d 0.1 → 0.2"),
-        (["--read", "max_range=3"], "laser_max_range 4.0 → 3"),
-        (["--read", "min_range=0.2"], "laser_min_range the sensor's → 0.2"),
+        (["--set", "world.reading.max_range=3"], "laser_max_range 4.0 → 3"),
+        (["--set", "world.reading.min_range=0.2"], "laser_min_range the sensor's → 0.2"),
         (["--start=1,1,0"], "initial_pose (1.2, 1.0, 0.1) → (1.0, 1.0, 0.0)"),
         (["--reference", "x.tum"], "initial_pose (1.2, 1.0, 0.1) → another start"),
-        (["--param", "amcl.alpha1=0.04", "--max-beams", "40", "--every", "0.01m,1deg"], None),
-        (["--start=1.2,1,0.1", "--particles", "20", "--motion", "alpha1=0.5"], None),
+        (
+            [
+                "--set",
+                "params.amcl.alpha1=0.04",
+                "--set",
+                "world.max_beams=40",
+                "--every",
+                "0.01m,1deg",
+            ],
+            None,
+        ),
+        (["--start=1.2,1,0.1", "--particles", "20", "--set", "assumed.motion.alpha1=0.5"], None),
     ],
 )
 def test_replay_says_in_which_parameters_amcl_differs_from_the_file(

@@ -15,7 +15,16 @@ from benchmarks.trials.tracks import calibration_of_gaussians
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import composed, relative
 
-REPLAY = ("replay", "lap.csv", "--map", "hall.yaml", "--reference", "lap.tum", "--max-beams", "20")
+REPLAY = (
+    "replay",
+    "lap.csv",
+    "--map",
+    "hall.yaml",
+    "--reference",
+    "lap.tum",
+    "--set",
+    "world.max_beams=20",
+)
 REPLAY += ("--localizers", "mcl", "--particles", "100", "--seeds", "2", "--jobs", "1")
 WHOLE = ("--reference", "lap.tum", "--log", "lap.csv", "--map", "hall.yaml")
 
