@@ -58,13 +58,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_mcap(more)
 
 
-def add_every(parser: argparse.ArgumentParser, default: str) -> None:
+def add_every(parser: shared.Options, default: str) -> None:
     """Add how far apart the records are that are played."""
     help_ = f"play a record each time the robot has moved this far ({default})"
     parser.add_argument("--every", metavar="D,A", help=help_)
 
 
-def add_nav2(parser: argparse.ArgumentParser, words: str) -> None:
+def add_nav2(parser: shared.Options, words: str) -> None:
     """Add Nav2's parameter file and the node in it."""
     add = parser.add_argument
     add("--nav2", type=Path, metavar="PARAMS.yaml", help=words)

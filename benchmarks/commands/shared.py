@@ -3,10 +3,18 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.sweeps.design import Sweep
+
+
+class Options(Protocol):
+    """What options are added to: a parser, or a group of its options."""
+
+    @property
+    def add_argument(self) -> Any:
+        """Add one."""
 
 
 def folder(text: str) -> Path:
@@ -29,7 +37,7 @@ def _path(text: str, what: str) -> Path:
     return Path(text)
 
 
-def add_set(parser: argparse.ArgumentParser, example: str = "params.mcl.particles=500") -> None:
+def add_set(parser: Options, example: str = "params.mcl.particles=500") -> None:
     """Add single values by the names that a sweep file has."""
     help_ = (
         f"a value by its name in a sweep file, as {example}; world.…, assumed.…, params.… and "
@@ -38,13 +46,13 @@ def add_set(parser: argparse.ArgumentParser, example: str = "params.mcl.particle
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=help_)
 
 
-def add_jobs(parser: argparse.ArgumentParser, what: str = "trials") -> None:
+def add_jobs(parser: Options, what: str = "trials") -> None:
     """Add how many processes there are."""
     help_ = f"{what} at a time (one per processor)"
     parser.add_argument("--jobs", type=int, metavar="J", help=help_)
 
 
-def add_timeout(parser: argparse.ArgumentParser, what: str = "trial") -> None:
+def add_timeout(parser: Options, what: str = "trial") -> None:
     """Add the time limit of each."""
     help_ = f"seconds allowed per {what} (no limit; for a plug-in 3600)"
     parser.add_argument("--timeout", type=float, metavar="S", help=help_)
@@ -59,7 +67,7 @@ def share(text: str) -> float:
         raise argparse.ArgumentTypeError(f"it is {text!r}: give a share, as 5% or 0.05") from None
 
 
-def add_share(parser: argparse.ArgumentParser) -> None:
+def add_share(parser: Options) -> None:
     """Add how many trials are run again."""
     help_ = "share of trials to run again, beside one of each setting and method (1%%)"
     parser.add_argument("--share", type=share, metavar="S", help=help_)
@@ -73,13 +81,13 @@ def share_verified(options: argparse.Namespace) -> float:
     return SHARE if options.share is None else number("--share", options.share, low=0, high=1)
 
 
-def add_seed(parser: argparse.ArgumentParser, default: int | None = 0) -> None:
+def add_seed(parser: Options, default: int | None = 0) -> None:
     """Add the root seed; None: that of the sweep."""
     help_ = f"root of all randomness ({_else(default)})"
     parser.add_argument("--seed", type=int, default=default, metavar="S", help=help_)
 
 
-def add_trials(parser: argparse.ArgumentParser, default: int | None = None) -> None:
+def add_trials(parser: Options, default: int | None = None) -> None:
     """Add the number of worlds; None: that of the sweep."""
     help_ = f"worlds of each setting ({_else(default)})"
     parser.add_argument("--trials", type=int, default=default, metavar="K", help=help_)
@@ -89,7 +97,7 @@ def _else(default: int | None) -> str:
     return "as in the sweep" if default is None else str(default)
 
 
-def add_out(parser: argparse.ArgumentParser, default: str | None = None) -> None:
+def add_out(parser: Options, default: str | None = None) -> None:
     """Add the output folder; without a default it must be given, LOG in one is for the command."""
     needed: Any = {"default": default}
     if default is None:
@@ -100,7 +108,7 @@ def add_out(parser: argparse.ArgumentParser, default: str | None = None) -> None
     parser.add_argument("--out", type=folder, metavar="DIR", help=words, **needed)
 
 
-def add_mcap(parser: argparse.ArgumentParser) -> None:
+def add_mcap(parser: Options) -> None:
     """Add the file for Foxglove."""
     help_ = "also write what is believed, for Foxglove and Lichtblick (needs the extra view)"
     parser.add_argument("--mcap", type=file, metavar="FILE.mcap", help=help_)
@@ -117,7 +125,7 @@ def mcap_of(options: argparse.Namespace) -> Path | None:
     return path
 
 
-def add_setting(parser: argparse.ArgumentParser) -> None:
+def add_setting(parser: Options) -> None:
     """Add the scenario, the root seed, and the parameters that most localizers have."""
     add = parser.add_argument
     add("--scenario", default="paper", metavar="NAME",

@@ -41,6 +41,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--candidates", type=int, default=108, metavar="N", help="how many candidates, in rounds "
         "of 18; more go on in the same folder (108)",
     )  # fmt: skip
+    add_nav2(parser, "your Nav2 parameters: the default to beat")
+    shared.add_set(parser, "params.max_particles=500 or world.max_beams=60 (amcl: 180)")
+    shared.add_jobs(parser, "runs")
+    shared.add_out(parser)
+    segments = parser.add_argument_group("segments")
+    add = segments.add_argument
     add("--segment", type=float, default=15.0, metavar="M", help="m driven in a segment (15)")
     add("--gap", type=float, default=2.0, metavar="M", help="m driven between two (2)")
     add(
@@ -49,14 +55,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="D,A",
         help="how well the start of a segment is known, standard deviations (0.2m,0.1rad)",
     )
-    add_nav2(parser, "your Nav2 parameters: the default to beat")
-    add_every(parser, "0.2m,5deg; for amcl 0.05m,3deg")
-    shared.add_set(parser, "params.max_particles=500 or world.max_beams=60 (amcl: 180)")
-    shared.add_seed(parser)
-    shared.add_jobs(parser, "runs")
-    shared.add_timeout(parser, "run")
-    add("--retry-failed", action="store_true", help="run again what failed before")
-    shared.add_out(parser)
+    add_every(segments, "0.2m,5deg; for amcl 0.05m,3deg")
+    more = parser.add_argument_group("more")
+    shared.add_seed(more)
+    shared.add_timeout(more, "run")
+    more.add_argument("--retry-failed", action="store_true", help="run again what failed before")
 
 
 def run(options: argparse.Namespace) -> str:

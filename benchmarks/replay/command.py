@@ -112,22 +112,9 @@ def planned(
                 replay = calibrated(replay)
         else:
             replay = judged_alike(replay)
-    if particles is not None:
-        integer("--particles", particles, low=1)
-    integer("--seeds", seeds, low=1, high=10_000)
-    integer("--seed", seed)
     shared = {} if nav2 is None else {"amcl": nav2.params}
-    sweep = Sweep(
-        title=f"Replay of {file_names(replay.world['log'])}",
-        localizers=methods_of(localizers, particles, own, shared),
-        scenario=NAME,
-        lag=0,
-        world=replay.world,
-        assumed=replay.assumed,
-        seed=seed,
-        trials=seeds,
-        baseline=localizers[0],
-        takes=own_params,
+    sweep = replay_sweep(
+        replay, localizers, particles=particles, seeds=seeds, root=seed, shared=shared, own=own
     )
     check(sweep)
     warnings += warn(gated(sweep, settings.get("world.every")))
@@ -135,6 +122,35 @@ def planned(
         amcl = next((method.params for method in sweep.localizers if method.name == "amcl"), None)
         warnings += warn([*nav2.notes, *([] if amcl is None else nav2.differences(amcl, replay))])
     return Planned(replay, sweep, warnings)
+
+
+def replay_sweep(
+    replay: Replay,
+    localizers: Sequence[str],
+    *,
+    particles: int | None,
+    seeds: int,
+    root: int,
+    shared: Mapping[str, Mapping[str, Any]],
+    own: Mapping[str, Mapping[str, Any]],
+) -> Sweep:
+    """Return the sweep whose worlds are the runs of each localizer on a log; see ``methods_of``."""
+    if particles is not None:
+        integer("--particles", particles, low=1)
+    integer("--seeds", seeds, low=1, high=10_000)
+    integer("--seed", root)
+    return Sweep(
+        title=f"Replay of {file_names(replay.world['log'])}",
+        localizers=methods_of(localizers, particles, own, shared),
+        scenario=NAME,
+        lag=0,
+        world=replay.world,
+        assumed=replay.assumed,
+        seed=root,
+        trials=seeds,
+        baseline=localizers[0],
+        takes=own_params,
+    )
 
 
 def sweep_file(sweep: Sweep, notes: Sequence[str] = ()) -> str:

@@ -55,6 +55,11 @@ class Same:
 """
 
 
+def of_motion(params):
+    """Settings of the motion model."""
+    return {f"assumed.motion.{name}": value for name, value in params.items()}
+
+
 @pytest.fixture(scope="module")
 def lap():
     """A hall, and the log of a lap in it."""
@@ -294,7 +299,7 @@ def test_motion_given_in_part_leaves_the_rest_as_it_would_be(recorded, kind, par
     (name,), chosen = part, {"kind": kind}
     origin = "of the log's odometry against its reference"
     replays = [
-        replay_of("lap.csv", "hall.yaml", motion=given, reference="lap.tum")
+        replay_of("lap.csv", "hall.yaml", settings=of_motion(given), reference="lap.tum")
         for given in (chosen, chosen | part, chosen | part | rest)
     ]
     estimated, partly, whole = (replay.motion for replay in replays)
@@ -305,7 +310,7 @@ def test_motion_given_in_part_leaves_the_rest_as_it_would_be(recorded, kind, par
     assert said[0].startswith(origin)
     assert said[1].startswith(f"{name} given; the rest {origin}")
     assert said[2] == "given"
-    unknown = replay_of("lap.csv", "hall.yaml", motion=chosen, start="1.2,1,0")
+    unknown = replay_of("lap.csv", "hall.yaml", settings=of_motion(chosen), start="1.2,1,0")
     assert unknown.motion == unknown_motion(kind, "m")
     assert unknown.noise == "assumed, as there is no reference"
 
@@ -403,33 +408,17 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--set", "world.max_beams=0"), "max_beams"),
         (("--particles", "0"), "--particles"),
         (("--seeds", "0"), "--seeds"),
-        (("--set", "world.radius=-0.1"), "--radius"),
-        (("--set", "params.mcl"), "NAME.KEY=VALUE"),
+        (("--set", "world.radius=-0.1"), "radius is -0.1"),
+        (("--set", "params.mcl=3"), "unknown parameter of these localizers 'mcl'"),
+        (("--set", "trials=3"), "unknown name of a setting on a log 'trials'"),
         (("--set", "params.mlc.beta=3"), "did you mean 'mcl'"),
         (("--set", "params.amcl.max_particle=3"), "did you mean 'max_particles'"),
         (("--set", "params.amcl.pf_err=-1"), "pf_err"),
         (("--set", "params.amcl.pf_z=much"), "pf_z"),
         (("--set", "params.mcl.particles=9", "--set", "params.mcl.particles=9"), "twice"),
-        (
-            ("--set", "assumed.motion.alpha1=0.1", "--set", "assumed.motion.alpha1=0.2"),
-            "--motion gives alpha1 twice",
-        ),
-        (("--set", "assumed.motion.=0.1"), "--motion has '=0.1', but must be NAME=VALUE"),
-        (("--set", "assumed.scan.sigma"), "--scan has 'sigma', but must be NAME=VALUE"),
-        (
-            ("--set", "world.changed_walls.share"),
-            "--changed-walls has 'share', but must be NAME=VALUE",
-        ),
-        (("--set", "world.reading.max_range"), "--read has 'max_range', but must be NAME=VALUE"),
-        (
-            ("--set", "world.reading.max_range=9", "--set", "world.reading.max_range=8"),
-            "--read gives max_range twice",
-        ),
-        (
-            ("--set", "world.changed_walls.seed=1", "--set", "world.changed_walls.seed=2"),
-            "--changed-walls gives seed twice",
-        ),
-        (("--set", "world.changed_walls.seed=nan"), "--changed-walls seed is nan"),
+        (("--set", "assumed.scan.sigma"), "--set has 'assumed.scan.sigma', but must be NAME=VALUE"),
+        (("--every", "1m", "--set", "world.every=1m"), "--every is given, and world.every set"),
+        (("--set", "world.changed_walls.seed=nan"), "--set world.changed_walls.seed is nan"),
         (("--jobs", "0"), "--jobs"),
         (("--start", "room=1,1,2,2"), "room=x,y,x,y,x,y,"),
         (("--start", "near=1,1,1,1"), "prior.within"),
@@ -509,7 +498,7 @@ def test_the_power_of_scans_is_fitted_only_where_a_localizer_uses_it(
 ):
     fitted = []
     monkeypatch.setattr(
-        "benchmarks.replay.calibration.calibrated", lambda replay: fitted.append(1) or replay
+        "benchmarks.replay.command.calibrated", lambda replay: fitted.append(1) or replay
     )
     assert replay(*KNOWN, "--seeds", "1", *words, "--out", "o") == 0
     assert bool(fitted) is fits
@@ -569,14 +558,17 @@ def test_odometry_that_moves_sideways_is_told_unless_the_motion_model_knows_it(r
     strafing[:, 1] += 0.05 * np.arange(len(log))  # m a record, whatever the heading
     logs.write(replace(log, odometry=strafing), "strafing.csv")
     said = [
-        replay_of(name, "hall.yaml", motion=motion, reference="lap.tum").sideways
+        replay_of(name, "hall.yaml", settings=of_motion(motion), reference="lap.tum").sideways
         for name, motion in (
             ("strafing.csv", {}),
             ("strafing.csv", {"kind": "omni"}),
             ("lap.csv", {}),
         )
     ]
-    assert "of odometry are sideways: for a robot that can move so, add --motion" in said[0]
+    assert (
+        "of odometry are sideways: for a robot that can move so, add --set assumed.motion"
+        in said[0]
+    )
     assert said[1:] == [None, None]
 
 
@@ -595,9 +587,9 @@ def test_two_scan_topics_of_a_bag_are_played_as_one_scanner(recorded, capsys, tm
     found, alone = table("o/results.csv")[0], table("p/results.csv")[0]
     for name in ("position_median", "heading_median", "agreement_01"):
         assert float(found[name]) == pytest.approx(float(alone[name]), rel=0.1)
-    assert replay(*words, *both, "--set", "world.reading.scan_topic=/scan_2", "--out", "q") == 2
+    assert replay(*words, "--set", "world.reading.scan_topic=[/s, /s]", "--out", "q") == 2
     assert "different ones" in capsys.readouterr().err
-    assert replay(*words, *both, "--set", "world.reading.scan_topic=/side", "--out", "q") == 2
+    assert replay(*words, "--set", "world.reading.scan_topic=/side", "--out", "q") == 2
     assert "scan_topic is '/side'" in capsys.readouterr().err
 
 

@@ -116,7 +116,9 @@ def test_an_interrupted_search_goes_on_to_the_same_end_on_one_or_two_workers(her
 
 def test_the_search_does_not_see_the_held_out_segments(here, tmp_path):
     log = logs.read("lap.csv", reference="lap.tum")
-    replay = replay_of("lap.csv", "hall.yaml", reference="lap.tum", every="0.1m,5deg")
+    replay = replay_of(
+        "lap.csv", "hall.yaml", reference="lap.tum", settings={"world.every": "0.1m,5deg"}
+    )
     ranges = log.ranges.copy()
     for one in segments_of([replay], 0.8, 0.1, (0.2, 0.1), 3):
         if one.held_out:
@@ -426,7 +428,9 @@ def test_what_navs_filter_does_not_have_gives_no_file(params, words):
 
 
 def test_segments_share_no_record_and_take_turns(here):
-    replay = replay_of("lap.csv", "hall.yaml", reference="lap.tum", every="0.1m,5deg")
+    replay = replay_of(
+        "lap.csv", "hall.yaml", reference="lap.tum", settings={"world.every": "0.1m,5deg"}
+    )
     whole = replay.scenario.whole
     found = sorted(
         segments_of([replay], 0.8, 0.1, (0.2, 0.1), 0), key=lambda one: one.world["start"]
@@ -441,7 +445,9 @@ def test_segments_share_no_record_and_take_turns(here):
 
 
 def test_starts_are_off_by_as_much_as_is_said(here):
-    replay = replay_of("lap.csv", "hall.yaml", reference="lap.tum", every="0.1m,5deg")
+    replay = replay_of(
+        "lap.csv", "hall.yaml", reference="lap.tum", settings={"world.every": "0.1m,5deg"}
+    )
     off = []
     for seed in range(60):
         for one in segments_of([replay], 0.8, 0.1, (0.02, 0.1), seed):
