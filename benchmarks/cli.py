@@ -13,9 +13,13 @@ from importlib import import_module
 from typing import NoReturn
 
 from benchmarks import console
-from benchmarks.commands import COMMANDS, GONE
+from benchmarks.commands import COMMANDS, GONE, GONE_OPTIONS, GROUPS
 
 BAD_INPUT, FAILED, INTERRUPTED, NOT_READ, TERMINATED = 2, 3, 130, 141, 143
+_DESCRIPTION = "Benchmark of self-localization for robots with a known plan." + "".join(
+    f"\n\n{group}:\n" + "\n".join(f"  {name:<8}{words}" for name, words in commands.items())
+    for group, commands in GROUPS.items()
+)
 _RESUMED = "paper", "sweep", "tune"  # what they have finished, they need not run again
 
 
@@ -42,6 +46,8 @@ class _Parser(argparse.ArgumentParser):
             nearest = difflib.get_close_matches(flag, known, n=1)
             if flag in known:  # argparse knows the options of a command only after its name
                 sentence = f"{flag} stands before the command: write it after {self.prog}"
+            elif flag in GONE_OPTIONS:
+                sentence = f"{flag} is gone: write {GONE_OPTIONS[flag]}"
             elif nearest:
                 sentence += f" (did you mean {nearest[0]}?)"
         if message.endswith("expected one argument"):  # argparse takes -1,0,0 for a flag
@@ -140,13 +146,18 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
     typed = os.environ.get("COMP_LINE", "").split() if completing else arguments
     parser = _Parser(
         prog="deqmcl",
-        description="Benchmark of self-localization for robots with a known plan.",
+        usage="deqmcl [-h] [--version] COMMAND …",
+        description=_DESCRIPTION,
+        epilog="deqmcl COMMAND --help tells the options of one.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
     parser.add_argument("--version", action=_Version, nargs=0, help="show the version and exit")
-    subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, words in COMMANDS.items():
-        own = subparsers.add_parser(name, allow_abbrev=False, help=words)
+    subparsers = parser.add_subparsers(
+        dest="command", required=True, metavar="COMMAND", prog="deqmcl", help=argparse.SUPPRESS
+    )
+    for name in COMMANDS:
+        own = subparsers.add_parser(name, allow_abbrev=False)
         if name not in typed:
             continue
         command = import_module(f"benchmarks.commands.{name.replace('-', '_')}")

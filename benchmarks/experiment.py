@@ -24,12 +24,12 @@ from benchmarks.pictures.film import Camera
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import write_report
 from benchmarks.scenarios import SCENARIOS
-from benchmarks.setup.overrides import Named, Overrides
+from benchmarks.setup.overrides import NOTHING, Named, Overrides
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence, summary
 from benchmarks.sweeps.running import Options, Running, begun, check, shard_of
 from benchmarks.sweeps.suites import PAPER_METHODS, SUITES, sweep_named
-from benchmarks.sweeps.sweepfile import refuse_idle, sweep_of
+from benchmarks.sweeps.sweepfile import sweep_of, with_settings
 from benchmarks.sweeps.verifying import adopted
 from benchmarks.tables.comparison import FURTHER, RESULTS
 from benchmarks.tables.frames import INNER, trials_frame
@@ -52,6 +52,7 @@ def sweep(
     *,
     localizers: Sequence[str | Method | Mapping[str, Any] | Factory] = (),
     vary: Mapping[str, Sequence[Any]] | Sequence[Mapping[str, Sequence[Any]]] = (),
+    settings: Mapping[str, Any] = NOTHING,
     **keys: Any,
 ) -> "Experiment":
     """Return an experiment: settings and methods on paired worlds; nothing is run yet.
@@ -62,6 +63,8 @@ def sweep(
             for a robot, or {"name": …, "params": {…}}. A scenario has the methods of the paper.
         vary: values by dotted name, as in ``{"params.particles": [100, 1000]}``; all combinations
             are run. Names that change together stand in one mapping of a list of them.
+        settings: single values by dotted name, as the commands' ``--set`` has them:
+            ``{"params.mcl.particles": 300, "world.lidar.beams": 9}``.
         keys: others of a sweep file: trials, seed, lag, world, assumed, params, baseline, ….
 
     Raises:
@@ -80,7 +83,7 @@ def sweep(
         made = sweep_of(given, title=base.title, base=base)
         if localizers and "baseline" not in given and base.baseline not in made.names:
             made = replace(made, baseline="")
-        refuse_idle(made)
+        made = with_settings(made, _plain(settings))
     return Experiment(made, factories)
 
 

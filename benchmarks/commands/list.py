@@ -1,7 +1,7 @@
-"""List suites, localizers, scenarios and agents."""
+"""List suites, localizers, scenarios and agents: some of each, or all of one kind."""
 
 import argparse
-from collections.abc import Iterable
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from benchmarks.console import doing
@@ -9,34 +9,60 @@ from benchmarks.console import doing
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.sweeps.design import Sweep
 
+_KINDS = "suites", "localizers", "scenarios", "agents"
+_FEW = 6  # shown of each kind
+_FIRST = "paper", "quick", "lost-quick", "wrong-map-quick", "plan-sensor", "basin"  # of the suites
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
-    parser.add_argument("--suites", action="store_true", help="only the suites")
+    add = parser.add_argument
+    add("kind", nargs="?", choices=_KINDS, metavar="|".join(_KINDS), help="all of one kind")
+    add("--all", action="store_true", help="all of every kind")
 
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.agents import AGENTS
-    from benchmarks.setup.names import scenario, scenario_names
+    from benchmarks.setup.names import scenario_names
     from benchmarks.sweeps.suites import SUITES
     from localizers import names
 
-    suites = [(name, f"{_size(s)}: {s.title}") for name, s in SUITES.items()]
-    shown = f"Suites (deqmcl sweep NAME --out DIR; --dry-run estimates the time)\n{_lines(suites)}"
-    if options.suites:
-        return shown
     with doing("loading the localizers"):
-        localizers = [(name, _parameters(name)) for name in names()]
-    agents = [(name, str(agent.__doc__).partition("\n")[0]) for name, agent in AGENTS.items()]
-    return "\n\n".join(
-        (
-            shown,
-            f"Localizers and their parameters\n{_lines(localizers)}",
-            f"Scenarios\n{_lines((name, scenario(name).words) for name in scenario_names())}",
-            f"Agents\n{_lines(agents)}",
-        )
-    )
+        localizers = list(names())
+    first = [name for name in _FIRST if name in SUITES]
+    kinds = {
+        "suites": ("deqmcl sweep NAME", [*first, *(n for n in SUITES if n not in first)], _suite),
+        "localizers": ("with their parameters", localizers, _parameters),
+        "scenarios": ("deqmcl sweep NAME, or --set scenario=NAME", scenario_names(), _scenario),
+        "agents": ("--set agent=NAME", list(AGENTS), lambda name: _first_line(AGENTS[name])),
+    }
+    parts = []
+    for kind in kinds if options.kind is None else [options.kind]:
+        words, listed, told = kinds[kind]
+        shown = listed if options.all or options.kind else listed[:_FEW]
+        rows = [(name, told(name)) for name in shown]
+        if len(shown) < len(listed):
+            rows.append(("…", f"{len(listed) - len(shown)} more: deqmcl list {kind}"))
+        parts.append(f"{kind.capitalize()} ({words})\n{_lines(rows)}")
+    return "\n\n".join(parts)
+
+
+def _suite(name: str) -> str:
+    from benchmarks.sweeps.suites import SUITES
+
+    sweep: Sweep = SUITES[name]
+    return f"{sweep.planned:,} trials on {sweep.trials} worlds: {sweep.title}"
+
+
+def _scenario(name: str) -> str:
+    from benchmarks.setup.names import scenario
+
+    return scenario(name).words
+
+
+def _first_line(thing: object) -> str:
+    return str(thing.__doc__).partition("\n")[0]
 
 
 def _parameters(name: str) -> str:
@@ -51,11 +77,6 @@ def _parameters(name: str) -> str:
     return "any parameters" if known is None else ", ".join(known)
 
 
-def _size(sweep: "Sweep") -> str:
-    return f"{sweep.planned:,} trials on {sweep.trials} worlds"
-
-
-def _lines(rows: Iterable[tuple[str, str]]) -> str:
-    listed = list(rows)
-    width = max(len(name) for name, _ in listed)
-    return "\n".join(f"  {name:<{width}}  {words}".rstrip() for name, words in listed)
+def _lines(rows: Sequence[tuple[str, str]]) -> str:
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(f"  {name:<{width}}  {words}".rstrip() for name, words in rows)

@@ -27,6 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--localizers", metavar="A,B,…", help="methods, comma-separated (the paper's and baselines)"
     )
+    shared.add_set(parser)
     shared.add_jobs(parser)
     shared.add_out(parser, "results/paper")
 

@@ -2,14 +2,19 @@
 
 That is report.html, results.md with its images, and the tables results.csv, trials.csv and
 timings.csv. No code that a folder names is run: animations are those that the sweep drew. Several
-folders may differ in their localizers and agents only, and must be complete.
+folders may differ in their localizers and agents only, and must be complete. --latex and --pdf
+write what a paper needs into DIR/export: tables.tex (booktabs) with references.bib, and the charts.
 """
 
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from benchmarks.commands import shared
+
+if TYPE_CHECKING:  # --help loads nothing heavy
+    from benchmarks.sweeps.results import Results
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -17,6 +22,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("folders", type=shared.folder, nargs="+", metavar="DIR", help="folder of results")
     add("--out", type=shared.folder, metavar="DIR", help="output folder (DIR itself, if it is one)")
+    add("--latex", action="store_true", help="also write the tables in LaTeX, and BibTeX")
+    add("--pdf", action="store_true", help="also write the charts as PDF")
 
 
 def run(options: argparse.Namespace) -> str:
@@ -33,7 +40,24 @@ def run(options: argparse.Namespace) -> str:
     results = pooled(options.folders, options.words) if more else results_in(folder)
     for line in left_out_lines(results, Path() if more else folder):
         print(line, file=sys.stderr)
-    written = [path.relative_to(out) for path in rewrite_report(folder, out, results)]
-    names = [str(path) for path in written if len(path.parts) == 1]
+    files = rewrite_report(folder, out, results)
+    if options.latex or options.pdf:
+        files += _exported(out / "export", results, options)
+    written = [path.relative_to(out) for path in files]
+    names = [str(path) for path in written if path.parts[0] != "images"]
     said = f"{progress(results)}\nWritten to {out}: {', '.join(names)} and their images."
     return f"{said}\n{conclusion(results)}"
+
+
+def _exported(out: Path, results: "Results", options: argparse.Namespace) -> list[Path]:
+    """Write what a paper needs."""
+    from benchmarks.files import own_folder, write_files
+    from benchmarks.report.latex import latex_files, pdf_files
+    from deqmcl_gym.validation import InputError
+
+    if not results.panels:
+        raise InputError(f"{options.folders[0]} has no finished trial: run its sweep first.")
+    contents = latex_files(results) if options.latex else {}
+    if options.pdf:
+        contents |= pdf_files(results)
+    return write_files(own_folder(out, next(iter(contents))), contents)

@@ -14,8 +14,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     shared.add_setting(parser)
     add("--localizer", required=True, metavar="NAME", help="the method")
-    shared.add_params(parser)
-    add("--agent", metavar="NAME", help="who drives (as in the scenario)")
+    shared.add_set(parser)
     add(
         "--log",
         type=shared.file,
@@ -33,9 +32,7 @@ def run(options: argparse.Namespace) -> str:
     from localizers.registry import LOCALIZER
 
     mcap = shared.mcap_of(options)
-    named = (LOCALIZER.complete(options.localizer),)
-    own = shared.params_named(options.param, named)
-    sweep = shared.setting_sweep(options, named, own=own, agent=options.agent)
+    sweep = shared.setting_sweep(options, [LOCALIZER.complete(options.localizer)])
     with checking():
         check(sweep)
     (trial,) = sweep.distinct()

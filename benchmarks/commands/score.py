@@ -28,7 +28,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--log", metavar="LOG", help="score at the records of a log, as replay does")
     add("--map", metavar="MAP.yaml", help="compare the log's scans with a map")
-    shared.add_read(parser)
+    shared.add_set(parser, "world.reading.base_frame=base")
     add("--every", metavar="D,A", help="score a record each time the robot has moved this far "
         "(0.2m,5deg)")  # fmt: skip
     add(
@@ -41,12 +41,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.replay.options import reading_of
+    from benchmarks.replay.options import reading_among
     from benchmarks.replay.theirs import Yardstick, estimates_of, score
+    from benchmarks.sweeps.settings import settings
     from deqmcl_gym.logs import read_tum
     from deqmcl_gym.validation import InputError
 
-    of_log = {"--map": options.map, "--every": options.every, "--read": options.read or None}
+    of_log = {"--map": options.map, "--every": options.every, "--set": options.set or None}
     given = [name for name, value in of_log.items() if value is not None]
     if options.beside is not None:
         given += [f"--{name}" for name in ("log", "reference") if getattr(options, name)]
@@ -64,7 +65,11 @@ def run(options: argparse.Namespace) -> str:
             yardstick = Yardstick.of_replay(options.beside)
         elif options.log is not None:
             yardstick = Yardstick.of_log(
-                options.log, options.reference, reading_of(options.read), options.map, options.every
+                options.log,
+                options.reference,
+                reading_among(settings(options.set)),
+                options.map,
+                options.every,
             )
         else:
             yardstick = Yardstick(reference=read_tum(options.reference))

@@ -1,13 +1,20 @@
 """What commands share: arguments, warnings, and the setting of ``paper`` and ``run``."""
 
 import argparse
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.sweeps.design import Sweep
+
+
+class Options(Protocol):
+    """What options are added to: a parser, or a group of its options."""
+
+    @property
+    def add_argument(self) -> Any:
+        """Add one."""
 
 
 def folder(text: str) -> Path:
@@ -30,22 +37,22 @@ def _path(text: str, what: str) -> Path:
     return Path(text)
 
 
-def add_read(parser: argparse.ArgumentParser) -> None:
-    """Add how a log is read."""
+def add_set(parser: Options, example: str = "params.mcl.particles=500") -> None:
+    """Add single values by the names that a sweep file has."""
     help_ = (
-        "how to read the log, as in scan_topic=/front, base_frame=base, max_range=20 (one --read "
-        "each)"
+        f"a value by its name in a sweep file, as {example}; world.…, assumed.…, params.… and "
+        "others: docs/sweeps.md (one --set each)"
     )
-    parser.add_argument("--read", action="append", default=[], metavar="NAME=VALUE", help=help_)
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=help_)
 
 
-def add_jobs(parser: argparse.ArgumentParser, what: str = "trials") -> None:
+def add_jobs(parser: Options, what: str = "trials") -> None:
     """Add how many processes there are."""
     help_ = f"{what} at a time (one per processor)"
     parser.add_argument("--jobs", type=int, metavar="J", help=help_)
 
 
-def add_timeout(parser: argparse.ArgumentParser, what: str = "trial") -> None:
+def add_timeout(parser: Options, what: str = "trial") -> None:
     """Add the time limit of each."""
     help_ = f"seconds allowed per {what} (no limit; for a plug-in 3600)"
     parser.add_argument("--timeout", type=float, metavar="S", help=help_)
@@ -60,7 +67,7 @@ def share(text: str) -> float:
         raise argparse.ArgumentTypeError(f"it is {text!r}: give a share, as 5% or 0.05") from None
 
 
-def add_share(parser: argparse.ArgumentParser) -> None:
+def add_share(parser: Options) -> None:
     """Add how many trials are run again."""
     help_ = "share of trials to run again, beside one of each setting and method (1%%)"
     parser.add_argument("--share", type=share, metavar="S", help=help_)
@@ -74,13 +81,13 @@ def share_verified(options: argparse.Namespace) -> float:
     return SHARE if options.share is None else number("--share", options.share, low=0, high=1)
 
 
-def add_seed(parser: argparse.ArgumentParser, default: int | None = 0) -> None:
+def add_seed(parser: Options, default: int | None = 0) -> None:
     """Add the root seed; None: that of the sweep."""
     help_ = f"root of all randomness ({_else(default)})"
     parser.add_argument("--seed", type=int, default=default, metavar="S", help=help_)
 
 
-def add_trials(parser: argparse.ArgumentParser, default: int | None = None) -> None:
+def add_trials(parser: Options, default: int | None = None) -> None:
     """Add the number of worlds; None: that of the sweep."""
     help_ = f"worlds of each setting ({_else(default)})"
     parser.add_argument("--trials", type=int, default=default, metavar="K", help=help_)
@@ -90,14 +97,18 @@ def _else(default: int | None) -> str:
     return "as in the sweep" if default is None else str(default)
 
 
-def add_out(parser: argparse.ArgumentParser, default: str | None = None) -> None:
-    """Add the output folder, which must be given if there is no default."""
-    needed: Any = {"required": True} if default is None else {"default": default}
+def add_out(parser: Options, default: str | None = None) -> None:
+    """Add the output folder; without a default it must be given, LOG in one is for the command."""
+    needed: Any = {"default": default}
+    if default is None:
+        needed = {"required": True}
+    elif default != default.lower():
+        needed = {}
     words = "output folder" if default is None else f"output folder ({default})"
     parser.add_argument("--out", type=folder, metavar="DIR", help=words, **needed)
 
 
-def add_mcap(parser: argparse.ArgumentParser) -> None:
+def add_mcap(parser: Options) -> None:
     """Add the file for Foxglove."""
     help_ = "also write what is believed, for Foxglove and Lichtblick (needs the extra view)"
     parser.add_argument("--mcap", type=file, metavar="FILE.mcap", help=help_)
@@ -114,7 +125,7 @@ def mcap_of(options: argparse.Namespace) -> Path | None:
     return path
 
 
-def add_setting(parser: argparse.ArgumentParser) -> None:
+def add_setting(parser: Options) -> None:
     """Add the scenario, the root seed, and the parameters that most localizers have."""
     add = parser.add_argument
     add("--scenario", default="paper", metavar="NAME",
@@ -124,51 +135,30 @@ def add_setting(parser: argparse.ArgumentParser) -> None:
     add("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)")
 
 
-def add_params(parser: argparse.ArgumentParser) -> None:
-    """Add parameters of single localizers."""
-    help_ = "a parameter of a localizer, as in mcl-map.start_draws=20 (one --param each)"
-    parser.add_argument(
-        "--param", action="append", default=[], metavar="NAME.KEY=VALUE", help=help_
-    )
-
-
-def params_named(words: Sequence[str], localizers: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Return NAME.KEY=VALUE words as parameters by localizer; a value is as in a sweep file."""
-    from benchmarks.setup.overrides import OF_LOCALIZERS, Overrides
-    from benchmarks.sweeps.settings import settings
-    from deqmcl_gym.validation import InputError, one_of
-    from localizers import absolute_name, parameters
-    from localizers.registry import LOCALIZER
-
-    as_given = {absolute_name(name): name for name in localizers}
-    found: dict[str, dict[str, Any]] = {}
-    form = "NAME.KEY=VALUE, as mcl-map.start_draws=20"
-    for place, value in settings("--param", words, form).items():
-        given, _, key = place.rpartition(".")
-        if not (given and key):
-            raise InputError(f"--param has {place!r}, but must be {form}.")
-        name = LOCALIZER.complete(given)
-        name = as_given.get(absolute_name(name), name)
-        one_of("localizer in --param", name, localizers)
-        known = parameters(name)
-        if known is not None:
-            one_of(f"parameter of localizer {name!r} in --param", key, known)
-        found.setdefault(name, {})[key] = value
-    return {name: dict(Overrides(own).beside(Path(), OF_LOCALIZERS)) for name, own in found.items()}
-
-
 def setting_sweep(
-    options: argparse.Namespace,
-    localizers: Sequence[str],
-    trials: int = 1,
-    own: Mapping[str, Mapping[str, Any]] | None = None,
-    agent: str | None = None,
+    options: argparse.Namespace, localizers: Sequence[str], trials: int = 1
 ) -> "Sweep":
-    """Return the localizers on the worlds of the setting."""
-    from benchmarks.setup.overrides import Named, Overrides
-    from benchmarks.sweeps.suites import paper_sweep
-    from benchmarks.trials.spec import Method
-    from deqmcl_gym.validation import InputError, integer
+    """Return the localizers on the worlds of the setting, with what is set."""
+    from benchmarks.experiment import sweep
+    from benchmarks.sweeps.settings import settings
+    from deqmcl_gym.validation import integer
+
+    refuse_twice(localizers)
+    return sweep(
+        "paper",
+        localizers=localizers,
+        scenario=options.scenario,
+        trials=integer("--trials", trials, low=1, high=100_000),
+        seed=integer("--seed", options.seed),
+        lag=integer("--lag", options.lag),
+        params={"particles": integer("--particles", options.particles, low=1)},
+        settings=settings(options.set),
+    ).sweep
+
+
+def refuse_twice(localizers: Sequence[str]) -> None:
+    """Refuse no localizer, an unknown one, and one that is named twice."""
+    from deqmcl_gym.validation import InputError
     from localizers import names, parameters
 
     if not localizers:
@@ -177,65 +167,6 @@ def setting_sweep(
         parameters(name)
     if len(set(localizers)) < len(localizers):
         raise InputError(f"a localizer is named twice in {', '.join(localizers)}.")
-    sweep = paper_sweep(
-        scenario=options.scenario,
-        localizers=localizers,
-        trials=integer("--trials", trials, low=1, high=100_000),
-        seed=integer("--seed", options.seed),
-        lag=integer("--lag", options.lag),
-        particles=integer("--particles", options.particles, low=1),
-    )
-    if own:
-        methods = (Method(name=name, params=Overrides(own.get(name, {}))) for name in localizers)
-        sweep = replace(sweep, localizers=tuple(methods))
-    if agent is not None:
-        sweep = replace(sweep, agent=Named(agent))
-    return sweep
-
-
-def with_agents(sweep: "Sweep", listed: str | None) -> "Sweep":
-    """Return a sweep driven by each of the agents in ``a,b,c`` in turn; None: as it says itself."""
-    from benchmarks.setup.overrides import Overrides
-    from benchmarks.sweeps.design import Axis
-    from deqmcl_gym.validation import InputError
-
-    if listed is None:
-        return sweep
-    names = tuple(dict.fromkeys(name for part in listed.split(",") if (name := part.strip())))
-    if not names:
-        raise InputError(
-            "--agents names no agent: give one or more, as in --agents stale,misplaced."
-        )
-    if taken := [name for name in sweep.varied if name.partition(".")[0] == "agent"]:
-        raise InputError(f"the sweep varies {taken[0]} itself: leave out --agents.")
-    axis = Axis(values=Overrides({"agent": names}))
-    baseline = "" if len(names) > 1 else sweep.baseline
-    return replace(sweep, agent=None, vary=(*sweep.vary, axis), baseline=baseline)
-
-
-def with_options(options: argparse.Namespace, sweep: "Sweep") -> "Sweep":
-    """Return a sweep with the worlds, the root seed and the parameters that are asked for.
-
-    The method of a limit keeps its own parameters, such as its particles.
-    """
-    from benchmarks.setup.overrides import Overrides
-    from deqmcl_gym.validation import integer
-
-    own = params_named(options.param, list(dict.fromkeys(sweep.names)))
-    trials, seed = sweep.trials, sweep.seed
-    if options.trials is not None:
-        trials = integer("--trials", options.trials, low=1, high=100_000)
-    if options.seed is not None:
-        seed = integer("--seed", options.seed)
-    localizers = tuple(
-        replace(method, params=method.params | own.get(method.name, {}))
-        for method in sweep.localizers
-    )
-    limits = []
-    for limit in sweep.limits:
-        params = Overrides(own.get(limit.method.name, {})) | limit.method.params
-        limits.append(replace(limit, method=replace(limit.method, params=params)))
-    return replace(sweep, trials=trials, seed=seed, localizers=localizers, limits=tuple(limits))
 
 
 def localizers_named(listed: str) -> tuple[str, ...]:

@@ -4,10 +4,9 @@ Trials that the output folder already holds are not run again.
 """
 
 import argparse
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import shared
 from benchmarks.console import checking, doing
@@ -22,32 +21,34 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add, switch = parser.add_argument, partial(parser.add_argument, action="store_true")
     add("suite", metavar="SUITE|FILE.toml", help="a suite or a sweep file")
-    add("--out", type=shared.folder, metavar="DIR", help="output folder (results/SUITE)")
+    shared.add_out(parser, "results/SUITE")
     add("--with", dest="added", action="append", default=[], metavar="LOCALIZER[,…]",
         help="localizers to add")  # fmt: skip
-    add("--agents", metavar="A,B,…", help="who drives, each in turn; the first is the baseline")
+    shared.add_set(parser)
     shared.add_trials(parser)
     shared.add_seed(parser, None)
-    shared.add_params(parser)
     shared.add_jobs(parser)
+    switch("--dry-run", help="list settings and methods, and estimate the time")
+    decided = parser.add_argument_group("no more worlds than needed")
+    decided.add_argument("--until-decided", action="store_true", help="run each method only until "
+        "it is known to be better or worse than the baseline, or equivalent")  # fmt: skip
+    decided.add_argument("--margin", type=shared.share, metavar="M",
+        help="difference that does not matter (5%%)")  # fmt: skip
+    decided.add_argument("--max-worlds", type=int, metavar="K",
+        help="most worlds of each setting (1000)")  # fmt: skip
+    where = parser.add_argument_group("where trials run, and what becomes of those that fail")
+    add, switch = where.add_argument, partial(where.add_argument, action="store_true")
     add("--executor", default="process", metavar="E", help="process, dask or module:factory")
     add("--scheduler", metavar="ADDRESS", help="Dask scheduler (a new cluster on this machine)")
-    switch("--until-decided", help="run each method only until it is known to be better or worse "
-        "than the baseline, or equivalent")  # fmt: skip
-    add("--margin", type=shared.share, metavar="M",
-        help="with --until-decided: difference that does not matter (5%%)")  # fmt: skip
-    add("--max-worlds", type=int, metavar="K",
-        help="with --until-decided: most worlds of each setting (1000)")  # fmt: skip
     add("--shard", metavar="I/N", help="run only every N-th trial, starting with the I-th")
-    shared.add_timeout(parser)
+    shared.add_timeout(where)
     switch("--retry-failed", help="run failed trials again")
+    switch("--fail-fast", help="stop at the first failed trial")
     switch("--adopt", help="go on in a folder of other code, libraries or plug-ins, if deqmcl "
         "verify finds no number that differs")  # fmt: skip
-    switch("--fail-fast", help="stop at the first failed trial")
+    switch("--yes", help="run more than 100,000 trials without confirmation")
     add("--mcap", type=shared.folder, metavar="DIR", help="also write the runs of the report's "
         "animations, for Foxglove and Lichtblick (needs the extra view)")  # fmt: skip
-    switch("--dry-run", help="list settings and methods, and estimate the time")
-    switch("--yes", help="run more than 100,000 trials without confirmation")
 
 
 def run(options: argparse.Namespace) -> str:
@@ -90,31 +91,34 @@ def run(options: argparse.Namespace) -> str:
 
 def asked(options: argparse.Namespace) -> "Sweep":
     """Return the sweep that is asked for."""
-    from benchmarks.sweeps.design import UntilDecided
-    from benchmarks.sweeps.suites import sweep_named
+    from benchmarks.experiment import sweep
+    from benchmarks.sweeps.settings import settings
+    from benchmarks.sweeps.sweepfile import with_localizers
     from deqmcl_gym.validation import InputError, integer
     from localizers import parameters
 
     added = [name for listed in options.added for name in shared.localizers_named(listed)]
-    driven = shared.with_agents(sweep_named(options.suite, added), options.agents)
-    sweep = shared.with_options(options, driven)
+    keys: dict[str, Any] = {}
+    if options.trials is not None:
+        keys["trials"] = integer("--trials", options.trials, low=1, high=100_000)
+    if options.seed is not None:
+        keys["seed"] = integer("--seed", options.seed)
+    for flag, value in (("--margin", options.margin), ("--max-worlds", options.max_worlds)):
+        if value is not None and not options.until_decided:
+            raise InputError(f"{flag} is of --until-decided: give that too.")
+    if options.until_decided:
+        if options.trials is not None:
+            raise InputError("--trials fixes the worlds: give --max-worlds with --until-decided.")
+        most = 1000 if options.max_worlds is None else options.max_worlds
+        keys["trials"] = integer("--max-worlds", most, low=1, high=100_000)
+        keys["until_decided"] = {} if options.margin is None else {"margin": options.margin}
+    base = with_localizers(sweep(options.suite).sweep, added)
+    made = sweep(base, settings=settings(options.set), **keys).sweep
     for name in added:
         parameters(name)
-    until = UntilDecided() if options.until_decided else None
-    for flag, value in (("--margin", options.margin), ("--max-worlds", options.max_worlds)):
-        if value is not None and until is None:
-            raise InputError(f"{flag} is of --until-decided: give that too.")
-    if options.shard and (until or sweep.until_decided):
+    if options.shard and made.until_decided:
         raise InputError(
             "--shard runs a part of all trials, but until all comparisons are decided nobody knows "
             "which these are: leave out --shard or --until-decided."
         )
-    if until is None:
-        return sweep
-    if options.trials is not None:
-        raise InputError("--trials fixes the worlds: give --max-worlds with --until-decided.")
-    if options.margin is not None:
-        until = UntilDecided(margin=options.margin)
-    most = 1000 if options.max_worlds is None else options.max_worlds
-    trials = integer("--max-worlds", most, low=1, high=100_000)
-    return replace(sweep, trials=trials, until_decided=until)
+    return made

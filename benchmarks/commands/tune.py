@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import shared
-from benchmarks.commands.replay import add_nav2, add_playing, nav2_of
+from benchmarks.commands.replay import add_every, add_nav2, nav2_of, settings_of
 from benchmarks.console import doing, log_warnings, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
@@ -41,6 +41,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "--candidates", type=int, default=108, metavar="N", help="how many candidates, in rounds "
         "of 18; more go on in the same folder (108)",
     )  # fmt: skip
+    add_nav2(parser, "your Nav2 parameters: the default to beat")
+    shared.add_set(parser, "params.max_particles=500 or world.max_beams=60 (amcl: 180)")
+    shared.add_jobs(parser, "runs")
+    shared.add_out(parser)
+    segments = parser.add_argument_group("segments")
+    add = segments.add_argument
     add("--segment", type=float, default=15.0, metavar="M", help="m driven in a segment (15)")
     add("--gap", type=float, default=2.0, metavar="M", help="m driven between two (2)")
     add(
@@ -49,14 +55,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar="D,A",
         help="how well the start of a segment is known, standard deviations (0.2m,0.1rad)",
     )
-    shared.add_params(parser)
-    add_nav2(parser, "your Nav2 parameters: the default to beat")
-    add_playing(parser, "0.2m,5deg; for amcl 0.05m,3deg", "60; for amcl 180")
-    shared.add_seed(parser)
-    shared.add_jobs(parser, "runs")
-    shared.add_timeout(parser, "run")
-    add("--retry-failed", action="store_true", help="run again what failed before")
-    shared.add_out(parser)
+    add_every(segments, "0.2m,5deg; for amcl 0.05m,3deg")
+    more = parser.add_argument_group("more")
+    shared.add_seed(more)
+    shared.add_timeout(more, "run")
+    more.add_argument("--retry-failed", action="store_true", help="run again what failed before")
 
 
 def run(options: argparse.Namespace) -> str:
@@ -92,8 +95,9 @@ def run(options: argparse.Namespace) -> str:
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":
     """Return what is searched for, of the options."""
     from benchmarks.replay.nav2 import usual_params
-    from benchmarks.replay.options import length_and_angle
+    from benchmarks.replay.options import length_and_angle, params_among
     from benchmarks.setup.overrides import Overrides
+    from benchmarks.sweeps.sweepfile import params_by_localizer
     from benchmarks.tuning.segments import segments_of
     from benchmarks.tuning.space import built_in, read_space
     from benchmarks.tuning.task import Task
@@ -105,7 +109,7 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     length = number("--segment", options.segment, low=0, above=True)
     gap = number("--gap", options.gap, low=0)
     sd = length_and_angle("--start-sd", options.start_sd)
-    own = shared.params_named(options.param, [name]).get(name, {})
+    own = params_by_localizer(params_among(settings_of(options)), [name])[name]
     replays = _replays(options, name, nav2)
     noise = [one for one in vars(replays[0].motion) if one != "still"]
     base = Overrides({} if nav2 is None else nav2.params) | own
@@ -140,7 +144,7 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
     """Return the logs as the default would play them."""
     from benchmarks.replay.calibration import calibrated
     from benchmarks.replay.command import disagreement
-    from benchmarks.replay.options import replay_of, said_of
+    from benchmarks.replay.options import replay_of
     from deqmcl_gym.validation import InputError
 
     files = [Path(log).resolve() for log in options.logs]
@@ -149,16 +153,16 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
             raise InputError(f"{log} is given twice: give each log once.")
     maps = _each("--map", options.map, options.logs)
     references = _each("--reference", options.reference or [None], options.logs)
-    told: dict[str, Any] = {"otherwise": "global"}
-    told |= {"every": "0.05m,3deg", "max_beams": 180} if name == "amcl" else {}
-    given = said_of(options)
+    usual: dict[str, Any] = {}
+    if name == "amcl":
+        usual = {"world.every": "0.05m,3deg", "world.max_beams": 180}
     if nav2 is not None:
-        told |= {name: nav2.options[name] for name in ("motion", "scan")}
-        given["reading"] = {**nav2.reading, **given["reading"]}
+        usual |= nav2.assumed | nav2.bounds
+    settings = usual | settings_of(options)
     with doing("reading the logs and the maps"), log_warnings() as warnings:
         each = zip(options.logs, maps, references, strict=True)
         replays = [
-            replay_of(log, floor_plan, reference=reference, **told | given)
+            replay_of(log, floor_plan, reference=reference, otherwise="global", settings=settings)
             for log, floor_plan, reference in each
         ]
     for replay, log in zip(replays, options.logs, strict=True):

@@ -62,20 +62,20 @@ def with_fitted_beams(replay: Replay) -> Replay:
     if given:
         raise InputError(
             f"--fit-beams is given with {', '.join(given)}, which it would fit: leave one out; of "
-            "--scan only power goes with it."
+            "assumed.scan only power goes with it."
         )
     log, floor_plan = replay.scenario.recording()
     count = _part(log)
     if count is None:
         raise InputError(
             f"--fit-beams needs {_LEAST} records with a reference in the first {PART:.0%} of "
-            f"{log.source}, at most {_MOST}: leave it out, or give --scan."
+            f"{log.source}, at most {_MOST}: leave it out, or set assumed.scan.…."
         )
     first = int(log.referenced[0])
     fit = beams_of(log.of_records(np.arange(first, first + count)), floor_plan)
     parts = {name: float(f"{getattr(fit.model, name):.4g}") for name in _PARTS}
     parts["hit"] = round(1 - parts["short"] - parts["max"] - parts["rand"], 12)
-    words = ",".join(f"{name}={value:.12g}" for name, value in parts.items())
+    words = " ".join(f"--set assumed.scan.{name}={value:.12g}" for name, value in parts.items())
     gained = fit.log_likelihoods[0], fit.log_likelihoods[-1]
     return replace(
         replay,
@@ -83,8 +83,8 @@ def with_fitted_beams(replay: Replay) -> Replay:
         assumed=replay.assumed
         | {"scan.kind": "beam-model", **{f"scan.{name}": value for name, value in parts.items()}},
         beams=f"Beam model, by expectation maximization on {fit.readings:,} readings from "
-        f"reference poses in the first {count:,} records: --scan kind=beam-model,{words} "
-        f"(sigma in {log.unit}, decay per {log.unit}; log-likelihood of a reading "
+        f"reference poses in the first {count:,} records: --set assumed.scan.kind=beam-model "
+        f"{words} (sigma in {log.unit}, decay per {log.unit}; log-likelihood of a reading "
         f"{gained[0]:.3f} at the start, {gained[1]:.3f} after {len(fit.log_likelihoods) - 1} "
         "rounds).",
     )

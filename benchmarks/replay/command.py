@@ -2,14 +2,17 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.console import doing, warn
+from benchmarks.console import doing, log_warnings, warn
 from benchmarks.files import write_files
-from benchmarks.replay.options import EVERY, NAME, OFTEN, Replay
+from benchmarks.replay.calibration import calibrated, judged_alike, uses_scan, with_fitted_beams
+from benchmarks.replay.nav2 import Amcl
+from benchmarks.replay.options import EVERY, NAME, OFTEN, Replay, params_among, replay_of
 from benchmarks.replay.residuals import PICTURE, TABLE, Residuals, files_of, residuals_of
 from benchmarks.report.frames import frames_of
 from benchmarks.report.tracks import accuracy, differences_table, tables_of
@@ -18,7 +21,9 @@ from benchmarks.report.writing import load, no_report
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results
-from benchmarks.sweeps.running import Options, begun, complete
+from benchmarks.sweeps.running import Options, begun, check, complete
+from benchmarks.sweeps.settings import sweep_text
+from benchmarks.sweeps.sweepfile import params_by_localizer
 from benchmarks.tables.text import file_words, percent
 from benchmarks.tables.tracks import Row, rows_of, tracks_results_csv, tracks_trials_csv
 from benchmarks.trials.spec import Method
@@ -29,6 +34,7 @@ from deqmcl_gym.logs import Scanner, Trajectory
 from deqmcl_gym.validation import InputError, integer
 from localizers import names as localizer_names
 from localizers import parameters
+from localizers.methods.family import Shared
 
 FEW = 0.5  # share of beams within the larger distance below which log and map do not fit
 _LOOKED_AT = 200  # reference poses
@@ -38,6 +44,84 @@ _WORLDS = (
     "A world of this page is a run over the log with random numbers of its own: intervals and "
     "tests tell what other seeds would give on this log, not what other logs would."
 )
+
+
+@dataclass(frozen=True)
+class Planned:
+    """Runs of localizers on a log, which nobody has run yet.
+
+    Attributes:
+        replay: what is played.
+        sweep: whose worlds are the runs of each localizer.
+        warnings: about the log and Nav2's file, as printed.
+    """
+
+    replay: Replay
+    sweep: Sweep
+    warnings: list[str]
+
+
+def planned(
+    log: str | Path | Sequence[str | Path],
+    floor_plan: str | Path,
+    localizers: Sequence[str] = ("mcl", "amcl"),
+    *,
+    reference: str | Path | None = None,
+    start: str | Sequence[float] | None = None,
+    settings: Mapping[str, Any] = NOTHING,
+    particles: int | None = None,
+    seeds: int = 10,
+    seed: int = 0,
+    nav2: Amcl | None = None,
+    fit_beams: bool = False,
+) -> Planned:
+    """Read a log, fit what is not set, and return the runs of localizers on it, checked.
+
+    Args:
+        log, floor_plan, reference, start, settings: see ``replay_of``; also params.KEY of all
+            localizers, and params.LOCALIZER.KEY of one.
+        localizers: names; the first is the baseline.
+        particles: by whatever name a localizer takes them; None: its own default.
+        seeds: runs of each localizer.
+        seed: root of all randomness.
+        nav2: sets all of ``amcl``, and what is not in ``settings``.
+        fit_beams: whether the beam model is fitted to the first part of the log.
+    """
+    usual: dict[str, Any] = {"world.every": every_for(localizers)}
+    if nav2 is not None:
+        usual = nav2.world | nav2.assumed
+        if fit_beams:
+            usual = {n: value for n, value in usual.items() if not n.startswith("assumed.scan.")}
+    with doing("reading the log and the map"), log_warnings() as said:
+        replay = replay_of(
+            log,
+            floor_plan,
+            reference=reference,
+            start=start,
+            otherwise=None if nav2 is None else nav2.start,
+            settings=usual | dict(settings),
+        )
+    warnings = warn(said)  # whatever fails later
+    if fit_beams:
+        with doing("fitting the beam model to the first part of the log"):
+            replay = with_fitted_beams(replay)
+    own = params_by_localizer(params_among(settings), localizers)
+    if "scan.power" not in replay.assumed:
+        if any(uses_scan(name, params) for name, params in own.items()):
+            with doing("fitting the power of the scan model to the first part of the log"):
+                replay = calibrated(replay)
+        else:
+            replay = judged_alike(replay)
+    shared = {} if nav2 is None else {"amcl": nav2.params}
+    sweep = replay_sweep(
+        replay, localizers, particles=particles, seeds=seeds, root=seed, shared=shared, own=own
+    )
+    check(sweep)
+    warnings += warn(gated(sweep, settings.get("world.every")))
+    if nav2 is not None:
+        amcl = next((method.params for method in sweep.localizers if method.name == "amcl"), None)
+        warnings += warn([*nav2.notes, *([] if amcl is None else nav2.differences(amcl, replay))])
+    return Planned(replay, sweep, warnings)
 
 
 def replay_sweep(
@@ -69,9 +153,21 @@ def replay_sweep(
     )
 
 
-def every_for(localizers: str) -> str:
-    """Return how far apart records are played to localizers, named with commas, by default."""
-    return OFTEN if "amcl" in map(str.strip, localizers.split(",")) else EVERY
+def sweep_file(sweep: Sweep, notes: Sequence[str] = ()) -> str:
+    """Return a sweep over a log as a sweep file, with comments before it."""
+    methods = []
+    for method in sweep.localizers:
+        lag = {"lag": Shared.lag} if "lag" in (parameters(method.name) or ()) else {}
+        methods.append({"name": method.name, "params": {**lag, **method.params}})
+    top = {"title": sweep.title, "scenario": sweep.scenario, "lag": sweep.lag}
+    top |= {"seed": sweep.seed, "trials": sweep.trials, "baseline": sweep.baseline}
+    tables = {"world": sweep.world, "assumed": sweep.assumed}
+    return sweep_text(notes, top | {"localizers": methods}, tables)
+
+
+def every_for(localizers: Sequence[str]) -> str:
+    """Return how far apart records are played to localizers by default."""
+    return OFTEN if "amcl" in localizers else EVERY
 
 
 def gated(sweep: Sweep, every: str | None) -> list[str]:
@@ -86,35 +182,27 @@ def gated(sweep: Sweep, every: str | None) -> list[str]:
     return [
         "amcl updates when the robot has moved 0.25 m or turned 0.2 rad, as Nav2's does, but only "
         f"records {every} apart are played, so it may update less often than on a robot: leave out "
-        f"--every, which is {OFTEN} then, or give --param amcl.update_min_d=0 --param "
-        "amcl.update_min_a=0 to update at each record."
+        f"--every, which is {OFTEN} then, or give --set params.amcl.update_min_d=0 --set "
+        "params.amcl.update_min_a=0 to update at each record."
     ]
 
 
 def run_replay(
-    replay: Replay,
-    sweep: Sweep,
-    out: Path,
-    options: Options,
-    command: Sequence[str],
-    warnings: Sequence[str],
-    *,
-    residuals: bool = False,
+    plan: Planned, out: Path, options: Options, command: Sequence[str], *, residuals: bool = False
 ) -> str:
     """Run what is missing, write the folder; return what to print.
 
     Args:
-        replay: what is played.
-        sweep: of ``replay_sweep``, checked.
+        plan: what is run.
         out: folder; refused if it holds what is not of this sweep.
         options: how the runs run.
         command: the words that this was started by.
-        warnings: about the log, as printed.
         residuals: whether to tell and draw where the map is wrong.
 
     Raises:
         TrialsFailedError: some runs failed; what the others gave is written.
     """
+    replay, sweep, warnings = plan.replay, plan.sweep, plan.warnings
     with begun(sweep, out, options, command=command) as running:
         said = [*warnings, *warn([replay.sideways, disagreement(replay), touches(replay)])]
         results = running.results()
@@ -178,7 +266,7 @@ def touches(replay: Replay) -> str | None:
     return (
         f"{np.count_nonzero(inside):,} of {inside.size:,} poses of the reference touch walls of "
         f"the map, with a radius of {radius:g} {log.unit}: methods that charge collisions pay "
-        "there; give the robot's --radius, or mend the map."
+        "there; give the robot's --set world.radius=…, or mend the map."
     )
 
 

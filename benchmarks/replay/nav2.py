@@ -1,26 +1,36 @@
 """Nav2's AMCL parameters: of our ``amcl``, which has the same, and what others assume like it.
 
-Names, defaults and meaning are those of docs.nav2.org, "AMCL".
+Names, defaults and meaning are those of docs.nav2.org, "AMCL". A parameter file is read as rcl and
+rclcpp do (ros2/rcl, rcl_yaml_param_parser/src/parse.c; ros2/rclcpp, parameter_map.cpp): of a key
+given twice, tables are joined and the later value counts; "/*" in the name of a node is any part,
+"/**" any number of them, and all that fit are applied in the order in which they first stand in the
+file, so that a wildcard overrides what stands before it.
 """
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from inspect import signature
 from pathlib import Path
 from typing import Any
 
-from benchmarks.replay import ros_params
+import yaml
+
 from benchmarks.replay.options import Replay
-from benchmarks.sweeps.settings import sweep_text
 from deqmcl_gym.envs.log import spacing
+from deqmcl_gym.files import UnreadableError, content_of, yaml_of
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError, boolean, number, one_of, pose, shown
 from localizers import DifferentialMotion, GaussianUniform, OmniMotion, RobotModel, make
 from localizers.methods.amcl import DIFFERENTIAL, OMNI, amcl
 from localizers.models.nav2_motion import MotionModel, kind_of
 
+_OWN = "ros__parameters"
+_BOOLS = dict.fromkeys(("y", "yes", "true", "on"), True)
+_BOOLS |= dict.fromkeys(("n", "no", "false", "off"), False)
+_Nodes = dict[str, dict[str, Any]]
 _OURS = ("robot", "selective_resampling", "field_cell")  # of ``amcl``; all others are Nav2's
 _OF_LOGS = {"laser_max_range": 100.0, "laser_min_range": -1.0}  # are no parameters of ``amcl``
 _TAKEN = sorted(signature(amcl).parameters.items())
@@ -106,38 +116,27 @@ class Amcl:
         return [f"{self.source}: what is played differs in {', '.join(told)}"] if told else []
 
     @property
-    def options(self) -> dict[str, Any]:
-        """What they say of a replay: see ``replay_of``."""
+    def assumed(self) -> dict[str, Any]:
+        """What other localizers assume, as settings of ``replay_of``."""
+        motion = {"kind": kind_of(self.motion), **vars(self.motion)}
         return {
-            "reading": self.reading,
-            "every": self.every,
-            "max_beams": self.max_beams,
-            "motion": {"kind": kind_of(self.motion), **vars(self.motion)},
-            "scan": {"sigma": self.sigma},
-            "otherwise": self.start,
+            **{f"assumed.motion.{name}": value for name, value in motion.items()},
+            "assumed.scan.sigma": self.sigma,
         }
 
     @property
-    def toml(self) -> str:
-        """A sweep file without its log."""
-        distance, angle = self.every
-        unused = [f"not used: {name}: {why}" for name, why in self.unused.items()]
-        at = [] if self.start is None else [",".join(map(str, self.start))]
-        start = [f"initial_pose: deqmcl replay --start={pose}" for pose in at]
-        files = {"log": "robot.log.gz", "map": "map.yaml", "reference": "robot.tum"}
-        given = {f"reading.{name}": value for name, value in self.reading.items()}
-        every = {"every": f"{distance:g}m,{angle:g}rad", "max_beams": self.max_beams}
-        named = {f'{name} = "{file}"': None for name, file in files.items()}
-        motion = {f"motion.{name}": value for name, value in self.options["motion"].items()}
-        return sweep_text(
-            [self.source, *unused, *self.remarks, *start],
-            {"scenario": "log", "localizers": ["amcl"]},
-            {
-                "world": {**named, **every, **given},
-                "assumed": {"scan.sigma": self.sigma, **motion},
-                "params": self.params,
-            },
-        )
+    def world(self) -> dict[str, Any]:
+        """What they say of the log, as settings of ``replay_of``."""
+        return {
+            "world.every": self.every,
+            "world.max_beams": self.max_beams,
+            **self.bounds,
+        }
+
+    @property
+    def bounds(self) -> dict[str, Any]:
+        """The ranges that are measurements, as settings of ``replay_of``."""
+        return {f"world.reading.{name}": value for name, value in self.reading.items()}
 
 
 def read_nav2(path: Path, node: str | None = None) -> Amcl:
@@ -147,10 +146,10 @@ def read_nav2(path: Path, node: str | None = None) -> Amcl:
         path: of the yaml.
         node: whose parameters, as "/robot1/amcl"; None is the only amcl in it.
     """
-    _, nodes, twice = ros_params.read(path)
-    name = ros_params.node_named("amcl", nodes, path, node)
-    fitting = ros_params.fitting(name, nodes)
-    given = {n: value for pattern in fitting for n, value in nodes[pattern].items()}
+    _, nodes, twice = _nodes_of(path)
+    name = _node_named("amcl", nodes, path, node)
+    patterns = _fitting(name, nodes)
+    given = {n: value for pattern in patterns for n, value in nodes[pattern].items()}
     later = [n for n, value in nodes.get(name, {}).items() if given[n] != value]
     noted = {"given twice, where rcl joins tables and takes the later value": twice}
     noted |= {f"overridden by a wildcard that stands after {name}, as in rclcpp": later}
@@ -183,20 +182,20 @@ def nav2_document(
     told = {n: _value(n, default, params) for n, default in usual_params().items()}
     if path is None:
         return {"amcl": {"ros__parameters": told}}
-    document, nodes, _ = ros_params.read(path)
-    name = ros_params.node_named("amcl", nodes, path, node)
-    if ros_params.fitting(name, nodes)[-1] != name:  # what stands last is not overridden
-        held = {at: key for key in document for at, _ in ros_params.tables({key: document[key]})}
+    document, nodes, _ = _nodes_of(path)
+    name = _node_named("amcl", nodes, path, node)
+    if _fitting(name, nodes)[-1] != name:  # what stands last is not overridden
+        held = {at: key for key in document for at, _ in _tables({key: document[key]})}
         inner = document.pop(key := held.get(name, name), {})
         document[key] = inner if name in held else {**inner, "ros__parameters": {}}
-    own = dict(ros_params.tables(document))[name]
+    own = dict(_tables(document))[name]
     own |= told
     return document
 
 
 def _amcl(source: str, raw: Mapping[str, Any], noted: dict[str, list[str]]) -> Amcl:
     filled = {n: _ENV.sub(r"\2", str(v)) for n, v in raw.items() if _ENV.search(str(v))}
-    given = {**raw, **{n: ros_params.scalar(text) for n, text in filled.items()}}
+    given = {**raw, **{n: _scalar(text) for n, text in filled.items()}}
     said = {name: _value(name, default, given) for name, default in _DEFAULTS.items()}
     one_of("laser_model_type", said["laser_model_type"], _LASERS)
     robot = one_of("robot_model_type", said["robot_model_type"], _ROBOTS)
@@ -250,7 +249,7 @@ def _value(name: str, default: Any, given: Mapping[str, Any]) -> Any:
         )
     if isinstance(default, str):
         return value
-    value = ros_params.scalar(value) if isinstance(value, str) else value
+    value = _scalar(value) if isinstance(value, str) else value
     if isinstance(default, bool):
         return boolean(name, value)
     read = type(default)(number(name, value, **_RANGES.get(name, {})))
@@ -269,3 +268,102 @@ def _check(found: Amcl) -> None:
         scan=GaussianUniform(sigma=found.sigma),
     )
     make("amcl", robot, **found.params, field_cell=0.1)
+
+
+def _nodes_of(path: Path) -> tuple[dict[str, Any], _Nodes, list[str]]:
+    """Return a file's tables, its parameters by node and dotted name, and keys given twice."""
+    twice: list[str] = []
+    nodes: _Nodes = {}
+    try:
+        found = yaml_of(content_of(path), lambda root: _built(root, "", {}, twice))
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist: give Nav2's parameter file.") from None
+    except UnreadableError as error:
+        raise InputError(f"{path} {error}: give another file.") from None
+    tops = found.items() if isinstance(found, dict) else ()
+    document = {name: table for name, table in tops if isinstance(table, dict)}
+    for name, table in _tables(document):
+        nodes.setdefault(name, {}).update(_dotted(table))
+    return document, nodes, list(dict.fromkeys(twice))
+
+
+def _tables(document: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the parameters of all nodes by full name, namespaces nested or written out."""
+    for name, inner in document.items():
+        if isinstance(inner, dict) and at and name == _OWN:
+            yield at, inner
+        elif isinstance(inner, dict):
+            yield from _tables(inner, f"{at.rstrip('/')}/{name.strip('/')}")
+
+
+def _fitting(name: str, patterns: Iterable[str]) -> list[str]:
+    """Return the names and wildcards that fit a node, in order."""
+    parts, found = name.split("/")[1:], []
+    for pattern in patterns:
+        ends = {0}  # how many parts fit so far
+        for part in pattern.split("/")[1:]:
+            if part == "**":
+                ends = {end for end in range(len(parts) + 1) if ends and end >= min(ends)}
+            else:
+                ends = {end + 1 for end in ends if part in ("*", *parts[end : end + 1])}
+        found += [pattern] if len(parts) in ends else []
+    return found
+
+
+def _node_named(last: str, nodes: _Nodes, path: Path, asked: str | None) -> str:
+    """Return the node asked for, or the only one of this name, or that which most wildcards fit."""
+    found = [name for name in nodes if name.endswith(f"/{last}") and "*" not in name]
+    if asked is not None:
+        name = f"/{asked.strip('/')}"
+        likely = name.endswith(f"/{last}") or not found  # a typing error would fit "/**", too
+        return name if likely and _fitting(name, nodes) else one_of(f"node of {path}", name, nodes)
+    if not found:
+        most = {name: len(_fitting(name, nodes)) for p in nodes for name in _shortest(p, last)}
+        found = [name for name, count in most.items() if count == max(most.values())]
+    if len(found) == 1:
+        return found[0]
+    there = ", ".join(nodes) or "none at all: is it of ROS 1?"
+    has = f"{len(found)} nodes of AMCL, {', '.join(found)}"
+    has = has if found else f"no node {last} with {_OWN} (its nodes: {there})"
+    raise InputError(f"{path} has {has}: choose one by --node, or give Nav2's parameter file.")
+
+
+def _shortest(pattern: str, last: str) -> list[str]:
+    """Return the shortest name of a node "/…/last" that fits a wildcard, if any does."""
+    at = pattern.replace("/**", "")
+    names = at, f"{at.removesuffix('/*')}/{last}"
+    return [n for n in names if n.endswith(f"/{last}") and _fitting(n, [pattern])][:1]
+
+
+def _scalar(text: str) -> Any:
+    """Return the value of a plain scalar, of the type that rcl gives it; None if it is empty."""
+    if text.lower() in _BOOLS:
+        return _BOOLS[text.lower()]
+    if "_" not in text:
+        with suppress(ValueError):
+            return int(text, 0)
+        with suppress(ValueError):
+            return float(text.lower().replace(".inf", "inf").replace(".nan", "nan"))
+    return text or None
+
+
+def _built(node: Any, at: str, found: Any, twice: list[str]) -> Any:
+    """Return a YAML node's value, joined to what stands before it under the same name."""
+    if isinstance(node, yaml.ScalarNode):
+        return node.value if node.style in ("'", '"') else _scalar(node.value)
+    if not isinstance(node, yaml.MappingNode):
+        return [_built(one, at, {}, twice) for one in node.value] if node else None
+    joined = found if isinstance(found, dict) else {}
+    for key, value in node.value:
+        name = str(key.value)
+        path = f"{at}.{name}" if at else name
+        if name in joined and not (at and isinstance(value, yaml.MappingNode)):
+            twice.append(path)
+        joined[name] = _built(value, path, joined.get(name), twice)
+    return joined
+
+
+def _dotted(table: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, Any]]:
+    for name, value in table.items():
+        inner = isinstance(value, dict)
+        yield from _dotted(value, f"{at}{name}.") if inner else [(f"{at}{name}", value)]

@@ -1,6 +1,5 @@
-"""What a user says about a replay, as changes to the scenario ``replay``; and in words."""
+"""What a log is replayed with, as overrides of the scenario ``replay``; and in words."""
 
-import argparse
 import math
 import os
 import warnings
@@ -16,7 +15,7 @@ from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise, sh
 from benchmarks.setup.names import absolute_assumed, scenario
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.setup.priors import Gaussian
-from benchmarks.sweeps.settings import settings, value_of
+from benchmarks.sweeps.settings import parsed
 from benchmarks.trials.tracks import absolute
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
@@ -24,7 +23,7 @@ from deqmcl_gym.logs.trajectory import tolerance_of
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics.types import Floats, Pose
-from deqmcl_gym.validation import InputError, number, pose
+from deqmcl_gym.validation import InputError, one_of, pose
 from localizers import OmniMotion, RobotModel
 from localizers.models.nav2_motion import MotionModel, kind_of
 
@@ -35,8 +34,8 @@ NO_ERROR = (
     "There is no reference, so no error is known. The share of beams that agree with the map is no "
     "substitute: a wrong place that looks alike agrees equally well."
 )
-_PLAIN = ("start", "every", "max_beams", "radius", "unknown")
-_WORDS = {"motion": "alpha1=0.1", "scan": "sigma=0.2", "changed_walls": "share=0.3"}
+_DEFAULTS = {"world.unknown": "obstacle", "world.every": EVERY, "world.max_beams": 60}
+_PARTS = ("world", "assumed", "params")
 _SIDEWAYS = 0.1  # share of the way above which sideways motion is told; 1 to 2 % in two real logs
 _UNKNOWN = {
     "obstacle": "obstacles, which stop beams and the robot",
@@ -124,8 +123,8 @@ class Replay:
             return None
         return (
             f"{aside:.1f} of {driven:.1f} {log.unit} of odometry are sideways: for a robot that "
-            "can move so, add --motion kind=omni; for one that cannot, its odometry is not of the "
-            "point between its wheels, or the wheels slip."
+            "can move so, add --set assumed.motion.kind=omni; for one that cannot, its odometry is "
+            "not of the point between its wheels, or the wheels slip."
         )
 
     @property
@@ -161,16 +160,9 @@ def replay_of(
     floor_plan: str | Path,
     *,
     reference: str | Path | None = None,
-    reading: Mapping[str, Any] | None = None,
     start: str | Sequence[float] | None = None,
     otherwise: str | Sequence[float] | None = None,
-    every: str | tuple[float, float] = EVERY,
-    max_beams: int = 60,
-    motion: Mapping[str, Any] = NOTHING,
-    scan: Mapping[str, Any] = NOTHING,
-    radius: float | None = None,
-    unknown: str = "obstacle",
-    changed_walls: Mapping[str, Any] = NOTHING,
+    settings: Mapping[str, Any] = NOTHING,
 ) -> Replay:
     """Return what is to be replayed.
 
@@ -178,56 +170,82 @@ def replay_of(
         log: path of the log, or of its parts.
         floor_plan: path of the map's yaml.
         reference: path of a TUM file.
-        reading: further arguments of ``logs.read``.
         start: "reference", "global", a pose of the robot (or "x,y,θ"), "room=x,y,x,y,…",
             "near=x,y,within" or the path of a TOML file with a table [prior]; None is the reference
             if there is one.
         otherwise: the start of a log without a reference, if none is said.
-        every, max_beams, unknown: see ``LogEnv``.
-        motion: parameters of the motion model and its kind; what is not given is estimated from the
-            reference, if there is one.
-        scan: parameters of the scan model and its kind.
-        radius: of the robot, m; None is 0.16 m.
-        changed_walls: of the map that localizers are given; see ``LogEnv``.
+        settings: by name, arguments of ``LogEnv`` (world.every, world.max_beams, world.radius,
+            world.unknown, world.changed_walls.…, and in world.reading.… those of ``logs.read``)
+            and what localizers assume (assumed.motion.…, assumed.scan.…, assumed.prior.…); of the
+            motion, what is not given is estimated from the reference, if there is one.
     """
+    given, asked = _parts(_DEFAULTS | dict(settings))
     parts = [log] if isinstance(log, str | Path) else log
+    named = ", ".join(map(str, parts))
     world: dict[str, Any] = {
         "log": tuple(map(os.path.abspath, parts)) if len(parts) > 1 else os.path.abspath(parts[0]),
         "map": os.path.abspath(floor_plan),
         **({} if reference is None else {"reference": os.path.abspath(reference)}),
-        **{f"reading.{name}": value for name, value in (reading or {}).items()},
-        "unknown": unknown,
-        "every": every,
-        "max_beams": max_beams,
-        **_changes(changed_walls),
+        **given,
     }
     whole = _replayed(world).whole
-    if radius is not None:
-        world["radius"] = number("--radius", radius, low=0) * metre(whole.unit)
     if start is None:
         start = "reference" if whole.reference is not None else otherwise
-    if start is None:
+    if start is None and not any(name.startswith("prior.") for name in asked):
         raise InputError(
-            f"{log} has no reference: give --reference, --start x,y,θ or --start global."
+            f"{named} has no reference: give --reference, --start x,y,θ or --start global."
         )
     if start == "reference":
         if not whole.referenced.size:
-            raise InputError(f"--start is reference, but {log} has none: give --reference.")
-        world["start"] = first_referenced(whole)
+            raise InputError(f"--start is reference, but {named} has none: give --reference.")
+        world.setdefault("start", first_referenced(whole))
     played, ground = _replayed(world).recording()
     check_inside(played, ground)
     if start == "reference" and (at := played[0].reference) is not None:
         _check_free(ground, at, "the reference begins at", "the reference of this log and map")
-    assumed = {**_assumed("motion", motion), **absolute_assumed(Overrides(_assumed("scan", scan)))}
-    assumed, origin = _with_noise(world, assumed, played)
-    if start != "reference":
-        assumed |= (prior := _start_of(start))
+    assumed, origin = _with_noise(world, absolute_assumed(Overrides(asked)), played)
+    if start not in ("reference", None):
+        prior = _start_of(start)
         if prior.keys() == {"prior.mean"}:
             at = prior["prior.mean"]
             _check_free(ground, at, "--start is", "a pose where the robot can be")
-    tolerance = (reading or {}).get("reference_tolerance")
-    said = _reference(whole.segment(world.get("start", 0)), played, tolerance)
+        assumed = prior | assumed
+    said = _reference(
+        whole.segment(world.get("start", 0)), played, world.get("reading.reference_tolerance")
+    )
     return Replay(world=Overrides(world), assumed=Overrides(assumed), noise=origin, reference=said)
+
+
+def reading_among(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the arguments of ``logs.read`` that are set; nothing else may be."""
+    head = "world.reading."
+    for name in settings:
+        if not name.startswith(head):
+            one_of("name of a setting of a log", name, [f"{head}…"])
+    return {name.removeprefix(head): value for name, value in settings.items()}
+
+
+def params_among(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of localizers that are set, without "params."."""
+    head = "params."
+    return {n.removeprefix(head): value for n, value in settings.items() if n.startswith(head)}
+
+
+def _parts(settings: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what is set of the world, and of what localizers assume."""
+    parts: dict[str, dict[str, Any]] = {part: {} for part in _PARTS}
+    for name, value in settings.items():
+        part, dot, rest = name.partition(".")
+        if not (dot and rest) or part not in parts:
+            one_of("name of a setting on a log", name, [f"{part}.…" for part in _PARTS])
+        if name.startswith("world.reading.scanner"):
+            raise InputError(
+                "world.reading takes no scanner: write it into the file, as "
+                '# {"angles": [-1.57, 0, 1.57], "max_range": 8} in the first line of a CSV.'
+            )
+        model = name.startswith(("assumed.motion.", "assumed.scan."))
+        parts[part][rest] = float(value) if model and type(value) is int else value
+    return parts["world"], parts["assumed"]
 
 
 def _check_free(ground: Map, at: Pose, what: str, remedy: str) -> None:
@@ -275,29 +293,6 @@ def length_and_angle(option: str, text: str) -> tuple[float, float]:
     return length, angle
 
 
-def said_of(options: argparse.Namespace) -> dict[str, Any]:
-    """Return what the options of a command say of a replay, as ``replay_of`` takes it."""
-    given = {name: value for name, value in vars(options).items() if value not in (None, [])}
-    said = {name: given[name] for name in _PLAIN if name in given}
-    for name, form in _WORDS.items():
-        if name in given:
-            option = f"--{name.replace('_', '-')}"
-            said[name] = settings(option, given[name], f"NAME=VALUE, as {form}")
-    return {**said, "reading": reading_of(options.read)}
-
-
-def reading_of(words: Sequence[str]) -> dict[str, Any]:
-    """Return NAME=VALUE words as arguments of ``logs.read``."""
-    form = "NAME=VALUE, as scan_topic=/front"
-    found = settings("--read", words, form, often=("scan_topic",))
-    if "scanner" in found:
-        raise InputError(
-            "--read takes no scanner: write it into the file, as "
-            '# {"angles": [-1.57, 0, 1.57], "max_range": 8} in the first line of a CSV.'
-        )
-    return found
-
-
 def _replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) -> ReplayScenario:
     found = scenario(NAME).changed(world, assumed)
     assert isinstance(found, ReplayScenario)
@@ -312,7 +307,7 @@ def _start_of(start: str | Sequence[float]) -> dict[str, Any]:
             documents.check_values(given, ["prior"])
             return dict(Overrides.told("prior", {"prior": given.get("prior", {})}))
     word, equals, text = start.rpartition("=") if isinstance(start, str) else ("", "", start)
-    known = value_of("--start", text) if isinstance(text, str) else text
+    known = parsed("--start", text) if isinstance(text, str) else text
     some = isinstance(known, list | tuple) and all(isinstance(one, int | float) for one in known)
     numbers = list(map(float, known)) if some else []
     if start == "global":
@@ -386,18 +381,3 @@ def interpolation_errors(log: Log) -> tuple[Floats, Floats] | None:
         return None
     off = absolute(log.reference[hidden], half.reference[hidden])
     return off.translation, off.rotation
-
-
-def _assumed(part: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return parameters of a model as assumptions by dotted name; whole numbers are real ones."""
-    return {f"{part}.{n}": float(v) if type(v) is int else v for n, v in given.items()}
-
-
-def _changes(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return changes of a map's walls by dotted name; kinds may be joined by "+"."""
-    return {
-        f"changed_walls.{name}": value.split("+")
-        if name == "kinds" and isinstance(value, str)
-        else value
-        for name, value in given.items()
-    }

@@ -2,18 +2,30 @@
 
 import json
 import math
-import re
 import tomllib
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from benchmarks.setup import documents
 from deqmcl_gym.validation import InputError
 
-_NEXT = re.compile(r",(?![^{]*\})(?=[^,=\[\]]*=|\s*$)")  # between two settings, not in a value
+
+def settings(words: Iterable[str]) -> dict[str, Any]:
+    """Return the values by dotted name of ``NAME=VALUE`` words, as ``--set`` has them."""
+    values: dict[str, Any] = {}
+    for word in words:
+        name, equals, text = map(str.strip, word.partition("="))
+        if not (name and equals and text):
+            raise InputError(
+                f"--set has {word!r}, but must be NAME=VALUE, as params.mcl.particles=500."
+            )
+        if name in values:
+            raise InputError(f"--set gives {name} twice: give it once.")
+        values[name] = parsed(f"--set {name}", text)
+    return values
 
 
-def value_of(what: str, text: str) -> Any:
+def parsed(what: str, text: str) -> Any:
     """Return a value as TOML has it; quotes around text and brackets around a list may be left out.
 
     Args:
@@ -27,37 +39,10 @@ def value_of(what: str, text: str) -> Any:
             break
         except ValueError:
             continue
+    if isinstance(value, str) and value.startswith("[") and value.endswith("]"):  # [a, b]: words
+        value = [parsed(what, item) for item in value[1:-1].split(",")]
     documents.check_values({what: value}, [what])
     return value
-
-
-def settings(
-    option: str, words: Iterable[str], form: str, often: Collection[str] = ()
-) -> dict[str, Any]:
-    """Return the values by name of "name=value" words, several in one with commas between.
-
-    Args:
-        option: that has the words.
-        words: in their order.
-        form: of one of them, for readers.
-        often: names that may be given more than once: their values make a list.
-    """
-    found: dict[str, Any] = {}
-    for word in (one.strip() for whole in words for one in _NEXT.split(whole)):
-        name, equals, text = map(str.strip, word.partition("="))
-        if not word:
-            continue
-        if not (name and equals and text):
-            raise InputError(f"{option} has {word!r}, but must be {form}.")
-        value = value_of(f"{option} {name}", text)
-        if name not in found:
-            found[name] = value
-        elif name in often:
-            before = found[name] if isinstance(found[name], list) else [found[name]]
-            found[name] = [*before, value]
-        else:
-            raise InputError(f"{option} gives {name} twice: give it once.")
-    return found
 
 
 def sweep_text(
@@ -65,8 +50,7 @@ def sweep_text(
 ) -> str:
     """Return a sweep file: comments, values before all tables, and tables by name.
 
-    A table whose name has brackets, as "[localizers]", is one of a list; a line of a table that is
-    None is its name as a comment.
+    A table whose name has brackets, as "[localizers]", is one of a list.
     """
     lines = [f"# {_printable(note)}" for note in notes]
     lines += _lines(top)
@@ -77,12 +61,14 @@ def sweep_text(
 
 def _lines(table: Mapping[str, Any]) -> Iterator[str]:
     for name, value in table.items():
-        yield f"# {name}" if value is None else f"{name} = {_toml(value)}"
+        yield f"{name} = {_toml(value)}"
 
 
 def _toml(value: Any) -> str:
     if isinstance(value, tuple | list):
         return f"[{', '.join(map(_toml, value))}]"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{name} = {_toml(inner)}' for name, inner in value.items())}}}"
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return json.dumps(value, ensure_ascii=False)

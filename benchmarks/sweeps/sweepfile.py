@@ -117,16 +117,126 @@ def sweep_of(
         "localizers": tuple(names.method(entry) for entry in methods),
         "world": names.world(Overrides.told("world", given.get("world", {}))),
         "assumed": names.assumed(Overrides.told("assumed", given.get("assumed", {}))),
-        "params": names.params(Overrides.told("params", given.get("params", {}))),
+        "params": Overrides.told("params", given.get("params", {})),
         "disturbance": _wrappers("disturbance", given.get("disturbance", [])),
         "vary": tuple(map(names.axis, _list("vary", given.get("vary", [])))),
         "limits": tuple(map(names.limit, limits)),
         "until_decided": _until_decided(given.get("until_decided")),
     }
+    said["params"], own = _split(said["params"], names)
     if base is None:
-        return Sweep(takes=takes, **said)
-    keys = {"title", *given} | ({"limits"} if "limit" in given else set())
-    return replace(base, **{key: value for key, value in said.items() if key in keys})
+        sweep = Sweep(takes=takes, **said)
+    else:
+        keys = {"title", *given} | ({"limits"} if "limit" in given else set())
+        sweep = replace(base, **{key: value for key, value in said.items() if key in keys})
+    return with_params(sweep, own)
+
+
+def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
+    """Return a sweep with single values changed, as ``--set`` has them; files as from here.
+
+    Args:
+        sweep: to be changed.
+        values: by name: a key of a sweep file such as trials, a part such as world.lidar.beams or
+            assumed.scan.sigma, params.KEY of all localizers or params.LOCALIZER.KEY of one,
+            agent.KEY, and vary.NAME with a list, which becomes an axis.
+    """
+    names, plain, axes = _Names(Path()), dict[str, Any](), list[Axis]()
+    parts: dict[str, dict[str, Any]] = {part: {} for part in (*PARTS, "agent")}
+    for name, value in values.items():
+        part, dot, rest = name.partition(".")
+        if part == "vary" and rest:
+            axes.append(names.axis({rest: value if isinstance(value, list) else [value]}))
+        elif part in parts and rest:
+            parts[part][rest] = value
+        elif part == "until_decided" and rest:
+            plain[part] = plain.get(part, {}) | {rest: value}
+        elif dot or part in (*PARTS, "vary"):
+            one_of("name of a setting", name, (*_KEYS, *(f"{p}.…" for p in (*parts, "vary"))))
+        else:
+            plain[name] = value
+    if plain:
+        sweep = sweep_of(plain, title=sweep.title, folder=Path(), base=sweep)
+    params, own = _split(Overrides.told("params", parts["params"]), names)
+    changes: dict[str, Any] = {
+        "world": sweep.world | names.world(Overrides.told("world", parts["world"])),
+        "assumed": sweep.assumed | names.assumed(Overrides.told("assumed", parts["assumed"])),
+        "params": sweep.params | params,
+        "vary": (*sweep.vary, *axes),
+    }
+    if parts["agent"]:
+        if sweep.agent is None:
+            raise InputError("agent.… is set, but no agent is named: set agent=NAME, too.")
+        changes["agent"] = replace(sweep.agent, params=sweep.agent.params | parts["agent"])
+    if agents := [agent for axis in axes for agent in axis.values.get("agent", ())]:
+        usual = "" if len(agents) > 1 else sweep.baseline
+        changes |= {"agent": None, "baseline": plain.get("baseline", usual)}
+    changed = with_params(replace(sweep, **changes), own)
+    refuse_idle(changed)
+    return changed
+
+
+def with_params(sweep: Sweep, params: Mapping[str, Overrides]) -> Sweep:
+    """Return a sweep with parameters of single localizers; the method of a limit keeps its own."""
+    own = _of_localizers(params, sweep.names)
+    if not own:
+        return sweep
+    methods = [replace(m, params=m.params | own.get(m.name, {})) for m in sweep.localizers]
+    limits = [
+        replace(one, method=replace(one.method, params=own[one.method.name] | one.method.params))
+        if one.method.name in own
+        else one
+        for one in sweep.limits
+    ]
+    return replace(sweep, localizers=tuple(methods), limits=tuple(limits))
+
+
+def params_by_localizer(
+    given: Mapping[str, Any], localizers: Sequence[str]
+) -> dict[str, Overrides]:
+    """Return ``KEY`` of all localizers that take it, and ``LOCALIZER.KEY`` of one, by localizer."""
+    shared, alone = _split(Overrides(given), _Names(Path()))
+    own = _of_localizers(alone, localizers)
+    taken = {name: parameters(name) for name in localizers}
+    if None not in taken.values():
+        for key in shared:
+            one_of(
+                "parameter of these localizers", key, {k for t in taken.values() for k in t or ()}
+            )
+    found = {}
+    for name, keys in taken.items():
+        useful = {k: value for k, value in shared.items() if keys is None or k in keys}
+        found[name] = Overrides(useful) | own.get(name, {})
+    return found
+
+
+def _of_localizers(
+    params: Mapping[str, Overrides], localizers: Sequence[str]
+) -> dict[str, Overrides]:
+    """Return parameters by the name that a localizer has here; refuse what it does not take."""
+    names = {absolute_name(name): name for name in localizers}
+    own = {}
+    for given, values in params.items():
+        name = one_of("localizer in params", names.get(absolute_name(given), given), localizers)
+        taken = parameters(name)
+        for key in values if taken is not None else ():
+            one_of(f"parameter of localizer {name!r}", key, taken or ())
+        own[name] = values
+    return own
+
+
+def _split(given: Overrides, names: "_Names") -> tuple[Overrides, dict[str, Overrides]]:
+    """Return the parameters of all localizers, and by localizer those that are of one alone."""
+    shared: dict[str, Any] = {}
+    own: dict[str, dict[str, Any]] = {}
+    for name, value in given.items():
+        localizer, _, key = name.rpartition(".")
+        if localizer:
+            own.setdefault(names.localizer("params", localizer), {})[key] = value
+        else:
+            shared[key] = value
+    alone = {localizer: names.params(Overrides(values)) for localizer, values in own.items()}
+    return names.params(Overrides(shared)), alone
 
 
 def refuse_idle(sweep: Sweep) -> None:

@@ -2,8 +2,8 @@
 Figures for a paper
 ===================
 
-``deqmcl export results`` writes a sweep's tables in LaTeX, its charts as PDF, and BibTeX. This
-script does the same in Python, and draws another figure, one column wide.
+``deqmcl report results --latex --pdf`` writes a sweep's tables in LaTeX, its charts as PDF, and
+BibTeX. This script does the same in Python, and draws another figure, one column wide.
 """
 
 import tempfile

@@ -124,7 +124,8 @@ def logs(folder: Path) -> list[Cell]:
         if not log.exists():
             continue
         floor_plan, reference = folder / f"{place}.yaml", folder / f"{place}.reference.tum"
-        replay = replay_of(log, floor_plan, reference=reference, scan={"power": power})
+        tempered = {"assumed.scan.power": power}
+        replay = replay_of(log, floor_plan, reference=reference, settings=tempered)
         setting = {
             "setting": name, "scenario": "replay", "world": replay.world, "assumed": replay.assumed
         }  # fmt: skip

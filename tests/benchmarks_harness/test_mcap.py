@@ -193,7 +193,7 @@ def hall(tmp_path, monkeypatch):
 
 REPLAY = (
     *("replay", "lap.csv", "--map", "hall.yaml", "--localizers", "mcl,amcl", "--particles", "50"),
-    *("--scan", "power=0.5", "--seeds", "1", "--jobs", "1"),
+    *("--set", "assumed.scan.power=0.5", "--seeds", "1", "--jobs", "1"),
 )
 
 
@@ -252,7 +252,9 @@ def test_a_log_with_times_before_0_is_refused_and_leaves_no_file(hall, tmp_path)
 
 def test_beams_at_uneven_angles_are_points_where_they_end(hall, tmp_path):
     _, log = hall
-    assert exit_code(*REPLAY, "--max-beams", "17", "--mcap", "a.mcap", "--out", "out") == 0
+    assert (
+        exit_code(*REPLAY, "--set", "world.max_beams=17", "--mcap", "a.mcap", "--out", "out") == 0
+    )
     topics = read(tmp_path / "a.mcap")
     _, schema, data = topics["/scan"][0]
     thinned = log.with_beams(17)

@@ -22,7 +22,7 @@ from localizers import GaussianPrior
 
 ON_LOG = ("basin", "lap.csv", "--map", "hall.yaml", "--reference", "lap.tum", "--segment", "2")
 ASKED = ("--distances", "0,0.4,1.2", "--angles", "0,90", "--trials", "3", "--every", "0.1m,5deg")
-FEW = (*ON_LOG, *ASKED, "--within", "1m", "--scan", "power=0.3")
+FEW = (*ON_LOG, *ASKED, "--within", "1m", "--set", "assumed.scan.power=0.3")
 
 
 @pytest.fixture(scope="module")

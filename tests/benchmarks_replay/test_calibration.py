@@ -4,6 +4,7 @@ And what follows from that power: how much a touch of the map's walls may cost.
 """
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -28,6 +29,8 @@ from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap
 
+EVERY = {"world.every": "0.1m,5deg"}
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
@@ -41,7 +44,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def replay(folder):
-    return replay_of(folder / "log.npz", folder / "hall.yaml", every="0.1m,5deg")
+    return replay_of(folder / "log.npz", folder / "hall.yaml", settings=EVERY)
 
 
 def share_within(replay):
@@ -71,7 +74,7 @@ def test_without_enough_of_a_reference_the_power_stays(replay, folder):
         assert calibrated(few) == judged_alike(few) == few
     log = logs.read(folder / "log.npz")
     logs.write(replace(log, reference=None), folder / "blind.npz")
-    told = {"every": "0.1m,5deg", "start": "1.5,1.6,0"}
+    told = {"settings": EVERY, "start": "1.5,1.6,0"}
     blind = replay_of(folder / "blind.npz", folder / "hall.yaml", **told)
     assert calibrated(blind) == blind
 
@@ -85,18 +88,15 @@ def test_fitted_beams_are_those_that_made_the_log_and_are_told_as_they_can_be_gi
     people = rng.random(log.ranges.shape) < 0.1
     ranges = np.where(people, log.ranges * rng.uniform(0.0, 0.9, people.shape), log.ranges)
     logs.write(replace(log, ranges=ranges), folder / "people.npz")
-    told = {"every": "0.1m,5deg"}
-    replay = replay_of(folder / "people.npz", folder / "hall.yaml", **told)
+    replay = replay_of(folder / "people.npz", folder / "hall.yaml", settings=EVERY)
     found = with_fitted_beams(replay)
     beam, count = found.scenario.scan, math.ceil(PART * len(replay.log))
     k = count * replay.log.scanner.beams
     # a tenth of the hits' width on either side of a wall is in reach of what stands before it
     assert beam.hit == pytest.approx(0.9, abs=5 * math.sqrt(0.09 / k) + 0.005)
     assert beam.sigma == pytest.approx(0.03, rel=5 / math.sqrt(2 * 0.9 * k) + 0.02)
-    words = found.beams.partition("--scan ")[2].partition(" ")[0]
-    again = replay_of(
-        folder / "people.npz", folder / "hall.yaml", scan=settings("--scan", [words], "…"), **told
-    )
+    told = EVERY | settings(re.findall(r"--set (\S+)", found.beams))
+    again = replay_of(folder / "people.npz", folder / "hall.yaml", settings=told)
     assert again.scenario.scan == beam
     assert found.scenario.judged == count
     assert beams_of(replay.log, replay.scenario.recording()[1]).readings > 3 * k
@@ -124,8 +124,8 @@ def largest_errors(tmp_path, cells, name, power, **params):
     occupancy[tuple(np.transpose(cells))] = 100
     GridMap(occupancy=occupancy, resolution=0.05).save(tmp_path / "hall.yaml")
     logs.write(test_yardstick.recorded(0), tmp_path / "log.npz")
-    told = {"every": "0.1m,5deg", "scan": {"power": power}}
-    replay = replay_of(tmp_path / "log.npz", tmp_path / "hall.yaml", **told)
+    told = EVERY | {"assumed.scan.power": power}
+    replay = replay_of(tmp_path / "log.npz", tmp_path / "hall.yaml", settings=told)
     own = {name: params}
     sweep = replay_sweep(replay, [name], particles=1000, seeds=2, root=1, shared={}, own=own)
     found = []

@@ -1,6 +1,7 @@
-"""``deqmcl from-nav2``, ``replay --nav2``: all of a user's AMCL parameters are accounted for."""
+"""``replay --nav2``: all of a user's AMCL parameters are accounted for."""
 
 import csv
+import os
 import re
 import tomllib
 from pathlib import Path
@@ -14,10 +15,11 @@ from refusals import refused
 
 import localizers
 from benchmarks.cli import main
+from benchmarks.replay.command import planned
 from benchmarks.replay.nav2 import nav2_document, read_nav2, usual_params
+from benchmarks.sweeps.settings import sweep_text
 from benchmarks.sweeps.sweepfile import read_sweep
 from deqmcl_gym import logs
-from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.validation import InputError
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
@@ -87,8 +89,8 @@ def test_older_names_and_a_least_range_are_read(params):
 def test_the_sweep_file_is_toml_whatever_the_file_is_called_and_however_small_its_numbers(params):
     path = params("update_min_d: 0.1", "update_min_d: 0.00001")
     odd = path.rename(path.with_name("a\nb.yaml"))
-    told = tomllib.loads(read_nav2(odd).toml)
-    assert spacing("every", told["world"]["every"], "m") == (2.5e-6, 0.05)
+    told = tomllib.loads(sweep_text([read_nav2(odd).source], {}, {"world": read_nav2(odd).world}))
+    assert told["world"]["world"]["every"] == [2.5e-6, 0.05]
 
 
 def test_the_motion_is_navs_model_with_the_files_parameters(params):
@@ -157,12 +159,10 @@ BAD = [
 
 
 @pytest.mark.parametrize(("old", "new", "named"), BAD)
-def test_a_bad_file_is_refused_in_one_sentence(params, capsys, old, new, named):
-    assert main(["from-nav2", str(params(old, new))]) == 2
-    said = capsys.readouterr()
-    assert named in said.err
-    assert said.err.count("\n") == 1
-    assert said.out == ""
+def test_a_bad_file_is_refused_in_one_sentence(params, old, new, named):
+    with pytest.raises(InputError, match=re.escape(named)) as refused:
+        read_nav2(params(old, new))
+    assert "\n" not in str(refused.value)
 
 
 def of_amcl(path, *lines):
@@ -191,7 +191,7 @@ STRAYS = {  # what stands under initial_pose, and which names Nav2 does not know
 def test_what_nav2_ignores_of_the_start_is_a_note(tmp_path, lines, told):
     found = read_nav2(of_amcl(tmp_path / "x.yaml", f"set_initial_pose: {told}", lines))
     assert list(found.unused) == STRAYS[lines]
-    assert all(name in "".join(found.notes) and name in found.toml for name in STRAYS[lines])
+    assert all(name in "".join(found.notes) for name in STRAYS[lines])
     x = 1.0 if "x: 1.0" in lines else 0.0
     assert found.start == ((x, 0.0, 0.0) if told else None)
     assert (str(found.start) in "".join(found.notes)) == told
@@ -419,17 +419,24 @@ def recorded(tmp_path, monkeypatch):
 
 
 def test_the_sweep_file_runs_as_it_is_printed_with_a_log_in_it(params, recorded, capsys):
-    assert main(["from-nav2", str(params())]) == 0
-    text = capsys.readouterr().out
-    text = text.replace('# log = "robot.log.gz"', 'log = "x.csv"\nsegment = 0.3')
-    text = text.replace('# map = "map.yaml"', 'map = "room.yaml"')
-    text = text.replace('# reference = "robot.tum"', 'reference = "x.tum"')
-    Path("amcl.toml").write_text(
-        "trials = 1\n" + text.replace("max_particles = 1500", "max_particles = 400")
+    command = ["replay", "x.csv", "--map", "room.yaml", "--nav2", str(params()), "--seeds", "1"]
+    command += ["--localizers", "amcl,mcl-smoother", "--set", "params.amcl.max_particles=400"]
+    assert main([*command, "--dry-run"]) == 0
+    Path("amcl.toml").write_text(capsys.readouterr().out)
+    assert os.listdir() != ["results"]
+    printed = read_sweep(Path("amcl.toml"))
+    plan = planned(
+        "x.csv",
+        "room.yaml",
+        ("amcl", "mcl-smoother"),
+        nav2=read_nav2(params()),
+        settings={"params.amcl.max_particles": 400},
+        seeds=1,
     )
-    trial, *_ = read_sweep(Path("amcl.toml")).distinct()
-    taken = localizers.parameters("amcl")
-    assert dict(trial.params).keys() <= set(taken)
+    assert (printed.world, printed.assumed) == (plan.sweep.world, plan.sweep.assumed)
+    amcl, smoother = printed.distinct()
+    assert amcl == plan.sweep.distinct()[0]
+    assert smoother.params["lag"] == 20  # as without the file, where it is the localizer's own
     assert main(["sweep", "amcl.toml", "--dry-run"]) == 0
 
 
@@ -450,17 +457,27 @@ def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--param", "amcl.alpha1=0.3"], "alpha1 0.04 → 0.3"),
-        (["--param", "amcl.max_particles=400"], "max_particles 1500 → 400"),
-        (["--param", "amcl.selective_resampling=true"], "selective_resampling None → True"),
-        (["--max-beams", "20"], "max_beams 30 → 20"),
+        (["--set", "params.amcl.alpha1=0.3"], "alpha1 0.04 → 0.3"),
+        (["--set", "params.amcl.max_particles=400"], "max_particles 1500 → 400"),
+        (["--set", "params.amcl.selective_resampling=true"], "selective_resampling None → True"),
+        (["--set", "world.max_beams=20"], "max_beams 30 → 20"),
         (["--every", "0.2m,1rad"], "update_min_a 0.2 → 1.0, update_min_d 0.1 → 0.2"),
-        (["--read", "max_range=3"], "laser_max_range 4.0 → 3"),
-        (["--read", "min_range=0.2"], "laser_min_range the sensor's → 0.2"),
+        (["--set", "world.reading.max_range=3"], "laser_max_range 4.0 → 3"),
+        (["--set", "world.reading.min_range=0.2"], "laser_min_range the sensor's → 0.2"),
         (["--start=1,1,0"], "initial_pose (1.2, 1.0, 0.1) → (1.0, 1.0, 0.0)"),
         (["--reference", "x.tum"], "initial_pose (1.2, 1.0, 0.1) → another start"),
-        (["--param", "amcl.alpha1=0.04", "--max-beams", "40", "--every", "0.01m,1deg"], None),
-        (["--start=1.2,1,0.1", "--particles", "20", "--motion", "alpha1=0.5"], None),
+        (
+            [
+                "--set",
+                "params.amcl.alpha1=0.04",
+                "--set",
+                "world.max_beams=40",
+                "--every",
+                "0.01m,1deg",
+            ],
+            None,
+        ),
+        (["--start=1.2,1,0.1", "--particles", "20", "--set", "assumed.motion.alpha1=0.5"], None),
     ],
 )
 def test_replay_says_in_which_parameters_amcl_differs_from_the_file(

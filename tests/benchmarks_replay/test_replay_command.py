@@ -29,7 +29,7 @@ from deqmcl_gym.maps import GridMap, PolygonMap
 from localizers import PointsBelief
 from localizers.models.nav2_motion import unknown_motion
 
-COMMAND = ("lap.csv", "--map", "hall.yaml", "--every", "0.1m,5deg", "--max-beams", "20")
+COMMAND = ("lap.csv", "--map", "hall.yaml", "--every", "0.1m,5deg", "--set", "world.max_beams=20")
 KNOWN = (*COMMAND, "--reference", "lap.tum", "--particles", "200", "--seeds", "3", "--jobs", "1")
 BLIND = (*COMMAND, "--particles", "200", "--seeds", "1", "--jobs", "1")
 BROKEN = """
@@ -53,6 +53,11 @@ class Same:
     def log_likelihood(self, states, scan):
         return self.model.log_likelihood(states, scan)
 """
+
+
+def of_motion(params):
+    """Settings of the motion model."""
+    return {f"assumed.motion.{name}": value for name, value in params.items()}
 
 
 @pytest.fixture(scope="module")
@@ -163,7 +168,7 @@ def tum(path):
     [("reference", "dead-reckoning"), ("1.2,1,0", "dead-reckoning"), ("global", "mcl-map")],
 )
 def test_the_tables_are_those_of_plain_loops(recorded, start, beside):
-    told = (*KNOWN, f"--start={start}", "--scan", "power=0.3")
+    told = (*KNOWN, f"--start={start}", "--set", "assumed.scan.power=0.3")
     assert replay(*told, "--localizers", f"mcl,{beside}", "--out", "o") == 0
     results = {row["localizer"]: row for row in table("o/results.csv")}
     trials = table("o/trials.csv")
@@ -227,7 +232,7 @@ def test_more_runs_are_added_to_those_that_are_there_and_other_settings_are_refu
     assert len(records(recorded / "o")) == 2
     assert stored(recorded / "o")["trials.jsonl"].startswith(before)
     assert [row["seed"] for row in table("o/trials.csv")] == ["0", "1"]
-    assert replay(*words, "--seeds", "2", "--radius", "0.3") == 2
+    assert replay(*words, "--seeds", "2", "--set", "world.radius=0.3") == 2
     assert "world.radius was not set and is 0.3" in capsys.readouterr().err
     assert main(["report", "o"]) == 2
     assert "give another --out" in capsys.readouterr().err
@@ -294,7 +299,7 @@ def test_motion_given_in_part_leaves_the_rest_as_it_would_be(recorded, kind, par
     (name,), chosen = part, {"kind": kind}
     origin = "of the log's odometry against its reference"
     replays = [
-        replay_of("lap.csv", "hall.yaml", motion=given, reference="lap.tum")
+        replay_of("lap.csv", "hall.yaml", settings=of_motion(given), reference="lap.tum")
         for given in (chosen, chosen | part, chosen | part | rest)
     ]
     estimated, partly, whole = (replay.motion for replay in replays)
@@ -305,7 +310,7 @@ def test_motion_given_in_part_leaves_the_rest_as_it_would_be(recorded, kind, par
     assert said[0].startswith(origin)
     assert said[1].startswith(f"{name} given; the rest {origin}")
     assert said[2] == "given"
-    unknown = replay_of("lap.csv", "hall.yaml", motion=chosen, start="1.2,1,0")
+    unknown = replay_of("lap.csv", "hall.yaml", settings=of_motion(chosen), start="1.2,1,0")
     assert unknown.motion == unknown_motion(kind, "m")
     assert unknown.noise == "assumed, as there is no reference"
 
@@ -381,37 +386,39 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--start=2.3,1",), "must be reference, global"),
         (("--start", ""), "must be reference, global"),
         (("--start", "-1,0,0"), "write --start=VALUE if it begins with -"),
-        (("--read", "scanner=front"), "write it into the file"),
+        (("--set", "world.reading.scanner=front"), "write it into the file"),
         (("--start=2.3,1,90",), "radians"),
         (("--every", "often"), "0.2m,5deg"),
-        (("--motion", "kind=omny"), "did you mean 'omni'?"),
-        (("--motion", "drive=1"), "unknown assumption 'motion.drive'"),
-        (("--motion", "kind=odometry,dive=1"), "did you mean 'motion.drive'?"),
-        (("--motion", "kind=omni,still=1"), "'motion.still'"),
-        (("--motion", "alpha1=much"), "alpha1 is 'much'"),
-        (("--motion", "alpha1=-1"), "alpha1 is -1"),
-        (("--scan", "power=0"), "scan.power"),
-        (("--scan", "kind=sonar"), "kind of scan"),
-        (("--fit-beams", "--scan", "sigma=0.1"), "given with scan.sigma"),
+        (("--set", "assumed.motion.kind=omny"), "did you mean 'omni'?"),
+        (("--set", "assumed.motion.drive=1"), "unknown assumption 'motion.drive'"),
+        (
+            ("--set", "assumed.motion.kind=odometry", "--set", "assumed.motion.dive=1"),
+            "did you mean 'motion.drive'?",
+        ),
+        (
+            ("--set", "assumed.motion.kind=omni", "--set", "assumed.motion.still=1"),
+            "'motion.still'",
+        ),
+        (("--set", "assumed.motion.alpha1=much"), "alpha1 is 'much'"),
+        (("--set", "assumed.motion.alpha1=-1"), "alpha1 is -1"),
+        (("--set", "assumed.scan.power=0"), "scan.power"),
+        (("--set", "assumed.scan.kind=sonar"), "kind of scan"),
+        (("--fit-beams", "--set", "assumed.scan.sigma=0.1"), "given with scan.sigma"),
         (("--fit-beams",), "--fit-beams needs 100 records"),
-        (("--max-beams", "0"), "max_beams"),
+        (("--set", "world.max_beams=0"), "max_beams"),
         (("--particles", "0"), "--particles"),
         (("--seeds", "0"), "--seeds"),
-        (("--radius", "-0.1"), "--radius"),
-        (("--param", "mcl"), "NAME.KEY=VALUE"),
-        (("--param", "mlc.beta=3"), "did you mean 'mcl'"),
-        (("--param", "amcl.max_particle=3"), "did you mean 'max_particles'"),
-        (("--param", "amcl.pf_err=-1"), "pf_err"),
-        (("--param", "amcl.pf_z=much"), "pf_z"),
-        (("--param", "mcl.particles=9", "--param", "mcl.particles=9"), "twice"),
-        (("--motion", "alpha1=0.1,alpha1=0.2"), "--motion gives alpha1 twice"),
-        (("--motion", "=0.1"), "--motion has '=0.1', but must be NAME=VALUE"),
-        (("--scan", "sigma"), "--scan has 'sigma', but must be NAME=VALUE"),
-        (("--changed-walls", "share"), "--changed-walls has 'share', but must be NAME=VALUE"),
-        (("--read", "max_range"), "--read has 'max_range', but must be NAME=VALUE"),
-        (("--read", "max_range=9", "--read", "max_range=8"), "--read gives max_range twice"),
-        (("--changed-walls", "seed=1,seed=2"), "--changed-walls gives seed twice"),
-        (("--changed-walls", "seed=nan"), "--changed-walls seed is nan"),
+        (("--set", "world.radius=-0.1"), "radius is -0.1"),
+        (("--set", "params.mcl=3"), "unknown parameter of these localizers 'mcl'"),
+        (("--set", "trials=3"), "unknown name of a setting on a log 'trials'"),
+        (("--set", "params.mlc.beta=3"), "did you mean 'mcl'"),
+        (("--set", "params.amcl.max_particle=3"), "did you mean 'max_particles'"),
+        (("--set", "params.amcl.pf_err=-1"), "pf_err"),
+        (("--set", "params.amcl.pf_z=much"), "pf_z"),
+        (("--set", "params.mcl.particles=9", "--set", "params.mcl.particles=9"), "twice"),
+        (("--set", "assumed.scan.sigma"), "--set has 'assumed.scan.sigma', but must be NAME=VALUE"),
+        (("--every", "1m", "--set", "world.every=1m"), "--every is given, and world.every set"),
+        (("--set", "world.changed_walls.seed=nan"), "--set world.changed_walls.seed is nan"),
         (("--jobs", "0"), "--jobs"),
         (("--start", "room=1,1,2,2"), "room=x,y,x,y,x,y,"),
         (("--start", "near=1,1,1,1"), "prior.within"),
@@ -483,7 +490,7 @@ def test_a_localizer_has_its_own_parameters_before_shared_ones_before_the_number
     [
         (["--localizers", "amcl"], False),
         (["--localizers", "amcl,dead-reckoning"], True),
-        (["--localizers", "amcl", "--param", "amcl.laser_model_type=robot"], True),
+        (["--localizers", "amcl", "--set", "params.amcl.laser_model_type=robot"], True),
     ],
 )
 def test_the_power_of_scans_is_fitted_only_where_a_localizer_uses_it(
@@ -491,7 +498,7 @@ def test_the_power_of_scans_is_fitted_only_where_a_localizer_uses_it(
 ):
     fitted = []
     monkeypatch.setattr(
-        "benchmarks.replay.calibration.calibrated", lambda replay: fitted.append(1) or replay
+        "benchmarks.replay.command.calibrated", lambda replay: fitted.append(1) or replay
     )
     assert replay(*KNOWN, "--seeds", "1", *words, "--out", "o") == 0
     assert bool(fitted) is fits
@@ -500,7 +507,7 @@ def test_the_power_of_scans_is_fitted_only_where_a_localizer_uses_it(
 def test_params_reach_their_localizer_and_no_other(recorded):
     words = (*KNOWN, "--seeds", "1", "--localizers", "mcl,mcl-map")
     assert replay(*words, "--out", "plain") == 0
-    given = ("--param", "mcl-map.particles=37", "--param", "mcl-map.start_draws=3")
+    given = ("--set", "params.mcl-map.particles=37", "--set", "params.mcl-map.start_draws=3")
     assert replay(*words, *given, "--out", "own") == 0
     for name, same in (("mcl", True), ("mcl-map", False)):
         one, two = (recorded / out / f"tracks/{name}-0.tum" for out in ("plain", "own"))
@@ -551,14 +558,17 @@ def test_odometry_that_moves_sideways_is_told_unless_the_motion_model_knows_it(r
     strafing[:, 1] += 0.05 * np.arange(len(log))  # m a record, whatever the heading
     logs.write(replace(log, odometry=strafing), "strafing.csv")
     said = [
-        replay_of(name, "hall.yaml", motion=motion, reference="lap.tum").sideways
+        replay_of(name, "hall.yaml", settings=of_motion(motion), reference="lap.tum").sideways
         for name, motion in (
             ("strafing.csv", {}),
             ("strafing.csv", {"kind": "omni"}),
             ("lap.csv", {}),
         )
     ]
-    assert "of odometry are sideways: for a robot that can move so, add --motion" in said[0]
+    assert (
+        "of odometry are sideways: for a robot that can move so, add --set assumed.motion"
+        in said[0]
+    )
     assert said[1:] == [None, None]
 
 
@@ -568,7 +578,7 @@ def test_two_scan_topics_of_a_bag_are_played_as_one_scanner(recorded, capsys, tm
     two = replace(log.scanner, mounts=({"x": 0.0, "beams": 31}, {"x": 0.0, "beams": beams - 31}))
     written(replace(log, scanner=two), Path("two.mcap"))
     words = ("two.mcap", *KNOWN[1:], "--localizers", "mcl", "--seeds", "1")
-    both = ("--read", "scan_topic=/scan_1", "--read", "scan_topic=/scan_2")
+    both = ("--set", "world.reading.scan_topic=[/scan_1,/scan_2]")
     assert replay(*words, *both, "--out", "o") == 0
     assert "with 20 beams each" in capsys.readouterr().out
     # the same beams from the same place, so the same numbers as from one topic, but for stamps
@@ -577,9 +587,9 @@ def test_two_scan_topics_of_a_bag_are_played_as_one_scanner(recorded, capsys, tm
     found, alone = table("o/results.csv")[0], table("p/results.csv")[0]
     for name in ("position_median", "heading_median", "agreement_01"):
         assert float(found[name]) == pytest.approx(float(alone[name]), rel=0.1)
-    assert replay(*words, *both, "--read", "scan_topic=/scan_2", "--out", "q") == 2
+    assert replay(*words, "--set", "world.reading.scan_topic=[/s, /s]", "--out", "q") == 2
     assert "different ones" in capsys.readouterr().err
-    assert replay(*words, *both, "--read", "scan_topic=/side", "--out", "q") == 2
+    assert replay(*words, "--set", "world.reading.scan_topic=/side", "--out", "q") == 2
     assert "scan_topic is '/side'" in capsys.readouterr().err
 
 
@@ -587,7 +597,14 @@ def test_a_scan_model_from_a_file_that_is_the_built_in_one_gives_the_same_run(re
     (recorded / "mine.py").write_text(SCAN)
     tables = []
     for kind in ("gaussian-uniform", "mine.py:Same"):
-        told = ("--scan", f"kind={kind}", "--scan", "sigma=0.1", "--scan", "power=0.3")
+        told = (
+            "--set",
+            f"assumed.scan.kind={kind}",
+            "--set",
+            "assumed.scan.sigma=0.1",
+            "--set",
+            "assumed.scan.power=0.3",
+        )
         assert replay(*KNOWN, *told, "--localizers", "mcl", "--out", f"out-{kind[:4]}") == 0
         with (recorded / f"out-{kind[:4]}" / "results.csv").open() as file:
             (row,) = csv.DictReader(file)

@@ -111,7 +111,16 @@ def test_replay_writes_the_picture_and_a_line_per_place(lap, wrong, tmp_path, mo
     logs.Trajectory(log.times, log.reference).write("lap.tum")
     logs.write(replace(log, reference=None), "lap.csv")
     log_and_map = ["lap.csv", "--map", "wrong.yaml", "--reference", "lap.tum", "--out", "o"]
-    how = ["--every", "0.1m,5deg", "--scan", "sigma=0.05", "--seeds", "1", "--jobs", "1"]
+    how = [
+        "--every",
+        "0.1m,5deg",
+        "--set",
+        "assumed.scan.sigma=0.05",
+        "--seeds",
+        "1",
+        "--jobs",
+        "1",
+    ]
     words = ["replay", *log_and_map, *how, "--localizers", "mcl", "--particles", "1000"]
     assert main([*words, "--residuals"]) == 0
     said = capsys.readouterr().out

@@ -15,7 +15,16 @@ from benchmarks.trials.tracks import calibration_of_gaussians
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import composed, relative
 
-REPLAY = ("replay", "lap.csv", "--map", "hall.yaml", "--reference", "lap.tum", "--max-beams", "20")
+REPLAY = (
+    "replay",
+    "lap.csv",
+    "--map",
+    "hall.yaml",
+    "--reference",
+    "lap.tum",
+    "--set",
+    "world.max_beams=20",
+)
 REPLAY += ("--localizers", "mcl", "--particles", "100", "--seeds", "2", "--jobs", "1")
 WHOLE = ("--reference", "lap.tum", "--log", "lap.csv", "--map", "hall.yaml")
 
@@ -82,7 +91,9 @@ def test_between_its_poses_an_estimate_is_carried_on_by_the_odometry(here):
 def test_a_log_is_scored_at_the_records_that_replay_plays(here, tmp_path):
     whole, late = logs.read_tum("lap.tum"), str(tmp_path / "late.tum")
     logs.Trajectory(whole.times[5:], whole.poses[5:]).write(late)
-    played = replay_of("lap.csv", "hall.yaml", reference=late, every="0.1m,5deg").log
+    played = replay_of(
+        "lap.csv", "hall.yaml", reference=late, settings={"world.every": "0.1m,5deg"}
+    ).log
     for floor_plan in ("hall.yaml", None):
         scored = Yardstick.of_log("lap.csv", late, {}, floor_plan, "0.1m,5deg").log
         for name in ("times", "odometry", "ranges", "reference"):

@@ -72,7 +72,7 @@ def test_the_code_shown_is_the_file_that_new_localizer_writes():
 
 
 def test_the_pytest_shown_passes_with_the_file_that_new_localizer_writes(pytester):
-    assert exit_code("new-localizer", "my_localizer.py") == 0
+    assert exit_code("new", "localizer", "my_localizer.py") == 0
     pytester.makepyfile(*blocks(LOCALIZER, "python notest"))
     done = pytester.runpytest_inprocess("-p", "no:cacheprovider")
     done.assert_outcomes(passed=len(LAWS))

@@ -41,6 +41,11 @@ def played(env, seed=None):
     return said
 
 
+def of_walls(changes):
+    """Settings of changed walls."""
+    return {f"world.changed_walls.{name}": value for name, value in changes.items()}
+
+
 def test_the_map_of_a_log_is_out_of_date_if_asked_and_nothing_else_is(tmp_path):
     cells = np.zeros((60, 80), np.int8)
     cells[[0, -1]] = cells[:, [0, -1]] = cells[:40, 40:42] = cells[30:32, 10:30] = 100
@@ -72,19 +77,19 @@ def test_the_map_of_a_log_is_out_of_date_if_asked_and_nothing_else_is(tmp_path):
             LogEnv(log=room.log, map=hall, changed_walls=bad)
     logs.write(room.log, tmp_path / "x.npz")
     hall.save(tmp_path / "x.yaml")
-    walls = {"share": 0.5, "seed": 1, "kinds": "removed"}
-    replay = replay_of(tmp_path / "x.npz", tmp_path / "x.yaml", changed_walls=walls)
+    walls = {"share": 0.5, "seed": 1, "kinds": ["removed"]}
+    replay = replay_of(tmp_path / "x.npz", tmp_path / "x.yaml", settings=of_walls(walls))
     told = replay.scenario.recording()[1].occupancy
     assert ((told != hall.occupancy) & (hall.occupancy == 100)).any()
     assert not ((told == 100) & (hall.occupancy == 0)).any()
     assert any("changed on purpose" in fact and "share 0.5" in fact for fact in replay.facts)
     for said, words in (
         ({"seed": math.nan}, "changed_walls.seed is nan"),
-        ({"kinds": "moved"}, "unknown kind of changed_walls 'moved'"),
+        ({"kinds": ["moved"]}, "unknown kind of changed_walls 'moved'"),
         ({"share": "much"}, "changed_walls.share is 'much'"),
     ):
         with refused(words):
-            replay_of(tmp_path / "x.npz", tmp_path / "x.yaml", changed_walls=said)
+            replay_of(tmp_path / "x.npz", tmp_path / "x.yaml", settings=of_walls(said))
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
@@ -374,7 +379,7 @@ def test_an_unknown_word_is_refused(folder):
     ("word", "said"), [(None, "obstacles, which stop beams"), ("transparent", "but no beam")]
 )
 def test_a_replay_says_what_unknown_cells_were(folder, capsys, word, said):
-    more = () if word is None else ("--unknown", word)
+    more = () if word is None else ("--set", f"world.unknown={word}")
     told = ("--start=1,1,0", "--localizers", "dead-reckoning", "--seeds", "1", "--jobs", "1")
     assert main(["replay", "lap.csv", "--map", "hall.yaml", *told, *more, "--out", "o"]) == 0
     assert said in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""``deqmcl check`` and ``deqmcl new-localizer``: what they print, write and refuse."""
+"""``deqmcl check`` and ``deqmcl new localizer``: what they print, write and refuse."""
 
 import ast
 import os
@@ -103,7 +103,7 @@ def test_the_laws_can_be_tried_on_a_map_of_ones_own(cells_only, capsys):
 
 def test_a_new_localizer_has_one_definition_and_is_short(tmp_path):  # it runs: docs/test_pages
     path = tmp_path / "my_localizer.py"
-    assert exit_code("new-localizer", path) == 0
+    assert exit_code("new", "localizer", path) == 0
     body = ast.parse(path.read_text()).body
     defined = [node.name for node in body if isinstance(node, ast.ClassDef | ast.FunctionDef)]
     assert defined == ["MyLocalizer"]
@@ -116,5 +116,5 @@ def test_what_exists_is_not_overwritten(tmp_path, refusal, name):
     (tmp_path / "folder.py").mkdir()
     (tmp_path / "link.py").symlink_to("nowhere.py")
     (tmp_path / "mine.py").write_text("precious")
-    refusal(["new-localizer", tmp_path / name], "already exists")
+    refusal(["new", "localizer", tmp_path / name], "already exists")
     assert files(tmp_path) == {"mine.py": b"precious"}

@@ -121,7 +121,7 @@ def test_the_list_shows_suites_localizers_scenarios_and_agents_even_if_one_canno
 ):
     broken = (*localizers.names(), "no_such_module:Theirs")
     monkeypatch.setattr(localizers, "names", lambda: broken)
-    assert exit_code("list") == 0
+    assert exit_code("list", "--all") == 0
     said = capsys.readouterr().out
     for words in (*SUITES, *localizers.names(), *scenario_names(), *AGENTS):
         assert re.search(rf"^  {words}\b", said, re.MULTILINE)
@@ -131,18 +131,31 @@ def test_the_list_shows_suites_localizers_scenarios_and_agents_even_if_one_canno
     assert re.search(r"^  plan-sensor +30,320 trials on 200 worlds: ", said, re.M)
 
 
-def test_the_list_of_suites_has_nothing_else(capsys):
-    assert exit_code("list", "--suites") == 0
+def test_the_list_shows_six_of_each_and_all_of_the_kind_that_is_named(capsys):
+    assert exit_code("list") == 0
+    blocks = capsys.readouterr().out.strip().split("\n\n")
+    assert [len(block.splitlines()) for block in blocks] == [8] * 4  # a title, six, and the rest
+    more = len(SUITES) - 6
+    assert f"  …                {more} more: deqmcl list suites" in blocks[0].splitlines()
+    assert exit_code("list", "suites") == 0
     said = capsys.readouterr().out
-    assert "Localizers" not in said
+    assert len(said.splitlines()) == 1 + len(SUITES)
     assert re.search(r"^  lost +1,100 trials on 100 worlds: ", said, re.MULTILINE)
+
+
+def test_no_help_shows_more_than_twelve_options_that_are_in_no_group(capsys):
+    for name in COMMANDS:
+        assert exit_code(name, "--help") == 0
+        first = capsys.readouterr().out.partition("\noptions:\n")[2].partition("\n\n")[0]
+        options = re.findall(r"^  (?:-h, )?--(?!help|debug)", first, re.MULTILINE)
+        assert len(options) <= 12, name
 
 
 @pytest.mark.parametrize(
     ("line", "offered"),
     [
         ("deqmcl verif", {"verify"}),
-        ("deqmcl new-map --co", {"--corridor", "--corridors"}),
+        ("deqmcl new map --co", {"--corridor", "--corridors"}),
         ("deqmcl x", {""}),
     ],
 )

@@ -8,7 +8,7 @@ import pytest
 from sweep_command import sweep, write_small
 
 RUN = ("run", "--localizer", "mcl", "--out", "out")
-MAP = ("new-map", "office", "--out", "out")
+MAP = ("new", "map", "--out", "out")
 
 BAD = [  # arguments, and what the sentence must name
     ([], ["COMMAND"]),
@@ -27,15 +27,23 @@ BAD = [  # arguments, and what the sentence must name
     (["paper", "--lag", "-1"], ["--lag", "-1"]),
     (["paper", "--seed", "-1"], ["--seed", "-1"]),
     ([*RUN, "--particles", 10**9], ["particles", "1,000,000,000", "GiB", "10,000,000"]),
-    ([*RUN, "--param", "deq-mcl.particles=9"], ["unknown localizer in --param 'deq-mcl'"]),
-    ([*RUN, "--param", "mcl.particle=9"], ["did you mean 'particles'"]),
-    ([*RUN, "--param", "mcl.particles=few"], ["particles is 'few'"]),
-    ([*RUN, "--param", "particles=9"], ["NAME.KEY=VALUE"]),
+    ([*RUN, "--set", "params.deq-mcl.particles=9"], ["unknown localizer in params 'deq-mcl'"]),
+    ([*RUN, "--set", "params.mcl.particle=9"], ["did you mean 'particles'"]),
+    ([*RUN, "--set", "params.mcl.particles=few"], ["particles is 'few'"]),
+    ([*RUN, "--set", "params.particle=9"], ["'particle'", "did you mean 'particles'"]),
+    ([*RUN, "--set", "particles"], ["'particles', but must be NAME=VALUE"]),
+    ([*RUN, "--set", "lag=5", "--set", "lag=6"], ["--set gives lag twice"]),
+    ([*RUN, "--set", "word.radius=3"], ["'word.radius'", "world.…"]),
+    ([*RUN, "--set", "agent.speed=3"], ["agent.… is set", "agent=NAME"]),
+    ([*RUN, "--param", "mcl.particles=9"], ["--param is gone: write --set params.LOCALIZER.KEY"]),
+    (["sweep", "quick", "--agents", "a"], ["--agents is gone: write --set vary.agent=[A,B]"]),
+    (["basin", "a.log"], ["basin is gone: deqmcl sweep basin --set world.log=LOG"]),
+    (["from-nav2", "a"], ["from-nav2 is gone: deqmcl replay LOG --map MAP.yaml --nav2"]),
     ([*RUN, "--log", "lap.txt.zip"], ["of a format that is not written"]),
     (["sweep", "quick", "--trials", "0"], ["--trials", "0"]),
     (["sweep", "quick", "--seed", "-1"], ["--seed", "-1"]),
-    (["sweep", "quick", "--param", "ekf.gate=9"], ["unknown localizer in --param 'ekf'"]),
-    (["sweep", "quick", "--param", "mcl.particles=0"], ["particles", "0"]),
+    (["sweep", "quick", "--set", "params.ekf.gate=9"], ["unknown localizer in params 'ekf'"]),
+    (["sweep", "quick", "--set", "params.mcl.particles=0"], ["particles", "0"]),
     (["paper", "--localizers", "mcl,dec-mcl"], ["'dec-mcl'", "did you mean 'deq-mcl'?"]),
     (["paper", "--localizers", " , "], ["no localizer", "deq-mcl"]),
     (["paper", "--localizers", "mcl,deq-mcl,mcl"], ["twice", "mcl,"]),
@@ -44,11 +52,12 @@ BAD = [  # arguments, and what the sentence must name
     (["run", "--out", "out"], ["--localizer"]),
     (["check"], ["NAME"]),
     (["check", "dec-mcl"], ["did you mean 'deq-mcl'?"]),
-    (["new-localizer", "my_localizer"], ["must end in .py"]),
-    (["new-localizer", "no/such/folder/mine.py"], ["the folder of the new file"]),
+    (["new", "localizer", "my_localizer"], ["must end in .py"]),
+    (["new", "localizer", "no/such/folder/mine.py"], ["the folder of the new file"]),
     ([*MAP, "--door", "0.85"], ["door", "0.85"]),
     ([*MAP, "--wings", "3", "--symmetric"], ["wings", "3"]),
-    (["export", "."], ["holds no manifest.json"]),
+    (["export", "."], ["export is gone: deqmcl report DIR --latex --pdf"]),
+    (["new", "house"], ["localizer", "map"]),
     (["report", "."], ["holds no manifest.json"]),
     (["report", ""], ["folder"]),
 ]
@@ -144,8 +153,8 @@ def test_a_sweep_that_cannot_be_run_is_refused_before_anything_is_written(
 
 @pytest.mark.parametrize(
     "words",
-    [f"{name} --out" for name in ("sweep", "paper", "run", "report", "export")]
-    + ["new-localizer", "report"],
+    [f"{name} --out" for name in ("sweep", "paper", "run", "report", "new map")]
+    + ["new localizer", "report"],
 )
 def test_a_name_that_no_file_can_have_is_refused(refusal, words):
     refusal([*words.split(), "n" * 256], "more than 255 bytes")

@@ -1,11 +1,11 @@
-"""``deqmcl export`` and ``deqmcl report`` of several folders, all of real sweeps."""
+"""``deqmcl report`` for a paper and of several folders, all of real sweeps."""
 
 import json
 import os
 import shutil
 
 import pytest
-from deqmcl_command import exit_code, files, lose, python
+from deqmcl_command import files, lose, python
 from sweep_command import report, sweep, tables
 
 SWEEP = """
@@ -39,27 +39,30 @@ def swept(tmp_path_factory):
     return run
 
 
-def test_an_export_has_tables_figures_and_bibtex_and_can_be_made_again(swept, tmp_path, capsys):
-    folder = swept("mcl", "mcl-map")
-    for flags, made in (
-        ((), {"tables.tex", "references.bib", "figures"}),
+@pytest.mark.parametrize(
+    ("flags", "made"),
+    [
+        (("--latex", "--pdf"), {"tables.tex", "references.bib", "figures"}),
         (("--latex",), {"tables.tex", "references.bib"}),
         (("--pdf",), {"figures"}),
-    ):
-        assert exit_code("export", folder, "--out", tmp_path / "out", *flags) == 0
-        there = {name.partition("/")[0] for name in files(tmp_path / "out")}
-        assert there >= made
-    assert "figures/points-1.pdf" in capsys.readouterr().out
+    ],
+)
+def test_a_report_for_a_paper_has_tables_figures_and_bibtex(swept, tmp_path, capsys, flags, made):
+    assert report(swept("mcl", "mcl-map"), "--out", tmp_path / "out", *flags) == 0
+    there = {name.partition("/")[0] for name in files(tmp_path / "out" / "export")}
+    assert there == made
+    said = capsys.readouterr().out
+    assert ("export/figures/points-1.pdf" in said) == ("--pdf" in flags)
 
 
 def test_no_setting_of_matplotlib_that_a_user_has_changes_a_chart(swept, tmp_path):
     folder, style = swept("mcl", "mcl-map"), tmp_path / "matplotlibrc"
     style.write_text("text.usetex: True\nfont.size: 30\nsavefig.bbox: tight\naxes.facecolor: red\n")
-    assert exit_code("export", folder, "--pdf", "--out", tmp_path / "here") == 0
+    assert report(folder, "--pdf", "--out", tmp_path / "here") == 0
     theirs = {"MATPLOTLIBRC": str(style), "MPLBACKEND": "module://of_a_notebook"}
-    command = ("-m", "benchmarks", "export", folder, "--pdf", "--out", tmp_path / "there")
+    command = ("-m", "benchmarks", "report", folder, "--pdf", "--out", tmp_path / "there")
     python(*command, env=os.environ | theirs)
-    assert files(tmp_path / "there") == files(tmp_path / "here")
+    assert files(tmp_path / "there" / "export") == files(tmp_path / "here" / "export")
 
 
 OTHERS = {"trials was 2 and is 3": {"trials": 3}, "seed was 0 and is 7": {"seed": 7}}

@@ -1,4 +1,4 @@
-"""A scenario with a map, found beside its file, and a route; the office of ``deqmcl new-map``."""
+"""A scenario with a map, found beside its file, and a route; the office of ``deqmcl new map``."""
 
 from pathlib import Path
 
@@ -74,7 +74,7 @@ def test_a_map_that_is_not_there_is_refused(hall, refusal):
 def test_both_files_of_a_new_map_are_the_office(tmp_path, capsys, refusal):
     out = tmp_path / "new"
     size = ["--wings", "2", "--corridors", "1", "--corridor", "1.5", "--door", "1.1"]
-    given = ["new-map", "office", "--seed", "5", *size, "--symmetric", "--out", out]
+    given = ["new", "map", "--seed", "5", *size, "--symmetric", "--out", out]
     assert exit_code(*given) == 0
     assert "office.yaml" in capsys.readouterr().out
     office = Office(seed=5, wings=2, corridors=1, corridor=1.5, door=1.1, symmetric=True)

@@ -14,7 +14,6 @@ WRITERS = {
     "paper": ("paper", "--trials", "1", "--localizers", "dead-reckoning", *FEW, "--jobs", "1"),
     "run": ("run", "--localizer", "dead-reckoning", *FEW),
     "report": ("report",),
-    "export": ("export",),
 }
 
 
@@ -32,7 +31,7 @@ def refused(finished, refusal):
 
     def of(command, out):
         before = files(Path(out))
-        results = [finished] if command in ("report", "export") else []
+        results = [finished] if command == "report" else []
         refusal([*WRITERS[command], *results, "--out", out], str(out))
         assert files(Path(out)) == before
 

@@ -153,7 +153,7 @@ class Astray:
 def test_a_belief_that_leaves_the_map_is_warned_of_and_params_say_when_it_does(tmp_path, capsys):
     (tmp_path / "astray.py").write_text(ASTRAY)
     arguments = ("--localizer", tmp_path / "astray.py", "--seed", "3")
-    later = ("--param", f"{tmp_path / 'astray.py'}.after=200")
+    later = ("--set", f"params.{tmp_path / 'astray.py'}.after=200")
     assert exit_code("run", *arguments, *later, "--out", tmp_path / "out") == 0
     said = capsys.readouterr().out
     assert "Warning: at 5 steps, the first of them 200, more than half" in said

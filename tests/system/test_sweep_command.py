@@ -74,7 +74,7 @@ trials = 2
 
 def test_worlds_seed_and_parameters_given_as_options_are_as_if_the_file_said_them(tmp_path, ran):
     file, out = write_small(tmp_path, more=LIMITED), tmp_path / "out"
-    given = "--trials", "1", "--seed", "3", "--param", "mcl.particles=7"
+    given = "--trials", "1", "--seed", "3", "--set", "params.mcl.particles=7"
     assert sweep(file, out, *given, "--param", 'mcl.resampler="multinomial"') == 0
     said = json.loads((out / "manifest.json").read_text())
     assert said["command"][-2:] == ["--param", 'mcl.resampler="multinomial"']
