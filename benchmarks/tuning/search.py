@@ -8,10 +8,10 @@ run once, at the end, by the default and by the winner.
 
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from itertools import chain, islice
+from itertools import chain
 from pathlib import Path
 
 import msgspec
@@ -25,16 +25,16 @@ from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
 from benchmarks.sweeps.store import Store, writing
 from benchmarks.tables.frames import RUN, milliseconds_per_step
-from benchmarks.trials.plugins import provenance_of
+from benchmarks.trials.attempt import attempt
+from benchmarks.trials.plugins import key_of, provenance_of
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_SCORES, Score
-from benchmarks.trials.scoring import Finished
+from benchmarks.trials.scoring import Finished, Record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage, check_trials
 from benchmarks.tuning.space import ASSUMED, Space, latin_hypercube, neighbour
 from deqmcl_gym.files import UnreadableError, content_of, json_of, write_bytes
 from deqmcl_gym.validation import InputError
-from localizers import Belief, quality_of
 
 STATE = "tune.json"
 ROUND = 18  # candidates
@@ -58,19 +58,7 @@ GOALS = {
     ),
     "log-score": TRACK_SCORES["log_score"],
 }
-
-
-def _is_spread(belief: Belief) -> bool:
-    """Whether it is more than one point, or says nothing of the present."""
-    points = belief.points()
-    return points is None or len(points[1]) > 1
-
-
-# what a belief must have for a goal, in a word, and whether it has
-_NEEDS: Mapping[str, tuple[str, Callable[[Belief], bool]]] = {
-    "false-commitment": ("quality", lambda belief: quality_of(belief) is not None),
-    "log-score": ("spread", _is_spread),
-}
+_NEEDS = {"false-commitment": "quality", "log-score": "spread"}  # of a belief
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -220,7 +208,7 @@ class Task:
         return [self.trial(NOTHING, segment) for segment in segments.values()]
 
     def check(self) -> None:
-        """Set up each log, let the localizer look at the ends of all ranges, and begin a run."""
+        """Set up each log, let the localizer look at the ends of all ranges, and run it once."""
         for trial in self.of_logs:
             Stage.of(trial).check()
         ends = [Overrides({name: end}) for name, own in self.space.items() for end in own.ends]
@@ -228,21 +216,13 @@ class Task:
             check_trials([self.trial(values, self.training[0]) for values in (NOTHING, *ends)])
         except InputError as error:
             raise InputError(f"the default, or an end of a range, is refused: {error}") from None
-        if self.score in _NEEDS:
-            self._check_belief(*_NEEDS[self.score])
-
-    def _check_belief(self, need: str, has: Callable[[Belief], bool]) -> None:
-        """Take the first step of a run; what fails there is said by the search."""
-        try:
-            *_, last = islice(Stage.of(self.trial(NOTHING, self.training[0])).moments(), 2)
-            fits = has(last.belief)
-        except Exception:
-            return
-        if not fits:
+        trial = self.trial(NOTHING, self.training[0])
+        record = attempt(trial, key_of(trial)).record  # if it fails, the search says why
+        if record is not None and self.goal.name not in _scores(record):
             others = ", ".join(name for name in GOALS if name != self.score)
             raise InputError(
-                f"--score is {self.score}, but a belief of {self.localizer} has no {need}: choose "
-                f"another one of {others}."
+                f"--score is {self.score}, but a belief of {self.localizer} has no "
+                f"{_NEEDS.get(self.score, self.score)}: choose another one of {others}."
             )
 
 
@@ -286,15 +266,14 @@ class Found:
     held_out: pd.DataFrame
 
 
-def _scores(record: Finished | None) -> dict[str, float]:
-    """Return the scores of a run on a log, and its time; nothing if it failed."""
+def _scores(record: Record | None) -> dict[str, float]:
+    """Return the scores of a run on a log; nothing if it failed."""
     if record is None:
         return {}
     journey = {} if record.journey is None else record.journey.scores
     track = {} if record.track is None else record.track.scores
     each = (*journey.items(), *track.items())  # of one name the track's counts
-    scores = {name: float(value) for name, value in each if value is not None}
-    return {**scores, "ms_per_step": milliseconds_per_step([record])}
+    return {name: float(value) for name, value in each if value is not None}
 
 
 @dataclass(frozen=True)
@@ -325,12 +304,15 @@ class Search:
                 flush=True,
             )
         best = self._final(tried)
-        runs = self._runs([NOTHING, best.values], self.task.held_out, RUNS)
-        names = [["default", "tuned"], range(len(self.task.held_out)), range(RUNS)]
+        runs = chain(*self._runs([NOTHING, best.values], self.task.held_out, RUNS))
+        records, names = (
+            [*runs],
+            [["default", "tuned"], range(len(self.task.held_out)), range(RUNS)],
+        )
         index = pd.MultiIndex.from_product(names, names=["which", *RUN])
-        columns = [*(TRACK_SCORES | JOURNEY_SCORES), "ms_per_step"]
-        scores = [_scores(record) for record in chain(*runs)]
-        held_out = pd.DataFrame(scores, index, columns, float)
+        columns = [*(TRACK_SCORES | JOURNEY_SCORES)]
+        held_out = pd.DataFrame([_scores(record) for record in records], index, columns, float)
+        held_out["ms_per_step"] = [milliseconds_per_step([one] if one else []) for one in records]
         return Found(task=self.task, tried=tried, best=best, held_out=held_out)
 
     def _drawn(self, number: int, count: int, tried: Sequence[Candidate]) -> list[Candidate]:
@@ -398,14 +380,12 @@ class Search:
         """Say why its run has no score."""
         task = self.task
         why = self.store.failure(self.now.key(task.trial(NOTHING, segment, run)))
+        where = f"on the segment at {segment.begins:.1f} s"
+        default = f"the default of {task.localizer}"
         if why is None:
-            raise InputError(
-                f"--score is {task.score}, which {task.localizer} does not have: choose another "
-                "one."
-            )
+            raise InputError(f"{default} has no {task.score} {where}: choose another --score.")
         raise TrialsFailedError(
-            f"the default of {task.localizer} failed on the segment at {segment.begins:.1f} s: "
-            f"{why.rstrip('.')}. --retry-failed runs it again."
+            f"{default} failed {where}: {why.rstrip('.')}. --retry-failed runs it again."
         )
 
     def _runs(
