@@ -205,6 +205,17 @@ class Stated:
 """
 
 
+def of_two_kinds(folder, plug_in, score):
+    """The folder of a search among two kinds of a plug-in."""
+    (folder / "stated.py").write_text(plug_in)
+    (folder / "kinds.toml").write_text('kind = ["near and sure", "far and honest"]\n')
+    words = (*COMMAND, "--reference", "lap.tum", "--localizer", folder / "stated.py")
+    words += ("--space", folder / "kinds.toml", "--score", score, "--scan", "power=0.2")
+    words += ("--candidates", "3", "--jobs", "1", "--out", folder / "out")
+    assert exit_code(*words) == 0
+    return folder / "out"
+
+
 @pytest.mark.parametrize(
     ("score", "winner"),
     [
@@ -216,23 +227,14 @@ class Stated:
 def test_a_score_of_honesty_prefers_an_honest_belief_to_a_nearer_one_that_is_too_sure(
     before, tmp_path, score, winner
 ):
-    (tmp_path / "stated.py").write_text(PLUG_IN)
-    (tmp_path / "kinds.toml").write_text('kind = ["near and sure", "far and honest"]\n')
-    words = (*COMMAND, "--reference", "lap.tum", "--localizer", tmp_path / "stated.py")
-    words += ("--space", tmp_path / "kinds.toml", "--score", score, "--scan", "power=0.2")
-    out = tmp_path / "out"
-    assert exit_code(*words, "--candidates", "3", "--jobs", "1", "--out", out) == 0
+    out = of_two_kinds(tmp_path, PLUG_IN, score)
     (cell,) = read_sweep(out / "best.toml").cells()
     assert cell.params["kind"] == winner
 
 
 def test_a_winner_whose_region_holds_less_than_that_of_the_default_is_warned_of(before, tmp_path):
-    (tmp_path / "stated.py").write_text(PLUG_IN.replace('kind="bad"', 'kind="far and honest"'))
-    (tmp_path / "kinds.toml").write_text('kind = ["near and sure", "far and honest"]\n')
-    words = (*COMMAND, "--reference", "lap.tum", "--localizer", tmp_path / "stated.py")
-    words += ("--space", tmp_path / "kinds.toml", "--score", "median", "--scan", "power=0.2")
-    out = tmp_path / "out"
-    assert exit_code(*words, "--candidates", "2", "--jobs", "1", "--out", out) == 0
+    honest = PLUG_IN.replace('kind="bad"', 'kind="far and honest"')
+    out = of_two_kinds(tmp_path, honest, "median")
     told = (out / "tuned.md").read_text()
     assert "Warning: the 95 % region of the tuned parameters holds 0.0 % of the reference" in told
 
