@@ -84,8 +84,8 @@ def run(options: argparse.Namespace) -> str:
         task.check()
     how = Options(where=where, retry_failed=options.retry_failed, progress=False)
     with searching(task, options.out, how) as search:
-        found = search.found(options.candidates)
-        return write_tuned(found, options.out, options.words, options.nav2, options.node)
+        tuning = search.run(options.candidates)
+        return write_tuned(tuning, options.out, options.words, options.nav2, options.node)
 
 
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":

@@ -204,14 +204,14 @@ class Task:
     @property
     def of_logs(self) -> list[Trial]:
         """A run of the default on each log."""
-        segments = {one.world["log"]: one for one in (*self.training, *self.held_out)}
+        segments = {part.world["log"]: part for part in (*self.training, *self.held_out)}
         return [self.trial(NOTHING, segment) for segment in segments.values()]
 
     def check(self) -> None:
         """Set up each log, let the localizer look at the ends of all ranges, and run it once."""
         for trial in self.of_logs:
             Stage.of(trial).check()
-        ends = [Overrides({name: end}) for name, own in self.space.items() for end in own.ends]
+        ends = [Overrides({name: v}) for name, values in self.space.items() for v in values.ends]
         try:
             check_trials([self.trial(values, self.training[0]) for values in (NOTHING, *ends)])
         except InputError as error:
@@ -250,7 +250,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class Tuning:
     """What came of a search.
 
     Attributes:
@@ -286,7 +286,7 @@ class Search:
     now: Provenance
     _asked: set[str] = field(default_factory=set)  # keys of trials
 
-    def found(self, candidates: int) -> Found:
+    def run(self, candidates: int) -> Tuning:
         """Search until so many candidates were tried.
 
         Raises:
@@ -312,15 +312,15 @@ class Search:
         index = pd.MultiIndex.from_product(names, names=["which", *RUN])
         columns = [*(TRACK_SCORES | JOURNEY_SCORES)]
         held_out = pd.DataFrame([_scores(record) for record in records], index, columns, float)
-        held_out["ms_per_step"] = [milliseconds_per_step([one] if one else []) for one in records]
-        return Found(task=self.task, tried=tried, best=best, held_out=held_out)
+        held_out["ms_per_step"] = [milliseconds_per_step([run] if run else []) for run in records]
+        return Tuning(task=self.task, tried=tried, best=best, held_out=held_out)
 
     def _drawn(self, number: int, count: int, tried: Sequence[Candidate]) -> list[Candidate]:
         """Return the candidates of a round; after the first, fewer are some of ``ROUND``."""
         task, rng = self.task, _stream(self.task.seed, _DRAWS, number)
         near, strips = (count // 2, ROUND - ROUND // 2) if number else (0, count - 1)
         whole = latin_hypercube(task.space, strips, rng)[: count - near]
-        drawn = [Candidate(values=own, round=number, whole_space=True) for own in whole]
+        drawn = [Candidate(values=values, round=number, whole_space=True) for values in whole]
         if number == 0:
             return [Candidate(values=NOTHING, round=0, whole_space=False), *drawn]
         best = self._ranked(tried)
@@ -341,7 +341,7 @@ class Search:
                     candidate.rank = place / max(1, len(alive) - 1)
             better = alive[: -(-len(alive) // ETA)]
             # the default is compared with to the end
-            alive = better + [one for one in alive if one.values == NOTHING and one not in better]
+            alive = better + [a for a in alive if a.values == NOTHING and a not in better]
 
     def _final(self, tried: Sequence[Candidate]) -> Candidate:
         """Return the winner: the best and the default once more on all training segments."""
@@ -352,7 +352,7 @@ class Search:
 
     def _ranked(self, tried: Sequence[Candidate]) -> list[Candidate]:
         """Return those that ran on all training segments, the best first."""
-        whole = [one for one in tried if one.segments == len(self.task.training)]
+        whole = [candidate for candidate in tried if candidate.segments == len(self.task.training)]
         return sorted(whole, key=self._key)
 
     def _key(self, candidate: Candidate) -> tuple[bool, bool, float, bool]:

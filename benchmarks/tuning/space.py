@@ -167,7 +167,7 @@ def _of_amcl(base: Mapping[str, Any]) -> Space:
         ranges["max_particles"] = replace(_MANY, low=max(_MANY.low, least))
     if isinstance(most, int):
         ranges["min_particles"] = replace(_FEW, high=min(_FEW.high, most))
-    return {n: own for n, own in ranges.items() if isinstance(own, Choice) or own.low < own.high}
+    return {n: r for n, r in ranges.items() if isinstance(r, Choice) or r.low < r.high}
 
 
 def read_space(path: Path, localizer: str, ranges: Space) -> Space:
@@ -227,8 +227,8 @@ def latin_hypercube(space: Space, count: int, rng: np.random.Generator) -> list[
     strips = rng.permuted(np.tile(np.arange(count), (len(space), 1)), axis=1)
     places: Floats = (strips + rng.random(strips.shape)) / count
     return [
-        Overrides({name: space[name].at(place) for name, place in zip(space, own, strict=True)})
-        for own in places.T.tolist()
+        Overrides({name: space[name].at(place) for name, place in zip(space, row, strict=True)})
+        for row in places.T.tolist()
     ]
 
 
@@ -243,7 +243,7 @@ def neighbour(
     moved = rng.random(len(space)) < 0.5
     moved[rng.integers(len(space))] = True
     changed = dict(values)
-    for (name, own), move in zip(space.items(), moved.tolist(), strict=True):
+    for name, move in zip(space, moved.tolist(), strict=True):
         if move:
-            changed[name] = own.near(values.get(name, usual.get(name)), rng)
+            changed[name] = space[name].near(values.get(name, usual.get(name)), rng)
     return Overrides(changed)

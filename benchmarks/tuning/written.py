@@ -18,7 +18,7 @@ from benchmarks.sweeps.settings import sweep_text
 from benchmarks.tables.frames import by_world, csv_of
 from benchmarks.tables.stats import Estimate, estimate
 from benchmarks.tables.text import estimated, fixed, percent, significant
-from benchmarks.tuning.search import RUNS, Candidate, Found, Task
+from benchmarks.tuning.search import RUNS, Candidate, Task, Tuning
 from benchmarks.tuning.space import Space
 from deqmcl_gym.files import command_line, utf8
 from deqmcl_gym.numerics.types import Floats
@@ -36,32 +36,32 @@ _UNITS = {"share": (100, ".1f", " %"), "nats": (1, ",.2f", " nats"), "m": (1, ".
 
 
 def write_tuned(
-    found: Found, out: Path, words: Sequence[str], nav2: Path | None, node: str | None
+    tuning: Tuning, out: Path, words: Sequence[str], nav2: Path | None, node: str | None
 ) -> str:
     """Write the folder of a search by a command of these words; return what to print.
 
     Of the user's ``nav2`` file, other nodes and names are kept.
     """
-    table = segments_table(found)
-    best, why_not = _nav2(found.task, found.best, nav2, node)
+    table = segments_table(tuning)
+    best, why_not = _nav2(tuning.task, tuning.best, nav2, node)
     parts = {
-        f"# {found.task.localizer}, tuned": f"{gain(found, table)}{_too_sure(found)}\n\n"
-        f"{_scores(found)}",
-        "## Best parameters": _changed(found),
-        "## Which parameters mattered": _importance(found),
+        f"# {tuning.task.localizer}, tuned": f"{gain(tuning, table)}{_too_sure(tuning)}\n\n"
+        f"{_scores(tuning)}",
+        "## Best parameters": _changed(tuning),
+        "## Which parameters mattered": _importance(tuning),
     }
-    page = {**parts, "## How this was made": _made(found, words)}
+    page = {**parts, "## How this was made": _made(tuning, words)}
     contents = {
-        "best.toml": utf8(_sweep_file(found, words)),
+        "best.toml": utf8(_sweep_file(tuning, words)),
         "tuned.md": utf8("\n\n".join(f"{name}\n\n{text}" for name, text in page.items()) + "\n"),
         "tuned.csv": utf8(csv_of(table)),
-        "candidates.csv": utf8(_candidates(found)),
+        "candidates.csv": utf8(_candidates(tuning)),
     }
     if best is not None:
         contents[NAV2] = utf8(best)
     if (why := no_report()) is None:
         load()
-        contents["trade-off.png"] = _trade_off(found)
+        contents["trade-off.png"] = _trade_off(tuning)
     files = write_files(out, contents)
     texts = [*parts.values(), why_not]
     texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
@@ -69,37 +69,37 @@ def write_tuned(
     return "\n\n".join(filter(None, texts))
 
 
-def segments_table(found: Found) -> pd.DataFrame:
+def segments_table(tuning: Tuning) -> pd.DataFrame:
     """Return a row per held-out segment; those where a run failed have no numbers."""
-    runs = found.held_out[found.task.goal.name]
+    runs = tuning.held_out[tuning.task.goal.name]
     segments = [
-        (file_names(one.world["log"]), round(one.begins, 2), round(one.metres, 2), RUNS)
-        for one in found.task.held_out
+        (file_names(part.world["log"]), round(part.begins, 2), round(part.metres, 2), RUNS)
+        for part in tuning.task.held_out
     ]
     table = pd.DataFrame(segments, columns=["log", "begins_s", "metres", "runs"])
     means = {which: by_world(runs[which]) for which in ("default", "tuned")}
     return table.assign(**means, difference=means["tuned"] - means["default"])
 
 
-def _failed(found: Found) -> pd.DataFrame:
+def _failed(tuning: Tuning) -> pd.DataFrame:
     """Return whether a run failed, a row per held-out segment."""
-    failed = found.held_out.isna().all(axis=1)
+    failed = tuning.held_out.isna().all(axis=1)
     return failed.groupby(["which", "trial"]).any().unstack("which")
 
 
-def gain(found: Found, table: pd.DataFrame) -> str:
+def gain(tuning: Tuning, table: pd.DataFrame) -> str:
     """Say the held-out result of default and winner, paired, and what it shows."""
-    goal, limit = found.task.goal, found.task.max_ms
+    goal, limit = tuning.task.goal, tuning.task.max_ms
     pairs = table[["default", "tuned", "difference"]].dropna()
     before, after, off = pairs.to_numpy(float).T
     on = f"on {len(pairs)} of {len(table)} held-out segments, {RUNS} runs each"
     slow = ""
-    if limit is not None and not found.best.ms_per_step <= limit:
+    if limit is not None and not tuning.best.ms_per_step <= limit:
         slow = f"Nothing that was tried keeps to {limit:g} ms per step; this is the best of all. "
     if pairs.empty:
         return f"{slow}No held-out segment could be compared, as runs failed there."
     factor, form, unit = _UNITS[goal.unit]
-    if found.best.values == NOTHING:
+    if tuning.best.values == NOTHING:
         which = "candidate" if limit is None or slow else f"candidate of at most {limit:g} ms"
         return (
             f"{slow}No gain: no {which} was better than the default on the training segments. The "
@@ -112,28 +112,28 @@ def gain(found: Found, table: pd.DataFrame) -> str:
         f"{slow}{goal.words[:1].upper()}{goal.words[1:]} {on}: {factor * before.mean():{form}} → "
         f"{factor * after.mean():{form}}{unit}, {(goal.sign * off < 0).sum()} of {len(off)} "
         f"segments better; difference {estimated(scaled, f'+{form}', points)}. "
-        f"{_conclusion(found, change)}"
+        f"{_conclusion(tuning, change)}"
     )
 
 
-def _conclusion(found: Found, change: Estimate) -> str:
-    limit, failed = found.task.max_ms, _failed(found)
+def _conclusion(tuning: Tuning, change: Estimate) -> str:
+    limit, failed = tuning.task.max_ms, _failed(tuning)
     if math.isnan(change.low):
         return f"Fewer than {_LEAST} segments are too few for an interval: a gain is not shown."
     if (failed["tuned"] & ~failed["default"]).any():
         return "The tuned parameters fail where the default does not: a gain is not shown."
     if not (change.low > 0 or change.high < 0):
         return "The 95 % interval includes 0: a gain is not shown."
-    if found.task.goal.sign * change.mean < 0:
+    if tuning.task.goal.sign * change.mean < 0:
         return "The 95 % interval excludes 0."
-    slow = limit is not None and not found.tried[0].ms_per_step <= limit
+    slow = limit is not None and not tuning.tried[0].ms_per_step <= limit
     keep = f"but the default takes more than {limit:g} ms per step" if slow else "keep the default"
     return f"The tuned parameters are worse on held-out segments: {keep}."
 
 
-def _too_sure(found: Found) -> str:
+def _too_sure(tuning: Tuning) -> str:
     """Warn that the winner's region holds less of the reference than the default's."""
-    before, after = found.held_out.groupby("which")[_COVERAGE].mean()
+    before, after = tuning.held_out.groupby("which")[_COVERAGE].mean()
     if not (after < _SURE and after < before - _FALLEN):
         return ""
     return (
@@ -143,10 +143,10 @@ def _too_sure(found: Found) -> str:
     )
 
 
-def _scores(found: Found) -> str:
+def _scores(tuning: Tuning) -> str:
     """Return what default and winner have on the held-out segments."""
-    runs = found.held_out.groupby("which")
-    mean, failed = runs.mean(), _failed(found).sum()
+    runs = tuning.held_out.groupby("which")
+    mean, failed = runs.mean(), _failed(tuning).sum()
     columns = {
         "held-out": mean.index.to_series(),
         "median error, m": mean["position_median"].map("{:.3f}".format),
@@ -165,12 +165,12 @@ def _markdown(columns: Mapping[str, Any]) -> str:
     return frame.to_markdown(index=False, tablefmt="pipe", disable_numparse=True, colalign=align)
 
 
-def _changed(found: Found) -> str:
+def _changed(tuning: Tuning) -> str:
     """Return the values of the winner beside those of the default."""
-    best, usual = found.best.values, found.task.usual
+    best, usual = tuning.best.values, tuning.task.usual
     if best == NOTHING:
         return "The default; no value is changed."
-    names = [name for name in found.task.space if name in best]
+    names = [name for name in tuning.task.space if name in best]
     columns = {
         "parameter": [f"`{name}`" for name in names],
         "default": [_word(usual.get(name, "its own")) for name in names],
@@ -224,57 +224,57 @@ def _explained(ranks: Floats, codes: Any) -> Floats:
     return np.asarray(1 - ((whole - between) / (n - k)) / (whole / (n - 1)))
 
 
-def _importance(found: Found) -> str:
-    count = sum(candidate.whole_space for candidate in found.tried)
+def _importance(tuning: Tuning) -> str:
+    count = sum(candidate.whole_space for candidate in tuning.tried)
     if count < _FEW:
         return f"{count} candidates from the whole space are too few to say; it takes {_FEW}."
-    table = importance(found.task.space, found.tried)
+    table = importance(tuning.task.space, tuning.tried)
     table["parameter"] = table["parameter"].map("`{}`".format)
     more = table["share"] > table["chance"]
-    told, rest = table[more], table.loc[~more, "parameter"]
+    clear, rest = table[more], table.loc[~more, "parameter"]
     columns = {
-        "parameter": list(told["parameter"]),
-        "explains": [percent(share) for share in told["share"]],
-        "best": list(told["best"]),
+        "parameter": list(clear["parameter"]),
+        "explains": [percent(share) for share in clear["share"]],
+        "best": list(clear["best"]),
     }
     texts = [
         f"Share of the variance of ranks among {count} candidates drawn from the whole space that "
         "a parameter explains alone (ε² over four parts of its range, or over its values if it has "
         "four or fewer).",
-        _markdown(columns) if len(told) else "",
+        _markdown(columns) if len(clear) else "",
         f"Not more than chance: {', '.join(rest)}." if len(rest) else "",
     ]
     return "\n\n".join(filter(None, texts))
 
 
-def _made(found: Found, words: Sequence[str]) -> str:
-    task, count = found.task, len(found.tried)
+def _made(tuning: Tuning, words: Sequence[str]) -> str:
+    task, count = tuning.task, len(tuning.tried)
     metres = float(np.mean([segment.metres for segment in (*task.training, *task.held_out)]))
     limit = "" if task.max_ms is None else f" At most {task.max_ms:g} ms per step were allowed."
     return (
         f"    {command_line(words)}\n\n"
         f"{count} candidates. Segments of {metres:.0f} m: {len(task.training)} trained on, "
         f"{len(task.held_out)} held out, in turn; the search does not see the latter.{limit} "
-        f"Winner on the training segments: {found.best.value:.4g}, default "
-        f"{found.tried[0].value:.4g}; these two are what was searched for, so their difference is "
+        f"Winner on the training segments: {tuning.best.value:.4g}, default "
+        f"{tuning.tried[0].value:.4g}; these two are what was searched for, so their difference is "
         "too good. Intervals: bootstrap over segments, which are of the same building; they do not "
         "tell of another one."
     )
 
 
-def _candidates(found: Found) -> str:
+def _candidates(tuning: Tuning) -> str:
     """Return a line per candidate: how far it came, and its values; those of the default empty."""
-    come = pd.DataFrame(map(vars, found.tried)).astype({"whole_space": int})
-    values = [dict(candidate.values) for candidate in found.tried]
-    table = pd.DataFrame(values, columns=[*found.task.space], dtype=object)
+    come = pd.DataFrame(map(vars, tuning.tried)).astype({"whole_space": int})
+    values = [dict(candidate.values) for candidate in tuning.tried]
+    table = pd.DataFrame(values, columns=[*tuning.task.space], dtype=object)
     whole = pd.concat([come.drop(columns="values"), table], axis=1)
     return str(whole.to_csv(index_label="candidate", lineterminator="\n"))
 
 
-def _sweep_file(found: Found, words: Sequence[str]) -> str:
+def _sweep_file(tuning: Tuning, words: Sequence[str]) -> str:
     """Return the winner as a sweep file over the first log."""
-    task, segment = found.task, found.task.training[0]
-    trial = task.trial(found.best.values, segment)
+    task, segment = tuning.task, tuning.task.training[0]
+    trial = task.trial(tuning.best.values, segment)
     lag = {"lag": task.usual["lag"]} if "lag" in task.usual else {}
     params = {f"params.{name}": value for name, value in (Overrides(lag) | trial.params).items()}
     assumed = {n: v for n, v in trial.assumed.items() if not n.startswith("prior.")}
@@ -302,17 +302,17 @@ def _nav2(
     return yaml.safe_dump(document, sort_keys=False), ""
 
 
-def _trade_off(found: Found) -> bytes:
+def _trade_off(tuning: Tuning) -> bytes:
     """Return the picture of score and time of all candidates on all training segments."""
     from matplotlib.ticker import LogLocator, NullLocator
 
     from benchmarks.pictures import styled
     from benchmarks.report.charts import STYLE, Chart, canvas, line
 
-    goal, frame = found.task.goal, pd.DataFrame(map(vars, found.tried))
+    goal, frame = tuning.task.goal, pd.DataFrame(map(vars, tuning.tried))
     factor, _, unit = _UNITS[goal.unit]
-    kinds = [_KINDS[segments == len(found.task.training)] for segments in frame["segments"]]
-    kinds[found.tried.index(found.best)] = _KINDS[3]
+    kinds = [_KINDS[segments == len(tuning.task.training)] for segments in frame["segments"]]
+    kinds[tuning.tried.index(tuning.best)] = _KINDS[3]
     kinds[0] = _KINDS[2]
     frame = frame.assign(value=factor * frame["value"], label=pd.Categorical(kinds, _KINDS))
     frame = frame[np.isfinite(frame["value"]) & (frame["ms_per_step"] > 0)]

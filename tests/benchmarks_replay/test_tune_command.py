@@ -19,7 +19,7 @@ from benchmarks.replay.options import replay_of
 from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.tables.frames import RUN
-from benchmarks.tuning.search import GOALS, RUNS, Candidate, Found, cut
+from benchmarks.tuning.search import GOALS, RUNS, Candidate, Tuning, cut
 from benchmarks.tuning.space import (
     Choice,
     Range,
@@ -280,7 +280,7 @@ def held_out(default, tuned, *, max_ms=None, best_ms=1.0, default_ms=1.0):
     index = pd.MultiIndex.from_product(runs, names=["which", *RUN])
     errors = np.repeat(np.array([default, tuned], float), RUNS)
     runs = pd.DataFrame({"position_median": errors}, index)
-    return Found(task=task, tried=tried, best=tried[1], held_out=runs)
+    return Tuning(task=task, tried=tried, best=tried[1], held_out=runs)
 
 
 def candidate(values, **come):
