@@ -15,7 +15,7 @@ from benchmarks.console import doing, log_warnings, warn
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.replay.nav2 import Amcl
     from benchmarks.replay.options import Replay
-    from benchmarks.tuning.task import Task
+    from benchmarks.tuning.search import Task
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -66,9 +66,8 @@ def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.engines import Where
     from benchmarks.sweeps.running import Options
-    from benchmarks.tuning.search import searching
-    from benchmarks.tuning.task import GOALS
-    from benchmarks.tuning.written import write
+    from benchmarks.tuning.search import GOALS, searching
+    from benchmarks.tuning.written import write_tuned
     from deqmcl_gym.validation import InputError, integer, number, one_of
 
     named = shared.localizers_named(options.localizer)
@@ -88,8 +87,8 @@ def run(options: argparse.Namespace) -> str:
         task.check()
     how = Options(where=where, retry_failed=options.retry_failed, progress=False)
     with searching(task, options.out, how) as search:
-        found = search.found(options.candidates)
-        return write(found, options.out, options.words, options.nav2, options.node)
+        tuning = search.run(options.candidates)
+        return write_tuned(tuning, options.out, options.words, options.nav2, options.node)
 
 
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":
@@ -98,10 +97,9 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     from benchmarks.replay.options import length_and_angle, params_among
     from benchmarks.setup.overrides import Overrides
     from benchmarks.sweeps.sweepfile import params_by_localizer
-    from benchmarks.tuning.segments import segments_of
-    from benchmarks.tuning.space import built_in, read_space
-    from benchmarks.tuning.task import Task
-    from deqmcl_gym.validation import InputError, integer, number
+    from benchmarks.tuning.search import Task, cut
+    from benchmarks.tuning.space import space_of
+    from deqmcl_gym.validation import integer, number
     from localizers import parameters
     from localizers.methods.family import Shared
 
@@ -113,15 +111,8 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     replays = _replays(options, name, nav2)
     noise = [one for one in vars(replays[0].motion) if one != "still"]
     base = Overrides({} if nav2 is None else nav2.params) | own
-    if options.space is None:
-        space = built_in(name, noise, base)
-    else:
-        try:
-            known = built_in(name, noise, base)
-        except InputError:  # of a plug-in: the file names all
-            known = {}
-        space = read_space(options.space, name, known)
-    segments = segments_of(replays, length, gap, sd, seed)
+    space = space_of(options.space, name, noise, base)
+    training, held_out = cut(replays, length, gap, sd, seed)
     taken = parameters(name) or ()
     setup = replays[0].scenario
     tempered = {"beta": setup.beta, "plan_beta": setup.beta}
@@ -131,9 +122,10 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     return Task(
         localizer=name,
         base=base,
-        usual={**usual, **scan, **segments[0].assumed, **base},
+        usual=Overrides({**usual, **scan, **training[0].assumed, **base}),
         space=space,
-        segments=segments,
+        training=training,
+        held_out=held_out,
         score=options.score,
         max_ms=options.max_ms,
         seed=seed,

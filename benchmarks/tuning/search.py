@@ -6,257 +6,420 @@ third of them go on to a third of the segments, and a third of these to all (Jam
 run once, at the end, by the default and by the winner.
 """
 
-import json
 import math
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from itertools import product
+from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
-from typing import Any
 
+import msgspec
 import numpy as np
-from msgspec import to_builtins
+import pandas as pd
 
 from benchmarks.files import is_empty
+from benchmarks.replay.options import NAME, Replay
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
 from benchmarks.sweeps.store import Store, writing
-from benchmarks.tables.frames import milliseconds_per_step
-from benchmarks.trials.plugins import provenance_of
+from benchmarks.tables.frames import RUN, milliseconds_per_step
+from benchmarks.trials.attempt import attempt
+from benchmarks.trials.plugins import key_of, provenance_of
 from benchmarks.trials.provenance import Provenance
-from benchmarks.trials.scoring import Finished
-from benchmarks.tuning.segments import DRAWS, ORDER, Segment, stream
-from benchmarks.tuning.space import beside, spread
-from benchmarks.tuning.task import ETA, Task, value_of
-from deqmcl_gym.files import UnreadableError, content_of, json_of, write_text
+from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_SCORES, Score
+from benchmarks.trials.scoring import Finished, Record
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage, check_trials
+from benchmarks.tuning.space import ASSUMED, Space, latin_hypercube, neighbour
+from deqmcl_gym.files import UnreadableError, content_of, json_of, write_bytes
 from deqmcl_gym.validation import InputError
 
 STATE = "tune.json"
 ROUND = 18  # candidates
+ETA = 3  # of candidates, one of so many goes on
 RUNS = 3  # of default and winner on each held-out segment
 _FINALISTS, _FINAL_RUNS = 3, 2
+_MOST, _LEAST = 24, 2  # segments of each kind
+_KNOWN = 0.5  # share of a segment's records that must have a reference
+_TRIES = 100  # to draw a start in free space
+_SEARCH = 7  # first key of the streams of a search, which are of none of its trials
+_STARTS, _DRAWS, _ORDER = 0, 1, 2  # second key
+
+GOALS = {
+    "median": TRACK_SCORES["position_median"],
+    "p95": TRACK_SCORES["position_p95"],
+    "localized": TRACK_SCORES["within_1m"],
+    "false-commitment": replace(
+        JOURNEY_SCORES["false_steps"],
+        unit="share",
+        words="share of records with quality above 0.5 while more than 2 m off",
+    ),
+    "log-score": TRACK_SCORES["log_score"],
+}
+_NEEDS = {"false-commitment": "quality", "log-score": "spread"}  # of a belief
 
 
-_FAILED = math.nan, math.nan  # score and ms per step of a run
-
-
-@dataclass(kw_only=True)
-class Tried:
-    """A candidate, as far as it has come.
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """Part of a log, from a start that is known with some error.
 
     Attributes:
-        values: what it changes; nothing is the default.
+        number: among all; it names the random streams of its runs.
+        begins: time of its first record, s.
+        metres: driven in it.
+        whole, world: the whole log and what is played of it, as trials have them.
+        assumed: by the filters, the noise of the whole log and the start among it.
+    """
+
+    number: int
+    begins: float
+    metres: float
+    whole: Overrides
+    world: Overrides
+    assumed: Overrides
+
+
+def cut(
+    replays: Sequence[Replay], length: float, gap: float, sd: tuple[float, float], seed: int
+) -> tuple[list[Segment], list[Segment]]:
+    """Cut logs, in m, into segments that are trained on, and held out, in turn.
+
+    Of ``length`` m with ``gap`` m driven between two. The errors of the starts are normal with
+    these ``sd`` (m, rad), drawn again where no robot can be.
+    """
+    parts = [(replay, *ends) for replay in replays for ends in _ends(replay, length, gap)]
+    kinds = parts[0::2], parts[1::2]
+    if min(map(len, kinds)) < _LEAST:
+        raise InputError(
+            f"the log gives {len(parts)} segments of {length:g} m with a reference, but "
+            f"{2 * _LEAST} or more are needed: give a smaller --segment, or more logs."
+        )
+    training, held_out = (
+        [kind[i] for i in np.linspace(0, len(kind) - 1, min(len(kind), _MOST)).astype(int)]
+        for kind in kinds
+    )
+    segments = [
+        _segment(number, replay, first, last, sd, _stream(seed, _STARTS, number))
+        for number, (replay, first, last) in enumerate(training + held_out)
+    ]
+    return segments[: len(training)], segments[len(training) :]
+
+
+def _ends(replay: Replay, length: float, gap: float) -> Iterator[tuple[int, int]]:
+    """Yield the first and the last record of each segment of a log."""
+    whole = replay.scenario.whole
+    referenced, way, at = whole.referenced, whole.driven, 0
+    while (begin := np.searchsorted(referenced, at)) < referenced.size:
+        first = int(referenced[begin])
+        last = int(np.searchsorted(way, way[first] + length))
+        if last >= len(whole):
+            return
+        inside = np.searchsorted(referenced, last, side="right") - begin
+        if inside >= _KNOWN * (last - first + 1):
+            yield first, last
+            at = max(last + 1, int(np.searchsorted(way, way[last] + gap)))
+        else:
+            at = first + 1
+
+
+def _segment(
+    number: int,
+    replay: Replay,
+    first: int,
+    last: int,
+    sd: tuple[float, float],
+    rng: np.random.Generator,
+) -> Segment:
+    """Return the records from the first to the last, both included."""
+    whole, ground = replay.scenario.whole, replay.scenario.recording()[1]
+    assert whole.reference is not None
+    true = whole.reference[first]
+    starts = true + rng.standard_normal((_TRIES, 3)) * [sd[0], *sd]
+    mean = [*starts, true][int(np.argmax([*ground.free(starts), True]))]
+    mean[2] = math.remainder(mean[2], 4 * math.pi)  # within 2π, as a pose must be
+    noise = {f"motion.{n}": v for n, v in vars(replay.motion).items() if n != "still"}
+    prior = {"prior.mean": tuple(mean.tolist()), "prior.sd_position": sd[0]}
+    log = Overrides({name: value for name, value in replay.world.items() if name != "judged"})
+    return Segment(
+        number=number,
+        begins=float(whole.times[first]),
+        metres=float(whole.driven[last] - whole.driven[first]),
+        whole=log,
+        world=log | {"start": first, "length": last - first + 1},
+        assumed=Overrides({**noise, **replay.assumed, **prior, "prior.sd_heading": sd[1]}),
+    )
+
+
+def _stream(seed: int, *key: int) -> np.random.Generator:
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(_SEARCH, *key)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """What is searched for, and on what: all that a search depends on, but for its code.
+
+    Attributes:
+        score: a name in ``GOALS``; a search compares its means over segments.
+        max_ms: most ms per step that a winner may take; None: any.
+        base: the localizer's parameters before the search.
+        usual: values of the default, as far as they are known, by name in ``space``.
+        training, held_out: segments that the search sees, and does not see.
+    """
+
+    localizer: str
+    score: str
+    max_ms: float | None
+    seed: int
+    base: Overrides
+    usual: Overrides
+    space: Space
+    training: Sequence[Segment]
+    held_out: Sequence[Segment]
+
+    @property
+    def goal(self) -> Score:
+        """The score."""
+        return GOALS[self.score]
+
+    def trial(self, values: Overrides, segment: Segment, run: int = 0) -> Trial:
+        """Return a run on a segment with the values of a candidate."""
+        assumed = {n: v for n, v in values.items() if n.partition(".")[0] in ASSUMED}
+        params = {n: v for n, v in values.items() if n not in assumed}
+        if self.localizer == "amcl" and "z_hit" in params and "z_rand" not in params:
+            params["z_rand"] = round(1 - params["z_hit"], 12)  # Nav2: "all z must sum to 1"
+        return Trial(
+            scenario=NAME,
+            world=segment.world,
+            assumed=segment.assumed | assumed,
+            localizer=self.localizer,
+            params=self.base | params,
+            lag=0,
+            seed=self.seed,
+            trial=segment.number,
+            filter_seed=run,
+        )
+
+    @property
+    def of_logs(self) -> list[Trial]:
+        """A run of the default on each log."""
+        segments = {part.world["log"]: part for part in (*self.training, *self.held_out)}
+        return [self.trial(NOTHING, segment) for segment in segments.values()]
+
+    def check(self) -> None:
+        """Set up each log, let the localizer look at the ends of all ranges, and run it once."""
+        for trial in self.of_logs:
+            Stage.of(trial).check()
+        ends = [Overrides({name: v}) for name, values in self.space.items() for v in values.ends]
+        try:
+            check_trials([self.trial(values, self.training[0]) for values in (NOTHING, *ends)])
+        except InputError as error:
+            raise InputError(f"the default, or an end of a range, is refused: {error}") from None
+        trial = self.trial(NOTHING, self.training[0])
+        record = attempt(trial, key_of(trial)).record  # if it fails, the search says why
+        if record is not None and self.goal.name not in _scores(record):
+            others = ", ".join(name for name in GOALS if name != self.score)
+            raise InputError(
+                f"--score is {self.score}, but a belief of {self.localizer} has no "
+                f"{_NEEDS.get(self.score, self.score)}: choose another one of {others}."
+            )
+
+
+@dataclass(kw_only=True, eq=False)
+class Candidate:
+    """Values that are tried, as far as it has come.
+
+    Attributes:
+        values: what is changed of the default, which changes nothing.
         round: in which it was drawn.
-        free: whether it was drawn from the whole space.
+        whole_space: whether it was drawn from all of it.
         rank: in the first rung of its round, from 0 (best) to 1.
         segments: how many it has run on.
         value: its mean score over them; inf if a run failed.
-        ms: median ms per step; NaN unknown.
+        ms_per_step: median; NaN unknown.
     """
 
     values: Overrides
     round: int
-    free: bool
+    whole_space: bool
     rank: float = math.nan
     segments: int = 0
     value: float = math.inf
-    ms: float = math.nan
+    ms_per_step: float = math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class Tuning:
     """What came of a search.
 
     Attributes:
-        task: what was searched.
         tried: all candidates, the default first.
         best: the winner; the default if nothing was better on the training segments.
-        default_runs, best_runs: of each held-out segment.
+        held_out: a row per run on the held-out segments, by ``which`` ("default" or "tuned") and
+            ``RUN``; a column per score, and ms_per_step; all NaN if it failed.
     """
 
     task: Task
-    tried: Sequence[Tried]
-    best: Tried
-    default_runs: Sequence[Sequence[Finished]]
-    best_runs: Sequence[Sequence[Finished]]
+    tried: Sequence[Candidate]
+    best: Candidate
+    held_out: pd.DataFrame
 
 
-@dataclass
-class Searching:
-    """A search in its folder.
+def _scores(record: Record | None) -> dict[str, float]:
+    """Return the scores of a run on a log; nothing if it failed."""
+    if record is None:
+        return {}
+    journey = {} if record.journey is None else record.journey.scores
+    track = {} if record.track is None else record.track.scores
+    each = (*journey.items(), *track.items())  # of one name the track's counts
+    return {name: float(value) for name, value in each if value is not None}
 
-    Attributes:
-        task: what is searched.
-        store: of its runs.
-        options: how they run.
-        now: what their numbers depend on.
-    """
+
+@dataclass(frozen=True)
+class Search:
+    """A search in its folder; ``now`` is what its numbers depend on."""
 
     task: Task
     store: Store
     options: Options
     now: Provenance
-    _measured: dict[tuple[Overrides, int, int], tuple[float, float]] = field(default_factory=dict)
+    _asked: set[str] = field(default_factory=set)  # keys of trials
 
-    def found(self, candidates: int) -> Found:
+    def run(self, candidates: int) -> Tuning:
         """Search until so many candidates were tried.
 
         Raises:
             TrialsFailedError: the default fails.
         """
-        tried: list[Tried] = []
+        tried: list[Candidate] = []
         for number, before in enumerate(range(0, candidates, ROUND)):
-            tried += self._round(number, min(ROUND, candidates - before), tried)
-            best, default = self._best(tried)[0], tried[0]
+            tried += self._drawn(number, min(ROUND, candidates - before), tried)
+            self._halve(number, tried[before:])
             print(
                 f"deqmcl: round {number + 1}: {len(tried)} of {candidates} candidates; on the "
-                f"training segments default {default.value:.3f}, best {best.value:.3f}",
+                f"training segments default {tried[0].value:.3f}, best "
+                f"{self._ranked(tried)[0].value:.3f}",
                 file=sys.stderr,
                 flush=True,
             )
         best = self._final(tried)
-        asked = [NOTHING] + [best.values] * (best is not tried[0])
-        self._run(asked, self.task.held_out, RUNS)
-        default_runs, best_runs = (self._held_out(one) for one in (NOTHING, best.values))
-        return Found(
-            task=self.task, tried=tried, best=best, default_runs=default_runs, best_runs=best_runs
+        runs = chain(*self._runs([NOTHING, best.values], self.task.held_out, RUNS))
+        records, names = (
+            [*runs],
+            [["default", "tuned"], range(len(self.task.held_out)), range(RUNS)],
         )
+        index = pd.MultiIndex.from_product(names, names=["which", *RUN])
+        columns = [*(TRACK_SCORES | JOURNEY_SCORES)]
+        held_out = pd.DataFrame([_scores(record) for record in records], index, columns, float)
+        held_out["ms_per_step"] = [milliseconds_per_step([run] if run else []) for run in records]
+        return Tuning(task=self.task, tried=tried, best=best, held_out=held_out)
 
-    def _round(self, number: int, count: int, before: Sequence[Tried]) -> list[Tried]:
-        """Draw the candidates of a round and halve them."""
-        task = self.task
-        order = stream(task.seed, ORDER, number).permutation(len(task.training))
-        drawn = self._drawn(number, count, before)
-        alive = list(drawn)
-        for rung, size in enumerate(task.rungs):
-            segments = [task.training[i] for i in order[:size]]
-            self._run([one.values for one in alive], segments, 1)
-            for one in alive:
-                self._judge(one, segments, 1)
-            self._refuse_unscored(drawn[0], segments, 1)
-            alive.sort(key=self._key)
-            if rung == 0:
-                for place, one in enumerate(alive):
-                    one.rank = place / max(1, len(alive) - 1)
-            if size < len(task.training):
-                kept = alive[: -(-len(alive) // ETA)]
-                lost = [one for one in alive if one.values == NOTHING and one not in kept]
-                alive = kept + lost  # the default is compared with to the end
-        return drawn
-
-    def _drawn(self, number: int, count: int, before: Sequence[Tried]) -> list[Tried]:
+    def _drawn(self, number: int, count: int, tried: Sequence[Candidate]) -> list[Candidate]:
         """Return the candidates of a round; after the first, fewer are some of ``ROUND``."""
-        task, rng = self.task, stream(self.task.seed, DRAWS, number)
-        near = ROUND // 2 if number else 0
-        free = spread(task.space, (ROUND if number else count - 1) - near, rng)
-        drawn = [Tried(values=NOTHING, round=0, free=False)] * (number == 0)
-        drawn += [Tried(values=values, round=number, free=True) for values in free]
-        drawn = drawn[: count - count * near // ROUND]
-        for i in range(count * near // ROUND):
-            parent = self._best(before)[i % 2].values
-            values = beside(task.space, parent, task.usual, rng)
-            drawn.append(Tried(values=values, round=number, free=False))
+        task, rng = self.task, _stream(self.task.seed, _DRAWS, number)
+        near, strips = (count // 2, ROUND - ROUND // 2) if number else (0, count - 1)
+        whole = latin_hypercube(task.space, strips, rng)[: count - near]
+        drawn = [Candidate(values=values, round=number, whole_space=True) for values in whole]
+        if number == 0:
+            return [Candidate(values=NOTHING, round=0, whole_space=False), *drawn]
+        best = self._ranked(tried)
+        for i in range(near):
+            values = neighbour(task.space, best[i % 2].values, task.usual, rng)
+            drawn.append(Candidate(values=values, round=number, whole_space=False))
         return drawn
 
-    def _final(self, tried: Sequence[Tried]) -> Tried:
+    def _halve(self, number: int, candidates: Sequence[Candidate]) -> None:
+        """Measure the candidates of a round on more and more segments, the better ones on all."""
+        alive, training, most = list(candidates), self.task.training, len(self.task.training)
+        order = _stream(self.task.seed, _ORDER, number).permutation(most)
+        for size in sorted({-(-most // ETA**2), -(-most // ETA), most}):
+            self._measure(alive, [training[i] for i in order[:size]], 1)
+            alive.sort(key=self._key)
+            for place, candidate in enumerate(alive):
+                if math.isnan(candidate.rank):
+                    candidate.rank = place / max(1, len(alive) - 1)
+            better = alive[: -(-len(alive) // ETA)]
+            # the default is compared with to the end
+            alive = better + [a for a in alive if a.values == NOTHING and a not in better]
+
+    def _final(self, tried: Sequence[Candidate]) -> Candidate:
         """Return the winner: the best and the default once more on all training segments."""
-        task = self.task
-        last = self._best(tried)[:_FINALISTS]
+        last = self._ranked(tried)[:_FINALISTS]
         last += [tried[0]] * (tried[0] not in last)
-        self._run([one.values for one in last], task.training, _FINAL_RUNS)
-        for one in last:
-            self._judge(one, task.training, _FINAL_RUNS)
-        self._refuse_unscored(tried[0], task.training, _FINAL_RUNS)
+        self._measure(last, self.task.training, _FINAL_RUNS)
         return min(last, key=self._key)
 
-    def _best(self, tried: Sequence[Tried]) -> list[Tried]:
-        """Those that ran on all training segments, the best first."""
-        whole = [one for one in tried if one.segments == len(self.task.training)]
+    def _ranked(self, tried: Sequence[Candidate]) -> list[Candidate]:
+        """Return those that ran on all training segments, the best first."""
+        whole = [candidate for candidate in tried if candidate.segments == len(self.task.training)]
         return sorted(whole, key=self._key)
 
-    def _key(self, one: Tried) -> tuple[bool, bool, float, bool]:
+    def _key(self, candidate: Candidate) -> tuple[bool, bool, float, bool]:
         """Return what is smaller for the better one; of equals, the default is better."""
-        slow = self.task.max_ms is not None and not one.ms <= self.task.max_ms
-        value = self.task.goal.sign * one.value
-        return not math.isfinite(one.value), slow, value, one.values != NOTHING
+        most, value = self.task.max_ms, candidate.value
+        slow = most is not None and not candidate.ms_per_step <= most
+        cost = self.task.goal.sign * value
+        return not math.isfinite(value), slow, cost, candidate.values != NOTHING
 
-    def _judge(self, one: Tried, segments: Sequence[Segment], runs: int) -> None:
-        """Set a candidate's score on segments, each counting as much as any other."""
-        each = [self._measured[one.values, s.number, run] for s in segments for run in range(runs)]
-        values, times = np.array(each).T
-        one.segments = len(segments)
-        one.value = math.inf if np.isnan(values).any() else float(np.mean(values))
-        known = times[~np.isnan(times)]
-        one.ms = float(np.median(known)) if known.size else math.nan
+    def _measure(
+        self, candidates: Sequence[Candidate], segments: Sequence[Segment], runs: int
+    ) -> None:
+        """Set the scores of candidates on segments; refuse a default that has none."""
+        each = self._runs([candidate.values for candidate in candidates], segments, runs)
+        for candidate, records in zip(candidates, each, strict=True):
+            values = [_scores(record).get(self.task.goal.name, math.nan) for record in records]
+            candidate.segments = len(segments)
+            candidate.value = math.inf if np.isnan(values).any() else float(np.mean(values))
+            candidate.ms_per_step = milliseconds_per_step([*filter(None, records)])
+            if candidate.values == NOTHING and math.isinf(candidate.value):
+                lacking = int(np.isnan(values).argmax())
+                self._refuse_default(segments[lacking // runs], lacking % runs)
 
-    def _refuse_unscored(self, one: Tried, segments: Sequence[Segment], runs: int) -> None:
-        """Refuse a default that failed, or that has no such score."""
-        if one.values != NOTHING or math.isfinite(one.value):
-            return
-        for segment, run in product(segments, range(runs)):
-            trial = self.task.trial(NOTHING, segment, run)
-            if why := self.store.failure(self.now.key(trial)):
-                raise TrialsFailedError(
-                    f"the default of {self.task.localizer} failed on the segment at "
-                    f"{segment.begins:.1f} s: {why.rstrip('.')}. --retry-failed runs it again."
-                )
-        raise InputError(
-            f"--score is {self.task.score}, which {self.task.localizer} does not have: choose "
-            "another one."
+    def _refuse_default(self, segment: Segment, run: int) -> None:
+        """Say why its run has no score."""
+        task = self.task
+        why = self.store.failure(self.now.key(task.trial(NOTHING, segment, run)))
+        where = f"on the segment at {segment.begins:.1f} s"
+        default = f"the default of {task.localizer}"
+        if why is None:
+            raise InputError(f"{default} has no {task.score} {where}: choose another --score.")
+        raise TrialsFailedError(
+            f"{default} failed {where}: {why.rstrip('.')}. --retry-failed runs it again."
         )
 
-    def _run(self, candidates: Sequence[Overrides], segments: Sequence[Segment], runs: int) -> None:
-        """Run what was not yet run; of each run the score and the time are kept in memory."""
-        asked = [
-            (one, segment, run)
-            for one in candidates
-            for segment in segments
-            for run in range(runs)
-            if (one, segment.number, run) not in self._measured
+    def _runs(
+        self, candidates: Sequence[Overrides], segments: Sequence[Segment], runs: int
+    ) -> list[list[Finished | None]]:
+        """Run what was not yet run; return the runs of each candidate, by segment and run."""
+        each = [
+            [self.task.trial(values, segment, run) for segment in segments for run in range(runs)]
+            for values in candidates
         ]
-        trials = {self.now.key(t): t for t in (self.task.trial(*one) for one in asked)}
-        run_missing(trials, self.store, self.options, self.now)
-        for one, segment, run in asked:
-            record = self._record(one, segment, run)
-            measured = _FAILED
-            if record is not None:
-                measured = value_of(self.task.goal, record), milliseconds_per_step([record])
-            self._measured[one, segment.number, run] = measured
-
-    def _record(self, one: Overrides, segment: Segment, run: int) -> Finished | None:
-        trial = self.task.trial(one, segment, run)
-        return self.store.get(self.now.key(trial), trial)
-
-    def _held_out(self, one: Overrides) -> list[list[Finished]]:
-        """Return the finished runs of a candidate by held-out segment."""
-        each = [[self._record(one, s, run) for run in range(RUNS)] for s in self.task.held_out]
-        return [[record for record in own if record is not None] for own in each]
+        trials = {self.now.key(trial): trial for trial in chain(*each)}
+        new = {key: trial for key, trial in trials.items() if key not in self._asked}
+        run_missing(new, self.store, self.options, self.now)
+        self._asked.update(new)
+        return [[self.store.get(self.now.key(trial), trial) for trial in own] for own in each]
 
 
 @contextmanager
-def searching(task: Task, out: Path, options: Options) -> Iterator[Searching]:
+def searching(task: Task, out: Path, options: Options) -> Iterator[Search]:
     """Open the folder of a search that was checked: a new one, or one that goes on."""
-    first = {one.world["log"]: one for one in task.segments}
-    now = provenance_of([task.trial(NOTHING, one, 0) for one in first.values()])
-    ours = json.loads(json.dumps({"search": task.identity, **to_builtins(now)}))
-    if not is_empty(out) and (apart := list(differences(_identity(out), ours))):
-        raise InputError(
-            f"{out} holds a search for something else ({'; '.join(apart[:3])}): give a new "
-            "--out, or the same options."
-        )
+    now = provenance_of(task.of_logs)
+    state = msgspec.json.encode({"search": task, "made_by": now}, enc_hook=Overrides.json)
+    if not is_empty(out):
+        try:
+            apart = list(differences(json_of(content_of(out / STATE)), json_of(state)))
+        except FileNotFoundError:
+            raise InputError(f"{out} holds files, but no {STATE}: give a new --out.") from None
+        except UnreadableError as error:
+            raise InputError(f"{out / STATE} {error}: give a new --out.") from None
+        if apart:
+            raise InputError(
+                f"{out} holds a search for something else ({'; '.join(apart[:3])}): give a new "
+                "--out, or the same options."
+            )
     with writing(out) as store:
-        write_text(out / STATE, json.dumps(ours, indent=1) + "\n")
-        yield Searching(task, store, options, now)
-
-
-def _identity(out: Path) -> Any:
-    """Return what the search in a folder depends on."""
-    try:
-        return json_of(content_of(out / STATE))
-    except FileNotFoundError:
-        raise InputError(f"{out} holds files, but no {STATE}: give a new --out.") from None
-    except UnreadableError as error:
-        raise InputError(f"{out / STATE} {error}: give a new --out.") from None
+        write_bytes(out / STATE, msgspec.json.format(state, indent=1) + b"\n")
+        yield Search(task, store, options, now)

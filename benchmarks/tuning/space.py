@@ -20,17 +20,12 @@ Value = float | int | str | bool
 ASSUMED = ("motion", "scan")  # parts of what the filters assume; all else is the localizer's own
 _DIGITS = 3  # of a value that is drawn
 _STEP = 0.15  # SD of a step from a good value, as a share of the range
+_FORM = "a table like {low = 0.1, high = 1.0, log = true}, a list of choices, or false"
 _Finite = Annotated[float, Meta(ge=-1e100, le=1e100)]
 
 
 class Range(Struct, frozen=True, kw_only=True):
-    """Numbers from low to high, uniform in their value or, if ``log``, in its logarithm.
-
-    Attributes:
-        low, high: of the numbers, both included.
-        log: whether the logarithm is uniform.
-        whole: whether the numbers are whole.
-    """
+    """Numbers from low to high, uniform in their value or, if ``log``, in its logarithm."""
 
     low: _Finite
     high: _Finite
@@ -75,8 +70,8 @@ class Range(Struct, frozen=True, kw_only=True):
 
     def near(self, value: Any, rng: np.random.Generator) -> Value:
         """Return a value a normal step away, reflected at the ends; of a word, anywhere."""
-        known = isinstance(value, int | float) and not isinstance(value, bool)
-        place = (self.place(value) if known else rng.random()) + _STEP * rng.standard_normal()
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        place = (self.place(value) if is_number else rng.random()) + _STEP * rng.standard_normal()
         return self.at(1 - abs(1 - abs(place) % 2))
 
 
@@ -87,7 +82,7 @@ class Choice(Struct, frozen=True):
 
     @property
     def ends(self) -> tuple[Value, ...]:
-        """The values at which it is tried whether the localizer takes them."""
+        """All, as any may be refused."""
         return self.values
 
     def at(self, place: float) -> Value:
@@ -96,7 +91,7 @@ class Choice(Struct, frozen=True):
 
     def near(self, value: Any, rng: np.random.Generator) -> Value:
         """Return another one."""
-        others = [one for one in self.values if one != value]
+        others = [other for other in self.values if other != value]
         return others[int(rng.integers(len(others)))]
 
 
@@ -135,126 +130,120 @@ _OF_SCAN: Space = {
 }
 
 
-def built_in(localizer: str, noise: Sequence[str], base: Mapping[str, Any] = NOTHING) -> Space:
-    """Return the ranges that are searched where no file says otherwise.
-
-    Args:
-        localizer: its name.
-        noise: names of the numbers of the motion model that filters assume.
-        base: its parameters before the search; the ranges of amcl's numbers of particles keep to
-            the other number of these.
-    """
-    taken = parameters(localizer)
-    if localizer == "amcl":
-        return _of_amcl(base)
-    own = {name: one for name, one in _OF_OTHERS.items() if taken is not None and name in taken}
-    if "lag" not in own:
-        own.pop("plan_beta", None)  # it would only choose poses at a start that is not known
-    if not own:
+def space_of(
+    path: Path | None, localizer: str, noise: Sequence[str], base: Mapping[str, Any]
+) -> Space:
+    """Return what is searched: the built-in ranges, with those of a file in their places."""
+    ranges = built_in(localizer, noise, base)
+    if path is not None:
+        return read_space(path, localizer, ranges)
+    if not ranges:
         raise InputError(
             f"{localizer} has no ranges built in: name what is to be searched in a file, as in "
             "--space space.toml."
         )
-    return {**own, **_OF_SCAN, **{f"motion.{name}": _NOISE for name in noise}}
+    return ranges
+
+
+def built_in(localizer: str, noise: Sequence[str], base: Mapping[str, Any] = NOTHING) -> Space:
+    """Return the ranges that are searched where no file says otherwise; none of a plug-in.
+
+    ``noise`` names the numbers of the motion model, ``base`` are the parameters before the search.
+    """
+    if localizer == "amcl":
+        return _of_amcl(base)
+    taken = parameters(localizer) or ()
+    own = {name: values for name, values in _OF_OTHERS.items() if name in taken}
+    if "lag" not in own:
+        own.pop("plan_beta", None)  # it would only choose poses at a start that is not known
+    return {**own, **_OF_SCAN, **{f"motion.{name}": _NOISE for name in noise}} if own else {}
 
 
 def _of_amcl(base: Mapping[str, Any]) -> Space:
     """Return Nav2's; where only one of the least and most particles is moved, they fit, too."""
-    many, few = _MANY, _FEW
+    ranges = dict(_OF_AMCL)
     least, most = base.get("min_particles"), base.get("max_particles")
     if isinstance(least, int):  # what is no number is refused when the localizer looks at it
-        many = replace(many, low=max(many.low, least))
+        ranges["max_particles"] = replace(_MANY, low=max(_MANY.low, least))
     if isinstance(most, int):
-        few = replace(few, high=min(few.high, most))
-    found = {**_OF_AMCL, "max_particles": many, "min_particles": few}
-    return {n: one for n, one in found.items() if isinstance(one, Choice) or one.low < one.high}
+        ranges["min_particles"] = replace(_FEW, high=min(_FEW.high, most))
+    return {n: r for n, r in ranges.items() if isinstance(r, Choice) or r.low < r.high}
 
 
-def read_space(path: Path, localizer: str, known: Space) -> Space:
-    """Return the ranges of a file, in place of the built-in ones of the same names.
+def read_space(path: Path, localizer: str, ranges: Space) -> Space:
+    """Return these ranges with those of a TOML file in their places.
 
     Each key is a parameter of the localizer, ``scan.…`` or ``motion.…``; its value a list of
-    choices, a table {low, high, log, whole}, or false: it is not searched. ``only = true`` leaves
-    out all that the file does not name.
-
-    Args:
-        path: of the TOML file.
-        localizer: its name.
-        known: the built-in ranges; empty if there are none.
+    choices, a table {low, high, log, whole} or {log = [low, high]}, or false: it is not searched.
+    ``only = true`` leaves out all that the file does not name.
     """
-    given = documents.read_toml(path, "space")
+    document = documents.read_toml(path, "space")
     with documents.errors_name(path):
-        only = boolean("only", given.pop("only", False))
+        space = {} if boolean("only", document.pop("only", False)) else dict(ranges)
         flat: dict[str, Any] = {}
-        for name, value in given.items():
-            if name in ASSUMED and isinstance(value, Mapping):
-                flat |= {f"{name}.{inner}": one for inner, one in value.items()}
-            else:
-                flat[name] = value
+        for name, value in document.items():
+            nested = name in ASSUMED and isinstance(value, Mapping)
+            flat |= {f"{name}.{n}": v for n, v in value.items()} if nested else {name: value}
         taken = parameters(localizer)
-        found = {} if only else dict(known)
         for name, value in flat.items():
             if name.partition(".")[0] not in ASSUMED and taken is not None:
                 one_of(f"parameter of {localizer}", name, [*taken, "scan.…", "motion.…"])
             if value is False:
-                found.pop(name, None)
+                space.pop(name, None)
             else:
-                found[name] = _one(name, value)
-        if not found:
+                space[name] = _range(name, value)
+        if not space:
             raise InputError("nothing is left to search: name a parameter with a range.")
-        return found
+        return space
 
 
-def _one(name: str, value: Any) -> Range | Choice:
+def _range(name: str, value: Any) -> Range | Choice:
     if isinstance(value, list):
-        if len({repr(one) for one in value}) < max(2, len(value)):
+        if len({repr(choice) for choice in value}) < max(2, len(value)):
             raise InputError(f"{name} is {value}, but must list two or more values, each once.")
-        if not all(isinstance(one, str | bool | int | float) for one in value):
+        if not all(isinstance(choice, str | bool | int | float) for choice in value):
             raise InputError(f"{name} is {value}, but must list numbers, words, true or false.")
         return Choice(tuple(value))
-    form = "a table like {low = 0.1, high = 1.0, log = true}, a list of choices, or false"
     if not isinstance(value, Mapping):
-        raise InputError(f"{name} is {shown(value)}, but must be {form}.")
+        raise InputError(f"{name} is {shown(value)}, but must be {_FORM}.")
     for key in value:
         one_of(f"key of {name}", key, Range.__struct_fields__)
+    match value:
+        case {"log": [low, high], **others} if not {"low", "high"} & others.keys():
+            value = {**others, "low": low, "high": high, "log": True}
     try:
-        found = typed(value, Range)
+        numbers = typed(value, Range)
     except UnreadableError as error:
-        raise InputError(f"{name} {error}, but must be {form}.") from None
-    found.check(name)
-    return found
+        raise InputError(f"{name} {error}, but must be {_FORM}.") from None
+    numbers.check(name)
+    return numbers
 
 
-def spread(space: Space, count: int, rng: np.random.Generator) -> list[Overrides]:
-    """Return candidates of a Latin hypercube: of each parameter, one in each of ``count`` strips.
+def latin_hypercube(space: Space, count: int, rng: np.random.Generator) -> list[Overrides]:
+    """Return candidates with, of each parameter, one value in each of ``count`` strips.
 
     Source: McKay, Beckman & Conover 1979.
     """
     strips = rng.permuted(np.tile(np.arange(count), (len(space), 1)), axis=1)
     places: Floats = (strips + rng.random(strips.shape)) / count
     return [
-        Overrides(
-            {name: one.at(place) for (name, one), place in zip(space.items(), own, strict=True)}
-        )
-        for own in places.T.tolist()
+        Overrides({name: space[name].at(place) for name, place in zip(space, row, strict=True)})
+        for row in places.T.tolist()
     ]
 
 
-def beside(
+def neighbour(
     space: Space, values: Mapping[str, Any], usual: Mapping[str, Any], rng: np.random.Generator
 ) -> Overrides:
     """Return a candidate near good values: half of the parameters are moved, at least one.
 
-    Args:
-        space: what is searched.
-        values: the good ones; what they do not name is as usual, and stays so unless it is moved.
-        usual: the values of the default, as far as they are known.
-        rng: of the steps.
+    What the good values do not name is as usual, as far as that is known, and stays so unless it
+    is moved.
     """
     moved = rng.random(len(space)) < 0.5
     moved[rng.integers(len(space))] = True
-    found = dict(values)
-    for (name, one), move in zip(space.items(), moved.tolist(), strict=True):
+    changed = dict(values)
+    for name, move in zip(space, moved.tolist(), strict=True):
         if move:
-            found[name] = one.near(values.get(name, usual.get(name)), rng)
-    return Overrides(found)
+            changed[name] = space[name].near(values.get(name, usual.get(name)), rng)
+    return Overrides(changed)

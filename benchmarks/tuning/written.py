@@ -1,7 +1,7 @@
 """What ``deqmcl tune`` writes: the best parameters, the held-out gain, what mattered, a picture."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -9,21 +9,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import yaml
-from tabulate import tabulate
 
 from benchmarks.files import write_files
 from benchmarks.replay.nav2 import nav2_document
 from benchmarks.report.writing import load, no_report
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.settings import sweep_text
-from benchmarks.tables.frames import milliseconds_per_step
+from benchmarks.tables.frames import by_world, csv_of
 from benchmarks.tables.stats import Estimate, estimate
-from benchmarks.tables.text import csv_text, estimated, fixed, percent, significant
-from benchmarks.trials.scores import TRACK_SCORES, Score
-from benchmarks.trials.scoring import Finished
-from benchmarks.tuning.search import RUNS, Found, Tried
+from benchmarks.tables.text import estimated, fixed, percent, significant
+from benchmarks.tuning.search import RUNS, Candidate, Task, Tuning
 from benchmarks.tuning.space import Space
-from benchmarks.tuning.task import GOALS, Task, value_of
 from deqmcl_gym.files import command_line, utf8
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
@@ -33,44 +29,39 @@ _SHUFFLES = 1000  # of the ranks, for what chance would give
 _BINS = 4  # of a range
 _FEW = 20  # candidates below which importance says nothing
 _LEAST = 6  # segments: of fewer, a sign test could not tell any difference from chance (p < 0.05)
-_COLUMNS = ("log", "begins_s", "metres", "runs", "default", "tuned", "difference")
-_COVERAGE = TRACK_SCORES["coverage_95"]
+_COVERAGE = "coverage_95"
 _KINDS = ("dropped on fewer segments", "on all training segments", "default", "winner")
 _SURE, _FALLEN = 0.9, 0.05  # share inside the 95 % region below which, and fall that, is told
 _UNITS = {"share": (100, ".1f", " %"), "nats": (1, ",.2f", " nats"), "m": (1, ".3f", " m")}
 
 
-def write(
-    found: Found, out: Path, words: Sequence[str], nav2: Path | None, node: str | None
+def write_tuned(
+    tuning: Tuning, out: Path, words: Sequence[str], nav2: Path | None, node: str | None
 ) -> str:
-    """Write the folder of a search; return what to print.
+    """Write the folder of a search by a command of these words; return what to print.
 
-    Args:
-        found: what came of it.
-        out: the folder.
-        words: of the command.
-        nav2, node: the user's parameter file of Nav2, whose other nodes and names are kept.
+    Of the user's ``nav2`` file, other nodes and names are kept.
     """
-    rows = segment_rows(found)
-    best, why_not = _nav2(found.task, found.best, nav2, node)
-    said = f"{verdict(found, rows)}{_too_sure(found)}"
+    table = segments_table(tuning)
+    best, why_not = _nav2(tuning.task, tuning.best, nav2, node)
     parts = {
-        f"# {found.task.localizer}, tuned": f"{said}\n\n{_table(found)}",
-        "## Best parameters": _changed(found),
-        "## Which parameters mattered": _importance(found),
+        f"# {tuning.task.localizer}, tuned": f"{gain(tuning, table)}{_too_sure(tuning)}\n\n"
+        f"{_scores(tuning)}",
+        "## Best parameters": _changed(tuning),
+        "## Which parameters mattered": _importance(tuning),
     }
-    page = {**parts, "## How this was made": _made(found, words)}
+    page = {**parts, "## How this was made": _made(tuning, words)}
     contents = {
-        "best.toml": utf8(_sweep_file(found, words)),
+        "best.toml": utf8(_sweep_file(tuning, words)),
         "tuned.md": utf8("\n\n".join(f"{name}\n\n{text}" for name, text in page.items()) + "\n"),
-        "tuned.csv": utf8(csv_text(_COLUMNS, rows)),
-        "candidates.csv": utf8(_candidates(found)),
+        "tuned.csv": utf8(csv_of(table)),
+        "candidates.csv": utf8(_candidates(tuning)),
     }
     if best is not None:
         contents[NAV2] = utf8(best)
     if (why := no_report()) is None:
         load()
-        contents["trade-off.png"] = _trade_off(found)
+        contents["trade-off.png"] = _trade_off(tuning)
     files = write_files(out, contents)
     texts = [*parts.values(), why_not]
     texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
@@ -78,81 +69,71 @@ def write(
     return "\n\n".join(filter(None, texts))
 
 
-def segment_rows(found: Found) -> list[list[Any]]:
-    """Return a line per held-out segment; those where a run failed have no numbers."""
-    goal, lines = found.task.goal, []
-    each = zip(found.task.held_out, found.default_runs, found.best_runs, strict=True)
-    for segment, *runs in each:
-        before, after = (_mean(goal, own) if len(own) == RUNS else math.nan for own in runs)
-        log = file_names(segment.world["log"])
-        begins, metres = round(segment.begins, 2), round(segment.metres, 2)
-        lines.append([log, begins, metres, RUNS, before, after, after - before])
-    return lines
+def segments_table(tuning: Tuning) -> pd.DataFrame:
+    """Return a row per held-out segment; those where a run failed have no numbers."""
+    runs = tuning.held_out[tuning.task.goal.name]
+    segments = [
+        (file_names(part.world["log"]), round(part.begins, 2), round(part.metres, 2), RUNS)
+        for part in tuning.task.held_out
+    ]
+    table = pd.DataFrame(segments, columns=["log", "begins_s", "metres", "runs"])
+    means = {which: by_world(runs[which]) for which in ("default", "tuned")}
+    return table.assign(**means, difference=means["tuned"] - means["default"])
 
 
-def _mean(goal: Score, records: Sequence[Finished]) -> float:
-    return float(np.mean([value_of(goal, one) for one in records])) if records else math.nan
+def _failed(tuning: Tuning) -> pd.DataFrame:
+    """Return whether a run failed, a row per held-out segment."""
+    failed = tuning.held_out.isna().all(axis=1)
+    return failed.groupby(["which", "trial"]).any().unstack("which")
 
 
-def verdict(found: Found, rows: Sequence[Sequence[Any]]) -> str:
+def gain(tuning: Tuning, table: pd.DataFrame) -> str:
     """Say the held-out result of default and winner, paired, and what it shows."""
-    goal, limit = found.task.goal, found.task.max_ms
-    before, after = np.array([row[4:6] for row in rows], np.float64).T
-    known = ~np.isnan(before + after)
-    off = (after - before)[known]
-    on = f"on {known.sum()} of {known.size} held-out segments, {RUNS} runs each"
+    goal, limit = tuning.task.goal, tuning.task.max_ms
+    pairs = table[["default", "tuned", "difference"]].dropna()
+    before, after, off = pairs.to_numpy(float).T
+    on = f"on {len(pairs)} of {len(table)} held-out segments, {RUNS} runs each"
     slow = ""
-    if limit is not None and not found.best.ms <= limit:
+    if limit is not None and not tuning.best.ms_per_step <= limit:
         slow = f"Nothing that was tried keeps to {limit:g} ms per step; this is the best of all. "
-    if not off.size:
+    if pairs.empty:
         return f"{slow}No held-out segment could be compared, as runs failed there."
-    if found.best.values == NOTHING:
+    factor, form, unit = _UNITS[goal.unit]
+    if tuning.best.values == NOTHING:
         which = "candidate" if limit is None or slow else f"candidate of at most {limit:g} ms"
-        value = _number(goal, before[known].mean())
         return (
             f"{slow}No gain: no {which} was better than the default on the training segments. The "
-            f"default's {goal.words} {on}: {value}."
+            f"default's {goal.words} {on}: {factor * before.mean():{form}}{unit}."
         )
-    gain = estimate(off) if len(off) >= _LEAST else Estimate(float(off.mean()))
-    factor, form, unit = _UNITS[goal.unit]
-    scaled = Estimate(*(factor * one for one in gain))
+    change = estimate(off) if len(off) >= _LEAST else Estimate(float(off.mean()))
+    scaled = Estimate(*(factor * end for end in change))
     points = " points" if goal.unit == "share" else unit
     return (
-        f"{slow}{goal.words[:1].upper()}{goal.words[1:]} {on}: "
-        f"{_number(goal, before[known].mean(), bare=True)} → "
-        f"{_number(goal, after[known].mean())}, {(goal.sign * off < 0).sum()} of {len(off)} "
+        f"{slow}{goal.words[:1].upper()}{goal.words[1:]} {on}: {factor * before.mean():{form}} → "
+        f"{factor * after.mean():{form}}{unit}, {(goal.sign * off < 0).sum()} of {len(off)} "
         f"segments better; difference {estimated(scaled, f'+{form}', points)}. "
-        f"{_conclusion(found, gain)}"
+        f"{_conclusion(tuning, change)}"
     )
 
 
-def _conclusion(found: Found, gain: Estimate) -> str:
-    limit = found.task.max_ms
-    if math.isnan(gain.low):
+def _conclusion(tuning: Tuning, change: Estimate) -> str:
+    limit, failed = tuning.task.max_ms, _failed(tuning)
+    if math.isnan(change.low):
         return f"Fewer than {_LEAST} segments are too few for an interval: a gain is not shown."
-    each = zip(found.default_runs, found.best_runs, strict=True)
-    if any(len(tuned) < RUNS <= len(default) for default, tuned in each):
+    if (failed["tuned"] & ~failed["default"]).any():
         return "The tuned parameters fail where the default does not: a gain is not shown."
-    if not (gain.low > 0 or gain.high < 0):
+    if not (change.low > 0 or change.high < 0):
         return "The 95 % interval includes 0: a gain is not shown."
-    if found.task.goal.sign * gain.mean < 0:
+    if tuning.task.goal.sign * change.mean < 0:
         return "The 95 % interval excludes 0."
-    slow = limit is not None and not found.tried[0].ms <= limit
+    slow = limit is not None and not tuning.tried[0].ms_per_step <= limit
     keep = f"but the default takes more than {limit:g} ms per step" if slow else "keep the default"
     return f"The tuned parameters are worse on held-out segments: {keep}."
 
 
-def _number(goal: Score, value: float, *, bare: bool = False) -> str:
-    factor, form, unit = _UNITS[goal.unit]
-    return f"{factor * value:{form}}{'' if bare else unit}"
-
-
-def _too_sure(found: Found) -> str:
+def _too_sure(tuning: Tuning) -> str:
     """Warn that the winner's region holds less of the reference than the default's."""
-    before, after = (
-        _mean(_COVERAGE, [record for own in runs for record in own])
-        for runs in (found.default_runs, found.best_runs)
-    )
+    before, after = tuning.held_out.groupby("which")[_COVERAGE].mean()
     if not (after < _SURE and after < before - _FALLEN):
         return ""
     return (
@@ -162,43 +143,47 @@ def _too_sure(found: Found) -> str:
     )
 
 
-def _table(found: Found) -> str:
+def _scores(tuning: Tuning) -> str:
     """Return what default and winner have on the held-out segments."""
-    scores = {"median error, m": GOALS["median"], "95 %, m": GOALS["p95"]}
-    shares = {"within 1 m, 30°": GOALS["localized"]}
-    shares["inside 95 % region"] = _COVERAGE
-    lines = []
-    for name, runs in {"default": found.default_runs, "tuned": found.best_runs}.items():
-        records = [record for own in runs for record in own]
-        cells = [f"{_mean(score, records):.3f}" for score in scores.values()]
-        cells += [percent(_mean(score, records), 1) for score in shares.values()]
-        ms = fixed(milliseconds_per_step(records)) if records else "–"
-        failed = sum(len(own) < RUNS for own in runs)
-        lines.append([name, *cells, ms, str(failed)])
-    header = ["held-out", *scores, *shares, "ms per step", "segments with a failed run"]
-    return _markdown(lines, header)
+    runs = tuning.held_out.groupby("which")
+    mean, failed = runs.mean(), _failed(tuning).sum()
+    columns = {
+        "held-out": mean.index.to_series(),
+        "median error, m": mean["position_median"].map("{:.3f}".format),
+        "95 %, m": mean["position_p95"].map("{:.3f}".format),
+        "within 1 m, 30°": [percent(share, 1) for share in mean["within_1m"]],
+        "inside 95 % region": [percent(share, 1) for share in mean[_COVERAGE]],
+        "ms per step": runs["ms_per_step"].median().map(fixed),
+        "segments with a failed run": failed,
+    }
+    return _markdown(columns)
 
 
-def _markdown(lines: Sequence[Sequence[str]], header: Sequence[str]) -> str:
-    right = ["left", *["right"] * (len(header) - 1)]
-    return tabulate(lines, header, tablefmt="pipe", disable_numparse=True, colalign=right)
+def _markdown(columns: Mapping[str, Any]) -> str:
+    align = ["left", *["right"] * (len(columns) - 1)]
+    frame = pd.DataFrame(columns)
+    return frame.to_markdown(index=False, tablefmt="pipe", disable_numparse=True, colalign=align)
 
 
-def _changed(found: Found) -> str:
+def _changed(tuning: Tuning) -> str:
     """Return the values of the winner beside those of the default."""
-    task, best = found.task, found.best.values
+    best, usual = tuning.best.values, tuning.task.usual
     if best == NOTHING:
         return "The default; no value is changed."
-    names = [name for name in task.space if name in best]
-    lines = [[f"`{n}`", _word(task.usual.get(n, "its own")), _word(best[n])] for n in names]
-    return _markdown(lines, ["parameter", "default", "tuned"])
+    names = [name for name in tuning.task.space if name in best]
+    columns = {
+        "parameter": [f"`{name}`" for name in names],
+        "default": [_word(usual.get(name, "its own")) for name in names],
+        "tuned": [_word(best[name]) for name in names],
+    }
+    return _markdown(columns)
 
 
 def _word(value: Any) -> str:
     return significant(value) if isinstance(value, float) else str(value)
 
 
-def importance(space: Space, tried: Sequence[Tried]) -> list[tuple[str, float, float, str]]:
+def importance(space: Space, tried: Sequence[Candidate]) -> pd.DataFrame:
     """Return which parameters explain ranks of candidates alone, the most important first.
 
     The ranks are those of the candidates drawn from the whole space, in the first rung of their
@@ -207,23 +192,24 @@ def importance(space: Space, tried: Sequence[Tried]) -> list[tuple[str, float, f
     explain by chance (Kelley 1935): the main effects of a functional ANOVA.
 
     Returns:
-        (name, ε², its 95 % quantile over shuffled ranks, the best group in words).
+        Columns parameter; share, ε²; chance, its 95 % quantile over shuffled ranks; best, the
+        best group in words.
     """
-    free = [one for one in tried if one.free]
-    ranks = np.array([one.rank for one in free])
+    whole = [candidate for candidate in tried if candidate.whole_space]
+    ranks = np.array([candidate.rank for candidate in whole])
     shuffled = np.random.default_rng(0).permuted(np.tile(ranks, (_SHUFFLES, 1)), axis=1)
-    found = []
+    rows = []
     for name in space:
-        groups: Any = pd.Series([one.values[name] for one in free])
+        groups: Any = pd.Series([candidate.values[name] for candidate in whole])
         if pd.api.types.is_numeric_dtype(groups) and groups.nunique() > _BINS:
             groups, ends = pd.qcut(groups, _BINS, labels=False, retbins=True, duplicates="drop")
             words = [f"{significant(a)} to {significant(b)}" for a, b in pairwise(ends)]
             groups = groups.map(dict(enumerate(words)))
         best = str(pd.Series(ranks).groupby(groups, sort=False).mean().idxmin())
-        codes = pd.factorize(groups)[0]
-        chance = float(np.quantile(_explained(shuffled, codes), 0.95))
-        found.append((name, float(_explained(ranks[None], codes)[0]), chance, best))
-    return sorted(found, key=lambda row: -row[1])
+        share, *chance = _explained(np.vstack([ranks, shuffled]), pd.factorize(groups)[0])
+        rows.append((name, share, np.quantile(chance, 0.95), best))
+    table = pd.DataFrame(rows, columns=["parameter", "share", "chance", "best"])
+    return table.sort_values("share", ascending=False, kind="stable")
 
 
 def _explained(ranks: Floats, codes: Any) -> Floats:
@@ -238,101 +224,105 @@ def _explained(ranks: Floats, codes: Any) -> Floats:
     return np.asarray(1 - ((whole - between) / (n - k)) / (whole / (n - 1)))
 
 
-def _importance(found: Found) -> str:
-    free = sum(one.free for one in found.tried)
-    if free < _FEW:
-        return f"{free} candidates from the whole space are too few to say; it takes {_FEW}."
-    rows = importance(found.task.space, found.tried)
-    lines = [[f"`{n}`", percent(share), best] for n, share, chance, best in rows if share > chance]
-    rest = [f"`{name}`" for name, share, chance, _ in rows if share <= chance]
+def _importance(tuning: Tuning) -> str:
+    count = sum(candidate.whole_space for candidate in tuning.tried)
+    if count < _FEW:
+        return f"{count} candidates from the whole space are too few to say; it takes {_FEW}."
+    table = importance(tuning.task.space, tuning.tried)
+    table["parameter"] = table["parameter"].map("`{}`".format)
+    more = table["share"] > table["chance"]
+    clear, rest = table[more], table.loc[~more, "parameter"]
+    columns = {
+        "parameter": list(clear["parameter"]),
+        "explains": [percent(share) for share in clear["share"]],
+        "best": list(clear["best"]),
+    }
     texts = [
-        f"Share of the variance of ranks among {free} candidates drawn from the whole space that "
+        f"Share of the variance of ranks among {count} candidates drawn from the whole space that "
         "a parameter explains alone (ε² over four parts of its range, or over its values if it has "
-        "four or fewer)."
+        "four or fewer).",
+        _markdown(columns) if len(clear) else "",
+        f"Not more than chance: {', '.join(rest)}." if len(rest) else "",
     ]
-    texts += [_markdown(lines, ["parameter", "explains", "best"])] if lines else []
-    texts += [f"Not more than chance: {', '.join(rest)}."] if rest else []
-    return "\n\n".join(texts)
+    return "\n\n".join(filter(None, texts))
 
 
-def _made(found: Found, words: Sequence[str]) -> str:
-    task, count = found.task, len(found.tried)
-    metres = float(np.mean([one.metres for one in task.segments]))
+def _made(tuning: Tuning, words: Sequence[str]) -> str:
+    task, count = tuning.task, len(tuning.tried)
+    metres = float(np.mean([segment.metres for segment in (*task.training, *task.held_out)]))
     limit = "" if task.max_ms is None else f" At most {task.max_ms:g} ms per step were allowed."
     return (
         f"    {command_line(words)}\n\n"
         f"{count} candidates. Segments of {metres:.0f} m: {len(task.training)} trained on, "
         f"{len(task.held_out)} held out, in turn; the search does not see the latter.{limit} "
-        f"Winner on the training segments: {found.best.value:.4g}, default "
-        f"{found.tried[0].value:.4g}; these two are what was searched for, so their difference is "
+        f"Winner on the training segments: {tuning.best.value:.4g}, default "
+        f"{tuning.tried[0].value:.4g}; these two are what was searched for, so their difference is "
         "too good. Intervals: bootstrap over segments, which are of the same building; they do not "
         "tell of another one."
     )
 
 
-def _candidates(found: Found) -> str:
-    names = list(found.task.space)
-    lines = [
-        [i, one.round, int(one.free), one.rank, one.segments, one.value, one.ms]
-        + [one.values.get(name) for name in names]
-        for i, one in enumerate(found.tried)
-    ]
-    header = ["candidate", "round", "whole_space", "rank", "segments", "value", "ms_per_step"]
-    return csv_text([*header, *names], lines)
+def _candidates(tuning: Tuning) -> str:
+    """Return a line per candidate: how far it came, and its values; those of the default empty."""
+    come = pd.DataFrame(map(vars, tuning.tried)).astype({"whole_space": int})
+    values = [dict(candidate.values) for candidate in tuning.tried]
+    table = pd.DataFrame(values, columns=[*tuning.task.space], dtype=object)
+    whole = pd.concat([come.drop(columns="values"), table], axis=1)
+    return str(whole.to_csv(index_label="candidate", lineterminator="\n"))
 
 
-def _sweep_file(found: Found, words: Sequence[str]) -> str:
+def _sweep_file(tuning: Tuning, words: Sequence[str]) -> str:
     """Return the winner as a sweep file over the first log."""
-    task, segment = found.task, found.task.segments[0]
-    params, assumed = task.parts(found.best.values)
-    if (lag := task.usual.get("lag")) is not None:
-        params = Overrides({"lag": lag}) | params
-    own = {n: v for n, v in segment.assumed.items() if not n.startswith("prior.")}
-    localizer = {"name": task.localizer, **{f"params.{n}": v for n, v in params.items()}}
+    task, segment = tuning.task, tuning.task.training[0]
+    trial = task.trial(tuning.best.values, segment)
+    lag = {"lag": task.usual["lag"]} if "lag" in task.usual else {}
+    params = {f"params.{name}": value for name, value in (Overrides(lag) | trial.params).items()}
+    assumed = {n: v for n, v in trial.assumed.items() if not n.startswith("prior.")}
     return sweep_text(
         [" ".join(command_line(words).split())],
         {"scenario": "replay", "lag": 0},
-        {"world": segment.whole, "assumed": {**own, **assumed}, "[localizers]": localizer},
+        {
+            "world": segment.whole,
+            "assumed": assumed,
+            "[localizers]": {"name": task.localizer, **params},
+        },
     )
 
 
-def _nav2(task: Task, best: Tried, path: Path | None, node: str | None) -> tuple[str | None, str]:
+def _nav2(
+    task: Task, best: Candidate, path: Path | None, node: str | None
+) -> tuple[str | None, str]:
     """Return nav2.yaml, or None and why there is none."""
     if task.localizer != "amcl":
         return None, f"No {NAV2}: {task.localizer} is not a filter of Nav2."
     try:
-        document = nav2_document(task.parts(best.values)[0], path, node)
+        document = nav2_document(task.trial(best.values, task.training[0]).params, path, node)
     except InputError as error:
         return None, f"No {NAV2}: {error}"
     return yaml.safe_dump(document, sort_keys=False), ""
 
 
-def _trade_off(found: Found) -> bytes:
+def _trade_off(tuning: Tuning) -> bytes:
     """Return the picture of score and time of all candidates on all training segments."""
     from matplotlib.ticker import LogLocator, NullLocator
 
     from benchmarks.pictures import styled
     from benchmarks.report.charts import STYLE, Chart, canvas, line
 
-    goal, last = found.task.goal, len(found.task.training)
+    goal, frame = tuning.task.goal, pd.DataFrame(map(vars, tuning.tried))
     factor, _, unit = _UNITS[goal.unit]
-
-    def kind(one: Tried) -> str:
-        if one.values == NOTHING or one is found.best:
-            return _KINDS[2 if one.values == NOTHING else 3]
-        return _KINDS[one.segments == last]
-
-    x, y = "ms per step", goal.words.replace("share of records ", "") + f",{unit}"
-    known = [one for one in found.tried if math.isfinite(one.value) and one.ms > 0]
-    frame = pd.DataFrame([(one.ms, factor * one.value, kind(one)) for one in known])
-    frame.columns = pd.Index([x, y, "label"])
-    frame["label"] = pd.Categorical(frame["label"], _KINDS)
+    kinds = [_KINDS[segments == len(tuning.task.training)] for segments in frame["segments"]]
+    kinds[tuning.tried.index(tuning.best)] = _KINDS[3]
+    kinds[0] = _KINDS[2]
+    frame = frame.assign(value=factor * frame["value"], label=pd.Categorical(kinds, _KINDS))
+    frame = frame[np.isfinite(frame["value"]) & (frame["ms_per_step"] > 0)]
     with styled(STYLE):
-        axes = line(frame, x, y, axes=canvas(6.4, 3.8), ls="")
-        axes.set(xlabel=x, ylabel=y, xscale="log")
+        axes = line(frame, "ms_per_step", "value", axes=canvas(6.4, 3.8), ls="")
+        words = goal.words.replace("share of records ", "")
+        axes.set(xlabel="ms per step", ylabel=f"{words},{unit}", xscale="log")
         if goal.unit == "nats":  # those of a filter that is lost and sure are huge
             axes.set_yscale("symlog", linthresh=10)
-        elif goal.unit == "m" and (frame[y] > 0).all():
+        elif goal.unit == "m" and (frame["value"] > 0).all():
             axes.set_yscale("log")
         for axis in (axes.xaxis, axes.yaxis)[: 1 + (axes.get_yscale() == "log")]:
             axis.set_major_locator(LogLocator(subs=(1, 2, 5)))

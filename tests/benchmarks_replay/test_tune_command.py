@@ -3,10 +3,11 @@
 import csv
 import math
 from dataclasses import replace
-from itertools import pairwise
+from itertools import chain, pairwise
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 from deqmcl_command import exit_code, lose, records
@@ -17,18 +18,17 @@ from benchmarks.replay.nav2 import nav2_document, read_nav2, usual_params
 from benchmarks.replay.options import replay_of
 from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps.sweepfile import read_sweep
-from benchmarks.tuning.search import RUNS, Found, Tried
-from benchmarks.tuning.segments import segments_of
+from benchmarks.tables.frames import RUN
+from benchmarks.tuning.search import GOALS, RUNS, Candidate, Tuning, cut
 from benchmarks.tuning.space import (
     Choice,
     Range,
-    beside,
     built_in,
+    latin_hypercube,
+    neighbour,
     read_space,
-    spread,
 )
-from benchmarks.tuning.task import GOALS
-from benchmarks.tuning.written import importance, segment_rows, verdict
+from benchmarks.tuning.written import gain, importance, segments_table
 from deqmcl_gym import logs
 
 COMMAND = ("tune", "lap.csv", "--map", "hall.yaml", "--segment", "0.8", "--gap", "0.1")
@@ -120,10 +120,10 @@ def test_the_search_does_not_see_the_held_out_segments(here, tmp_path):
         "lap.csv", "hall.yaml", reference="lap.tum", settings={"world.every": "0.1m,5deg"}
     )
     ranges = log.ranges.copy()
-    for one in segments_of([replay], 0.8, 0.1, (0.2, 0.1), 3):
-        if one.held_out:
-            start = one.world["start"]
-            ranges[start : start + one.world["length"]] = 0.5
+    _, held_out = cut([replay], 0.8, 0.1, (0.2, 0.1), 3)
+    for segment in held_out:
+        start = segment.world["start"]
+        ranges[start : start + segment.world["length"]] = 0.5
     bare = logs.Log(log.scanner, log.times, log.odometry, ranges, None, "m")
     logs.write(bare, tmp_path / "lap.csv")
     words = [tmp_path / "lap.csv" if word == "lap.csv" else word for word in MCL]
@@ -216,6 +216,17 @@ class Stated:
 """
 
 
+def of_two_kinds(folder, plug_in, score):
+    """The folder of a search among two kinds of a plug-in."""
+    (folder / "stated.py").write_text(plug_in)
+    (folder / "kinds.toml").write_text('kind = ["near and sure", "far and honest"]\n')
+    words = (*COMMAND, "--reference", "lap.tum", "--localizer", folder / "stated.py")
+    words += ("--space", folder / "kinds.toml", "--score", score, "--set", "assumed.scan.power=0.2")
+    words += ("--candidates", "3", "--jobs", "1", "--out", folder / "out")
+    assert exit_code(*words) == 0
+    return folder / "out"
+
+
 @pytest.mark.parametrize(
     ("score", "winner"),
     [
@@ -227,37 +238,14 @@ class Stated:
 def test_a_score_of_honesty_prefers_an_honest_belief_to_a_nearer_one_that_is_too_sure(
     before, tmp_path, score, winner
 ):
-    (tmp_path / "stated.py").write_text(PLUG_IN)
-    (tmp_path / "kinds.toml").write_text('kind = ["near and sure", "far and honest"]\n')
-    words = (*COMMAND, "--reference", "lap.tum", "--localizer", tmp_path / "stated.py")
-    words += (
-        "--space",
-        tmp_path / "kinds.toml",
-        "--score",
-        score,
-        "--set",
-        "assumed.scan.power=0.2",
-    )
-    out = tmp_path / "out"
-    assert exit_code(*words, "--candidates", "3", "--jobs", "1", "--out", out) == 0
+    out = of_two_kinds(tmp_path, PLUG_IN, score)
     (cell,) = read_sweep(out / "best.toml").cells()
     assert cell.params["kind"] == winner
 
 
 def test_a_winner_whose_region_holds_less_than_that_of_the_default_is_warned_of(before, tmp_path):
-    (tmp_path / "stated.py").write_text(PLUG_IN.replace('kind="bad"', 'kind="far and honest"'))
-    (tmp_path / "kinds.toml").write_text('kind = ["near and sure", "far and honest"]\n')
-    words = (*COMMAND, "--reference", "lap.tum", "--localizer", tmp_path / "stated.py")
-    words += (
-        "--space",
-        tmp_path / "kinds.toml",
-        "--score",
-        "median",
-        "--set",
-        "assumed.scan.power=0.2",
-    )
-    out = tmp_path / "out"
-    assert exit_code(*words, "--candidates", "2", "--jobs", "1", "--out", out) == 0
+    honest = PLUG_IN.replace('kind="bad"', 'kind="far and honest"')
+    out = of_two_kinds(tmp_path, honest, "median")
     told = (out / "tuned.md").read_text()
     assert "Warning: the 95 % region of the tuned parameters holds 0.0 % of the reference" in told
 
@@ -298,22 +286,20 @@ def held_out(default, tuned, *, max_ms=None, best_ms=1.0, default_ms=1.0):
     """A search for the smallest median, with these errors on each held-out segment; None failed."""
     segments = [SimpleNamespace(world={"log": "lap.csv"}, begins=0.0, metres=1.0)] * len(default)
     task = SimpleNamespace(goal=GOALS["median"], max_ms=max_ms, held_out=segments)
-    tried = [Tried(values=Overrides(), round=0, free=False, ms=default_ms)]
-    tried += [Tried(values=Overrides({"particles": 5}), round=0, free=True, ms=best_ms)]
-    runs = [
-        [[run(error)] * RUNS if error is not None else [] for error in own]
-        for own in (default, tuned)
-    ]
-    return Found(task=task, tried=tried, best=tried[1], default_runs=runs[0], best_runs=runs[1])
+    tried = [candidate({}, ms_per_step=default_ms), candidate({"n": 5}, ms_per_step=best_ms)]
+    runs = [["default", "tuned"], range(len(default)), range(RUNS)]
+    index = pd.MultiIndex.from_product(runs, names=["which", *RUN])
+    errors = np.repeat(np.array([default, tuned], float), RUNS)
+    runs = pd.DataFrame({"position_median": errors}, index)
+    return Tuning(task=task, tried=tried, best=tried[1], held_out=runs)
 
 
-def run(error):
-    track = SimpleNamespace(scores={"position_median": error})
-    return SimpleNamespace(journey=None, track=track)
+def candidate(values, **come):
+    return Candidate(values=Overrides(values), round=0, whole_space=bool(values), **come)
 
 
 def said_of(found):
-    return verdict(found, segment_rows(found))
+    return gain(found, segments_table(found))
 
 
 def test_no_gain_is_told_where_the_tuned_parameters_fail_and_the_default_does_not():
@@ -432,10 +418,9 @@ def test_segments_share_no_record_and_take_turns(here):
         "lap.csv", "hall.yaml", reference="lap.tum", settings={"world.every": "0.1m,5deg"}
     )
     whole = replay.scenario.whole
-    found = sorted(
-        segments_of([replay], 0.8, 0.1, (0.2, 0.1), 0), key=lambda one: one.world["start"]
-    )
-    assert [one.held_out for one in found] == [i % 2 == 1 for i in range(len(found))]
+    training, held_out = cut([replay], 0.8, 0.1, (0.2, 0.1), 0)
+    found = sorted(training + held_out, key=lambda one: one.world["start"])
+    assert [one in held_out for one in found] == [i % 2 == 1 for i in range(len(found))]
     for one, following in pairwise(one.world for one in found):
         last = one["start"] + one["length"] - 1
         assert whole.driven[last] - whole.driven[one["start"]] >= 0.8
@@ -450,10 +435,10 @@ def test_starts_are_off_by_as_much_as_is_said(here):
     )
     off = []
     for seed in range(60):
-        for one in segments_of([replay], 0.8, 0.1, (0.02, 0.1), seed):
+        for one in chain(*cut([replay], 0.8, 0.1, (0.02, 0.1), seed)):
             true = replay.scenario.whole.reference[one.world["start"]]
             off.append((np.array(one.assumed["prior.mean"]) - true) / [0.02, 0.02, 0.1])
-    for one in segments_of([replay], 0.8, 0.1, (0.02, 20.0), 0):
+    for one in chain(*cut([replay], 0.8, 0.1, (0.02, 20.0), 0)):
         assert abs(one.assumed["prior.mean"][2]) <= 2 * math.pi
     n = len(off)
     assert np.std(off, axis=0) == pytest.approx(1, abs=4 / math.sqrt(2 * n))  # once in 16,000
@@ -462,7 +447,7 @@ def test_starts_are_off_by_as_much_as_is_said(here):
 def test_a_latin_hypercube_has_one_candidate_in_each_strip():
     one = Range(low=1.0, high=100.0, log=True)
     space = {"a": one, "b": Range(low=0.0, high=1.0), "c": Choice((1, 2, 3, 4))}
-    drawn = spread(space, 12, np.random.default_rng(0))
+    drawn = latin_hypercube(space, 12, np.random.default_rng(0))
     for name in ("a", "b"):
         places = sorted(space[name].place(own[name]) for own in drawn)
         strips = (np.arange(13) / 12).tolist()
@@ -479,7 +464,7 @@ def test_a_candidate_beside_another_stays_in_the_space_and_moves_something():
     }
     rng = np.random.default_rng(0)
     for _ in range(300):
-        found = beside(space, {"x": 0.99, "c": "a"}, {"n": 1000}, rng)
+        found = neighbour(space, {"x": 0.99, "c": "a"}, {"n": 1000}, rng)
         assert found != Overrides({"x": 0.99, "c": "a"})
         assert 5 <= found.get("n", 5) <= 50
         assert isinstance(found.get("n", 5), int)
@@ -502,6 +487,9 @@ def test_a_candidate_beside_another_stays_in_the_space_and_moves_something():
         ("particles = { low = 1.5, high = 5, whole = true }", "whole number"),
         ("particles = { low = 1, high = 5, step = 1 }", "step"),
         ("particles = { low = 1, high = 5, log = 1 }", "has int instead of bool at log"),
+        ("particles = { log = [1] }", "has array instead of bool at log"),
+        ("particles = { log = [1, 5], low = 2 }", "instead of bool at log"),
+        ("particles = { log = [0, 5] }", "needs low above 0"),
         ("particles = { low = 1, high = inf }", "out of range at high"),
         ("only = true", "nothing is left"),
         ("particles = [", "not valid TOML"),
@@ -516,21 +504,20 @@ def test_a_bad_space_is_refused(tmp_path, text, words):
 
 def test_a_file_changes_what_it_names_and_false_leaves_out(tmp_path):
     path = tmp_path / "space.toml"
-    path.write_text("scan.sigma = [0.1, 0.2]\nparticles = false\n")
+    path.write_text("scan.sigma = [0.1, 0.2]\nparticles = false\nmotion.alpha1 = {log = [1, 9]}\n")
     known = built_in("mcl", ["alpha1", "alpha2"])
     found = read_space(path, "mcl", known)
     assert found["scan.sigma"] == Choice((0.1, 0.2))
     assert set(known) - set(found) == {"particles"}
-    assert all(found[name] == known[name] for name in set(found) - {"scan.sigma"})
+    assert found["motion.alpha1"] == Range(low=1.0, high=9.0, log=True)
+    assert all(found[name] == known[name] for name in set(found) - {"scan.sigma", "motion.alpha1"})
 
 
 def test_a_range_with_few_values_has_a_group_for_each():
     one = Range(low=1, high=3, whole=True)
-    drawn = spread({"n": one}, 60, np.random.default_rng(0))
-    tried = [
-        replace(Tried(values=own, round=0, free=True), rank=(own["n"] != 2) / 2) for own in drawn
-    ]
-    ((_, share, chance, best),) = importance({"n": one}, tried)
+    drawn = latin_hypercube({"n": one}, 60, np.random.default_rng(0))
+    tried = [candidate(own, rank=(own["n"] != 2) / 2) for own in drawn]
+    ((_, share, chance, best),) = importance({"n": one}, tried).to_numpy()
     assert share == pytest.approx(1)
     assert chance < 0.2
     assert best == "2"
@@ -568,15 +555,12 @@ def test_fewer_candidates_are_some_of_those_of_a_whole_round(here, tmp_path):
 def test_importance_is_the_share_of_variance_between_groups_beyond_chance():
     rng = np.random.default_rng(5)
     space = {"x": Range(low=0.0, high=1.0), "c": Choice((1, 2)), "idle": Range(low=0.0, high=1.0)}
-    drawn = spread(space, 80, rng)
+    drawn = latin_hypercube(space, 80, rng)
     worth = [one["x"] + 0.3 * (one["c"] == 2) for one in drawn]
     ranks = np.argsort(np.argsort(worth)) / 79
-    tried = [
-        replace(Tried(values=one, round=0, free=True), rank=rank)
-        for one, rank in zip(drawn, ranks.tolist(), strict=True)
-    ]
-    rows = importance(space, [*tried, Tried(values=Overrides(), round=0, free=False)])
-    found = {name: own for name, *own in rows}
+    tried = [candidate(one, rank=rank) for one, rank in zip(drawn, ranks.tolist(), strict=True)]
+    table = importance(space, [*tried, candidate({})])
+    found = {name: own for name, *own in table.to_numpy()}
     groups = {kind: [r for one, r in zip(drawn, ranks, strict=True) if one["c"] == kind]
               for kind in (1, 2)}  # fmt: skip
     within = sum(sum((r - np.mean(own)) ** 2 for r in own) for own in groups.values())
