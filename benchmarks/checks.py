@@ -26,7 +26,7 @@ from localizers.api import Points
 from localizers.checks import LawBrokenError, Laws, Report
 from localizers.checks.process import no_global_rng
 from localizers.models.scan import Scan, ScanModel
-from localizers.scan_plug_in import SCAN_MODEL, is_code
+from localizers.registry import SCAN_MODEL, is_code
 
 DRIVEN_IN = ("guided", "driving")  # the first that an agent does not refuse
 SCANNED_IN = ("sharp", "lost")  # the first that a scan model does not refuse

@@ -20,8 +20,7 @@ from deqmcl_gym.maps.map import PIXELS, pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Pose, Reals
 from deqmcl_gym.validation import InputError, number, one_of
-from localizers.api import Belief, Localizer, Prior
-from localizers.beliefs import best_cluster, quality_of
+from localizers.api import Belief, Localizer, Prior, best_cluster, quality_of
 
 _EVERY = 10.0, math.radians(5)  # px (0.2 m), rad
 _WAITING = 10  # scans that may wait for their odometry

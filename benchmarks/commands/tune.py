@@ -99,7 +99,7 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     from benchmarks.tuning.task import Task
     from deqmcl_gym.validation import InputError, integer, number
     from localizers import parameters
-    from localizers.methods.family import Shared
+    from localizers.methods.deq_mcl import Shared
 
     seed = integer("--seed", options.seed)
     length = number("--segment", options.segment, low=0, above=True)

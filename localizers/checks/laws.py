@@ -23,7 +23,7 @@ from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.numerics.arrays import wrapped
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
-from localizers.beliefs import mean_pose
+from localizers.api import mean_pose
 from localizers.checks.process import (
     ADDED_BY_IMPORTS,
     changes_since,

@@ -19,9 +19,15 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import InputError, number, one_of
-from localizers.beliefs import best_cluster
-from localizers.inference.parts import BeamFilter, LogWeights, States, Weights
-from localizers.inference.weights import maximum, normalized
+from localizers.api import best_cluster
+from localizers.inference.particles import (
+    BeamFilter,
+    LogWeights,
+    States,
+    Weights,
+    maximum,
+    normalized,
+)
 from localizers.models import beam_kernels
 from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan, Scan

@@ -9,11 +9,19 @@ from typing import NamedTuple, Self, TypeVar
 import numpy as np
 
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
-from localizers.inference import weights
 from localizers.inference.loss_detector import LossDetector
-from localizers.inference.parts import Actions, LogWeights, Memory, States
+from localizers.inference.particles import (
+    Actions,
+    LogWeights,
+    Memory,
+    States,
+    absorbed,
+    effective_sample_size,
+    log_sum_exp,
+    normalized,
+    shifted,
+)
 from localizers.inference.queue import Queue
-from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
 from localizers.models.scan import Scan
 
 M = TypeVar("M", bound=Memory)
@@ -225,7 +233,7 @@ class ParticleBelief(_Cloud):
         model alone until some particle explains the evidence.
         """
         total = np.empty(self.log_weights.size)
-        if math.isfinite(weights.shifted(self.log_weights, log_factor, total)):
+        if math.isfinite(shifted(self.log_weights, log_factor, total)):
             return self._replace(log_weights=total)
         return self._collapsed()
 
@@ -256,7 +264,7 @@ class ParticleBelief(_Cloud):
         ``power``, the exponent of the likelihood. The weights change as in ``reweighted``.
         """
         total = np.empty(self.log_weights.size)
-        top, evidence = weights.absorbed(self.log_weights, log_likelihood, most, power, total)
+        top, evidence = absorbed(self.log_weights, log_likelihood, most, power, total)
         belief = self if math.isfinite(top) else self._collapsed()
         return belief._replace(
             log_weights=total if math.isfinite(top) else self.log_weights,

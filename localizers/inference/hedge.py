@@ -33,16 +33,14 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, boolean, number
-from localizers.api import Belief, Localizer, Points, Prior
-from localizers.beliefs import quality_of
+from localizers.api import Belief, Localizer, Points, Prior, quality_of
 from localizers.inference.bayes_filter import Filter, FilterLocalizer
 from localizers.inference.belief import Events, ParticleBelief, PlanReading
+from localizers.inference.futures import Foresight
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.parts import Action, Actions, States
-from localizers.inference.plan_evidence import Foresight
+from localizers.inference.particles import Action, Actions, States, log_sum_exp
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import pointed_at
-from localizers.inference.weights import log_sum_exp
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
 

@@ -16,8 +16,7 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64
 from deqmcl_gym.numerics.types import Floats
-from localizers.inference.parts import Memory, States
-from localizers.inference.weights import log_sum_exp
+from localizers.inference.particles import Memory, States, log_sum_exp
 from localizers.models.prior import even_poses
 from localizers.models.scan import LidarScan, Scan, ScanModel, ScanTable
 

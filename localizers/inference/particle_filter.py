@@ -9,13 +9,18 @@ import numpy as np
 from deqmcl_gym.validation import InputError
 from localizers.api import Motion
 from localizers.inference.belief import FilteredEvents, ParticleBelief, PlanReading
-from localizers.inference.futures import Redraw, Rollout
+from localizers.inference.futures import Lookahead, Redraw, Rollout
 from localizers.inference.loss_detector import LossDetector
-from localizers.inference.parts import Action, Actions, BeamFilter, Feasibility, Initial
-from localizers.inference.plan_evidence import Lookahead
+from localizers.inference.particles import (
+    Action,
+    Actions,
+    BeamFilter,
+    Feasibility,
+    Initial,
+    normalized_with_log_sum,
+)
 from localizers.inference.resampling import Resampling, power_that_keeps
 from localizers.inference.start import InformedStart, Injection, initial_cloud
-from localizers.inference.weights import normalized_with_log_sum
 from localizers.models.scan import Scan, ScanModel
 
 MAX_PARTICLES = 10_000_000

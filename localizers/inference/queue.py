@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from deqmcl_gym.numerics.types import Indices
-from localizers.inference.parts import States
+from localizers.inference.particles import States
 
 Link = Indices | None  # None: the identity
 

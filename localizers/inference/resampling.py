@@ -13,8 +13,7 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64
 from deqmcl_gym.numerics.types import Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, integer, number
-from localizers.inference.parts import Weights
-from localizers.inference.weights import effective_sample_size, maximum
+from localizers.inference.particles import Weights, effective_sample_size, maximum
 
 
 @compiled

@@ -9,12 +9,10 @@ import numpy as np
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError, digits, number
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.futures import agreeing
-from localizers.inference.parts import Actions, Initial, Memory
-from localizers.inference.plan_evidence import PlanEvidence
+from localizers.inference.futures import PlanEvidence, agreeing
+from localizers.inference.particles import Actions, Initial, Memory, normalized_with_log_sum
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import pointed_at
-from localizers.inference.weights import normalized_with_log_sum
 from localizers.models.scan import Scan
 
 

@@ -25,7 +25,7 @@ from localizers.inference.bayes_filter import (
 from localizers.inference.belief import Events, ParticleBelief
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particle_filter import MAX_PARTICLES
-from localizers.inference.parts import BeamFilter, Memory, States
+from localizers.inference.particles import BeamFilter, Memory, States
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import KldSampling, searched
 from localizers.inference.start import Averages

@@ -23,11 +23,9 @@ from deqmcl_gym.validation import InputError, integer, number
 from localizers.api import Prior
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.particle_filter import MAX_PARTICLES, ParticleFilter
-from localizers.inference.parts import Action, Actions, Memory, States
+from localizers.inference.particles import Action, Actions, Memory, States, log_evidence
 from localizers.inference.queue import Queue
-from localizers.inference.weights import log_evidence
-from localizers.methods.deq_mcl import mcl, mcl_map
-from localizers.methods.family import ON_THE_MAP, Shared, method
+from localizers.methods.deq_mcl import ON_THE_MAP, Shared, mcl, mcl_map, method
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
 

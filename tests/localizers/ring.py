@@ -16,8 +16,8 @@ from itertools import pairwise, product
 
 import numpy as np
 
+from localizers.inference.futures import Foresight, PlanEvidence
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.plan_evidence import Foresight, PlanEvidence
 from localizers.inference.resampling import Resampling
 from localizers.inference.start import InformedStart
 from localizers.models.scan import Scan

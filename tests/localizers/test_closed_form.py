@@ -10,9 +10,9 @@ import localizers
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps import Lidar, PolygonMap
-from localizers.inference import gaussian as kernels
-from localizers.inference.gaussian import gaussian_points, sigma_points
 from localizers.methods import dead_reckoning
+from localizers.methods import ekf as kernels
+from localizers.methods.ekf import gaussian_points, sigma_points
 
 
 def test_it_adds_the_commands_up_and_rolls_the_plan_out(robot, prior):

@@ -29,7 +29,7 @@ from deqmcl_gym.maps.office import Office
 from deqmcl_gym.validation import InputError
 from localizers.inference.resampling import power_that_keeps
 from localizers.inference.start import Injection, Recovery, Watch, is_new
-from localizers.models.plan_sensor import PlanSensor
+from localizers.models.feasibility import PlanSensor
 from localizers.models.prior import even_poses, random_poses
 
 RNG = np.random.default_rng
