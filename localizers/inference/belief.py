@@ -4,27 +4,24 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, Self, TypeVar
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
-from localizers.inference.loss_detector import LossDetector
+from localizers.inference.loss_detector import LossDetector, Watch
 from localizers.inference.particles import (
     Actions,
     LogWeights,
-    Memory,
     States,
     absorbed,
     effective_sample_size,
     log_sum_exp,
-    normalized,
+    normalize,
     shifted,
 )
 from localizers.inference.queue import Queue
 from localizers.models.scan import Scan
-
-M = TypeVar("M", bound=Memory)
 
 
 @dataclass(frozen=True)
@@ -72,7 +69,7 @@ class FilteredEvents(Events):
 
 
 @dataclass(frozen=True, eq=False)
-class PlanReading(Memory):
+class PlanReading:
     """What the latest plan said about the present.
 
     Attributes:
@@ -106,7 +103,10 @@ class _Cloud(NamedTuple):
         events: counts since reset.
         scan_log_evidence: log Σ w p(o_t | x_t, m) of the latest scan, from some of the particles.
         scan_power: λ_t, the exponent of the latest scan's likelihood.
-        memory: what the filter's parts remember.
+        detector: evidence for and against it; None: none is kept.
+        plan_reading: what the latest plan said, where plans are used as evidence.
+        watch: what is remembered to recover by; None: nothing is.
+        fixed: whether it has seen a scan, where the first one decides; else it is of hypotheses.
     """
 
     queue: Queue
@@ -118,7 +118,10 @@ class _Cloud(NamedTuple):
     events: Events = Events()
     scan_log_evidence: float = math.nan
     scan_power: float = 1.0
-    memory: tuple[Memory, ...] = ()
+    detector: LossDetector | None = None
+    plan_reading: PlanReading | None = None
+    watch: Watch | None = None
+    fixed: bool = True
 
 
 class ParticleBelief(_Cloud):
@@ -132,31 +135,10 @@ class ParticleBelief(_Cloud):
         of = f"{self.log_weights.size} particles at steps {-past} to {steps - 1 - past}"
         return f"<ParticleBelief of {of}>"
 
-    def recall(self, kind: type[M]) -> M | None:
-        """Return the memory of this class, None if there is none."""
-        for memory in self.memory:
-            if isinstance(memory, kind):
-                return memory
-        return None
-
-    def remembering(self, memory: Memory) -> "ParticleBelief":
-        """Return this belief with a memory, in the place of one of the same class."""
-        return self._replace(memory=(*self.forgetting(type(memory)).memory, memory))
-
-    def forgetting(self, kind: type[Memory]) -> "ParticleBelief":
-        """Return this belief without the memory of this class."""
-        return self._replace(memory=tuple(m for m in self.memory if not isinstance(m, kind)))
-
     @property
     def quality(self) -> float | None:
         """P(not lost | o_{1:t}), in [0, 1]; None if no evidence is kept."""
-        detector = self.recall(LossDetector)
-        return None if detector is None else detector.quality
-
-    @property
-    def plan_reading(self) -> PlanReading | None:
-        """What the latest plan said, if plans are used as evidence."""
-        return self.recall(PlanReading)
+        return None if self.detector is None else self.detector.quality
 
     @property
     def present(self) -> States:
@@ -176,7 +158,9 @@ class ParticleBelief(_Cloud):
     @cached_property
     def weights(self) -> Floats:
         """Reported weights with sum 1, (n,); read-only."""
-        return normalized(self.reported_log_weights)
+        weights = np.empty(self.log_weights.size)
+        normalize(self.log_weights if self.log_h is None else self.reported_log_weights, weights)
+        return weights
 
     @property
     def effective_sample_size(self) -> float:
@@ -191,9 +175,11 @@ class ParticleBelief(_Cloud):
 
     def points(self, offset: int = 0) -> tuple[States, Floats] | None:
         """Return states (n, d) and weights (n,) of x_{t+offset}; None if the queue lacks it."""
-        states = self.queue.at(offset)
         if offset > 0 and self.foreseen is not None:
             states = self.foreseen(offset)
+        else:
+            held = 0 <= self.queue.present + offset < len(self.queue.slots)
+            states = self.queue.at(offset) if held else None
         return None if states is None else (states.T, self.weights.copy())
 
     def resampled(self, ancestors: Indices, log_sum: float) -> "ParticleBelief":
@@ -268,9 +254,16 @@ class ParticleBelief(_Cloud):
         belief = self if math.isfinite(top) else self._collapsed()
         return belief._replace(
             log_weights=total if math.isfinite(top) else self.log_weights,
-            scan_log_evidence=evidence,
             scan_power=power,
-            memory=tuple([memory.scanned(scan, evidence) for memory in self.memory]),
+        ).learned(scan, evidence)
+
+    def learned(self, scan: Scan, log_evidence: float) -> "ParticleBelief":
+        """Keep how well a scan was predicted, for the quality and for recovery."""
+        detector, watch = self.detector, self.watch
+        return self._replace(
+            scan_log_evidence=log_evidence,
+            detector=None if detector is None else detector.scanned(scan, log_evidence),
+            watch=None if watch is None else watch.scanned(scan, log_evidence),
         )
 
     def _collapsed(self) -> "ParticleBelief":

@@ -283,7 +283,7 @@ class PlanEvidence:
         seen = plan[: self.steps]
         first = agreeing(last.seen[1:], plan) if self.new_only and last is not None else 0
         if first >= len(seen):  # further than ``steps`` where the start was chosen by all of it
-            return belief.remembering(PlanReading(plan, plan[:first]))
+            return belief._replace(plan_reading=PlanReading(plan, plan[:first]))
         collisions = self.sensor.collisions(belief.present, seen, first)
         power, feasible, log_evidence = tempering(
             belief.weights, collisions, self.sensor.beta, self.keep
@@ -292,7 +292,8 @@ class PlanEvidence:
         read = belief.reweighted(charges(beta, collisions))
         if feasible == 0.0:
             read = read._replace(events=read.events.plus(infeasible_plans=1))
-        return read.remembering(PlanReading(plan, seen, power, feasible, log_evidence))
+        reading = PlanReading(plan, seen, power, feasible, log_evidence)
+        return read._replace(plan_reading=reading)
 
 
 @compiled

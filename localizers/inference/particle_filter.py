@@ -8,7 +8,7 @@ import numpy as np
 
 from deqmcl_gym.validation import InputError
 from localizers.api import Motion
-from localizers.inference.belief import FilteredEvents, ParticleBelief, PlanReading
+from localizers.inference.belief import FilteredEvents, ParticleBelief
 from localizers.inference.futures import Lookahead, Redraw, Rollout
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particles import (
@@ -94,8 +94,7 @@ class ParticleFilter:
         belief = initial_cloud(prior, draws, self.dtype, plan, stream)
         if self.beams is not None:
             belief = belief._replace(events=FilteredEvents())
-        if self.detector is not None:
-            belief = belief.remembering(self.detector)
+        belief = belief._replace(detector=self.detector)
         if self.start is not None:
             belief = self.start(belief, plan, stream)
         if self.injection is not None:
@@ -145,7 +144,7 @@ class ParticleFilter:
         belief = belief.scanned(scan, log_likelihood, self.predictive, power)
         if self.lookahead is not None:
             return self.lookahead(belief, plan, rng)
-        return belief if self.start is None else belief.forgetting(PlanReading)  # of its plan
+        return belief if self.start is None else belief._replace(plan_reading=None)  # of its plan
 
     def _resampled(self, belief: ParticleBelief, rng: np.random.Generator) -> ParticleBelief:
         """Resample whole queues if it is time to."""

@@ -5,7 +5,7 @@ d = 3 (x, y, heading); the tests of exactness use a ring of five states.
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol, Self
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,18 +65,6 @@ class Walk(Protocol):
             (none unless ``keep``), and log Π g of each path, (n,). Same draws, and same bits, as
             ``StepByStep``.
         """
-
-
-class Memory:
-    """What a part remembers from step to step.
-
-    A belief carries one of each class: ``ParticleBelief.remembering`` adds it,
-    ``ParticleBelief.recall`` returns it.
-    """
-
-    def scanned(self, scan: Scan, log_evidence: float) -> Self:
-        """Return what is remembered after a scan of evidence log Σ w p(o | x)."""
-        return self
 
 
 @compiled

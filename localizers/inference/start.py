@@ -1,19 +1,17 @@
 """The particles at t = 0, and poses from anywhere for a filter that is lost."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.validation import InputError, digits, number
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.futures import PlanEvidence, agreeing
-from localizers.inference.particles import Actions, Initial, Memory, normalized_with_log_sum
+from localizers.inference.loss_detector import Recovery, Watch
+from localizers.inference.particles import Actions, Initial, normalized_with_log_sum
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import pointed_at
-from localizers.models.scan import Scan
 
 
 def initial_cloud(
@@ -62,95 +60,6 @@ class InformedStart:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Averages:
-    """w_slow and w_fast: max(0, 1 - w_fast / w_slow) of the draws are random poses.
-
-    Exponential averages of how likely the scans were (Thrun et al. 2005, table 8.3).
-
-    Attributes:
-        alpha_slow, alpha_fast: rates in [0, 1], per scan; alpha_fast ≥ alpha_slow.
-        slow, fast: w_slow and w_fast; 0 before the first scan.
-    """
-
-    alpha_slow: float = 0.0
-    alpha_fast: float = 0.0
-    slow: float = 0.0
-    fast: float = 0.0
-
-    def __post_init__(self) -> None:
-        number("recovery_alpha_slow", self.alpha_slow, low=0, high=1)
-        number("recovery_alpha_fast", self.alpha_fast, low=0, high=1)
-        if self.alpha_fast < self.alpha_slow:
-            raise InputError(
-                f"recovery_alpha_fast is {digits(self.alpha_fast)}, but must be at least "
-                f"recovery_alpha_slow, {digits(self.alpha_slow)}."
-            )
-
-    @property
-    def share(self) -> float:
-        """Probability that a draw is a random pose."""
-        return max(0.0, 1.0 - self.fast / self.slow) if self.slow > 0 else 0.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class Recovery(Averages):
-    """``Averages`` that are plain means over the first 1 / α scans.
-
-    So the first scan, which the particles of a lost robot hardly explain, is soon outweighed. With
-    both rates 0 there are no random poses.
-
-    Attributes:
-        scans: how many were averaged.
-    """
-
-    scans: int = 0
-
-    def after(self, log_evidence: float, beams: int) -> "Recovery":
-        """Return the averages after a scan.
-
-        The likelihood averaged is that of one beam, the geometric mean over the scan, so that scans
-        with lost beams are comparable.
-
-        Args:
-            log_evidence: log p(o | belief); NaN changes nothing.
-            beams: how many beams it is made of; 0 changes nothing.
-        """
-        if beams == 0 or math.isnan(log_evidence) or self.alpha_fast == 0:
-            return self
-        # exp of x ≤ 0 only: 1 / exp(-x) where a beam's density is above 1
-        log_beam = log_evidence / beams
-        size = float(arrays.exp(-abs(log_beam)))
-        likelihood = size if log_beam <= 0 else 1.0 / size
-        scans = self.scans + 1
-        slow, fast = max(self.alpha_slow, 1 / scans), max(self.alpha_fast, 1 / scans)
-        return replace(
-            self,
-            slow=self.slow + slow * (likelihood - self.slow),
-            fast=self.fast + fast * (likelihood - self.fast),
-            scans=scans,
-        )
-
-
-@dataclass(frozen=True)
-class Watch(Memory):
-    """What an injection remembers of scans and plans.
-
-    Attributes:
-        recovery: averages of how likely the scans were.
-        plan: the latest, (h, k).
-        news: for how many more steps, this one included, the route counts as new.
-    """
-
-    recovery: Recovery
-    plan: Actions
-    news: int = 0
-
-    def scanned(self, scan: Scan, log_evidence: float) -> "Watch":
-        """Return the same with the averages after a scan."""
-        return replace(self, recovery=self.recovery.after(log_evidence, scan.beams))
-
-
-@dataclass(frozen=True, kw_only=True)
 class Injection:
     """bel ← (1 - s) bel + s p_anywhere before each scan, s = max(0, 1 - w_fast / w_slow).
 
@@ -174,18 +83,18 @@ class Injection:
 
     def begun(self, belief: ParticleBelief, plan: Actions) -> ParticleBelief:
         """Return the first belief, which remembers its plan."""
-        return belief.remembering(Watch(self.recovery, plan))
+        return belief._replace(watch=Watch(self.recovery, plan))
 
     def __call__(
         self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
     ) -> ParticleBelief:
         """Return the belief, in part from anywhere; draws from a stream of its own."""
-        last = belief.recall(Watch)
+        last = belief.watch
         assert last is not None, "begun at the start"
         news = max(0, last.news - 1)
         if is_new(last.plan, plan):
             news = math.ceil(1 / self.recovery.alpha_fast)
-        belief, share = belief.remembering(Watch(last.recovery, plan, news)), last.recovery.share
+        belief, share = belief._replace(watch=Watch(last.recovery, plan, news)), last.recovery.share
         if share == 0.0:
             return belief
         stream = rng.spawn(1)[0]

@@ -22,13 +22,12 @@ from localizers.inference.bayes_filter import (
     checked_step,
     require_reset,
 )
-from localizers.inference.belief import Events, ParticleBelief
-from localizers.inference.loss_detector import LossDetector
+from localizers.inference.belief import ParticleBelief
+from localizers.inference.loss_detector import Averages, LossDetector
 from localizers.inference.particle_filter import MAX_PARTICLES
-from localizers.inference.particles import BeamFilter, Memory, States
+from localizers.inference.particles import BeamFilter
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import KldSampling, searched
-from localizers.inference.start import Averages
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed_increment, moved
 from localizers.models.nav2_scan import (
     BeamCubes,
@@ -168,7 +167,8 @@ class AdaptiveLocalizer:
         checked_plan(plan)
         started = checked_rng(rng).spawn(1)[0]
         cloud = np.ascontiguousarray(known.sample(self.kld.most, started).T, np.float32)
-        belief = _cloud(cloud, Events(), (self._detector,))
+        even = np.zeros(cloud.shape[1])
+        belief = ParticleBelief(Queue((cloud,)), even, _NO_ACTIONS, detector=self._detector)
         self._running = _Running(belief, np.zeros(3), 0.0, self.averages, 0, False, rng)
         return belief
 
@@ -217,8 +217,8 @@ class AdaptiveLocalizer:
         if count:
             events = events.plus(random_poses=int(np.count_nonzero(anywhere[:enough])))
         kept = np.ascontiguousarray(drawn[:, :enough])
-        cloud = _cloud(kept, events, belief.memory)._replace(
-            scan_log_evidence=belief.scan_log_evidence
+        cloud = belief._replace(
+            queue=Queue((kept,)), log_weights=np.zeros(kept.shape[1]), events=events
         )
         off = np.abs(kept[:2] - kept[:2].mean(axis=1, dtype=np.float64, keepdims=True))
         return replace(
@@ -355,9 +355,3 @@ def amcl(
         ),
         skipping=skipping,
     )
-
-
-def _cloud(states: States, events: Events, memory: tuple[Memory, ...]) -> ParticleBelief:
-    """Equally weighted particles (3, n), with the events and the evidence since reset."""
-    even = np.zeros(states.shape[1])
-    return ParticleBelief(Queue((states,)), even, _NO_ACTIONS, events=events, memory=memory)

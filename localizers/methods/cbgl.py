@@ -23,7 +23,7 @@ from deqmcl_gym.validation import InputError, integer, number
 from localizers.api import Prior
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.particle_filter import MAX_PARTICLES, ParticleFilter
-from localizers.inference.particles import Action, Actions, Memory, States, log_evidence
+from localizers.inference.particles import Action, Actions, States, log_evidence
 from localizers.inference.queue import Queue
 from localizers.methods.deq_mcl import ON_THE_MAP, Shared, mcl, mcl_map, method
 from localizers.models.robot import RobotModel
@@ -110,11 +110,6 @@ class Matching:
         return np.array([*around, heading + turn], np.float32)
 
 
-@dataclass(frozen=True)
-class _Unfixed(Memory):
-    """That there was no scan yet: the cloud is of hypotheses."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class FirstFix:
     """A particle filter that starts where the first scan fits best.
@@ -144,7 +139,7 @@ class FirstFix:
     def initial(self, prior: Prior, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
         """Return the belief at t = 0: draws from the prior. The plan is not used."""
         hypotheses = replace(self.tracker, particles=self.poses)
-        return hypotheses.initial(prior, plan, rng).remembering(_Unfixed())
+        return hypotheses.initial(prior, plan, rng)._replace(fixed=False)
 
     def step(
         self,
@@ -155,7 +150,7 @@ class FirstFix:
         rng: np.random.Generator,
     ) -> ParticleBelief:
         """Return the belief after one action and one scan; see ``ParticleFilter.step``."""
-        if belief.recall(_Unfixed) is None:
+        if belief.fixed:
             return self.tracker.step(belief, scan, action, plan, rng)
         states = self.tracker.motion.sample(belief.present, action, rng)
         belief = belief._replace(queue=Queue((states,)))
@@ -169,12 +164,11 @@ class FirstFix:
         likelihoods = self.tracker.scan.log_likelihood(some, scan)
         evidence = log_evidence(np.zeros(likelihoods.size), likelihoods, most)
         cloud = self._around(fixes, rng)
-        fixed = belief.forgetting(_Unfixed)._replace(
-            queue=Queue((cloud,)), log_weights=np.zeros(cloud.shape[1]), scan_log_evidence=evidence
+        fixed = belief._replace(
+            queue=Queue((cloud,)), log_weights=np.zeros(cloud.shape[1]), fixed=True
         )
-        return fixed.reweighted(self.tracker.scan.log_likelihood(cloud, scan))._replace(
-            memory=tuple(memory.scanned(scan, evidence) for memory in fixed.memory)
-        )
+        likelihoods = self.tracker.scan.log_likelihood(cloud, scan)
+        return fixed.reweighted(likelihoods).learned(scan, evidence)
 
     def fixes(self, states: States, scan: Scan) -> Singles:
         """Return the best of hypotheses (3, K), matched, best first, (3, modes) or fewer."""
