@@ -102,7 +102,9 @@ def quality_of(belief: Belief) -> float | None:
     that is lost.
     """
     quality = getattr(belief, "quality", None)
-    return None if quality is None else number("the belief's quality", quality, low=0, high=1)
+    if quality is None or (type(quality) is float and 0.0 <= quality <= 1.0):
+        return quality
+    return number("the belief's quality", quality, low=0, high=1)
 
 
 class PointsBelief:

@@ -92,7 +92,7 @@ class Queue(NamedTuple):
 
     def resampled(self, ancestors: Indices) -> "Queue":
         """Keep the whole queues of these particles, (n,)."""
-        pending = compose(self.pending, ancestors)
+        pending = ancestors if self.pending is None else self.pending[ancestors]
         return Queue(self.slots, self.links, pending, self.present, self.past, self.future)
 
     def appended(self, states: States) -> "Queue":

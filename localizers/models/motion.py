@@ -160,7 +160,9 @@ class OdometryMotion:
         """
         steps, n = uniforms.shape
         moves = np.empty((steps, 3, n), np.float32)
-        noisy_moves(uniforms, increments(actions), self.drive, self.turn, self.drift, moves)
+        if actions.shape != (steps, 3) or actions.dtype != np.float64:
+            actions = increments(actions)
+        noisy_moves(uniforms, actions, self.drive, self.turn, self.drift, moves)
         return moves
 
     @classmethod

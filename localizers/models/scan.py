@@ -125,7 +125,8 @@ class LidarScan:
             measured, used = measured[scan.usable], scan.usable
         expected = np.empty((measured.size, states.shape[1]), np.float32)
         self.lidar.cast(self.floor_plan.caster, states, expected, used)
-        _leave_out(expected, self.lidar)
+        if len(self.lidar.places) > 1:
+            _leave_out(expected)
         return measured, expected
 
     def weighed(self, measured: Floats, expected: Singles) -> Floats:
@@ -145,10 +146,9 @@ class LidarScan:
         return min(OUTSIDE, float(arrays.log(least)))
 
 
-def _leave_out(expected: Singles, lidar: Lidar) -> None:
+def _leave_out(expected: Singles) -> None:
     """Mark a pose as outside, NaN in all of ``expected`` (b, n), if one of several mounts is."""
-    if len(lidar.places) > 1:
-        expected[:, np.isnan(expected).any(axis=0)] = np.nan
+    expected[:, np.isnan(expected).any(axis=0)] = np.nan
 
 
 class ScanTable:
@@ -158,7 +158,8 @@ class ScanTable:
         """Cast the rays of poses (3, n)."""
         self._scan = scan
         self._expected = scan.lidar.ranges(scan.floor_plan, states).T  # (B, n)
-        _leave_out(self._expected, scan.lidar)
+        if len(scan.lidar.places) > 1:
+            _leave_out(self._expected)
 
     def log_likelihood(self, scan: Scan) -> Floats:
         """Log-likelihood of a scan at each pose, (n,)."""
