@@ -35,15 +35,9 @@ class Motion(Protocol):
     def sample(
         self, states: NDArray[Any], action: Floats, rng: np.random.Generator
     ) -> NDArray[Any]:
-        """Draw one successor of each state.
+        """Draw one successor of each state, (d, n): on a map poses, with rows x, y, θ.
 
-        Args:
-            states: columns, (d, n): poses with rows x, y, θ on a map.
-            action: as in ``Localizer.update``.
-            rng: the only source of randomness.
-
-        Returns:
-            (d, n).
+        The ``action`` is as in ``Localizer.update``, ``rng`` the only source of randomness.
         """
 
 

@@ -26,7 +26,7 @@ from localizers.inference.particles import (
     States,
     Weights,
     maximum,
-    normalized,
+    normalized_with_log_sum,
 )
 from localizers.models import beam_kernels
 from localizers.models.robot import RobotModel
@@ -44,7 +44,7 @@ def judges(states: States, log_weights: LogWeights) -> tuple[States, Weights]:
     some = np.ascontiguousarray(log_weights[::stride])
     if not some.max() > -np.inf:
         some = np.zeros(some.size)
-    return states[:, ::stride], normalized(some)
+    return states[:, ::stride], normalized_with_log_sum(some)[0]
 
 
 def left_out(scan: Scan, dropped: Any) -> Scan:
@@ -144,9 +144,7 @@ class EntropyFilter:
 
     Fox, Burgard & Thrun 1999, whose places are the cells of a grid.
 
-    Attributes:
-        scan: p(o | x, m).
-        places: of states (d, n), as numbers from 0, (n,).
+    ``places`` are those of states (d, n), as numbers from 0, (n,).
     """
 
     scan: LidarScan
@@ -180,14 +178,9 @@ _EQUAL = 1e-12  # nats: entropies of different sums of the same
 def entropies(
     log_factors: Floats, weights: Floats, places: Indices, masses: Floats, out: Floats
 ) -> None:
-    """Fill in -Σ p log p over places for each row of factors; inf if no weight is left by it.
+    """Fill in -Σ p log p over places for each row of factors (k, n); inf if no weight is left.
 
-    Args:
-        log_factors: of the weights, (k, n).
-        weights: (n,).
-        places: numbers from 0, (n,).
-        masses: overwritten, one for each place.
-        out: (k,).
+    ``places`` are numbers from 0, (n,); ``masses``, one for each place, are overwritten.
     """
     for row in range(out.size):
         top = maximum(log_factors[row])

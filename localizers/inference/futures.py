@@ -38,9 +38,8 @@ class Rollout:
     ) -> tuple[Paths, Floats]:
         """Draw ``copies`` = K futures from each state of ``anchor``, (d, n).
 
-        Returns:
-            The states of each step, (d, n), given which future of each is asked for, (n,) below K;
-            and log Π g of each future, (K, n).
+        Return the states of each step, (d, n), given which future of each is asked for, (n,) below
+        K; and log Π g of each future, (K, n).
         """
         n = anchor.shape[1]
         paths, log_g = self._walk(np.tile(anchor, (1, copies)), actions, rng, keep=True)
@@ -120,10 +119,7 @@ class Redraw:
     can be neither divided out nor left in. Per particle, from the last state x the plans share:
     ĥ_old is the mean of Π g over the particle's own old future and M - 1 fresh ones, ĥ_new the
     mean over M fresh futures under the new plan, of which one is kept with probability ∝ Π g.
-    Properly weighted for every M ≥ 1 (random weights by pilots: Lin, Chen & Liu 2013).
-
-    Attributes:
-        pilots: M.
+    Properly weighted for every M = ``pilots`` ≥ 1 (Lin, Chen & Liu 2013).
     """
 
     rollout: Rollout
@@ -175,10 +171,7 @@ class DrawnFuture:
     Of ``copies`` = M roll-outs of each particle one is kept with probability ∝ Π g: a draw from
     p(x_{t+1:t+F} | x_t, plan) Π g(x_{s-1}, x_s) as M grows. Drawn when it is first asked for.
 
-    Attributes:
-        present: x_t, (d, n).
-        actions: of the plan, (F, k).
-        rng: a stream of its own.
+    ``present`` is x_t, (d, n), ``actions`` are those of the plan, (F, k).
     """
 
     rollout: Rollout

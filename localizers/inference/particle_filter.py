@@ -113,14 +113,9 @@ class ParticleFilter:
         plan: Actions,
         rng: np.random.Generator,
     ) -> ParticleBelief:
-        """Return the belief after one action and one scan.
+        """Return the belief after one action (k,) and one scan, which may be kept.
 
-        Args:
-            belief: of the step before.
-            scan: o_t; a belief that keeps evidence keeps it too.
-            action: carried out between t - 1 and t, (k,).
-            plan: the actions after it, (h, k); may be shorter than F, down to (0, k).
-            rng: the only source of randomness.
+        The ``plan`` are the actions after it, (h, k); it may be shorter than F, down to (0, k).
         """
         # Resample whole queues
         belief = self._resampled(belief, rng)

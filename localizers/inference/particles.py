@@ -35,10 +35,7 @@ class BeamFilter(Protocol):
     def kept(self, states: States, log_weights: LogWeights, scan: Scan) -> Scan:
         """Return a scan without the beams that the belief before it leaves out.
 
-        Args:
-            states: of the particles, moved, (d, n).
-            log_weights: before the scan, (n,).
-            scan: o_t.
+        That are the particles' states, moved, (d, n), and their log-weights before it, (n,).
         """
 
 
@@ -158,11 +155,6 @@ def absorbed(
 def log_sum_exp(log_weights: LogWeights) -> float:
     """Log Σ exp(log w), -inf if all weights are zero."""
     return normalize(log_weights, np.empty_like(log_weights))
-
-
-def normalized(log_weights: LogWeights) -> Weights:
-    """Weights with sum 1, (n,)."""
-    return normalized_with_log_sum(log_weights)[0]
 
 
 def normalized_with_log_sum(log_weights: LogWeights) -> tuple[Weights, float]:

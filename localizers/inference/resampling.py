@@ -71,11 +71,7 @@ def searched(cumulative: Floats, pointers: Floats, out: Indices) -> None:
     """Fill in the first particle whose cumulative weight is above each pointer, in any order.
 
     By an index table (Chen & Asau 1974): each search starts at the first possible particle.
-
-    Args:
-        cumulative: ascending, (n,).
-        pointers: in [0, cumulative[-1]], (k,).
-        out: (k,).
+    Pointers are in [0, cumulative[-1]].
     """
     n = cumulative.size
     per_weight = n / cumulative[-1]

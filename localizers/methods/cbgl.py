@@ -119,13 +119,11 @@ class FirstFix:
     recorded for it is that of the hypotheses.
 
     Attributes:
-        tracker: goes on from there.
-        matching: of the best hypotheses.
         poses: K, hypotheses, drawn from the prior.
         matched: k, how many of them are matched.
         modes: around how many of the matched poses the particles are put, the best ones.
-        spread: standard deviation of a particle around its pose, in x and y, in the map's unit.
-        spread_heading: in rad.
+        spread, spread_heading: standard deviations of a particle around its pose, in x and y, in
+            the map's unit, and in rad.
     """
 
     tracker: ParticleFilter

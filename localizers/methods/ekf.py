@@ -191,14 +191,7 @@ class GaussianEvents(Events):
 
 
 class GaussianBelief(NamedTuple):
-    """One Gaussian over (x, y, θ).
-
-    Attributes:
-        mean: x, y, θ rad, (3,).
-        covariance: (3, 3).
-        detector: evidence for and against this belief.
-        events: counts since reset.
-    """
+    """One Gaussian over (x, y, θ rad), mean (3,) and covariance (3, 3)."""
 
     mean: Floats
     covariance: Floats
@@ -230,12 +223,8 @@ class GaussianBelief(NamedTuple):
 class KalmanFilter:
     """The extended Kalman filter: a Gaussian, predicted and corrected beam by beam.
 
-    Attributes:
-        motion: p(x_t | x_{t-1}, a_t).
-        scan: p(o_t | x_t, m), from which the quality is computed.
-        beam: with ``hit_moments``, the mean and variance of a beam that hits the expected wall.
-        gate: largest ν² / S of a beam that is used.
-        detector: evidence for and against its beliefs at t = 0.
+    ``beam`` has ``hit_moments``, the mean and variance of a beam that hits the expected wall;
+    ``gate`` is the largest ν² / S of a beam that is used.
     """
 
     motion: OdometryMotion

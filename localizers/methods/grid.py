@@ -266,13 +266,7 @@ _WORKING_BYTES = 100  # per cell: four float64 masses, poses, what a prior is in
 
 
 class GridBelief(NamedTuple):
-    """The probability of each cell.
-
-    Attributes:
-        mass: with sum 1, (H, Y, X).
-        detector: evidence for and against this belief.
-        events: counts since reset.
-    """
+    """The probability of each cell: ``mass``, with sum 1, (H, Y, X)."""
 
     grid: PoseGrid
     mass: Floats
@@ -310,14 +304,7 @@ class GridBelief(NamedTuple):
 
 @dataclass(frozen=True)
 class GridFilter:
-    """Markov localization: the probability of every cell, predicted and reweighted.
-
-    Attributes:
-        grid: the cells.
-        motion: p(x_t | x_{t-1}, a_t), from cell to cell.
-        scan: p(o_t | x_t, m).
-        detector: evidence for and against its beliefs at t = 0.
-    """
+    """Markov localization: the probability of every cell, predicted and reweighted."""
 
     grid: PoseGrid
     motion: GridMotion

@@ -31,12 +31,7 @@ class FreeSpace:
     """g = exp(-β) if the robot's disc, swept from x' to x, touches a wall or leaves free space.
 
     The map-based motion model of the paper's eq. (1) with p(x_t | m) = exp(-β C), C in {0, 1} per
-    step. Thrun et al. 2005, section 5.5.
-
-    Attributes:
-        floor_plan: the map m.
-        radius: of the robot's disc, in the map's unit.
-        beta: β ≥ 0; 0 charges nothing, inf rejects the step outright.
+    step. Thrun et al. 2005, section 5.5. β ≥ 0; 0 charges nothing, inf rejects the step outright.
     """
 
     floor_plan: Map
@@ -69,12 +64,8 @@ class PlanSensor:
     noise: the author corrects for noise on the way, so a plan is feasible as written. All
     poses follow one path, rotated and shifted; nothing is drawn. Only collisions count, also where
     steps are charged by a ``CostMap``: that nobody plans through walls holds of every author, how
-    far from them he keeps does not, and L small costs would add up to a claim about him.
-
-    Attributes:
-        floor_plan: the map m.
-        radius: of the robot's disc, in the map's unit.
-        beta: β ≥ 0; inf rules out poses from which a planned step collides.
+    far from them he keeps does not, and L small costs would add up to a claim about him. β ≥ 0; inf
+    rules out poses from which a planned step collides.
     """
 
     floor_plan: Map
@@ -89,16 +80,7 @@ class PlanSensor:
         return charges(self.beta, self.collisions(states, plan))
 
     def collisions(self, states: Singles, plan: Floats, first: int = 0) -> Ints:
-        """How many planned steps collide from each pose.
-
-        Args:
-            states: rows x, y, θ, (3, n).
-            plan: actions (distance, turn rad) or increments (forward, left, turn rad), (h, 2 or 3).
-            first: index of the first step counted.
-
-        Returns:
-            C, (n,).
-        """
+        """How many planned steps, (h, 2 or 3), collide from each pose, (n,), from ``first`` on."""
         poses, path = np.ascontiguousarray(states, np.float32), plan_path(plan)[first:]
         if len(path) < 2:
             return np.zeros(poses.shape[1], np.int32)
@@ -149,13 +131,8 @@ class CostMap:
     """Log g = -β cost: 1 if the step x' → x collides, as in ``FreeSpace``, else the cost at x.
 
     A step is charged for where it ends, not for its way: the next step begins there, so a way is
-    charged by the states along it, each once.
-
-    Attributes:
-        floor_plan: the map m.
-        radius: of the robot's disc, in the map's unit.
-        cost: where the robot does not collide.
-        beta: β ≥ 0; at inf every step that costs anything is rejected.
+    charged by the states along it, each once. β ≥ 0; at inf every step that costs anything is
+    rejected. ``cost`` counts where the robot does not collide.
     """
 
     floor_plan: Map
@@ -182,7 +159,6 @@ class Inflation:
     d is the exact distance of the robot's centre from the nearest wall; Nav2 takes that of cells.
 
     Attributes:
-        floor_plan: the map m.
         radius: of the robot's disc, Nav2's inscribed radius.
         inflation_radius: at least ``radius``; equal, nothing but a collision costs.
         cost_scaling_factor: per unit of length; None is Nav2's 10 / m, 0.2 / px.

@@ -25,13 +25,7 @@ def _mark_usable(ranges: Floats, max_range: float, out: Bools) -> int:
 
 
 class Scan(NamedTuple):
-    """A scan o_t.
-
-    Attributes:
-        ranges: (B,).
-        usable: which beams are numbers in [0, max_range], (B,).
-        beams: how many these are.
-    """
+    """A scan o_t, (B,): which beams are ``usable``, numbers in [0, max_range], and how many."""
 
     ranges: Floats
     usable: Bools
