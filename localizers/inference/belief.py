@@ -59,11 +59,7 @@ class Events:
 
 @dataclass(frozen=True)
 class FilteredEvents(Events):
-    """Counts of a filter that chooses beams.
-
-    Attributes:
-        dropped_beams: usable beams that were left out.
-    """
+    """Counts of a filter that chooses beams, also of the usable ones that it left out."""
 
     dropped_beams: int = 0
 
@@ -73,7 +69,7 @@ class PlanReading:
     """What the latest plan said about the present.
 
     Attributes:
-        shown: the plan, (h, k).
+        shown: all of it, (h, k).
         seen: its first steps that have been charged, now or before, (L, k).
         tempering: λ in [0, 1], the exponent of its likelihood; NaN if no step was charged.
         feasible: P(the plan is feasible from x_t) under the belief before it; NaN likewise.
@@ -100,7 +96,6 @@ class _Cloud(NamedTuple):
             that are carried on; None: no look-ahead.
         foreseen: the planned future of each particle where it is drawn from the present instead of
             queued: states (d, n) of x_{t+k} by k ≥ 1, None beyond its end.
-        events: counts since reset.
         scan_log_evidence: log Σ w p(o_t | x_t, m) of the latest scan, from some of the particles.
         scan_power: λ_t, the exponent of the latest scan's likelihood.
         detector: evidence for and against it; None: none is kept.

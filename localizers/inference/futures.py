@@ -213,7 +213,6 @@ class Foresight:
     Attributes:
         steps: F, how far to look.
         copies: M, roll-outs of each particle.
-        weighs: whether the reported weights count what collides.
         evidence: takes in the plan as evidence of the present first; None: nothing does.
     """
 
@@ -250,7 +249,6 @@ class PlanEvidence:
     size. γ_t is the target only at ``keep`` = 0.
 
     Attributes:
-        sensor: p(π_t | x_t, m).
         steps: L, how many planned steps are read; None: all.
         keep: κ in [0, 1].
         new_only: whether each planned step is charged once, when it comes into view: a plan that
@@ -296,16 +294,8 @@ def tempering(
     """Return λ, the largest of 0 … 1 at which exp(-λ β C) leaves ``keep`` of the sample size.
 
     By bisection, to 2⁻⁴⁰; the effective sample size is never less. It is one of weight and squared
-    weight at each value of C.
-
-    Args:
-        weights: with sum 1, (n,).
-        collisions: C, (n,).
-        beta: β ≥ 0, may be infinite: then λ is 1, or 0 as a limit.
-        keep: share of the effective sample size.
-
-    Returns:
-        λ, the weight where C is 0, and log Σ w exp(-λ β C).
+    weight at each value of C. At β = inf λ is 1, or 0 as a limit. Also returned are the weight
+    where C is 0, and log Σ w exp(-λ β C); weights have the sum 1.
     """
     sums, squares = np.zeros((2, collisions.max() + 1))
     for i in range(weights.size):

@@ -32,10 +32,7 @@ ANYWHERE = 128  # that represent "somewhere in free space"
 def _two_states(start: float, stay: float, enter: float, log_ratios: Floats) -> float:
     """Probability of the first of two states after observations, by the forward recursion.
 
-    Args:
-        start: its probability before them.
-        stay, enter: probabilities of staying in it and of entering it, before each observation.
-        log_ratios: log p(o | second) - log p(o | first); NaN is no information.
+    Before each it is stayed in or entered; log p(o | second) - log p(o | first) NaN tells nothing.
     """
     first = start
     for i in range(log_ratios.size):
@@ -51,12 +48,7 @@ def _two_states(start: float, stay: float, enter: float, log_ratios: Floats) -> 
 
 @dataclass(frozen=True)
 class LostDensity:
-    """p(o | lost): the density of a scan of a robot somewhere in free space.
-
-    Attributes:
-        model: p(o | x, m), the localizer's own.
-        poses: spread evenly over free space, (3, M).
-    """
+    """p(o | lost): of a robot somewhere in free space, over which ``poses`` are spread, (3, M)."""
 
     model: ScanModel
     poses: States
@@ -167,9 +159,6 @@ class Recovery(Averages):
 
     So the first scan, which the particles of a lost robot hardly explain, is soon outweighed. With
     both rates 0 there are no random poses.
-
-    Attributes:
-        scans: how many were averaged.
     """
 
     scans: int = 0
@@ -178,11 +167,7 @@ class Recovery(Averages):
         """Return the averages after a scan.
 
         The likelihood averaged is that of one beam, the geometric mean over the scan, so that scans
-        with lost beams are comparable.
-
-        Args:
-            log_evidence: log p(o | belief); NaN changes nothing.
-            beams: how many beams it is made of; 0 changes nothing.
+        with lost beams are comparable. No beam, or evidence that is NaN, changes nothing.
         """
         if beams == 0 or math.isnan(log_evidence) or self.alpha_fast == 0:
             return self
@@ -204,10 +189,7 @@ class Recovery(Averages):
 class Watch:
     """What an injection remembers of scans and plans.
 
-    Attributes:
-        recovery: averages of how likely the scans were.
-        plan: the latest, (h, k).
-        news: for how many more steps, this one included, the route counts as new.
+    The route counts as new for ``news`` more steps, this one included.
     """
 
     recovery: Recovery

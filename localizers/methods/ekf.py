@@ -78,11 +78,7 @@ def correct(
     at the mean before the first. P in Joseph's form, which stays symmetric and positive. A beam
     with S = 0, sure to read max_range because every wall is far beyond it, changes nothing.
 
-    Args:
-        innovations: o - h at the mean before the first, (B,).
-        slopes: H, (B, 3).
-        variances: R ≥ 0, (B,).
-        gate: largest ν² / S of a beam that is used; inf: all are.
+    Innovations are o - h at the mean before the first, (B,), slopes H, (B, 3), variances R ≥ 0.
     """
     moved = np.zeros(3)  # of the mean since the linearisation
     projected, gain = np.empty(3), np.empty(3)
@@ -178,13 +174,7 @@ _STEPS = np.array([1.0, 1.0, 0.01])
 
 @dataclass(frozen=True)
 class GaussianEvents(Events):
-    """Counts of irregular events of a Kalman filter.
-
-    Attributes:
-        gated_beams: beams left out because their innovation was too large.
-        unpredicted_beams: beams left out because the mean, or a pose beside it, was outside the
-            outer wall.
-    """
+    """Counts of a Kalman filter: of beams whose innovation was too large, or seen from outside."""
 
     gated_beams: int = 0
     unpredicted_beams: int = 0

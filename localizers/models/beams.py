@@ -1,7 +1,7 @@
 """p(o | ô): how likely a single beam's range is, given the exact one."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from types import MappingProxyType
@@ -70,14 +70,10 @@ class _Tempered:
 
 
 @lru_cache
-def _unclipped(uniform: float, max_range: float) -> tuple[float, float, float, float]:
-    """Return the uniform share's density, the ends of the range, and its mass at either: none."""
-    return uniform / max_range, -math.inf, math.inf, math.inf
-
-
-@lru_cache
-def _clipped(uniform: float, max_range: float) -> tuple[float, float, float, float]:
-    """Return the same of ranges that are clipped."""
+def _anything(uniform: float, max_range: float, clipped: bool) -> tuple[float, float, float, float]:
+    """Return the uniform share's density, the ends of the range if it clips, and its mass there."""
+    if not clipped:
+        return uniform / max_range, -math.inf, math.inf, math.inf
     step = max_range / _STEPS
     floor = uniform / (max_range + 2 * step)
     return floor, 0.0, max_range, step * floor
@@ -87,7 +83,7 @@ def _clipped(uniform: float, max_range: float) -> tuple[float, float, float, flo
 class _HitOrAnything(_Tempered):
     """A beam hits the expected wall with normal noise σ or, with probability u, reads anything."""
 
-    _anything: ClassVar[Callable[[float, float], tuple[float, float, float, float]]]
+    _clips: ClassVar[bool]  # whether ranges end at 0 and max_range, with masses there
 
     sigma: float = field(default=100.0, metadata=LENGTH)
     uniform: float = 0.05
@@ -99,13 +95,13 @@ class _HitOrAnything(_Tempered):
 
     def least_density(self, max_range: float) -> float:
         """Return the least density or mass of a beam far from its expected range."""
-        floor, *_, atom = self._anything(self.uniform, max_range)
+        floor, *_, atom = _anything(self.uniform, max_range, self._clips)
         return float(min(floor, atom) ** self.power)
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
         out = np.empty(len(expected))
-        hit, anything = 1 - self.uniform, self._anything(self.uniform, max_range)
+        hit, anything = 1 - self.uniform, _anything(self.uniform, max_range, self._clips)
         beam_kernels.gaussian_uniform(ranges, expected.T, self.sigma, hit, *anything, out)
         return self.power * out
 
@@ -120,7 +116,7 @@ class GaussianUniform(_HitOrAnything):
         uniform: u, share of beams that read any range.
     """
 
-    _anything = staticmethod(_unclipped)
+    _clips = False
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
         """Density of each measured range, (n, B) per unit of length."""
@@ -148,7 +144,7 @@ class CensoredGaussianUniform(_HitOrAnything):
         uniform: u, share of beams that read any range.
     """
 
-    _anything = staticmethod(_clipped)
+    _clips = True
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
         """Density of each measured range inside, mass at the two ends, (n, B)."""
@@ -156,7 +152,7 @@ class CensoredGaussianUniform(_HitOrAnything):
         hit = normal_pdf((ranges - expected) / self.sigma) / self.sigma
         hit[:, at_max] = normal_cdf((expected[:, at_max] - max_range) / self.sigma)
         hit[:, at_zero] = normal_cdf(-expected[:, at_zero] / self.sigma)
-        floor, *_, atom = _clipped(self.uniform, max_range)
+        floor, *_, atom = _anything(self.uniform, max_range, self._clips)
         density: Floats = (1 - self.uniform) * hit + np.where(at_max | at_zero, atom, floor)
         return density**self.power
 
@@ -295,7 +291,7 @@ class LatentShare(_Tempered):
         out = np.empty(len(expected))
         c, u = float(self.concentration), float(self.uniform)
         counts = c * u, c * (1 - u)
-        anything = _clipped(1.0, max_range)
+        anything = _anything(1.0, max_range, self._beam._clips)
         beam_kernels.latent_share(ranges, expected.T, self.sigma, counts, *anything, out)
         return self.power * out
 

@@ -157,13 +157,9 @@ class OdometryMotion:
         its own. σ_φφ and σ_φd maximize the likelihood of all
         ``ε_φ ~ N(0, (σ_φφ |φ| + σ_φd |d|)²)``, on a grid that is refined around its best point.
 
-        Args:
-            meant: increments of the odometry, (k, 3); rows with NaN are left out.
-            done: increments of the reference, (k, 3), likewise. Of one whose ``left`` alone is NaN
-                only the way ahead and the turn are known.
-
-        Raises:
-            InputError: fewer than 10 steps have movement and a reference.
+        ``meant`` are increments of the odometry, ``done`` those of the reference, (k, 3) each; rows
+        with NaN are left out. Of one whose ``left`` alone is NaN only the way ahead and the turn
+        are known. Fewer than 10 steps with movement and a reference are refused.
         """
         told, true, _ = moving(meant, done)
         driven, turned = lengths_of(told), np.abs(told[:, 2])

@@ -30,11 +30,7 @@ _STEPS = np.array(
 
 @dataclass(frozen=True, kw_only=True)
 class PolygonRegion:
-    """The inside of a simple polygon, as of a room.
-
-    Attributes:
-        corners: (x, y) in order, (k, 2), in the map's unit; the last is joined to the first.
-    """
+    """The inside of a simple polygon, as of a room: corners (x, y) in order, in the map's unit."""
 
     corners: tuple[tuple[float, float], ...] = field(metadata=LENGTH)
 
@@ -244,7 +240,6 @@ class UniformPrior:
     """x_0 is anywhere in the free space of a region, with any heading: the robot must be found.
 
     Attributes:
-        floor_plan: the map m.
         radius: of a disc that must fit at x_0, in the map's unit.
         region: ``PolygonRegion`` or ``AnnulusRegion``; None is the whole map.
     """
@@ -312,9 +307,7 @@ class UniformPrior:
 class MixturePrior:
     """p(x_0) = Σ w_k p_k(x_0): one of several places.
 
-    Attributes:
-        parts: p_k.
-        weights: w_k, above 0 with any sum; None: all equal.
+    ``weights`` are above 0 with any sum; None: all equal.
     """
 
     parts: tuple[Prior, ...]

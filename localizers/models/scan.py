@@ -125,9 +125,13 @@ class LidarScan:
 
     def weighed(self, measured: Floats, expected: Singles) -> Floats:
         """Log-likelihood of usable ranges (B,), one or more, given the exact ones, (B, n), (n,)."""
-        found = self.beam.log_likelihood(measured, expected.T, self.lidar.max_range)
-        fill_where_nan(expected[0], measured.size * self._outside, found)
-        return found
+        n = expected.shape[1]
+        if n > _BLOCK:
+            blocks = [expected[:, start : start + _BLOCK].copy() for start in range(0, n, _BLOCK)]
+            return np.concatenate([self.weighed(measured, block) for block in blocks])
+        out = self.beam.log_likelihood(measured, expected.T, self.lidar.max_range)
+        fill_where_nan(expected[0], measured.size * self._outside, out)
+        return out
 
     @cached_property
     def _outside(self) -> float:
@@ -157,13 +161,9 @@ class ScanTable:
 
     def log_likelihood(self, scan: Scan) -> Floats:
         """Log-likelihood of a scan at each pose, (n,)."""
-        n = self._expected.shape[1]
         if scan.beams == 0:
-            return np.zeros(n)
+            return np.zeros(self._expected.shape[1])
         measured, expected = scan.ranges, self._expected
         if scan.beams < measured.size:
             measured, expected = measured[scan.usable], expected[scan.usable]
-        if n <= _BLOCK:
-            return self._scan.weighed(measured, expected)
-        blocks = [expected[:, start : start + _BLOCK] for start in range(0, n, _BLOCK)]
-        return np.concatenate([self._scan.weighed(measured, block.copy()) for block in blocks])
+        return self._scan.weighed(measured, expected)

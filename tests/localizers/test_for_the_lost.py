@@ -28,8 +28,8 @@ from deqmcl_gym.maps import GridMap, Lidar
 from deqmcl_gym.maps.office import Office
 from deqmcl_gym.validation import InputError
 from localizers.inference.loss_detector import Recovery
+from localizers.inference.particle_filter import Injection, is_new
 from localizers.inference.resampling import power_that_keeps
-from localizers.inference.start import Injection, is_new
 from localizers.models.feasibility import PlanSensor
 from localizers.models.prior import even_poses, random_poses
 
