@@ -64,12 +64,7 @@ resolve: Callable[[str], Factory] = LOCALIZER.resolve
 
 
 def make(name: str, robot: RobotModel, **params: Any) -> Localizer:
-    """Make a localizer.
-
-    Args:
-        name: see ``localizers.kinds``.
-        robot: its map, its sensor and the assumed noise.
-        params: parameters of the method, see ``parameters(name)``.
+    """Make the localizer of a name, see ``localizers.kinds``, with its ``parameters(name)``.
 
     Raises:
         InputError: unknown name or parameter (the nearest valid one is named), a bad value, or a
@@ -98,13 +93,10 @@ _BLOCK = 8192  # poses that a model is asked for at once, at most
 @final
 @dataclass(frozen=True, kw_only=True)
 class ScanPlugIn:
-    """A scan model by the place of its code.
+    """A scan model by the place of its code, p(o | x, m)^power, with a power in (0, 1].
 
-    Attributes:
-        kind: name, as ``path/to/file.py:NAME``, of what makes a ``ScanModel`` by
-            ``NAME(floor_plan=…, lidar=…, **params)``.
-        power: p(o | x, m)^power, in (0, 1]; 1 is the model itself.
-        params: parameters of it.
+    ``kind`` is the name, as ``path/to/file.py:NAME``, of what makes a ``ScanModel`` by
+    ``NAME(floor_plan=…, lidar=…, **params)``.
     """
 
     kind: str
@@ -134,11 +126,7 @@ class ScanPlugIn:
         return replace(self, power=power, params={**self.params, **changes})
 
     def made(self, floor_plan: Map, lidar: Lidar) -> "CheckedScan":
-        """Return the model of scans by a lidar on a map.
-
-        Raises:
-            InputError: there is none of that name, it refuses its parameters, or is no scan model.
-        """
+        """Return the model of scans by a lidar on a map."""
         model = SCAN_MODEL.make(self.kind, self.params, floor_plan=floor_plan, lidar=lidar)
         return CheckedScan(model, self.kind, self.power)
 
@@ -146,13 +134,7 @@ class ScanPlugIn:
 @final
 @dataclass(frozen=True)
 class CheckedScan:
-    """A scan model whose values are looked at; it is asked for at most 8192 poses at a time.
-
-    Attributes:
-        model: of somebody else.
-        kind: its name.
-        power: exponent of its likelihoods.
-    """
+    """Somebody else's scan model, asked for at most 8192 poses at a time, its values looked at."""
 
     model: ScanModel
     kind: str
@@ -175,29 +157,29 @@ class CheckedScan:
     def _asked(self, states: Singles, scan: Scan) -> Floats:
         n, named = states.shape[1], f"the scan model {scan_name(self.kind)!r}"
         try:
-            found = np.asarray(self.model.log_likelihood(states, scan), np.float64)
+            logs = np.asarray(self.model.log_likelihood(states, scan), np.float64)
         except Exception as error:
-            said = raised(error, split_path(self.kind)[0])
-            raise RuntimeError(f"{named} raised {said}.") from error
-        if found.shape != (n,):
+            words = raised(error, split_path(self.kind)[0])
+            raise RuntimeError(f"{named} raised {words}.") from error
+        if logs.shape != (n,):
             raise RuntimeError(
-                f"{named} answered with shape {found.shape} to {n} poses, but must with ({n},)."
+                f"{named} answered with shape {logs.shape} to {n} poses, but must with ({n},)."
             )
-        amiss = np.flatnonzero(np.isnan(found) | (found == np.inf))
+        amiss = np.flatnonzero(np.isnan(logs) | (logs == np.inf))
         if amiss.size:
             x, y, heading = states[:, amiss[0]].tolist()
             raise RuntimeError(
-                f"{named} answered {found[amiss[0]]} at the pose ({x:.6g}, {y:.6g}, "
+                f"{named} answered {logs[amiss[0]]} at the pose ({x:.6g}, {y:.6g}, "
                 f"{heading:.6g}), but must with a finite number or -inf."
             )
-        return self.power * found
+        return self.power * logs
 
 
 def is_code(kind: object) -> bool:
     """Whether a kind of scan model says where its code is."""
-    if not isinstance(kind, str):
-        return False
-    return ":" in kind or kind.endswith(".py") or kind in SCAN_MODEL.installed()
+    return isinstance(kind, str) and (
+        ":" in kind or kind.endswith(".py") or kind in SCAN_MODEL.installed()
+    )
 
 
 def scan_name(kind: str) -> str:

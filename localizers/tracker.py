@@ -94,8 +94,8 @@ class Estimate:
             return np.full((3, 3), math.nan)
         off = self.poses - np.array(self.pose)
         off[:, 2] = arrays.wrapped(off[:, 2])
-        found: Floats = (off.T * self.weights) @ off
-        return found
+        second: Floats = (off.T * self.weights) @ off
+        return second
 
     @property
     def map_to_odom(self) -> Pose:
@@ -157,12 +157,10 @@ class Tracker:
         self._start: tuple[Prior, float | None] | None = None
 
     def initialpose(self, prior: Prior, time: float | None = None) -> bool:
-        """Start anew from a prior; return whether the belief has begun.
+        """Start anew from a prior at a time, s; return whether the belief has begun.
 
-        Args:
-            prior: p(x) at that time.
-            time: its stamp, s. The belief begins when the odometry has reached it; at a stamp whose
-                odometry is not known any more, and of None, with the latest odometry.
+        It begins when the odometry has reached that stamp; at a stamp whose odometry is not known
+        any more, and of None, with the latest odometry.
         """
         self._start = prior, time
         self._updates.clear()
@@ -171,13 +169,12 @@ class Tracker:
     def odometry(self, time: float, pose: ArrayLike) -> bool:
         """Take a pose by odometry (x, y, θ) with its stamp, s; return whether there was an update.
 
-        Raises:
-            InputError: not three numbers, or the localizer refuses a scan that waited for it.
+        The localizer may refuse a scan that waited for it.
         """
-        given = np.asarray(pose, dtype=np.float64)
-        if given.shape != (3,):
-            raise InputError(f"the odometry has shape {given.shape}, but must be a pose (x, y, θ).")
-        taken = self._odometry.take(time, one_pose(given[None]))
+        here = np.asarray(pose, dtype=np.float64)
+        if here.shape != (3,):
+            raise InputError(f"the odometry has shape {here.shape}, but must be a pose (x, y, θ).")
+        taken = self._odometry.take(time, one_pose(here[None]))
         if taken is Taken.UNUSABLE:
             self.counts.unusable += 1
             return False
@@ -192,17 +189,11 @@ class Tracker:
         return self._updated()
 
     def scan(self, time: float, ranges: Reals, bearings: ArrayLike | None = None) -> bool:
-        """Take a scan with its stamp, s; return whether there was an update.
+        """Take a scan (B,) with its stamp, s; return whether there was an update.
 
-        Args:
-            time: its stamp, s.
-            ranges: (B,).
-            bearings: of its beams against the robot's heading, (B,) rad; None: those of the
-                localizer's lidar. Scans may vary in number and angles of beams: each bearing of
-                the localizer's lidar gets the nearest beam; see ``logs.scans.resampled``.
-
-        Raises:
-            InputError: the localizer refuses the ranges, or bearings are not as many.
+        Bearings are those of its beams against the robot's heading, (B,) rad; None: those of the
+        localizer's lidar. Scans may vary in number and angles of beams: each bearing of the
+        localizer's lidar gets the nearest beam; see ``logs.scans.resampled``.
         """
         if not math.isfinite(time):
             self.counts.unusable += 1
@@ -236,8 +227,8 @@ class Tracker:
         moved = relative(np.array([update.odometry]), np.array([here]))
         poses = composed(np.asarray(points[0], np.float64), moved)
         frame = self._odometry.stretch.frame_at(when)
-        told = here if frame is None else one_pose(relative(np.array([frame]), np.array([here])))
-        return Estimate(when, poses, points[1], quality_of(update.belief), told, self.unit)
+        by = here if frame is None else one_pose(relative(np.array([frame]), np.array([here])))
+        return Estimate(when, poses, points[1], quality_of(update.belief), by, self.unit)
 
     def _begun(self) -> bool:
         """Begin the belief if its odometry is there."""

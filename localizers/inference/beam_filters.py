@@ -115,12 +115,7 @@ class DistanceFilter:
 
 @dataclass(frozen=True)
 class PlaceCells:
-    """Places are cells of size × size × turn.
-
-    Attributes:
-        size: in the map's unit.
-        turn: rad, a whole part of the circle.
-    """
+    """Places are cells of size × size, in the map's unit, × turn, rad, a part of the circle."""
 
     size: float
     turn: float = 2 * np.pi / 72
@@ -197,11 +192,7 @@ def entropies(
 
 
 def beam_filter(name: str, robot: RobotModel) -> BeamFilter | None:
-    """Return the filter of a name for a robot's scan model; None for "none".
-
-    Raises:
-        InputError: no such filter, or it needs what the beam model lacks.
-    """
+    """Return the filter of a name for a robot's scan model; None for "none"."""
     if one_of("beam_filter", name, ("none", "distance", "entropy")) == "none":
         return None
     scan = robot.beam_scan(f"beam_filter = {name!r}")

@@ -90,10 +90,7 @@ class _Running:
         belief: the cloud at the latest update.
         since: the increment since then, (3,).
         heading: of the odometry at the latest update, rad; 0 at reset.
-        averages: of the weights.
-        updates: since reset.
         converged: whether the cloud was small when it was last resampled.
-        rng: of all steps.
     """
 
     belief: ParticleBelief

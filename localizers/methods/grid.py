@@ -42,11 +42,8 @@ _MOST_HEADINGS = 100_000
 class PoseGrid:
     """Cells of ``cell`` x ``cell`` and 2π / ``headings`` rad, in the order (θ, y, x).
 
-    Attributes:
-        bounds: the region to cover, (x_min, y_min, x_max, y_max); the grid is centred on it.
-        cell: edge of a cell, in the map's unit.
-        headings: number of headings; the first centre is -π.
-        bytes_per_cell: memory per cell; more than ``_MAX_BYTES`` in total is refused.
+    It is centred on ``bounds`` (x_min, y_min, x_max, y_max), in the map's unit; the first heading
+    is -π. More than ``_MAX_BYTES`` of memory in total are refused.
     """
 
     bounds: tuple[float, float, float, float]
@@ -127,9 +124,7 @@ def turn(mass: Floats, shares: Floats, out: Floats) -> None:
 def shift(mass: Floats, stencils: Floats, low_row: int, low_column: int, out: Floats) -> None:
     """out[h, y + j, x + i] = Σ stencils[h, j, i] mass[h, y, x]; what leaves the grid is lost.
 
-    Args:
-        mass, out: (H, Y, X).
-        stencils: (H, J, I), the first row and column of which move by ``low_row``, ``low_column``.
+    The first row and column of the stencils (H, J, I) move by ``low_row`` and ``low_column``.
     """
     headings, rows, columns = mass.shape
     for h in range(headings):

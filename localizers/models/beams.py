@@ -39,15 +39,9 @@ class BeamDensity(Protocol):
         """Σ_b log p(o_b | ô_b) for each pose, (n,); NaN if a ô_b is. Arguments of ``density``."""
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
-        """Density (at an atom: mass) of each measured range.
+        """Density (at an atom: mass) of each measured range o, (B,) in [0, max_range], (n, B).
 
-        Args:
-            ranges: o, (B,) in [0, max_range].
-            expected: ô, exact ray-cast ranges, not cut at max_range, (n, B).
-            max_range: of the lidar.
-
-        Returns:
-            (n, B).
+        ``expected`` are ô, exact ray-cast ranges, not cut at max_range, (n, B).
         """
 
     def least_density(self, max_range: float) -> float:
@@ -312,10 +306,6 @@ BEAM_MODELS: Mapping[str, type[AnyBeamModel]] = MappingProxyType(
 
 
 def beam_model(kind: str, **fields: Any) -> AnyBeamModel:
-    """Return a beam model by its name in ``BEAM_MODELS``, with the fields given.
-
-    Raises:
-        InputError: there is no such model or field, or a bad value.
-    """
+    """Return a beam model by its name in ``BEAM_MODELS``, with the fields given."""
     model = BEAM_MODELS[one_of("beam model", kind, BEAM_MODELS)]
     return part(f"the beam model {kind!r}", model, fields, model())

@@ -201,10 +201,8 @@ class Inflation:
 class CostImage:
     """The costs of square cells, each of its whole square; 0 off the image.
 
-    Attributes:
-        costs: from 0 to 1, the lowest row first, (rows, columns).
-        resolution: edge of a cell, in the map's unit.
-        origin: pose of the lower left corner of the first cell (x, y, yaw).
+    They are from 0 to 1, the lowest row first, (rows, columns). A cell has an edge of
+    ``resolution``, in the map's unit, the first one its lower left corner at ``origin``, a pose.
     """
 
     costs: Floats
@@ -219,15 +217,11 @@ class CostImage:
         the cells of the floor plan. Values are those of nav2_msgs/Costmap: 0 free, to 252; from 253
         on the robot collides; 255 no information, no cost. With ``mode: raw`` they are those of the
         published nav_msgs/OccupancyGrid: 0 to 98, from 99 on it collides, else no information.
-
-        Raises:
-            InputError: a file cannot be read, is not aligned with the floor plan, or is no cost
-                map.
         """
         if not isinstance(path, str | os.PathLike):
             raise InputError(f"cost_map is {path!r}, but must be the path of an image or a yaml.")
         try:
-            pixels, said = image_with_place(path)
+            pixels, place = image_with_place(path)
         except InputError as error:
             raise InputError(f"cost_map: {error}") from None
         if pixels.dtype != np.uint8 or pixels.shape[2] != 1:
@@ -235,20 +229,20 @@ class CostImage:
                 f"the cost map {path} has {pixels.shape[2]} channels of {pixels.dtype}, but must "
                 "be an image of one channel of 8 bits (PGM, or a grey PNG)."
             )
-        costs = _costs(pixels[::-1, :, 0], of_grid=said.get("mode") == "raw")
+        costs = _costs(pixels[::-1, :, 0], of_grid=place.get("mode") == "raw")
         grid = floor_plan if isinstance(floor_plan, GridMap) else None
-        if said:
-            found = cls(costs=costs, resolution=said["resolution"], origin=said["origin"])
+        if place:
+            image = cls(costs=costs, resolution=place["resolution"], origin=place["origin"])
         elif grid is not None and grid.occupancy.shape == costs.shape:
-            found = cls(costs=costs, resolution=grid.resolution, origin=grid.origin)
+            image = cls(costs=costs, resolution=grid.resolution, origin=grid.origin)
         else:
             has = "has no cells" if grid is None else f"has {_size(grid.occupancy)}"
             raise InputError(
                 f"the cost map {path} has {_size(costs)} cells, but the floor plan {has}: give a "
                 "yaml file that names this image and says resolution and origin, as a map's does."
             )
-        found._refuse_elsewhere(path, floor_plan, radius)
-        return found
+        image._refuse_elsewhere(path, floor_plan, radius)
+        return image
 
     def at(self, points: Singles) -> Floats:
         """Cost from 0 (none) to 1 (as a collision) at points, rows x, y, (2+, n); (n,)."""
