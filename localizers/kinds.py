@@ -138,11 +138,7 @@ class Kind:
         )
 
     def resolve(self, name: str) -> Any:
-        """Return the factory, or the thing, that a name leads to; this runs a plug-in's code.
-
-        Raises:
-            InputError: there is no such name, its code cannot be imported, or it is none.
-        """
+        """Return the factory, or the thing, that a name leads to; this runs a plug-in's code."""
         if name in (ours := {**self.builtin, **self.added}):
             return ours[name]
         named, reference = f"the {self.word} {name!r}", self.complete(self.reference(name))

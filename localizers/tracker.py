@@ -65,8 +65,7 @@ class Estimate:
 
     Attributes:
         time: s, of the odometry that it was carried on to.
-        poses: the cloud, (x, y, θ) in the map, (n, 3).
-        weights: its weights, with sum 1, (n,).
+        poses, weights: the cloud, (x, y, θ) in the map, (n, 3), and its weights, with sum 1, (n,).
         quality: confidence that it is not lost, in [0, 1]; None: the localizer gives none.
         odometry: the pose by odometry at that time.
         unit: of lengths.
@@ -121,15 +120,13 @@ class Tracker:
     last scan used. Scans of ``initialpose``'s own stamp are not used: p(x_0) is of that time.
 
     Attributes:
-        localizer: made for the robot's map and lidar.
-        rng: its only source of randomness.
+        rng: the localizer's only source of randomness.
         unit: of all lengths, "m" or "px".
         every: distance and angle (rad) of which one must be reached between two updates; None is
             0.2 m and 5°, (0, 0) uses every scan.
         fastest: speeds, per s and rad/s, above which odometry jumps; None is 5 m/s and 2π rad/s.
         memory: s of odometry and beliefs that ``at`` can look back.
         lidar: that the localizer was made for, for scans that vary; None is its ``robot.lidar``.
-        counts: what has become of the messages.
     """
 
     localizer: Localizer

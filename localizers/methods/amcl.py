@@ -86,11 +86,8 @@ class WeightAverages(Averages):
 class _Running:
     """What is carried from step to step.
 
-    Attributes:
-        belief: the cloud at the latest update.
-        since: the increment since then, (3,).
-        heading: of the odometry at the latest update, rad; 0 at reset.
-        converged: whether the cloud was small when it was last resampled.
+    ``since`` the latest update is an increment, (3,); ``heading`` is that of the odometry then, rad;
+    ``converged`` tells whether the cloud was small when it was last resampled.
     """
 
     belief: ParticleBelief

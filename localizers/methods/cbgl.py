@@ -39,11 +39,7 @@ _AROUND = np.vstack([np.eye(3), -np.eye(3)])
 
 @dataclass(frozen=True, kw_only=True)
 class AbsoluteError:
-    """Σ over usable beams of |o - min(ô, max_range)|, CAER; inf where the robot does not fit.
-
-    Attributes:
-        radius: of the robot's disc, in the map's unit.
-    """
+    """Σ over usable beams of |o - min(ô, max_range)|, CAER; inf where the robot does not fit."""
 
     floor_plan: Map
     lidar: Lidar
@@ -69,10 +65,7 @@ class AbsoluteError:
 class Matching:
     """Compass search: a pose takes the best of six steps, or halves its steps if none is better.
 
-    Attributes:
-        error: what becomes smaller.
-        first: length of the first steps ahead and to the left, in the map's unit.
-        turn: angle of the first turn, rad.
+    The ``first`` steps ahead and to the left are in the map's unit, the first ``turn`` in rad.
     """
 
     error: AbsoluteError

@@ -181,9 +181,7 @@ _F = TypeVar("_F", bound=Filter[Any])
 class FamilyMethod(Generic[_F]):
     """A method of the family: ``method(robot, **parameters)`` makes a localizer.
 
-    Attributes:
-        build: ``build(robot, shared, **own)`` returns its filter.
-        takes: names of the shared parameters it accepts.
+    ``build(robot, shared, **own)`` returns its filter, which ``takes`` some of those shared.
     """
 
     build: Callable[..., _F]
@@ -303,9 +301,6 @@ def deq_mcl_fresh(
             futures are, the paper's target; "plan", the plan as ``mcl_plan`` reads it.
         pilots: M, roll-outs of each particle, of which one is kept.
         keep, charge: of "plan" alone, see ``mcl_plan``; None: 0.8 and "new".
-
-    Raises:
-        InputError: ``keep`` or ``charge`` with "future".
     """
     integer("pilots", pilots, low=1)
     if one_of("evidence", evidence, ("future", "plan")) == "plan":
@@ -347,9 +342,6 @@ def mcl_plan_hedged(
         shared: see ``Shared``; ``start_draws`` is for the half that is shown plans.
         switching, trust, mutual, own_plans: see ``Hedge``.
         plans: "all": each is evidence; "first": they only choose poses, by ``start_draws``.
-
-    Raises:
-        InputError: fewer than two particles; or ``plans`` = "first" with ``start_draws`` = 1.
     """
     integer("particles", shared.particles, low=2)
     advised = replace(shared, particles=shared.particles // 2)

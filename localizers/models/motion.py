@@ -188,11 +188,7 @@ class OdometryMotion:
 
 
 def increments(actions: ArrayLike) -> Floats:
-    """Return actions (d, φ) or increments (forward, left, turn) as the latter, (..., 3).
-
-    Raises:
-        InputError: they have neither two nor three numbers.
-    """
+    """Return actions (d, φ) or increments (forward, left, turn) as the latter, (..., 3)."""
     given = np.asarray(actions, dtype=np.float64)
     columns = given.shape[-1] if given.ndim else 0
     if columns == 3:

@@ -91,11 +91,8 @@ def beams_cubed(
 ) -> None:
     """Fill in log(1 + Σ_b q³), q: the four parts of a beam; see ``BeamCubes``.
 
-    Args:
-        ranges: m, (B,).
-        expected: by the map, in its unit, NaN outside, which counts as 0, (B, n).
-        metres: in a unit of the map.
-        model: max_range, m; σ, m; λ, 1/m.
+    Ranges are in m, expected ones in the map's unit, of ``metres``; NaN, outside, counts as 0. The
+    model is max_range, σ and 1/λ in m.
     """
     z_hit, z_short, z_max, z_rand = shares
     max_range, sigma, decay = model
@@ -183,8 +180,6 @@ class _Field:
     """q = z_hit exp(-d² / 2σ²) + z_rand / max_range of each beam, by the distance d of its end.
 
     Attributes:
-        hit, rand: z_hit and z_rand, not normalised.
-        sigma: σ, in the map's unit.
         farthest: the largest d, also that of ends off the map, in the map's unit.
         max_beams: at least 2.
         cell: edge of the table's cells on a map of polygons.
@@ -291,10 +286,6 @@ class BeamSkipping:
 
     Source: likelihood_field_model_prob.cpp.
 
-    Attributes:
-        field: where beams end.
-        distance: in the map's unit.
-        threshold, error_threshold: shares of the particles and of the beams.
     """
 
     field: LikelihoodFieldProb
@@ -324,12 +315,6 @@ class BeamCubes:
     [z < max_range] z_rand / max_range. Rays stop at unknown cells, and are 0 from outside.
 
     Source: beam_model.cpp, map_range.c; rays are exact here.
-
-    Attributes:
-        hit, short, max, rand: z_hit, z_short, z_max, z_rand, not normalised.
-        sigma: σ, in the map's unit.
-        decay: λ, per unit of length.
-        max_beams: at least 2.
     """
 
     floor_plan: Map

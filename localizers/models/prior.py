@@ -129,21 +129,17 @@ def _first(
     radius: float,
     region: Region | None = None,
 ) -> Singles:
-    """Return the first ``count`` free poses at shares, (3, count).
-
-    Raises:
-        InputError: next to none is free.
-    """
-    found, tried = [np.empty((0, 3))], 0
-    while sum(map(len, found)) < count:
-        found.append(_free(floor_plan, drawn := next(shares), radius, region))
+    """Return the first ``count`` free poses at shares, (3, count)."""
+    free, tried = [np.empty((0, 3))], 0
+    while sum(map(len, free)) < count:
+        free.append(_free(floor_plan, drawn := next(shares), radius, region))
         tried += len(drawn)
-        if tried > _MOST and not any(map(len, found)):
+        if tried > _MOST and not any(map(len, free)):
             raise InputError(
                 f"of {tried:,} places on the floor plan, none is free for a radius of {radius:g}: "
                 "give a map with more free space."
             )
-    return np.ascontiguousarray(np.vstack(found)[:count].T, dtype=np.float32)
+    return np.ascontiguousarray(np.vstack(free)[:count].T, dtype=np.float32)
 
 
 def _even_shares(start: int, count: int = _BLOCK) -> Floats:
