@@ -86,7 +86,7 @@ class WeightAverages(Averages):
 class _Running:
     """What is carried from step to step.
 
-    ``since`` the latest update is an increment, (3,); ``heading`` is that of the odometry then, rad;
+    ``since`` the latest update is an increment, (3,); ``heading`` is the odometry's then, rad;
     ``converged`` tells whether the cloud was small when it was last resampled.
     """
 
