@@ -32,7 +32,8 @@ ANYWHERE = 128  # that represent "somewhere in free space"
 def _two_states(start: float, stay: float, enter: float, log_ratios: Floats) -> float:
     """Probability of the first of two states after observations, by the forward recursion.
 
-    Before each it is stayed in or entered; log p(o | second) - log p(o | first) NaN tells nothing.
+    Before each it is stayed in or entered. The ratios are log p(o | second) - log p(o | first); NaN
+    is no information.
     """
     first = start
     for i in range(log_ratios.size):

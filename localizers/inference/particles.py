@@ -35,7 +35,7 @@ class BeamFilter(Protocol):
     def kept(self, states: States, log_weights: LogWeights, scan: Scan) -> Scan:
         """Return a scan without the beams that the belief before it leaves out.
 
-        That are the particles' states, moved, (d, n), and their log-weights before it, (n,).
+        The belief is the particles' states, moved, (d, n), and their log-weights, (n,).
         """
 
 

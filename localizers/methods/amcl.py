@@ -86,7 +86,7 @@ class WeightAverages(Averages):
 class _Running:
     """What is carried from step to step.
 
-    ``since`` the latest update is an increment, (3,); ``heading`` is the odometry's then, rad;
+    ``since`` is the increment since the latest update, (3,), ``heading`` the odometry's at it, rad;
     ``converged`` tells whether the cloud was small when it was last resampled.
     """
 

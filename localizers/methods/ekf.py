@@ -174,7 +174,7 @@ _STEPS = np.array([1.0, 1.0, 0.01])
 
 @dataclass(frozen=True)
 class GaussianEvents(Events):
-    """Counts of a Kalman filter: of beams whose innovation was too large, or seen from outside."""
+    """Counts also of beams that are left out: gated, or predicted outside the outer wall."""
 
     gated_beams: int = 0
     unpredicted_beams: int = 0
