@@ -25,7 +25,7 @@ from localizers import Belief, UniformPrior, absolute_name, make
 from localizers.checks import Report, laws
 from localizers.checks.verdicts import LawBrokenError, Laws, Subject, difference, report_of
 from localizers.models.scan import Scan, ScanModel
-from localizers.scan_plug_in import SCAN_MODEL, is_code
+from localizers.registry import SCAN_MODEL, is_code
 
 _STEPS = 40
 FREE, ANYWHERE = 200, 100  # poses that a scan is held against; the last on and around the map

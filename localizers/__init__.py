@@ -5,11 +5,13 @@ world. Plug-ins need no base class: see ``Localizer``. ``resolve`` documents how
 ``localizers.checks`` tests whether they keep the laws.
 """
 
-from localizers.api import Belief, Localizer, Prior
-from localizers.beliefs import (
+from localizers.api import (
+    Belief,
     Cluster,
+    Localizer,
     PointsBelief,
     PoseBelief,
+    Prior,
     best_cluster,
     mean_pose,
     quality_of,
@@ -17,9 +19,9 @@ from localizers.beliefs import (
 from localizers.inference.hedge import hedged
 from localizers.kinds import absolute_name
 from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform, LatentShare
+from localizers.models.feasibility import PlanSensor
 from localizers.models.motion import OdometryMotion
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
-from localizers.models.plan_sensor import PlanSensor
 from localizers.models.prior import (
     AnnulusRegion,
     GaussianPrior,
@@ -29,6 +31,7 @@ from localizers.models.prior import (
 )
 from localizers.models.robot import RobotModel
 from localizers.registry import (
+    ScanPlugIn,
     make,
     names,
     parameters,
@@ -60,6 +63,7 @@ __all__ = [
     "PoseBelief",
     "Prior",
     "RobotModel",
+    "ScanPlugIn",
     "Tracker",
     "UniformPrior",
     "absolute_name",

@@ -1,4 +1,4 @@
-"""The interface of a localizer: its inputs and its belief.
+"""The interface of a localizer, its inputs and its belief; ready-made beliefs for plug-ins.
 
 Lengths are in the map's unit (px or m), angles in rad; a pose is (x, y, heading).
 """
@@ -6,9 +6,11 @@ Lengths are in the map's unit (px or m), angles in rad; a pose is (x, y, heading
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from deqmcl_gym.maps.clusters import Cluster, best_cluster, mean_pose
 from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.validation import InputError, array, digits, number
 
 Points = tuple[Reals, Floats]
 
@@ -33,15 +35,9 @@ class Motion(Protocol):
     def sample(
         self, states: NDArray[Any], action: Floats, rng: np.random.Generator
     ) -> NDArray[Any]:
-        """Draw one successor of each state.
+        """Draw one successor of each state, (d, n): on a map poses, with rows x, y, θ.
 
-        Args:
-            states: columns, (d, n): poses with rows x, y, θ on a map.
-            action: as in ``Localizer.update``.
-            rng: the only source of randomness.
-
-        Returns:
-            (d, n).
+        The ``action`` is as in ``Localizer.update``, ``rng`` the only source of randomness.
         """
 
 
@@ -88,3 +84,59 @@ class Localizer(Protocol):
                 as (d, 0, φ).
             plan: the increments planned after it, (h, 2) or (h, 3); h shrinks to 0 at the end.
         """
+
+
+__all__ = ["Cluster", "best_cluster", "mean_pose"]
+
+
+def quality_of(belief: Belief) -> float | None:
+    """Return the confidence of a belief that the robot is not lost, in [0, 1]; None without one.
+
+    It orders beliefs, and is no calibrated probability: on real logs it can be near 1 in a filter
+    that is lost.
+    """
+    quality = getattr(belief, "quality", None)
+    if quality is None or (type(quality) is float and 0.0 <= quality <= 1.0):
+        return quality
+    return number("the belief's quality", quality, low=0, high=1)
+
+
+class PointsBelief:
+    """Weighted poses of the present, such as a cloud of particles or the cells of a grid."""
+
+    def __init__(self, poses: ArrayLike, weights: ArrayLike | None = None) -> None:
+        """Copy the poses and weights.
+
+        Args:
+            poses: (x, y, θ rad), (n, 3); headings need not be wrapped.
+            weights: (n,), 0 or more, with any sum above 0; None: all equal.
+
+        Raises:
+            InputError: a wrong shape, no pose, NaN, a negative weight, or only zero weights.
+        """
+        self._poses = array("the belief's poses", poses, (None, 3))
+        n = len(self._poses)
+        if n == 0:
+            raise InputError("the belief has no poses: give one or more.")
+        shares: Floats = np.ones(n)
+        if weights is not None:
+            shares = array("the belief's weights", weights, (n,))
+        total = float(shares.sum())
+        if shares.min() < 0 or not 0 < total < np.inf:
+            raise InputError(
+                f"the belief's weights go from {digits(shares.min())} to {digits(shares.max())}, "
+                "but must be 0 or more, not all 0, with a finite sum."
+            )
+        self._weights = shares / total
+
+    def points(self, offset: int = 0) -> Points | None:
+        """Return poses (n, 3) and weights (n,) with sum 1, fresh; None for other offsets."""
+        return (self._poses.copy(), self._weights.copy()) if offset == 0 else None
+
+
+class PoseBelief(PointsBelief):
+    """A single pose of the present, for an estimator without a distribution."""
+
+    def __init__(self, pose: ArrayLike) -> None:
+        """Copy the pose (x, y, heading)."""
+        super().__init__(array("the belief's pose", pose, (3,))[None])

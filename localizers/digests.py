@@ -28,31 +28,24 @@ _MADE = {"__pycache__", ".git"}
 OURS = ("deqmcl_gym", "localizers", "benchmarks")  # results have a digest of their own
 _PLAIN = (type(None), type(...), bool, int, float, complex, str, bytes)
 _DEFINED = (type, types.FunctionType)
-_CODE = (
-    *("co_name", "co_code", "co_exceptiontable", "co_flags", "co_consts", "co_names"),
-    *("co_varnames", "co_freevars", "co_cellvars", "co_argcount", "co_posonlyargcount"),
-    "co_kwonlyargcount",
-)
+_CODE = ["code", "consts", "names", "varnames", "freevars", "cellvars", "flags", "exceptiontable"]
+_CODE += ["name", "argcount", "posonlyargcount", "kwonlyargcount"]
 _WRAPS = ("__func__", "__self__", "func", "args", "keywords", "fget", "fset", "fdel", "__wrapped__")
 _WRAPPERS = (types.MethodType, staticmethod, classmethod, property, partial, cached_property)
 
 
 def module_digest(place: str) -> str | None:
-    """Digest of the package of a module, or of the module's file; None: neither is there.
-
-    ``UNREAD`` if there is a module, but no file of it, as in an archive.
-    """
+    """Digest of a module's package or file; None: no such module; ``UNREAD``: no file of it."""
     top = place.partition(".")[0]
     try:
-        found = importlib.util.find_spec(top)
+        spec = importlib.util.find_spec(top)
     except (ImportError, ValueError):  # a script, a notebook, or a module that was made by hand
-        known = sys.modules.get(top)
-        return None if known is None else _file_of(top) or UNREAD
-    if found is None:
+        return _file_of(top) or UNREAD if sys.modules.get(top) else None
+    if spec is None:
         return None
-    roots = [Path(root) for root in found.submodule_search_locations or []]
+    roots = [Path(root) for root in spec.submodule_search_locations or []]
     if not roots:
-        return source_digest_of_file(found.origin) or UNREAD
+        return source_digest_of_file(spec.origin) or UNREAD
     files = [(path, path.relative_to(root)) for root in roots for path in _files(root)]
     return (_digest(files) if files else None) or UNREAD
 
@@ -93,10 +86,7 @@ def _file_of(module: str) -> str | None:
 def _words(thing: Any, top: str, seen: dict[int, Any]) -> Iterator[str]:
     """Say what an object is made of, in words that are the same in any process.
 
-    Args:
-        thing: the object.
-        top: package or module whose code is read, not only named.
-        seen: objects by id, which are held, so that no other gets it.
+    Of the package ``top`` the code is read, not only named; ``seen`` objects are by id, and held.
     """
     kind = type(thing)
     if kind in _PLAIN:
@@ -117,7 +107,7 @@ def _parts(thing: Any, top: str) -> Iterator[Any]:
     package = home.partition(".")[0]
     inside = package not in OURS and (package == top or _is_scripted(home))
     if isinstance(thing, types.CodeType):
-        yield from [getattr(thing, name) for name in _CODE]
+        yield from [getattr(thing, f"co_{name}") for name in _CODE]
     elif isinstance(thing, dict):
         yield from [part for item in thing.items() for part in item]
     elif type(thing) in (list, tuple):
@@ -185,16 +175,15 @@ def _declared(source: bytes) -> list[str]:
 def _matching(folder: Path, pattern: str) -> list[Path]:
     """Return the files that a name or pattern means; of a folder, all that are in it."""
     try:
-        found = list(folder.glob(pattern))
+        return [p for m in folder.glob(pattern) for p in ([m] if m.is_file() else _files(m))]
     except (ValueError, NotImplementedError):  # "", or an absolute one
         return []
-    return [path for one in found for path in ([one] if one.is_file() else _files(one))]
 
 
 def _files(root: Path) -> list[Path]:
     """Return all files in a folder except those that Python generates."""
-    own = (p for p in root.rglob("*") if not _MADE & set(p.relative_to(root).parts))
-    return sorted(path for path in own if path.is_file())
+    paths = (p for p in root.rglob("*") if not _MADE & set(p.relative_to(root).parts))
+    return sorted(path for path in paths if path.is_file())
 
 
 def _digest(files: Iterable[tuple[Path, Path]]) -> str | None:

@@ -42,14 +42,13 @@ class Kind:
 
     Attributes:
         word: "localizer".
-        builtin: by name.
+        builtin, added: by name; ``added`` are registered in this process, which no other knows.
         group: of entry points of installed packages.
         call: how one is made of what a name leads to.
         verbs: its methods, with their arguments.
         holds: type of what a name leads to, if that is the thing itself.
         own: how one's own is named.
-        gone: names that there were; what to use instead. Folders may hold them.
-        added: registered in this process, by name; other processes do not know them.
+        gone: names that there were, which folders may hold, and what to use instead.
         received: names of those that the process has sent that sends the trials.
     """
 
@@ -76,16 +75,13 @@ class Kind:
         """Make ``factory(robot, **params) -> Localizer`` known as ``name``, in this process only.
 
         A name that was registered before means the new one, with a warning: a notebook's cell is
-        run again.
-
-        Raises:
-            InputError: the name is a built-in one, or has a colon.
+        run again. A built-in name, or one with a colon, is refused.
         """
-        named = f"the {self.word} name"
-        if name in self.builtin:
-            raise InputError(f"{named} {name!r} is taken by a built-in one: choose another.")
-        if not isinstance(name, str) or ":" in name:
-            raise InputError(f"{named} is {name!r}, but must be text without a colon.")
+        if name in self.builtin or not isinstance(name, str) or ":" in name:
+            taken = "is taken by a built-in one" if name in self.builtin else "must be text"
+            raise InputError(
+                f"the {self.word} name {name!r} {taken}: choose another, without a colon."
+            )
         if self.added.get(name, factory) is not factory:
             warnings.warn(
                 f"the {self.word} {name!r} was registered before: from now on it is the new one; "
@@ -96,11 +92,7 @@ class Kind:
 
     @contextmanager
     def registered(self, name: str, factory: Any) -> Iterator[None]:
-        """Know ``factory`` as ``name`` in a ``with`` block, or in a function that it decorates.
-
-        Raises:
-            InputError: see ``register``.
-        """
+        """Know ``factory`` as ``name`` in a ``with`` block, or in a function that it decorates."""
         before = self.added.pop(name, None)
         self.register(name, factory)
         try:
@@ -115,11 +107,7 @@ class Kind:
         return not any(name in known for known in (self.builtin, self.added, self.gone))
 
     def reference(self, name: str) -> str:
-        """Return where the code is of a name that is neither built in nor registered.
-
-        Raises:
-            InputError: a plain name that nobody has, or that several packages offer.
-        """
+        """Return where the code is of a name that is neither built in nor registered."""
         if isinstance(name, str) and (":" in name or name.endswith(".py")):
             return name
         if name in self.gone:
@@ -136,15 +124,11 @@ class Kind:
         return reference
 
     def complete(self, name: str) -> str:
-        """Return ``file.py:NAME`` for a ``file.py`` that holds one of the kind, else the name.
-
-        Raises:
-            InputError: the file holds none or several, or cannot be loaded.
-        """
+        """Return ``file.py:NAME`` for a ``file.py`` that holds one of the kind, else the name."""
         if not name.endswith(".py"):
             return name
         module = self._module(name, absolute_name(name))
-        fitting = [own for own, value in vars(module).items() if self._is_in(module, own, value)]
+        fitting = [one for one, value in vars(module).items() if self._is_in(module, one, value)]
         if len(fitting) == 1:
             return name + f":{fitting[0]}"
         none = f"no class with {' and '.join(self._methods)}" if self.verbs else f"no {self.word}"
@@ -154,14 +138,9 @@ class Kind:
         )
 
     def resolve(self, name: str) -> Any:
-        """Return the factory, or the thing, that a name leads to; this runs a plug-in's code.
-
-        Raises:
-            InputError: there is no such name, its code cannot be imported, or it is none.
-        """
-        for known in (self.added, self.builtin):
-            if name in known:
-                return known[name]
+        """Return the factory, or the thing, that a name leads to; this runs a plug-in's code."""
+        if name in (ours := {**self.builtin, **self.added}):
+            return ours[name]
         named, reference = f"the {self.word} {name!r}", self.complete(self.reference(name))
         place, _, attribute = _split(absolute_name(reference))
         if not place or not all(part.isidentifier() for part in attribute.split(".")):
@@ -171,22 +150,18 @@ class Kind:
             )
         module = self._module(name, place)
         asked = (_attribute, named, module, place, attribute)
-        found = _called(f"{named} cannot be imported", place, *asked)
-        if not (callable(found) if self.holds is None else isinstance(found, self.holds)):
+        thing = _called(f"{named} cannot be imported", place, *asked)
+        if not (callable(thing) if self.holds is None else isinstance(thing, self.holds)):
             must = self.holds.__name__ if self.holds else f"class or a function for {self.call}"
-            raise InputError(f"{named} is of type {type(found).__name__}, but must be a {must}.")
-        return found
+            raise InputError(f"{named} is of type {type(thing).__name__}, but must be a {must}.")
+        return thing
 
     def parameters(self, name: str) -> tuple[str, ...] | None:
         """Names of the parameters of a name; None if what it leads to takes any."""
         return parameters_of(self.resolve(name))
 
     def make(self, name: str, params: Mapping[str, Any], *given: Any, **named: Any) -> Any:
-        """Make one of what all of the kind are given, and of its parameters.
-
-        Raises:
-            InputError: unknown name or parameter, a bad value, its own code fails, or it is none.
-        """
+        """Make one of what all of the kind are given, and of its parameters."""
         factory = self.resolve(name)
         known = parameters_of(factory, len(given), named)
         for param in params if known is not None else ():
@@ -208,11 +183,9 @@ class Kind:
         return made
 
     def digest(self, name: str) -> str:
-        """Digest of the source of a plug-in; "" of what is built in or not there.
+        """Digest of the source of a plug-in, see ``digests``; "" of what is built in or not there.
 
-        It changes whenever a file, a package or weights are edited, and is stored with results.
-        Files are read, not run, so what cannot be imported has one, too; ``localizers.digests``
-        says what is covered, and when it is ``UNREAD``.
+        Files are read, not run, so what cannot be imported has one, too.
         """
         if name in self.added:
             return loaded_digest(self.added[name])
@@ -276,10 +249,7 @@ def _entry_points(path: tuple[str, ...]) -> dict[str, dict[str, str]]:
 def parameters_of(
     factory: Callable[..., Any], given: int = 1, named: Iterable[str] = ()
 ) -> tuple[str, ...] | None:
-    """Names of a factory's parameters; None if it takes any.
-
-    Beside those that all are given: ``given`` by position, and by name those that are ``named``.
-    """
+    """Names of a factory's parameters, without the first ``given`` and ``named``; None: any."""
     try:
         listed = list(inspect.signature(factory).parameters.values())
     except ValueError:  # some compiled callables have none to show
@@ -291,17 +261,13 @@ def parameters_of(
 
 
 class Placed(str):
-    """A name as a file says it, with its path from there; it is found wherever it is taken.
-
-    Attributes:
-        place: the same with an absolute path.
-    """
+    """A name as a file says it, with its path from there, and its ``place``, which is absolute."""
 
     place: str
 
-    def __new__(cls, said: str, place: str) -> Self:
-        """Make a name that is told as ``said``."""
-        made = super().__new__(cls, said)
+    def __new__(cls, name: str, place: str) -> Self:
+        """Make a name that is told as ``name``."""
+        made = super().__new__(cls, name)
         made.place = place
         return made
 
@@ -313,11 +279,7 @@ class Placed(str):
 
 
 def absolute_name(name: str) -> str:
-    """Return a name by which a process in any other folder finds the same thing.
-
-    The path of ``path/to/file.py:NAME`` is made absolute; ``~`` is the home folder. All other names
-    stay as they are.
-    """
+    """Return a name, its path absolute, by which a process in any folder finds the same thing."""
     if isinstance(name, Placed):
         return name.place
     path, rest = split_path(name)
@@ -336,10 +298,7 @@ def is_ctrl_c(error: BaseException) -> bool:
 
 
 def raised(error: BaseException, file: str | None = None) -> str:
-    """Say what was raised and where: "ValueError: words (name.py, line 7)".
-
-    The line is the deepest one in ``file``, or the deepest of all.
-    """
+    """Say what was raised and where, deepest in ``file``: "ValueError: words (name.py, line 7)"."""
     words = reason_of(error).rstrip(".")
     if isinstance(error, SyntaxError):  # they say where
         return words
@@ -361,10 +320,7 @@ def reason_of(error: BaseException) -> str:
 def _called(
     what: str, place: str, function: Callable[..., Any], /, *given: Any, **named: Any
 ) -> Any:
-    """Call code from elsewhere; what it raises, SystemExit too, is said in a sentence.
-
-    The working folder is as before, wherever it goes.
-    """
+    """Call code from elsewhere, the folder kept; what it raises, SystemExit too, is refused."""
     try:
         with contextlib.chdir(os.curdir):
             return function(*given, **named)

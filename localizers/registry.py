@@ -1,18 +1,34 @@
-"""The localizers by name: which are built in, and how one of any name is made."""
+"""Localizers by name, built in or not, and how one is made; scan models of other people's code."""
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Self, final
 
+import numpy as np
+
+from deqmcl_gym.maps import Lidar, Map
+from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.validation import number
 from localizers.api import Localizer
-from localizers.kinds import Kind
+from localizers.kinds import Kind, absolute_name, raised, split_path
 from localizers.methods.amcl import amcl
 from localizers.methods.cbgl import cbgl
 from localizers.methods.dead_reckoning import dead_reckoning
-from localizers.methods.deq_mcl import deq_mcl, mcl, mcl_map, mcl_map_smoother, mcl_smoother
+from localizers.methods.deq_mcl import (
+    deq_mcl,
+    deq_mcl_fresh,
+    mcl,
+    mcl_map,
+    mcl_map_smoother,
+    mcl_plan,
+    mcl_plan_hedged,
+    mcl_smoother,
+)
 from localizers.methods.ekf import ekf
 from localizers.methods.grid import grid
-from localizers.methods.plan_aware import deq_mcl_fresh, mcl_plan, mcl_plan_hedged
 from localizers.models.robot import RobotModel
+from localizers.models.scan import Scan, ScanModel
 
 Factory = Callable[..., Localizer]
 
@@ -48,12 +64,7 @@ resolve: Callable[[str], Factory] = LOCALIZER.resolve
 
 
 def make(name: str, robot: RobotModel, **params: Any) -> Localizer:
-    """Make a localizer.
-
-    Args:
-        name: see ``localizers.kinds``.
-        robot: its map, its sensor and the assumed noise.
-        params: parameters of the method, see ``parameters(name)``.
+    """Make the localizer of a name, see ``localizers.kinds``, with its ``parameters(name)``.
 
     Raises:
         InputError: unknown name or parameter (the nearest valid one is named), a bad value, or a
@@ -66,3 +77,111 @@ def make(name: str, robot: RobotModel, **params: Any) -> Localizer:
 def source_digest(name: str) -> str | None:
     """Digest of a plug-in, see ``Kind.digest``; None of a built-in localizer, or of none."""
     return LOCALIZER.digest(name) or None
+
+
+SCAN_MODEL = Kind(
+    word="scan model",
+    builtin={},  # those of single beams are ``BEAM_MODELS``
+    group="deqmcl.scan_models",
+    call="NAME(floor_plan=…, lidar=…, **params)",
+    verbs=("log_likelihood(states, scan)",),
+)
+_OF_BEAMS = ("log_likelihood", "density", "least_density", "hit_moments")
+_BLOCK = 8192  # poses that a model is asked for at once, at most
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class ScanPlugIn:
+    """A scan model by the place of its code, p(o | x, m)^power, with a power in (0, 1].
+
+    ``kind`` is the name, as ``path/to/file.py:NAME``, of what makes a ``ScanModel`` by
+    ``NAME(floor_plan=…, lidar=…, **params)``.
+    """
+
+    kind: str
+    power: float = 1.0
+    params: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "kind", absolute_name(SCAN_MODEL.complete(self.kind)))
+        number("scan.power", self.power, low=0, high=1, above=True)
+
+    def __str__(self) -> str:
+        return repr(scan_name(self.kind))
+
+    def __getattr__(self, name: str) -> Any:
+        """Say what to ask instead of ``robot.scan``, of which others ask what single beams are."""
+        if name in _OF_BEAMS:
+            raise AttributeError(
+                f"the scan model {self} tells only of whole scans, so robot.scan has no {name}: "
+                "ask robot.scan_model().log_likelihood(states, Scan.of(ranges, max_range)), or "
+                "assume a model of single beams"
+            )
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+
+    def changed(self, **changes: Any) -> Self:
+        """Return it with another ``power`` or parameters changed."""
+        power = changes.pop("power", self.power)
+        return replace(self, power=power, params={**self.params, **changes})
+
+    def made(self, floor_plan: Map, lidar: Lidar) -> "CheckedScan":
+        """Return the model of scans by a lidar on a map."""
+        model = SCAN_MODEL.make(self.kind, self.params, floor_plan=floor_plan, lidar=lidar)
+        return CheckedScan(model, self.kind, self.power)
+
+
+@final
+@dataclass(frozen=True)
+class CheckedScan:
+    """Somebody else's scan model, asked for at most 8192 poses at a time, its values looked at."""
+
+    model: ScanModel
+    kind: str
+    power: float = 1.0
+
+    def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
+        """Log-likelihood at each pose (3, n), (n,); 0 of a scan without a usable beam.
+
+        Raises:
+            RuntimeError: the model fails, or answers with another shape, NaN or inf.
+        """
+        n = states.shape[1]
+        out = np.zeros(n)
+        if scan.beams > 0:
+            for start in range(0, n, _BLOCK):
+                some = np.ascontiguousarray(states[:, start : start + _BLOCK])
+                out[start : start + _BLOCK] = self._asked(some, scan)
+        return out
+
+    def _asked(self, states: Singles, scan: Scan) -> Floats:
+        n, named = states.shape[1], f"the scan model {scan_name(self.kind)!r}"
+        try:
+            logs = np.asarray(self.model.log_likelihood(states, scan), np.float64)
+        except Exception as error:
+            words = raised(error, split_path(self.kind)[0])
+            raise RuntimeError(f"{named} raised {words}.") from error
+        if logs.shape != (n,):
+            raise RuntimeError(
+                f"{named} answered with shape {logs.shape} to {n} poses, but must with ({n},)."
+            )
+        amiss = np.flatnonzero(np.isnan(logs) | (logs == np.inf))
+        if amiss.size:
+            x, y, heading = states[:, amiss[0]].tolist()
+            raise RuntimeError(
+                f"{named} answered {logs[amiss[0]]} at the pose ({x:.6g}, {y:.6g}, "
+                f"{heading:.6g}), but must with a finite number or -inf."
+            )
+        return self.power * logs
+
+
+def is_code(kind: object) -> bool:
+    """Whether a kind of scan model says where its code is."""
+    return isinstance(kind, str) and (
+        ":" in kind or kind.endswith(".py") or kind in SCAN_MODEL.installed()
+    )
+
+
+def scan_name(kind: str) -> str:
+    """Return a scan model's name without the folder of its file."""
+    return Path(kind).name if split_path(kind)[0] else kind

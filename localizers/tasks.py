@@ -98,17 +98,17 @@ def _there(site: Callable[[Any], Site], floor_plan: Any) -> Site | Sites:
 
 def _lost(localizer: Any, world_in: Callable[[Any], World], floor_plan: Any) -> Site:
     world = world_in(floor_plan)
-    found = _localizer(localizer, robot_model(world, BEAM_POWER), particles=10_000)
+    made = _localizer(localizer, robot_model(world, BEAM_POWER), particles=10_000)
     anywhere = UniformPrior(floor_plan=world.floor_plan, radius=world.body + world.skin)
     extent = extent_of(floor_plan or _LOST["floor_plan"], world.floor_plan)
-    return Site(world, found, anywhere, extent)
+    return Site(world, made, anywhere, extent)
 
 
 def _blind(localizer: Any, world_in: Callable[[Any], World], floor_plan: Any) -> Site:
     world = world_in(floor_plan)
-    found = _localizer(localizer, robot_model(world), particles=500)
+    made = _localizer(localizer, robot_model(world), particles=500)
     anywhere = UniformPrior(floor_plan=world.floor_plan, radius=world.body + 4 * world.pixel)
-    return Site(world, found, anywhere, extent_of(floor_plan, world.floor_plan))
+    return Site(world, made, anywhere, extent_of(floor_plan, world.floor_plan))
 
 
 def _world(base: dict[str, Any], floor_plan: Any, **parts: Any) -> World:

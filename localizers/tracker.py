@@ -20,8 +20,7 @@ from deqmcl_gym.maps.map import PIXELS, pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Pose, Reals
 from deqmcl_gym.validation import InputError, number, one_of
-from localizers.api import Belief, Localizer, Prior
-from localizers.beliefs import best_cluster, quality_of
+from localizers.api import Belief, Localizer, Prior, best_cluster, quality_of
 
 _EVERY = 10.0, math.radians(5)  # px (0.2 m), rad
 _WAITING = 10  # scans that may wait for their odometry
@@ -66,8 +65,7 @@ class Estimate:
 
     Attributes:
         time: s, of the odometry that it was carried on to.
-        poses: the cloud, (x, y, θ) in the map, (n, 3).
-        weights: its weights, with sum 1, (n,).
+        poses, weights: the cloud, (x, y, θ) in the map, (n, 3), and its weights, with sum 1, (n,).
         quality: confidence that it is not lost, in [0, 1]; None: the localizer gives none.
         odometry: the pose by odometry at that time.
         unit: of lengths.
@@ -95,8 +93,8 @@ class Estimate:
             return np.full((3, 3), math.nan)
         off = self.poses - np.array(self.pose)
         off[:, 2] = arrays.wrapped(off[:, 2])
-        found: Floats = (off.T * self.weights) @ off
-        return found
+        second: Floats = (off.T * self.weights) @ off
+        return second
 
     @property
     def map_to_odom(self) -> Pose:
@@ -122,15 +120,13 @@ class Tracker:
     last scan used. Scans of ``initialpose``'s own stamp are not used: p(x_0) is of that time.
 
     Attributes:
-        localizer: made for the robot's map and lidar.
-        rng: its only source of randomness.
+        rng: the localizer's only source of randomness.
         unit: of all lengths, "m" or "px".
         every: distance and angle (rad) of which one must be reached between two updates; None is
             0.2 m and 5°, (0, 0) uses every scan.
         fastest: speeds, per s and rad/s, above which odometry jumps; None is 5 m/s and 2π rad/s.
         memory: s of odometry and beliefs that ``at`` can look back.
         lidar: that the localizer was made for, for scans that vary; None is its ``robot.lidar``.
-        counts: what has become of the messages.
     """
 
     localizer: Localizer
@@ -158,12 +154,10 @@ class Tracker:
         self._start: tuple[Prior, float | None] | None = None
 
     def initialpose(self, prior: Prior, time: float | None = None) -> bool:
-        """Start anew from a prior; return whether the belief has begun.
+        """Start anew from a prior at a time, s; return whether the belief has begun.
 
-        Args:
-            prior: p(x) at that time.
-            time: its stamp, s. The belief begins when the odometry has reached it; at a stamp whose
-                odometry is not known any more, and of None, with the latest odometry.
+        It begins when the odometry has reached that stamp; at a stamp whose odometry is not known
+        any more, and of None, with the latest odometry.
         """
         self._start = prior, time
         self._updates.clear()
@@ -172,13 +166,12 @@ class Tracker:
     def odometry(self, time: float, pose: ArrayLike) -> bool:
         """Take a pose by odometry (x, y, θ) with its stamp, s; return whether there was an update.
 
-        Raises:
-            InputError: not three numbers, or the localizer refuses a scan that waited for it.
+        The localizer may refuse a scan that waited for it.
         """
-        given = np.asarray(pose, dtype=np.float64)
-        if given.shape != (3,):
-            raise InputError(f"the odometry has shape {given.shape}, but must be a pose (x, y, θ).")
-        taken = self._odometry.take(time, one_pose(given[None]))
+        here = np.asarray(pose, dtype=np.float64)
+        if here.shape != (3,):
+            raise InputError(f"the odometry has shape {here.shape}, but must be a pose (x, y, θ).")
+        taken = self._odometry.take(time, one_pose(here[None]))
         if taken is Taken.UNUSABLE:
             self.counts.unusable += 1
             return False
@@ -193,17 +186,11 @@ class Tracker:
         return self._updated()
 
     def scan(self, time: float, ranges: Reals, bearings: ArrayLike | None = None) -> bool:
-        """Take a scan with its stamp, s; return whether there was an update.
+        """Take a scan (B,) with its stamp, s; return whether there was an update.
 
-        Args:
-            time: its stamp, s.
-            ranges: (B,).
-            bearings: of its beams against the robot's heading, (B,) rad; None: those of the
-                localizer's lidar. Scans may vary in number and angles of beams: each bearing of
-                the localizer's lidar gets the nearest beam; see ``logs.scans.resampled``.
-
-        Raises:
-            InputError: the localizer refuses the ranges, or bearings are not as many.
+        Bearings are those of its beams against the robot's heading, (B,) rad; None: those of the
+        localizer's lidar. Scans may vary in number and angles of beams: each bearing of the
+        localizer's lidar gets the nearest beam; see ``logs.scans.resampled``.
         """
         if not math.isfinite(time):
             self.counts.unusable += 1
@@ -237,8 +224,8 @@ class Tracker:
         moved = relative(np.array([update.odometry]), np.array([here]))
         poses = composed(np.asarray(points[0], np.float64), moved)
         frame = self._odometry.stretch.frame_at(when)
-        told = here if frame is None else one_pose(relative(np.array([frame]), np.array([here])))
-        return Estimate(when, poses, points[1], quality_of(update.belief), told, self.unit)
+        by = here if frame is None else one_pose(relative(np.array([frame]), np.array([here])))
+        return Estimate(when, poses, points[1], quality_of(update.belief), by, self.unit)
 
     def _begun(self) -> bool:
         """Begin the belief if its odometry is there."""

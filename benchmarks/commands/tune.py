@@ -101,7 +101,7 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
     from benchmarks.tuning.space import space_of
     from deqmcl_gym.validation import integer, number
     from localizers import parameters
-    from localizers.methods.family import Shared
+    from localizers.methods.deq_mcl import Shared
 
     seed = integer("--seed", options.seed)
     length = number("--segment", options.segment, low=0, above=True)

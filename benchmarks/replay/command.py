@@ -34,7 +34,7 @@ from deqmcl_gym.logs import Scanner, Trajectory
 from deqmcl_gym.validation import InputError, integer
 from localizers import names as localizer_names
 from localizers import parameters
-from localizers.methods.family import Shared
+from localizers.methods.deq_mcl import Shared
 
 FEW = 0.5  # share of beams within the larger distance below which log and map do not fit
 _LOOKED_AT = 200  # reference poses

@@ -20,7 +20,7 @@ from deqmcl_gym.validation import InputError, part
 from localizers import RobotModel, absolute_name
 from localizers.digests import content_digest
 from localizers.kinds import Kind, Placed, split_path
-from localizers.scan_plug_in import SCAN_MODEL, ScanPlugIn, is_code
+from localizers.registry import SCAN_MODEL, ScanPlugIn, is_code
 
 _OF_LOGS = ("log", "replay")  # loaded when asked for: a trial in a room needs no readers of logs
 AGENT = Kind(

@@ -25,7 +25,7 @@ from localizers import (
     UniformPrior,
 )
 from localizers.models.nav2_motion import unknown_motion
-from localizers.scan_plug_in import ScanPlugIn, is_code
+from localizers.registry import ScanPlugIn, is_code
 
 T = TypeVar("T")
 _DIRECTIONS = 1024  # that are drawn to find a free one

@@ -17,7 +17,7 @@ from deqmcl_gym.world.config import World, offices_of
 from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
 from localizers.models.beams import BEAM_MODELS, BeamDensity
 from localizers.models.nav2_motion import MOTION_MODELS, MotionModel
-from localizers.scan_plug_in import ScanPlugIn
+from localizers.registry import ScanPlugIn
 
 
 @dataclass(frozen=True, kw_only=True)

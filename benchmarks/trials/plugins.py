@@ -16,8 +16,7 @@ from benchmarks.trials.provenance import Provenance, code_digest, versions
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 from localizers import absolute_name
-from localizers.registry import LOCALIZER
-from localizers.scan_plug_in import SCAN_MODEL
+from localizers.registry import LOCALIZER, SCAN_MODEL
 
 
 def key_of(trial: Trial) -> str:

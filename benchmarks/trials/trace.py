@@ -26,8 +26,8 @@ from benchmarks.trials.scores import METRICS
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
+from localizers.models.feasibility import PlanSensor
 from localizers.models.motion import increments
-from localizers.models.plan_sensor import PlanSensor
 
 _READ = ("feasible", "tempering", "log_evidence")  # of ``PlanReading``
 PLAN_COLUMNS = ("conflict", *_READ, "trusted")

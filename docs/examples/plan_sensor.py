@@ -12,7 +12,7 @@ import numpy as np
 
 import deqmcl_gym  # noqa: F401 - registers the environment
 from localizers import UniformPrior
-from localizers.models.plan_sensor import PlanSensor, plan_path
+from localizers.models.feasibility import PlanSensor, plan_path
 
 # %%
 # The robot may be anywhere, with any heading: 20,000 particles. The plan: 150 px straight ahead, a

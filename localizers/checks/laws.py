@@ -28,7 +28,7 @@ from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.numerics.arrays import wrapped
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
-from localizers.beliefs import mean_pose
+from localizers.api import mean_pose
 from localizers.checks import process
 from localizers.checks.subject import DRIVE_STEPS, LocalizerDrive, Snapshot, snapshot
 from localizers.checks.verdicts import LawBrokenError, Laws, LawSkippedError, Subject, difference

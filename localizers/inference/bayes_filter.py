@@ -17,10 +17,7 @@ from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
 
 LARGEST_ACTION = FARTHEST  # length or turn: the sine of a larger angle is NaN
-_FLOAT64 = np.dtype(np.float64)
 _T = TypeVar("_T")
-
-
 B = TypeVar("B")
 
 

@@ -19,9 +19,15 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import InputError, number, one_of
-from localizers.beliefs import best_cluster
-from localizers.inference.parts import BeamFilter, LogWeights, States, Weights
-from localizers.inference.weights import maximum, normalized
+from localizers.api import best_cluster
+from localizers.inference.particles import (
+    BeamFilter,
+    LogWeights,
+    States,
+    Weights,
+    maximum,
+    normalized_with_log_sum,
+)
 from localizers.models import beam_kernels
 from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan, Scan
@@ -38,7 +44,7 @@ def judges(states: States, log_weights: LogWeights) -> tuple[States, Weights]:
     some = np.ascontiguousarray(log_weights[::stride])
     if not some.max() > -np.inf:
         some = np.zeros(some.size)
-    return states[:, ::stride], normalized(some)
+    return states[:, ::stride], normalized_with_log_sum(some)[0]
 
 
 def left_out(scan: Scan, dropped: Any) -> Scan:
@@ -109,12 +115,7 @@ class DistanceFilter:
 
 @dataclass(frozen=True)
 class PlaceCells:
-    """Places are cells of size × size × turn.
-
-    Attributes:
-        size: in the map's unit.
-        turn: rad, a whole part of the circle.
-    """
+    """Places are cells of size × size, in the map's unit, × turn, rad, a part of the circle."""
 
     size: float
     turn: float = 2 * np.pi / 72
@@ -138,9 +139,7 @@ class EntropyFilter:
 
     Fox, Burgard & Thrun 1999, whose places are the cells of a grid.
 
-    Attributes:
-        scan: p(o | x, m).
-        places: of states (d, n), as numbers from 0, (n,).
+    ``places`` are those of states (d, n), as numbers from 0, (n,).
     """
 
     scan: LidarScan
@@ -174,14 +173,9 @@ _EQUAL = 1e-12  # nats: entropies of different sums of the same
 def entropies(
     log_factors: Floats, weights: Floats, places: Indices, masses: Floats, out: Floats
 ) -> None:
-    """Fill in -Σ p log p over places for each row of factors; inf if no weight is left by it.
+    """Fill in -Σ p log p over places for each row of factors (k, n); inf if no weight is left.
 
-    Args:
-        log_factors: of the weights, (k, n).
-        weights: (n,).
-        places: numbers from 0, (n,).
-        masses: overwritten, one for each place.
-        out: (k,).
+    ``places`` are numbers from 0, (n,); ``masses``, one for each place, are overwritten.
     """
     for row in range(out.size):
         top = maximum(log_factors[row])
@@ -198,11 +192,7 @@ def entropies(
 
 
 def beam_filter(name: str, robot: RobotModel) -> BeamFilter | None:
-    """Return the filter of a name for a robot's scan model; None for "none".
-
-    Raises:
-        InputError: no such filter, or it needs what the beam model lacks.
-    """
+    """Return the filter of a name for a robot's scan model; None for "none"."""
     if one_of("beam_filter", name, ("none", "distance", "entropy")) == "none":
         return None
     scan = robot.beam_scan(f"beam_filter = {name!r}")

@@ -4,19 +4,24 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple, Self, TypeVar
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
-from localizers.inference import weights
-from localizers.inference.loss_detector import LossDetector
-from localizers.inference.parts import Actions, LogWeights, Memory, States
+from localizers.inference.loss_detector import LossDetector, Watch
+from localizers.inference.particles import (
+    Actions,
+    LogWeights,
+    States,
+    absorbed,
+    effective_sample_size,
+    log_sum_exp,
+    normalize,
+    shifted,
+)
 from localizers.inference.queue import Queue
-from localizers.inference.weights import effective_sample_size, log_sum_exp, normalized
 from localizers.models.scan import Scan
-
-M = TypeVar("M", bound=Memory)
 
 
 @dataclass(frozen=True)
@@ -54,21 +59,17 @@ class Events:
 
 @dataclass(frozen=True)
 class FilteredEvents(Events):
-    """Counts of a filter that chooses beams.
-
-    Attributes:
-        dropped_beams: usable beams that were left out.
-    """
+    """Counts of a filter that chooses beams, also of the usable ones that it left out."""
 
     dropped_beams: int = 0
 
 
 @dataclass(frozen=True, eq=False)
-class PlanReading(Memory):
+class PlanReading:
     """What the latest plan said about the present.
 
     Attributes:
-        shown: the plan, (h, k).
+        shown: all of it, (h, k).
         seen: its first steps that have been charged, now or before, (L, k).
         tempering: λ in [0, 1], the exponent of its likelihood; NaN if no step was charged.
         feasible: P(the plan is feasible from x_t) under the belief before it; NaN likewise.
@@ -95,10 +96,12 @@ class _Cloud(NamedTuple):
             that are carried on; None: no look-ahead.
         foreseen: the planned future of each particle where it is drawn from the present instead of
             queued: states (d, n) of x_{t+k} by k ≥ 1, None beyond its end.
-        events: counts since reset.
         scan_log_evidence: log Σ w p(o_t | x_t, m) of the latest scan, from some of the particles.
         scan_power: λ_t, the exponent of the latest scan's likelihood.
-        memory: what the filter's parts remember.
+        detector: evidence for and against it; None: none is kept.
+        plan_reading: what the latest plan said, where plans are used as evidence.
+        watch: what is remembered to recover by; None: nothing is.
+        fixed: whether it has seen a scan, where the first one decides; else it is of hypotheses.
     """
 
     queue: Queue
@@ -110,7 +113,10 @@ class _Cloud(NamedTuple):
     events: Events = Events()
     scan_log_evidence: float = math.nan
     scan_power: float = 1.0
-    memory: tuple[Memory, ...] = ()
+    detector: LossDetector | None = None
+    plan_reading: PlanReading | None = None
+    watch: Watch | None = None
+    fixed: bool = True
 
 
 class ParticleBelief(_Cloud):
@@ -124,31 +130,10 @@ class ParticleBelief(_Cloud):
         of = f"{self.log_weights.size} particles at steps {-past} to {steps - 1 - past}"
         return f"<ParticleBelief of {of}>"
 
-    def recall(self, kind: type[M]) -> M | None:
-        """Return the memory of this class, None if there is none."""
-        for memory in self.memory:
-            if isinstance(memory, kind):
-                return memory
-        return None
-
-    def remembering(self, memory: Memory) -> "ParticleBelief":
-        """Return this belief with a memory, in the place of one of the same class."""
-        return self._replace(memory=(*self.forgetting(type(memory)).memory, memory))
-
-    def forgetting(self, kind: type[Memory]) -> "ParticleBelief":
-        """Return this belief without the memory of this class."""
-        return self._replace(memory=tuple(m for m in self.memory if not isinstance(m, kind)))
-
     @property
     def quality(self) -> float | None:
         """P(not lost | o_{1:t}), in [0, 1]; None if no evidence is kept."""
-        detector = self.recall(LossDetector)
-        return None if detector is None else detector.quality
-
-    @property
-    def plan_reading(self) -> PlanReading | None:
-        """What the latest plan said, if plans are used as evidence."""
-        return self.recall(PlanReading)
+        return None if self.detector is None else self.detector.quality
 
     @property
     def present(self) -> States:
@@ -168,7 +153,9 @@ class ParticleBelief(_Cloud):
     @cached_property
     def weights(self) -> Floats:
         """Reported weights with sum 1, (n,); read-only."""
-        return normalized(self.reported_log_weights)
+        weights = np.empty(self.log_weights.size)
+        normalize(self.log_weights if self.log_h is None else self.reported_log_weights, weights)
+        return weights
 
     @property
     def effective_sample_size(self) -> float:
@@ -183,9 +170,11 @@ class ParticleBelief(_Cloud):
 
     def points(self, offset: int = 0) -> tuple[States, Floats] | None:
         """Return states (n, d) and weights (n,) of x_{t+offset}; None if the queue lacks it."""
-        states = self.queue.at(offset)
         if offset > 0 and self.foreseen is not None:
             states = self.foreseen(offset)
+        else:
+            held = 0 <= self.queue.present + offset < len(self.queue.slots)
+            states = self.queue.at(offset) if held else None
         return None if states is None else (states.T, self.weights.copy())
 
     def resampled(self, ancestors: Indices, log_sum: float) -> "ParticleBelief":
@@ -225,7 +214,7 @@ class ParticleBelief(_Cloud):
         model alone until some particle explains the evidence.
         """
         total = np.empty(self.log_weights.size)
-        if math.isfinite(weights.shifted(self.log_weights, log_factor, total)):
+        if math.isfinite(shifted(self.log_weights, log_factor, total)):
             return self._replace(log_weights=total)
         return self._collapsed()
 
@@ -256,13 +245,20 @@ class ParticleBelief(_Cloud):
         ``power``, the exponent of the likelihood. The weights change as in ``reweighted``.
         """
         total = np.empty(self.log_weights.size)
-        top, evidence = weights.absorbed(self.log_weights, log_likelihood, most, power, total)
+        top, evidence = absorbed(self.log_weights, log_likelihood, most, power, total)
         belief = self if math.isfinite(top) else self._collapsed()
         return belief._replace(
             log_weights=total if math.isfinite(top) else self.log_weights,
-            scan_log_evidence=evidence,
             scan_power=power,
-            memory=tuple([memory.scanned(scan, evidence) for memory in self.memory]),
+        ).learned(scan, evidence)
+
+    def learned(self, scan: Scan, log_evidence: float) -> "ParticleBelief":
+        """Keep how well a scan was predicted, for the quality and for recovery."""
+        detector, watch = self.detector, self.watch
+        return self._replace(
+            scan_log_evidence=log_evidence,
+            detector=None if detector is None else detector.scanned(scan, log_evidence),
+            watch=None if watch is None else watch.scanned(scan, log_evidence),
         )
 
     def _collapsed(self) -> "ParticleBelief":

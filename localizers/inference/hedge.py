@@ -33,16 +33,14 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, boolean, number
-from localizers.api import Belief, Localizer, Points, Prior
-from localizers.beliefs import quality_of
+from localizers.api import Belief, Localizer, Points, Prior, quality_of
 from localizers.inference.bayes_filter import Filter, FilterLocalizer
 from localizers.inference.belief import Events, ParticleBelief, PlanReading
+from localizers.inference.futures import Foresight
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.parts import Action, Actions, States
-from localizers.inference.plan_evidence import Foresight
+from localizers.inference.particles import Action, Actions, States, log_sum_exp
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import pointed_at
-from localizers.inference.weights import log_sum_exp
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
 
@@ -53,10 +51,8 @@ class HedgedBelief(NamedTuple):
     """q A + (1 - q) B, as two weighted clouds.
 
     Attributes:
-        advised, protected: the beliefs A and B.
         log_odds: log q / (1 - q).
         scan_log_evidence: log p_t of the latest scan; NaN before it.
-        events: counts since reset, of both members.
     """
 
     advised: Belief
@@ -104,8 +100,6 @@ class Hedge:
     """q A + (1 - q) B over a filter A that may be misled and a filter B that cannot.
 
     Attributes:
-        advised: A.
-        protected: B, shown empty plans.
         switching: s, the probability per step that A's picture becomes right or wrong.
         trust: q₀.
         mutual: whether B takes over from A as well: the exact two-mode model.
@@ -254,8 +248,10 @@ def _evidence(belief: Any) -> float:
 
 def _events(before: Events, *members: Any) -> Events:
     """Return the counts of both members; unusable beams, which both get, are counted once."""
-    told = [getattr(belief, "events", None) for belief in members]
-    counts = {one.name: sum(getattr(own, one.name, 0) for own in told) for one in fields(Events)}
+    each = [getattr(belief, "events", None) for belief in members]
+    counts = {
+        count.name: sum(getattr(of, count.name, 0) for of in each) for count in fields(Events)
+    }
     counts["skipped_beams"], counts["blind_scans"] = before.skipped_beams, before.blind_scans
     return Events(**counts)
 
@@ -298,13 +294,8 @@ def hedged(
 
     Their beliefs must have ``scan_log_evidence``, log Σ w p(scan | pose) by their weights before
     the scan, with the same scan model; those of built-in localizers but ``dead-reckoning`` and
-    ``amcl`` have it. Particles of a built-in A are re-seeded from B; a plug-in's are not.
-
-    Args:
-        robot: which both were made for.
-        advised: A, which is shown the plans.
-        protected: B, which is not.
-        switching, trust, mutual, own_plans: see ``Hedge``.
+    ``amcl`` have it. Particles of a built-in A are re-seeded from B; a plug-in's are not. Only A is
+    shown plans; for the numbers see ``Hedge``.
     """
     members = [
         predictive(one.filter) if isinstance(one, FilterLocalizer) else Plugged(one)

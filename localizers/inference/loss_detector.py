@@ -1,4 +1,4 @@
-"""P(not lost | recent scans), the quality of a belief: is the robot where the belief says it is?
+"""Is the robot where the belief says it is? P(not lost | scans), and averages to recover by.
 
 A hidden Markov model of two states. While the belief is right, a scan has the density that the
 belief predicts; while the robot is lost, that of a robot somewhere in free space. Both come from
@@ -7,17 +7,18 @@ the localizer's own scan model, so errors of that model cancel to first order.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
 
 from deqmcl_gym.maps import Map
+from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64
 from deqmcl_gym.numerics.types import Floats
-from localizers.inference.parts import Memory, States
-from localizers.inference.weights import log_sum_exp
+from deqmcl_gym.validation import InputError, digits, number
+from localizers.inference.particles import Actions, States, log_sum_exp
 from localizers.models.prior import even_poses
 from localizers.models.scan import LidarScan, Scan, ScanModel, ScanTable
 
@@ -31,10 +32,8 @@ ANYWHERE = 128  # that represent "somewhere in free space"
 def _two_states(start: float, stay: float, enter: float, log_ratios: Floats) -> float:
     """Probability of the first of two states after observations, by the forward recursion.
 
-    Args:
-        start: its probability before them.
-        stay, enter: probabilities of staying in it and of entering it, before each observation.
-        log_ratios: log p(o | second) - log p(o | first); NaN is no information.
+    Before each it is stayed in or entered. The ratios are log p(o | second) - log p(o | first); NaN
+    is no information.
     """
     first = start
     for i in range(log_ratios.size):
@@ -50,12 +49,7 @@ def _two_states(start: float, stay: float, enter: float, log_ratios: Floats) -> 
 
 @dataclass(frozen=True)
 class LostDensity:
-    """p(o | lost): the density of a scan of a robot somewhere in free space.
-
-    Attributes:
-        model: p(o | x, m), the localizer's own.
-        poses: spread evenly over free space, (3, M).
-    """
+    """p(o | lost): of a robot somewhere in free space, over which ``poses`` are spread, (3, M)."""
 
     model: ScanModel
     poses: States
@@ -73,41 +67,23 @@ class LostDensity:
         return partial(self.model.log_likelihood, self.poses)
 
 
-@dataclass(frozen=True, eq=False)
-class ScanEvidence:
-    """A scan, and how well the belief before it predicted it.
-
-    Attributes:
-        scan: o.
-        log_right: log Σ w p(o | x) over the belief before the scan; NaN if unknown.
-        lost: p(o | lost).
-    """
-
-    scan: Scan
-    log_right: float
-    lost: LostDensity
-
-    @cached_property
-    def log_ratio(self) -> float:
-        """Log p(o | lost) - log p(o | belief); NaN if either is unknown or both are 0."""
-        return self.lost.log_density(self.scan) - self.log_right
-
-
 @dataclass(frozen=True)
-class LossDetector(Memory):
+class LossDetector:
     """The evidence for and against a belief; evaluated only when ``quality`` is read.
 
     Attributes:
         lost: p(o | lost).
-        evidence: the latest scans, at most ``MEMORY``, oldest first.
+        scans: the latest, at most ``MEMORY``, oldest first, each with log Σ w p(o | x) over the
+            belief before it; NaN if unknown.
         start: probability of not being lost before them.
-        known: log-ratios of the first of them, as far as an earlier detector was read.
+        log_ratios: log p(o | lost) - log p(o | belief) of the first of them, as far as an earlier
+            detector was read; NaN if either is unknown or both are 0.
     """
 
     lost: LostDensity
-    evidence: tuple[ScanEvidence, ...] = ()
+    scans: tuple[tuple[Scan, float], ...] = ()
     start: float = 1.0 - LOST
-    known: Floats = field(default_factory=partial(np.empty, 0))
+    log_ratios: Floats = field(default_factory=partial(np.empty, 0))
 
     @classmethod
     def of(cls, model: ScanModel, floor_plan: Map) -> "LossDetector":
@@ -115,24 +91,18 @@ class LossDetector(Memory):
         return cls(LostDensity(model, even_poses(floor_plan, ANYWHERE)))
 
     def scanned(self, scan: Scan, log_evidence: float) -> "LossDetector":
-        """Return the detector after one more step; of scans no longer kept only the time counts.
-
-        Args:
-            scan: of the step; kept, not copied.
-            log_evidence: log Σ w p(o | x) over the belief before the scan; NaN if unknown.
-        """
-        evidence, start = self.evidence, self.start
-        known = vars(self).get("_ratios", self.known)
-        if len(evidence) == MEMORY:
-            evidence, start = evidence[1:], start * (1.0 - LOST) + (1.0 - start) * FOUND_AGAIN
-            known = known[1:]
-        latest = ScanEvidence(scan, log_evidence, self.lost)
-        return LossDetector(self.lost, (*evidence, latest), start, known)
+        """Return the detector after one more step; of scans no longer kept only the time counts."""
+        scans, start = self.scans, self.start
+        log_ratios = vars(self).get("_log_ratios", self.log_ratios)
+        if len(scans) == MEMORY:
+            scans, start = scans[1:], start * (1.0 - LOST) + (1.0 - start) * FOUND_AGAIN
+            log_ratios = log_ratios[1:]
+        return LossDetector(self.lost, (*scans, (scan, log_evidence)), start, log_ratios)
 
     @property
     def log_right(self) -> float:
         """Log Σ w p(o | x) of the latest scan; NaN before the first."""
-        return self.evidence[-1].log_right if self.evidence else math.nan
+        return self.scans[-1][1] if self.scans else math.nan
 
     @property
     def quality(self) -> float:
@@ -141,12 +111,92 @@ class LossDetector(Memory):
         q⁻ = q (1 - LOST) + (1 - q) FOUND_AGAIN, then q ∝ q⁻ p(o | belief) and
         1 - q ∝ (1 - q⁻) p(o | lost).
         """
-        return _two_states(self.start, 1.0 - LOST, FOUND_AGAIN, self._ratios)
+        return _two_states(self.start, 1.0 - LOST, FOUND_AGAIN, self._log_ratios)
 
     @cached_property
-    def _ratios(self) -> Floats:
-        ratios, read = np.empty(len(self.evidence)), self.known.size
-        ratios[:read] = self.known
-        for i in range(read, len(self.evidence)):
-            ratios[i] = self.evidence[i].log_ratio
+    def _log_ratios(self) -> Floats:
+        ratios, read = np.empty(len(self.scans)), self.log_ratios.size
+        ratios[:read] = self.log_ratios
+        for i in range(read, len(self.scans)):
+            scan, log_right = self.scans[i]
+            ratios[i] = self.lost.log_density(scan) - log_right
         return ratios
+
+
+@dataclass(frozen=True, kw_only=True)
+class Averages:
+    """w_slow and w_fast: max(0, 1 - w_fast / w_slow) of the draws are random poses.
+
+    Exponential averages of how likely the scans were (Thrun et al. 2005, table 8.3).
+
+    Attributes:
+        alpha_slow, alpha_fast: rates in [0, 1], per scan; alpha_fast ≥ alpha_slow.
+        slow, fast: w_slow and w_fast; 0 before the first scan.
+    """
+
+    alpha_slow: float = 0.0
+    alpha_fast: float = 0.0
+    slow: float = 0.0
+    fast: float = 0.0
+
+    def __post_init__(self) -> None:
+        number("recovery_alpha_slow", self.alpha_slow, low=0, high=1)
+        number("recovery_alpha_fast", self.alpha_fast, low=0, high=1)
+        if self.alpha_fast < self.alpha_slow:
+            raise InputError(
+                f"recovery_alpha_fast is {digits(self.alpha_fast)}, but must be at least "
+                f"recovery_alpha_slow, {digits(self.alpha_slow)}."
+            )
+
+    @property
+    def share(self) -> float:
+        """Probability that a draw is a random pose."""
+        return max(0.0, 1.0 - self.fast / self.slow) if self.slow > 0 else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recovery(Averages):
+    """``Averages`` that are plain means over the first 1 / α scans.
+
+    So the first scan, which the particles of a lost robot hardly explain, is soon outweighed. With
+    both rates 0 there are no random poses.
+    """
+
+    scans: int = 0
+
+    def after(self, log_evidence: float, beams: int) -> "Recovery":
+        """Return the averages after a scan.
+
+        The likelihood averaged is that of one beam, the geometric mean over the scan, so that scans
+        with lost beams are comparable. No beam, or evidence that is NaN, changes nothing.
+        """
+        if beams == 0 or math.isnan(log_evidence) or self.alpha_fast == 0:
+            return self
+        # exp of x ≤ 0 only: 1 / exp(-x) where a beam's density is above 1
+        log_beam = log_evidence / beams
+        size = float(arrays.exp(-abs(log_beam)))
+        likelihood = size if log_beam <= 0 else 1.0 / size
+        scans = self.scans + 1
+        slow, fast = max(self.alpha_slow, 1 / scans), max(self.alpha_fast, 1 / scans)
+        return replace(
+            self,
+            slow=self.slow + slow * (likelihood - self.slow),
+            fast=self.fast + fast * (likelihood - self.fast),
+            scans=scans,
+        )
+
+
+@dataclass(frozen=True)
+class Watch:
+    """What an injection remembers of scans and plans.
+
+    The route counts as new for ``news`` more steps, this one included.
+    """
+
+    recovery: Recovery
+    plan: Actions
+    news: int = 0
+
+    def scanned(self, scan: Scan, log_evidence: float) -> "Watch":
+        """Return the same with the averages after a scan."""
+        return replace(self, recovery=self.recovery.after(log_evidence, scan.beams))

@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from deqmcl_gym.numerics.types import Indices
-from localizers.inference.parts import States
+from localizers.inference.particles import States
 
 Link = Indices | None  # None: the identity
 
@@ -92,7 +92,7 @@ class Queue(NamedTuple):
 
     def resampled(self, ancestors: Indices) -> "Queue":
         """Keep the whole queues of these particles, (n,)."""
-        pending = compose(self.pending, ancestors)
+        pending = ancestors if self.pending is None else self.pending[ancestors]
         return Queue(self.slots, self.links, pending, self.present, self.past, self.future)
 
     def appended(self, states: States) -> "Queue":

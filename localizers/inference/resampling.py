@@ -13,8 +13,7 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64
 from deqmcl_gym.numerics.types import Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, integer, number
-from localizers.inference.parts import Weights
-from localizers.inference.weights import effective_sample_size, maximum
+from localizers.inference.particles import Weights, effective_sample_size, maximum
 
 
 @compiled
@@ -72,11 +71,7 @@ def searched(cumulative: Floats, pointers: Floats, out: Indices) -> None:
     """Fill in the first particle whose cumulative weight is above each pointer, in any order.
 
     By an index table (Chen & Asau 1974): each search starts at the first possible particle.
-
-    Args:
-        cumulative: ascending, (n,).
-        pointers: in [0, cumulative[-1]], (k,).
-        out: (k,).
+    Pointers are in [0, cumulative[-1]].
     """
     n = cumulative.size
     per_weight = n / cumulative[-1]

@@ -22,13 +22,12 @@ from localizers.inference.bayes_filter import (
     checked_step,
     require_reset,
 )
-from localizers.inference.belief import Events, ParticleBelief
-from localizers.inference.loss_detector import LossDetector
+from localizers.inference.belief import ParticleBelief
+from localizers.inference.loss_detector import Averages, LossDetector
 from localizers.inference.particle_filter import MAX_PARTICLES
-from localizers.inference.parts import BeamFilter, Memory, States
+from localizers.inference.particles import BeamFilter
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import KldSampling, searched
-from localizers.inference.start import Averages
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed_increment, moved
 from localizers.models.nav2_scan import (
     BeamCubes,
@@ -49,47 +48,13 @@ _CONVERGED = 0.5  # m: pf.c
 _NO_ACTIONS = np.empty((0, 3))
 
 
-@dataclass(frozen=True, kw_only=True)
-class ResamplingTime:
-    """When to resample: every ``interval`` updates; if ``selective``, only if ESS ≤ N / 2."""
-
-    interval: int = 1
-    selective: bool = False
-
-    def __post_init__(self) -> None:
-        integer("resample_interval", self.interval, low=1)
-        boolean("selective_resampling", self.selective)
-
-    def has_come(self, updates: int, belief: ParticleBelief) -> bool:
-        """Whether to resample after so many updates, one or more."""
-        if updates % self.interval:
-            return False
-        return not self.selective or belief.effective_sample_size <= belief.log_weights.size / 2
-
-
-@dataclass(frozen=True, kw_only=True)
-class UpdateGate:
-    """Whether the robot has moved enough since the last update for the next: more than either.
-
-    Attributes:
-        distance: of x or of y in the frame of the odometry, in the map's unit.
-        angle: rad.
-    """
-
-    distance: float
-    angle: float
-
-    def __post_init__(self) -> None:
-        number("update_min_d", self.distance, low=0)
-        number("update_min_a", self.angle, low=0)
-
-    def opens(self, since: Floats, heading: float) -> bool:
-        """Whether an increment (forward, left, turn) from an odometry's heading suffices."""
-        forward, left, turn = since.tolist()
-        at = [heading + turn]
-        cosine, sine = float(arrays.cos(at)[0]), float(arrays.sin(at)[0])
-        x, y = forward * cosine - left * sine, forward * sine + left * cosine
-        return bool(max(abs(x), abs(y)) > self.distance or abs(turn) > self.angle)
+def has_moved(since: Floats, heading: float, distance: float, angle: float) -> bool:
+    """Whether an increment (3,) from an odometry's heading is more than either, in x or y, or θ."""
+    forward, left, turn = since.tolist()
+    at = [heading + turn]
+    cosine, sine = float(arrays.cos(at)[0]), float(arrays.sin(at)[0])
+    x, y = forward * cosine - left * sine, forward * sine + left * cosine
+    return bool(max(abs(x), abs(y)) > distance or abs(turn) > angle)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,14 +86,8 @@ class WeightAverages(Averages):
 class _Running:
     """What is carried from step to step.
 
-    Attributes:
-        belief: the cloud at the latest update.
-        since: the increment since then, (3,).
-        heading: of the odometry at the latest update, rad; 0 at reset.
-        averages: of the weights.
-        updates: since reset.
-        converged: whether the cloud was small when it was last resampled.
-        rng: of all steps.
+    ``since`` is the increment since the latest update, (3,), ``heading`` the odometry's at it, rad;
+    ``converged`` tells whether the cloud was small when it was last resampled.
     """
 
     belief: ParticleBelief
@@ -147,6 +106,13 @@ class AdaptiveLocalizer:
     An update moves the cloud, weighs it by the scan and resamples it, in this order (amcl_node.cpp,
     laserReceived). A robot that has not moved enough gets none: its belief is the latest cloud
     moved along the odometry, without noise. The first scan is always used.
+
+    Attributes:
+        interval: updates between two resamplings.
+        selective: whether to resample only if ESS ≤ N / 2.
+        distance, angle: of odometry, one of which is to be exceeded before the next update, in the
+            map's unit and rad; see ``has_moved``.
+        skipping: None: no beam is skipped.
     """
 
     robot: RobotModel
@@ -154,9 +120,11 @@ class AdaptiveLocalizer:
     scan: ScanModel
     kld: KldSampling
     averages: WeightAverages
-    resampling: ResamplingTime
-    gate: UpdateGate
-    skipping: BeamFilter | None = None  # None: no beam is skipped
+    interval: int
+    selective: bool
+    distance: float
+    angle: float
+    skipping: BeamFilter | None = None
 
     def __post_init__(self) -> None:
         self._detector = LossDetector.of(self.scan, self.robot.floor_plan)
@@ -168,7 +136,8 @@ class AdaptiveLocalizer:
         checked_plan(plan)
         started = checked_rng(rng).spawn(1)[0]
         cloud = np.ascontiguousarray(known.sample(self.kld.most, started).T, np.float32)
-        belief = _cloud(cloud, Events(), (self._detector,))
+        even = np.zeros(cloud.shape[1])
+        belief = ParticleBelief(Queue((cloud,)), even, _NO_ACTIONS, detector=self._detector)
         self._running = _Running(belief, np.zeros(3), 0.0, self.averages, 0, False, rng)
         return belief
 
@@ -179,7 +148,7 @@ class AdaptiveLocalizer:
         since = composed_increment(now.since, command)
         belief = now.belief
         belief = belief._replace(events=belief.events.of_scan(scan))
-        if now.updates and not self.gate.opens(since, now.heading):
+        if now.updates and not has_moved(since, now.heading, self.distance, self.angle):
             self._running = replace(now, belief=belief, since=since)
             return belief._replace(queue=Queue((moved(belief.present, since),)))
         cloud = self.motion.sample(belief.present, since, now.rng)
@@ -196,7 +165,9 @@ class AdaptiveLocalizer:
         running = _Running(
             weighed, np.zeros(3), heading, averages, now.updates + 1, now.converged, now.rng
         )
-        if self.resampling.has_come(running.updates, weighed):
+        if running.updates % self.interval == 0 and not (
+            self.selective and weighed.effective_sample_size > weighed.log_weights.size / 2
+        ):
             running = self._resampled(running)
         self._running = running
         return running.belief
@@ -217,8 +188,8 @@ class AdaptiveLocalizer:
         if count:
             events = events.plus(random_poses=int(np.count_nonzero(anywhere[:enough])))
         kept = np.ascontiguousarray(drawn[:, :enough])
-        cloud = _cloud(kept, events, belief.memory)._replace(
-            scan_log_evidence=belief.scan_log_evidence
+        cloud = belief._replace(
+            queue=Queue((kept,)), log_weights=np.zeros(kept.shape[1]), events=events
         )
         off = np.abs(kept[:2] - kept[:2].mean(axis=1, dtype=np.float64, keepdims=True))
         return replace(
@@ -349,15 +320,9 @@ def amcl(
             bin_size=(_BINS[0] * metre, _BINS[1] * metre, _BINS[2]),
         ),
         averages=WeightAverages(alpha_slow=recovery_alpha_slow, alpha_fast=recovery_alpha_fast),
-        resampling=ResamplingTime(interval=resample_interval, selective=selective_resampling),
-        gate=UpdateGate(
-            distance=number("update_min_d", update_min_d, low=0) * metre, angle=update_min_a
-        ),
+        interval=integer("resample_interval", resample_interval, low=1),
+        selective=boolean("selective_resampling", selective_resampling),
+        distance=number("update_min_d", update_min_d, low=0) * metre,
+        angle=number("update_min_a", update_min_a, low=0),
         skipping=skipping,
     )
-
-
-def _cloud(states: States, events: Events, memory: tuple[Memory, ...]) -> ParticleBelief:
-    """Equally weighted particles (3, n), with the events and the evidence since reset."""
-    even = np.zeros(states.shape[1])
-    return ParticleBelief(Queue((states,)), even, _NO_ACTIONS, events=events, memory=memory)

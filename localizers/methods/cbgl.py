@@ -23,11 +23,9 @@ from deqmcl_gym.validation import InputError, integer, number
 from localizers.api import Prior
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.particle_filter import MAX_PARTICLES, ParticleFilter
-from localizers.inference.parts import Action, Actions, Memory, States
+from localizers.inference.particles import Action, Actions, States, log_evidence
 from localizers.inference.queue import Queue
-from localizers.inference.weights import log_evidence
-from localizers.methods.deq_mcl import mcl, mcl_map
-from localizers.methods.family import ON_THE_MAP, Shared, method
+from localizers.methods.deq_mcl import ON_THE_MAP, Shared, mcl, mcl_map, method
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
 
@@ -41,11 +39,7 @@ _AROUND = np.vstack([np.eye(3), -np.eye(3)])
 
 @dataclass(frozen=True, kw_only=True)
 class AbsoluteError:
-    """Σ over usable beams of |o - min(ô, max_range)|, CAER; inf where the robot does not fit.
-
-    Attributes:
-        radius: of the robot's disc, in the map's unit.
-    """
+    """Σ over usable beams of |o - min(ô, max_range)|, CAER; inf where the robot does not fit."""
 
     floor_plan: Map
     lidar: Lidar
@@ -71,10 +65,7 @@ class AbsoluteError:
 class Matching:
     """Compass search: a pose takes the best of six steps, or halves its steps if none is better.
 
-    Attributes:
-        error: what becomes smaller.
-        first: length of the first steps ahead and to the left, in the map's unit.
-        turn: angle of the first turn, rad.
+    The ``first`` steps ahead and to the left are in the map's unit, the first ``turn`` in rad.
     """
 
     error: AbsoluteError
@@ -112,11 +103,6 @@ class Matching:
         return np.array([*around, heading + turn], np.float32)
 
 
-@dataclass(frozen=True)
-class _Unfixed(Memory):
-    """That there was no scan yet: the cloud is of hypotheses."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class FirstFix:
     """A particle filter that starts where the first scan fits best.
@@ -126,13 +112,11 @@ class FirstFix:
     recorded for it is that of the hypotheses.
 
     Attributes:
-        tracker: goes on from there.
-        matching: of the best hypotheses.
         poses: K, hypotheses, drawn from the prior.
         matched: k, how many of them are matched.
         modes: around how many of the matched poses the particles are put, the best ones.
-        spread: standard deviation of a particle around its pose, in x and y, in the map's unit.
-        spread_heading: in rad.
+        spread, spread_heading: standard deviations of a particle around its pose, in x and y, in
+            the map's unit, and in rad.
     """
 
     tracker: ParticleFilter
@@ -146,7 +130,7 @@ class FirstFix:
     def initial(self, prior: Prior, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
         """Return the belief at t = 0: draws from the prior. The plan is not used."""
         hypotheses = replace(self.tracker, particles=self.poses)
-        return hypotheses.initial(prior, plan, rng).remembering(_Unfixed())
+        return hypotheses.initial(prior, plan, rng)._replace(fixed=False)
 
     def step(
         self,
@@ -157,7 +141,7 @@ class FirstFix:
         rng: np.random.Generator,
     ) -> ParticleBelief:
         """Return the belief after one action and one scan; see ``ParticleFilter.step``."""
-        if belief.recall(_Unfixed) is None:
+        if belief.fixed:
             return self.tracker.step(belief, scan, action, plan, rng)
         states = self.tracker.motion.sample(belief.present, action, rng)
         belief = belief._replace(queue=Queue((states,)))
@@ -171,12 +155,11 @@ class FirstFix:
         likelihoods = self.tracker.scan.log_likelihood(some, scan)
         evidence = log_evidence(np.zeros(likelihoods.size), likelihoods, most)
         cloud = self._around(fixes, rng)
-        fixed = belief.forgetting(_Unfixed)._replace(
-            queue=Queue((cloud,)), log_weights=np.zeros(cloud.shape[1]), scan_log_evidence=evidence
+        fixed = belief._replace(
+            queue=Queue((cloud,)), log_weights=np.zeros(cloud.shape[1]), fixed=True
         )
-        return fixed.reweighted(self.tracker.scan.log_likelihood(cloud, scan))._replace(
-            memory=tuple(memory.scanned(scan, evidence) for memory in fixed.memory)
-        )
+        likelihoods = self.tracker.scan.log_likelihood(cloud, scan)
+        return fixed.reweighted(likelihoods).learned(scan, evidence)
 
     def fixes(self, states: States, scan: Scan) -> Singles:
         """Return the best of hypotheses (3, K), matched, best first, (3, modes) or fewer."""

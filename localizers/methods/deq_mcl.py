@@ -1,4 +1,6 @@
-"""The methods of the paper, from MCL to DEQ-MCL; each differs from the one before in few parts.
+"""The paper's methods, from MCL to DEQ-MCL, and those that take the plan as evidence.
+
+Each differs from the one before in few parts.
 
 - ``mcl``: p(x_t | a_{1:t}, o_{1:t}, m), without the plan and without collisions. Dellaert et al.
   1999; Thrun et al. 2005, table 8.2. The map serves the sensor model only.
@@ -12,17 +14,200 @@
   2024, eqs. (2)-(3): a queue of past, present and future states; the planned future is drawn ahead,
   charged for collisions, and resampled together with the present.
   x_t is drawn L steps before its scan arrives: with a sharp sensor few of those draws survive it
-  (docs/queue.md). ``deq-mcl-fresh``, in ``plan_aware``, mends that.
+  (docs/queue.md).
+- ``deq-mcl-fresh``: DEQ-MCL whose future is drawn anew from the present after each scan. Its
+  target is the paper's Q(t): p(x_t) ∝ α_t(x_t) h_t(x_t), α_t of the scans and steps so far and
+  h_t(x) = E[Π g of the next L planned steps | x_t = x], from roll-outs (pilots: Lin, Chen & Liu
+  2013). With ``evidence`` = "plan" the plan is the observation that ``mcl-plan`` makes of it
+  instead, and the future is p(x_{t+1:t+L} | x_t, plan, m), which changes no weight.
+- ``mcl-plan``: p(x_t | a_{1:t}, o_{1:t}, π_{0:t}, m), map-based MCL, each plan shown an observation
+  of x_t. Ours. Authors do not plan through walls, so a plan is evidence of where its author
+  believes the robot to be: p(π_t | x_t, m) ∝ exp(-β C), where C planned steps collide without
+  noise. A plan is only as good as its author's knowledge: one made from the filter's own estimate
+  merely confirms it, and a stale one misleads.
 """
 
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from inspect import Parameter, Signature, signature
+from typing import Any, Generic, TypeVar
 
-from deqmcl_gym.validation import integer
+from deqmcl_gym.validation import InputError, integer, keep_plain, number, one_of, shown
+from localizers.inference.bayes_filter import Filter, FilterLocalizer
 from localizers.inference.beam_filters import beam_filter
-from localizers.inference.loss_detector import LossDetector
-from localizers.inference.particle_filter import ParticleFilter
-from localizers.methods.family import FOR_THE_LOST, ON_THE_MAP, Shared, method
+from localizers.inference.futures import Foresight, PlanEvidence
+from localizers.inference.hedge import Hedge, predictive
+from localizers.inference.loss_detector import LossDetector, Recovery
+from localizers.inference.particle_filter import InformedStart, Injection, ParticleFilter
+from localizers.inference.particles import Feasibility
+from localizers.inference.resampling import SCHEMES, Resampling
+from localizers.models.feasibility import CostImage, CostMap, FreeSpace, Inflation, PlanSensor
+from localizers.models.prior import UniformPrior
 from localizers.models.robot import RobotModel
+
+ON_THE_MAP = ("inflation_radius", "cost_scaling_factor", "cost_map")  # what a step costs
+FOR_THE_LOST = (
+    "plan_beta",
+    "start_draws",
+    "start_jitter",
+    "scan_keep",
+    "recovery_alpha_slow",
+    "recovery_alpha_fast",
+)  # parameters of the methods that can find a lost robot
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shared:
+    """Parameters of several methods; each method takes those it needs.
+
+    Attributes:
+        particles: N.
+        lag: L, how many past steps are smoothed, and how many planned steps are read.
+        beta: β ≥ 0; a step that collides is charged exp(-β), inf rejects it outright; None: the
+            robot's.
+        inflation_radius: distance from a wall, in the map's unit, below which a step is charged for
+            where it ends, see ``Inflation``; None: only steps that collide are charged.
+        cost_scaling_factor: how fast that cost falls, per unit of length; None is Nav2's 10 / m.
+        cost_map: instead of these, a file with the cost of each cell, see ``CostImage.load``.
+        beam_filter: which beams of a scan are used: "none", of the filters, all of them;
+            "distance", see ``DistanceFilter``; "entropy", see ``EntropyFilter``.
+        resampler: "systematic", "stratified" or "multinomial".
+        ess_threshold: resample only when the effective sample size is below this share of N;
+            None resamples at every step, as the paper does.
+        plan_beta: β ≥ 0 per colliding step of a plan that is used as evidence; None: the robot's.
+        start_draws: K, draws from the prior per particle, chosen by how feasible the plan shown at
+            reset is from them; 1 ignores the plan. Poses injected after a new route are chosen in
+            the same way.
+        start_jitter: standard deviation added to the chosen draws, in the map's unit; 0 is exact
+            importance sampling.
+        scan_keep: κ, the least share of the effective sample size that a scan leaves; 0 is exact.
+        recovery_alpha_slow, recovery_alpha_fast: rates of ``Recovery``, which injects random poses;
+            0 and 0 inject none.
+    """
+
+    particles: int = 1000
+    lag: int = 20
+    beta: float | None = None
+    inflation_radius: float | None = None
+    cost_scaling_factor: float | None = None
+    cost_map: str | None = None
+    beam_filter: str = "none"
+    resampler: str = "systematic"
+    ess_threshold: float | None = None
+    plan_beta: float | None = None
+    start_draws: int = 1
+    start_jitter: float = 0.0
+    scan_keep: float = 0.0
+    recovery_alpha_slow: float = 0.0
+    recovery_alpha_fast: float = 0.0
+
+    def __post_init__(self) -> None:
+        integer("particles", self.particles, low=1)
+        integer("lag", self.lag)
+        for name in ("beta", "plan_beta"):
+            if (beta := getattr(self, name)) is not None:
+                number(name, beta, low=0, finite=False)
+        integer("start_draws", self.start_draws, low=1)
+        number("start_jitter", self.start_jitter, low=0)
+        number("scan_keep", self.scan_keep, low=0, high=1)
+        keep_plain(self)
+        if self.start_jitter > 0 and self.start_draws == 1:
+            raise InputError(
+                f"start_jitter is {self.start_jitter:g}, but it is used only if start_draws is "
+                "2 or more: give start_draws, or leave start_jitter out."
+            )
+        if self.cost_scaling_factor is not None and self.inflation_radius is None:
+            raise InputError(
+                f"cost_scaling_factor is {shown(self.cost_scaling_factor)}, but it is used only "
+                "with an inflation_radius: give one, or leave cost_scaling_factor out."
+            )
+        if self.cost_map is not None and self.inflation_radius is not None:
+            raise InputError(
+                "cost_map and inflation_radius are both given, but each says what a step costs: "
+                "give one of them."
+            )
+
+    @property
+    def resampling(self) -> Resampling:
+        """When to resample, and how."""
+        scheme = SCHEMES[one_of("resampler", self.resampler, SCHEMES)]
+        return Resampling(scheme, self.ess_threshold)
+
+    def feasibility(self, robot: RobotModel) -> Feasibility:
+        """What a step is charged."""
+        floor_plan, radius = robot.floor_plan, robot.radius
+        beta = robot.beta if self.beta is None else self.beta
+        cost: CostImage | Inflation
+        if self.cost_map is not None:
+            cost = CostImage.load(self.cost_map, floor_plan, radius)
+        elif self.inflation_radius is not None:
+            cost = Inflation(
+                floor_plan=floor_plan,
+                radius=radius,
+                inflation_radius=self.inflation_radius,
+                cost_scaling_factor=self.cost_scaling_factor,
+            )
+        else:
+            return FreeSpace(floor_plan=floor_plan, radius=radius, beta=beta)
+        return CostMap(floor_plan=floor_plan, radius=radius, cost=cost, beta=beta)
+
+    def sensor(self, robot: RobotModel) -> PlanSensor:
+        """The sensor model of plans."""
+        beta = robot.beta if self.plan_beta is None else self.plan_beta
+        return PlanSensor(floor_plan=robot.floor_plan, radius=robot.radius, beta=beta)
+
+    def start(self, robot: RobotModel) -> InformedStart | None:
+        """How the first particles are chosen."""
+        if self.start_draws == 1:
+            return None
+        evidence = PlanEvidence(sensor=self.sensor(robot))
+        return InformedStart(evidence=evidence, draws=self.start_draws, jitter=self.start_jitter)
+
+    def injection(self, robot: RobotModel) -> Injection | None:
+        """Which random poses are mixed in, and when."""
+        recovery = Recovery(
+            alpha_slow=self.recovery_alpha_slow, alpha_fast=self.recovery_alpha_fast
+        )
+        if recovery.alpha_fast == 0:
+            return None
+        poses = UniformPrior(floor_plan=robot.floor_plan, radius=robot.radius)
+        return Injection(recovery=recovery, poses=poses, start=self.start(robot))
+
+
+_F = TypeVar("_F", bound=Filter[Any])
+
+
+@dataclass(frozen=True)
+class FamilyMethod(Generic[_F]):
+    """A method of the family: ``method(robot, **parameters)`` makes a localizer.
+
+    ``build(robot, shared, **own)`` returns its filter, which ``takes`` some of those shared.
+    """
+
+    build: Callable[..., _F]
+    takes: tuple[str, ...]
+
+    def __call__(self, robot: RobotModel, **params: Any) -> FilterLocalizer[Any]:
+        """Make a localizer for a robot."""
+        own = {name: value for name, value in params.items() if name not in self.takes}
+        shared = {name: value for name, value in params.items() if name in self.takes}
+        return FilterLocalizer(robot, self.build(robot, Shared(**shared), **own))
+
+    @property
+    def __signature__(self) -> Signature:
+        """The robot, the accepted shared parameters, its own parameters; for ``inspect``."""
+        robot, _, *own = signature(self.build).parameters.values()
+        shared = [
+            Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default)
+            for field in fields(Shared)
+            if field.name in self.takes
+        ]
+        return Signature([robot, *shared, *own])
+
+
+def method(*takes: str) -> Callable[[Callable[..., _F]], FamilyMethod[_F]]:
+    """Decorate a build function as a method that accepts these ``Shared`` parameters."""
+    return lambda build: FamilyMethod(build, takes)
 
 
 @method("particles", "resampler", "ess_threshold", "beam_filter")
@@ -77,3 +262,106 @@ def deq_mcl(robot: RobotModel, shared: Shared, *, pilots: int = 16) -> ParticleF
     """
     base = mcl_map_smoother.build(robot, shared)
     return replace(base, future=shared.lag, pilots=integer("pilots", pilots, low=1))
+
+
+@method(*mcl_map_smoother.takes, *FOR_THE_LOST)
+def mcl_plan(
+    robot: RobotModel,
+    shared: Shared,
+    *,
+    keep: float = 0.8,
+    charge: str = "always",
+) -> ParticleFilter:
+    """Return map-based MCL that uses the first ``lag`` = L steps of every plan as evidence.
+
+    Args:
+        keep: κ, the least share of the effective sample size that a plan leaves; 0 is exact.
+        charge: "always", or "new": each planned step once, when it comes into view.
+    """
+    new_only = one_of("charge", charge, ("always", "new")) == "new"
+    sensor = shared.sensor(robot)
+    evidence = PlanEvidence(sensor=sensor, steps=shared.lag, keep=keep, new_only=new_only)
+    return replace(mcl_map_smoother.build(robot, shared), lookahead=evidence)
+
+
+@method(*mcl_plan.takes)
+def deq_mcl_fresh(
+    robot: RobotModel,
+    shared: Shared,
+    *,
+    evidence: str = "future",
+    pilots: int = 8,
+    keep: float | None = None,
+    charge: str | None = None,
+) -> ParticleFilter:
+    """Return DEQ-MCL whose future is drawn anew from the present after each scan.
+
+    Args:
+        evidence: what judges the present beside scan and map: "future", how feasible the drawn
+            futures are, the paper's target; "plan", the plan as ``mcl_plan`` reads it.
+        pilots: M, roll-outs of each particle, of which one is kept.
+        keep, charge: of "plan" alone, see ``mcl_plan``; None: 0.8 and "new".
+    """
+    integer("pilots", pilots, low=1)
+    if one_of("evidence", evidence, ("future", "plan")) == "plan":
+        keep, charge = 0.8 if keep is None else keep, "new" if charge is None else charge
+        base = mcl_plan.build(robot, shared, keep=keep, charge=charge)
+    else:
+        for name, given in {"keep": keep, "charge": charge}.items():
+            if given is not None:
+                raise InputError(
+                    f"{name} is {given!r}, but it is used only with evidence = 'plan': give that, "
+                    f"or leave {name} out."
+                )
+        base = mcl_map_smoother.build(robot, shared)
+    ahead = Foresight(
+        rollout=base.rollout,
+        steps=shared.lag,
+        copies=pilots,
+        weighs=evidence == "future",
+        evidence=base.lookahead,
+    )
+    return replace(base, lookahead=ahead)
+
+
+# without beam_filter: the two would be judged by different beams
+@method(*(name for name in mcl_plan.takes if name != "beam_filter"))
+def mcl_plan_hedged(
+    robot: RobotModel,
+    shared: Shared,
+    *,
+    switching: float = 0.001,
+    trust: float = 0.5,
+    mutual: bool = False,
+    plans: str = "all",
+    own_plans: bool = True,
+) -> Hedge:
+    """Return a hedge of ``mcl_plan``, exact, and ``mcl_map``, each with half of the particles.
+
+    Args:
+        shared: see ``Shared``; ``start_draws`` is for the half that is shown plans.
+        switching, trust, mutual, own_plans: see ``Hedge``.
+        plans: "all": each is evidence; "first": they only choose poses, by ``start_draws``.
+    """
+    integer("particles", shared.particles, low=2)
+    advised = replace(shared, particles=shared.particles // 2)
+    protected = replace(
+        shared, particles=shared.particles - advised.particles, start_draws=1, start_jitter=0.0
+    )
+    if one_of("plans", plans, ("all", "first")) == "all":
+        shown = mcl_plan.build(robot, advised, keep=0.0)
+    elif shared.start_draws > 1:
+        shown = mcl_map_smoother.build(robot, advised)
+    else:
+        raise InputError(
+            "plans is 'first' and start_draws 1, but so no plan is used: give start_draws of 2 or "
+            "more, or plans = 'all'."
+        )
+    return Hedge(
+        advised=predictive(shown),
+        protected=predictive(mcl_map_smoother.build(robot, protected)),
+        switching=switching,
+        trust=trust,
+        mutual=mutual,
+        own_plans=own_plans,
+    )

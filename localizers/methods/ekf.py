@@ -1,10 +1,13 @@
 """N(μ_t, P_t) ≈ p(x_t | a_{1:t}, o_{1:t}, m): the extended Kalman filter on ray-cast ranges.
 
 Leonard & Durrant-Whyte 1991; Thrun et al. 2005, sections 3.3 and 7.4, with gated beams instead of
-landmarks. A single Gaussian can track a robot, but not find a lost one.
+landmarks. A single Gaussian can track a robot, but not find a lost one. Compiled, without BLAS, so
+that every machine gives the same bits.
 """
 
+import math
 from dataclasses import dataclass
+from functools import lru_cache
 from statistics import NormalDist
 from typing import Any, NamedTuple
 
@@ -12,19 +15,156 @@ import numpy as np
 
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import cos64, sin64
+from deqmcl_gym.numerics.gaussian import cholesky
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, number
-from localizers.api import Points, Prior
-from localizers.beliefs import mean_pose
-from localizers.inference import gaussian as kernels
+from localizers.api import Points, Prior, mean_pose
 from localizers.inference.bayes_filter import FilterLocalizer
 from localizers.inference.belief import Events
-from localizers.inference.gaussian import covariance_of, gaussian_points, sigma_points
 from localizers.inference.loss_detector import LossDetector
-from localizers.inference.weights import log_evidence
+from localizers.inference.particles import log_evidence
 from localizers.models.motion import OdometryMotion, distance_and_bearing, odometry
 from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan, Scan
+
+
+@compiled
+def predict(
+    mean: Floats,
+    covariance: Floats,
+    distance: float,
+    bearing: float,
+    turn: float,
+    sd_distance: float,
+    sd_turn: float,
+) -> None:
+    """μ ← f(μ, a), P ← F P Fᵀ + V Q Vᵀ, in place: turn, then drive in direction θ' + bearing.
+
+    F = ∂f/∂x and V = ∂f/∂ε at the mean; Q = diag(sd_distance², sd_turn²).
+    """
+    heading = mean[2] + turn
+    sine, cosine = sin64(heading + bearing), cos64(heading + bearing)
+    mean[0] += distance * cosine
+    mean[1] += distance * sine
+    mean[2] = heading
+    lever_x, lever_y = -distance * sine, distance * cosine
+    for j in range(3):  # F P
+        covariance[0, j] += lever_x * covariance[2, j]
+        covariance[1, j] += lever_y * covariance[2, j]
+    for i in range(3):  # (F P) Fᵀ
+        covariance[i, 0] += lever_x * covariance[i, 2]
+        covariance[i, 1] += lever_y * covariance[i, 2]
+    drive, swing = (cosine, sine, 0.0), (lever_x, lever_y, 1.0)
+    for i in range(3):
+        for j in range(3):
+            covariance[i, j] += sd_distance * drive[i] * (sd_distance * drive[j])
+            covariance[i, j] += sd_turn * swing[i] * (sd_turn * swing[j])
+
+
+@compiled
+def correct(
+    mean: Floats,
+    covariance: Floats,
+    innovations: Floats,
+    slopes: Floats,
+    variances: Floats,
+    gate: float,
+) -> int:
+    """Take in independent measurements one after another, in place; return how many were gated.
+
+    Each has ν = o - h(μ), of variance S = H P Hᵀ + R; left out if ν² > gate S. All are linearised
+    at the mean before the first. P in Joseph's form, which stays symmetric and positive. A beam
+    with S = 0, sure to read max_range because every wall is far beyond it, changes nothing.
+
+    Innovations are o - h at the mean before the first, (B,), slopes H, (B, 3), variances R ≥ 0.
+    """
+    moved = np.zeros(3)  # of the mean since the linearisation
+    projected, gain = np.empty(3), np.empty(3)
+    kept = np.empty((3, 3))
+    gated = 0
+    for b in range(innovations.size):
+        slope = slopes[b]
+        innovation, spread = innovations[b], variances[b]
+        for i in range(3):
+            projected[i] = 0.0
+            for j in range(3):
+                projected[i] += covariance[i, j] * slope[j]
+        for i in range(3):
+            innovation -= slope[i] * moved[i]
+            spread += slope[i] * projected[i]
+        if innovation * innovation > gate * spread:
+            gated += 1
+            continue
+        for i in range(3):
+            gain[i] = projected[i] / spread if spread > 0.0 else 0.0
+            moved[i] += gain[i] * innovation
+        for i in range(3):  # (I - K H) P
+            for j in range(3):
+                kept[i, j] = covariance[i, j] - gain[i] * projected[j]
+        for i in range(3):
+            along = 0.0
+            for j in range(3):
+                along += kept[i, j] * slope[j]
+            for j in range(3):  # ((I - K H) P)(I - K H)ᵀ + K R Kᵀ
+                covariance[i, j] = kept[i, j] - along * gain[j] + gain[i] * variances[b] * gain[j]
+    for i in range(3):
+        mean[i] += moved[i]
+    return gated
+
+
+def covariance_of(offsets: Floats) -> Floats:
+    """Return the mean products of offsets (d, n) from a mean, (d, d)."""
+    apart = np.ascontiguousarray(offsets)
+    products: Floats = (apart[:, None] * apart).mean(axis=2)
+    return products
+
+
+POINTS = 512
+# Powers -1 to -4 of 1.1673039782614187, the steps of an even sequence in four dimensions; written
+# out, as NumPy's powers differ between processors.
+_EVEN_STEPS = np.array(
+    [0.8566748838545029, 0.733891856627126, 0.6287067210378086, 0.53859725722361]
+)
+
+
+def gaussian_points(mean: Floats, covariance: Floats) -> Floats:
+    """Return ``POINTS`` equally weighted poses with exactly this mean and covariance, (n, 3).
+
+    Fixed points that look standard normal, in pairs ±z and with unit covariance, through the
+    Cholesky factor. Six sigma points have these moments too, but they all lie on one ellipsoid: the
+    share of points inside an ellipsoid, which coverage counts, would be meaningless.
+    """
+    root = cholesky(covariance)
+    x, y, z = _standard_points()
+    offsets = [row[0] * x + row[1] * y + row[2] * z for row in root]
+    poses: Floats = mean + np.stack(offsets, axis=1)
+    return poses
+
+
+def sigma_points(mean: Floats, covariance: Floats) -> Floats:
+    """Return the six poses μ ± √3 L_i, equally weighted, of this mean and covariance, (3, 6)."""
+    root = cholesky(covariance)
+    poses: Floats = mean[:, None] + math.sqrt(3) * np.hstack([root, -root])
+    return poses
+
+
+@lru_cache(maxsize=1)
+def _standard_points() -> Floats:
+    """Columns of mean 0 and covariance I, (3, n)."""
+    even = (0.5 + np.arange(POINTS // 2)[:, None] * _EVEN_STEPS) % 1.0
+    radius = np.sqrt(-2 * arrays.log(even[:, :2]))  # Box & Muller 1958
+    angle = 2 * np.pi * even[:, 2:]
+    half = np.hstack([radius * arrays.cos(angle), radius[:, :1] * arrays.sin(angle[:, :1])]).T
+    points = np.hstack([half, -half])
+    root = cholesky(covariance_of(points))
+    for i in range(3):  # points ← root⁻¹ points, by forward substitution
+        for j in range(i):
+            points[i] -= root[i, j] * points[j]
+        points[i] /= root[i, i]
+    return points
+
 
 PRIOR_DRAWS = 10_000  # from which the prior's covariance is taken
 # Half-widths of the central differences: px (scaled to the map's unit), px, rad. Above the float32
@@ -34,27 +174,14 @@ _STEPS = np.array([1.0, 1.0, 0.01])
 
 @dataclass(frozen=True)
 class GaussianEvents(Events):
-    """Counts of irregular events of a Kalman filter.
-
-    Attributes:
-        gated_beams: beams left out because their innovation was too large.
-        unpredicted_beams: beams left out because the mean, or a pose beside it, was outside the
-            outer wall.
-    """
+    """Counts also of beams that are left out: gated, or predicted outside the outer wall."""
 
     gated_beams: int = 0
     unpredicted_beams: int = 0
 
 
 class GaussianBelief(NamedTuple):
-    """One Gaussian over (x, y, θ).
-
-    Attributes:
-        mean: x, y, θ rad, (3,).
-        covariance: (3, 3).
-        detector: evidence for and against this belief.
-        events: counts since reset.
-    """
+    """One Gaussian over (x, y, θ rad), mean (3,) and covariance (3, 3)."""
 
     mean: Floats
     covariance: Floats
@@ -86,12 +213,8 @@ class GaussianBelief(NamedTuple):
 class KalmanFilter:
     """The extended Kalman filter: a Gaussian, predicted and corrected beam by beam.
 
-    Attributes:
-        motion: p(x_t | x_{t-1}, a_t).
-        scan: p(o_t | x_t, m), from which the quality is computed.
-        beam: with ``hit_moments``, the mean and variance of a beam that hits the expected wall.
-        gate: largest ν² / S of a beam that is used.
-        detector: evidence for and against its beliefs at t = 0.
+    ``beam`` has ``hit_moments``, the mean and variance of a beam that hits the expected wall;
+    ``gate`` is the largest ν² / S of a beam that is used.
     """
 
     motion: OdometryMotion
@@ -115,7 +238,7 @@ class KalmanFilter:
         """Return the belief after one increment (3,) and one scan."""
         mean, covariance = belief.mean.copy(), belief.covariance.copy()
         way, turn = distance_and_bearing(action), float(action[2])
-        kernels.predict(mean, covariance, *way, turn, *self.motion.spread(action))
+        predict(mean, covariance, *way, turn, *self.motion.spread(action))
         predicted = np.ascontiguousarray(sigma_points(mean, covariance), dtype=np.float32)
         likelihoods = self.scan.log_likelihood(predicted, scan)
         detector = belief.detector.scanned(scan, log_evidence(np.zeros(6), likelihoods, 6))
@@ -137,7 +260,7 @@ class KalmanFilter:
             seen[:, predicted].astype(np.float64), lidar.max_range
         )
         slopes = (expected[1:4] - expected[4:7]) / (2 * steps[:, None])
-        gated = kernels.correct(
+        gated = correct(
             mean, covariance, scan.ranges[scan.usable][predicted] - expected[0],
             np.ascontiguousarray(slopes.T), variances[0], self.gate,
         )  # fmt: skip

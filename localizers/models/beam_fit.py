@@ -29,13 +29,7 @@ _FIRST_STEP = 0.5  # of the searches, in log σ and log λ
 
 @dataclass(frozen=True)
 class BeamFit:
-    """A beam model, and how it was found.
-
-    Attributes:
-        model: fitted.
-        readings: how many it was fitted to.
-        log_likelihoods: before the first round and after each, mean of a reading, nats.
-    """
+    """A beam model fitted to so many readings, the mean of whose log-likelihoods rose by rounds."""
 
     model: BeamModel
     readings: int
@@ -43,17 +37,10 @@ class BeamFit:
 
 
 def fitted(ranges: Floats, expected: Reals, max_range: float) -> BeamFit:
-    """Return the beam model of greatest likelihood for readings.
+    """Return the beam model of greatest likelihood for readings o of exact ranges ô, (k,) each.
 
     Each share is at least that of one reading, as what did not occur in a log may occur yet.
-
-    Args:
-        ranges: o, (k,); those outside [0, max_range] and NaN are left out.
-        expected: ô, the exact ranges, not cut, (k,); NaN likewise.
-        max_range: of the lidar.
-
-    Raises:
-        InputError: fewer than 100 readings below the largest range are left.
+    Ranges outside [0, max_range] and NaN are left out; fewer than 100 below it are refused.
     """
     usable = (ranges >= 0) & (ranges <= max_range) & ~np.isnan(expected)
     count, at_max = int(usable.sum()), usable & (ranges >= max_range)
@@ -134,13 +121,7 @@ class _Readings:
         return np.where(self.ranges <= self.expected, inside, -np.inf)
 
     def raised(self, model: BeamModel, owners: Floats, steps: list[float]) -> BeamModel:
-        """Return a model of no lower likelihood.
-
-        Args:
-            model: of the round before.
-            owners: probabilities that each reading is of a part, (3, k).
-            steps: of the searches for σ and λ; changed.
-        """
+        """Return a model of no lower likelihood; steps of the searches for σ and λ are changed."""
         sums = owners.sum(axis=1)
         hit, short, _ = ((1 - model.max) * sums / sums.sum()).tolist()
         rand = max(1 - model.max - hit - short, 0.0)

@@ -62,12 +62,8 @@ def gaussian_uniform(
 
     They are hit Φ((low - ô) / σ) + atom at o ≤ low, hit Φ((ô - high) / σ) + atom at o ≥ high.
 
-    Args:
-        ranges: o, (B,).
-        expected: ô, (B, n).
-        sigma, hit, floor: of the densities.
-        low, high, atom: of the masses; -inf, inf and inf where there are none.
-        out: (n,).
+    Ranges o are (B,), expected ones ô (B, n); low, high and atom are -inf, inf and inf where there
+    are no masses.
     """
     peak = hit / (sigma * _SQRT_2PI)
     together = fold(min(floor, atom), peak + floor)
@@ -108,15 +104,7 @@ def four_parts(
     max_range: float,
     out: Floats,
 ) -> None:
-    """Fill in Σ_b log of ``BeamModel.density`` for each pose.
-
-    Args:
-        ranges: o, (B,).
-        expected: ô, (B, n).
-        shares: of hit, short, max and rand.
-        sigma, decay, nearest, max_range: as there.
-        out: (n,).
-    """
+    """Fill in Σ_b log of ``BeamModel.density``, of its shares, for each pose; ô is (B, n)."""
     hit, short, largest, rand = shares
     peak, anything = hit / (sigma * _SQRT_2PI), rand / max_range
     together = fold(min(largest, anything), 3.0 * peak + 2.0 / max_range + 2.0 * short / nearest)
@@ -172,13 +160,8 @@ def latent_share(
     Pólya's urn: after j beams of which k were unexplained, the next is with probability
     (a + k) / (a + b + j). The probabilities of all k are carried from beam to beam.
 
-    Args:
-        ranges: o, (B,).
-        expected: ô, (B, n).
-        sigma: of p_hit, a normal density, and its mass beyond the ends of the range.
-        counts: a, b.
-        floor, low, high, atom: of p_any; see ``gaussian_uniform``.
-        out: (n,).
+    ``sigma`` is of p_hit, a normal density, and its mass beyond the ends of the range, ``counts``
+    are a and b; floor, low, high and atom are of p_any; see ``gaussian_uniform``.
     """
     a, b = counts
     beams, n = ranges.size, expected.shape[1]
@@ -269,15 +252,7 @@ def _emptied(urn: Floats, least: float, sums: Floats, part: Floats, total: Float
 def chance_of_shorter(
     ranges: Floats, expected: Singles, weights: Floats, sigma: float, max_range: float, out: Floats
 ) -> None:
-    """Fill in Σ w Φ((ô - o_b) / σ) for each beam, ô at most ``max_range``.
-
-    Args:
-        ranges: o, (B,).
-        expected: ô, no NaN, (B, n).
-        weights: with sum 1, (n,).
-        sigma, max_range: see above.
-        out: (B,).
-    """
+    """Fill in Σ w Φ((ô - o_b) / σ) for each beam, Σ w = 1, ô (B, n), no NaN, at most max_range."""
     n = weights.size
     seen, value, part, power = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     for beam in range(ranges.size):

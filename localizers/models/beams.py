@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from types import MappingProxyType
-from typing import Any, Protocol, final
+from typing import Any, ClassVar, Protocol, final
 
 import numpy as np
 
@@ -39,15 +39,9 @@ class BeamDensity(Protocol):
         """Σ_b log p(o_b | ô_b) for each pose, (n,); NaN if a ô_b is. Arguments of ``density``."""
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
-        """Density (at an atom: mass) of each measured range.
+        """Density (at an atom: mass) of each measured range o, (B,) in [0, max_range], (n, B).
 
-        Args:
-            ranges: o, (B,) in [0, max_range].
-            expected: ô, exact ray-cast ranges, not cut at max_range, (n, B).
-            max_range: of the lidar.
-
-        Returns:
-            (n, B).
+        ``expected`` are ô, exact ray-cast ranges, not cut at max_range, (n, B).
         """
 
     def least_density(self, max_range: float) -> float:
@@ -69,9 +63,21 @@ class _Tempered:
         keep_plain(self)
 
 
+@lru_cache
+def _anything(uniform: float, max_range: float, clipped: bool) -> tuple[float, float, float, float]:
+    """Return the uniform share's density, the ends of the range if it clips, and its mass there."""
+    if not clipped:
+        return uniform / max_range, -math.inf, math.inf, math.inf
+    step = max_range / _STEPS
+    floor = uniform / (max_range + 2 * step)
+    return floor, 0.0, max_range, step * floor
+
+
 @dataclass(frozen=True, kw_only=True)
 class _HitOrAnything(_Tempered):
     """A beam hits the expected wall with normal noise σ or, with probability u, reads anything."""
+
+    _clips: ClassVar[bool]  # whether ranges end at 0 and max_range, with masses there
 
     sigma: float = field(default=100.0, metadata=LENGTH)
     uniform: float = 0.05
@@ -83,22 +89,15 @@ class _HitOrAnything(_Tempered):
 
     def least_density(self, max_range: float) -> float:
         """Return the least density or mass of a beam far from its expected range."""
-        floor, *_, atom = self.anything(max_range)
+        floor, *_, atom = _anything(self.uniform, max_range, self._clips)
         return float(min(floor, atom) ** self.power)
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
         """Σ_b log p(o_b | ô_b) for each pose, (n,)."""
         out = np.empty(len(expected))
-        hit, anything = 1 - self.uniform, self.anything(max_range)
+        hit, anything = 1 - self.uniform, _anything(self.uniform, max_range, self._clips)
         beam_kernels.gaussian_uniform(ranges, expected.T, self.sigma, hit, *anything, out)
         return self.power * out
-
-    def anything(self, max_range: float) -> tuple[float, float, float, float]:
-        """Return the uniform share's density, the ends of the range, and its mass at either.
-
-        -inf, inf and inf where the ends have no mass.
-        """
-        return self.uniform / max_range, -math.inf, math.inf, math.inf
 
 
 @final
@@ -110,6 +109,8 @@ class GaussianUniform(_HitOrAnything):
         sigma: σ > 0, in the map's unit.
         uniform: u, share of beams that read any range.
     """
+
+    _clips = False
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
         """Density of each measured range, (n, B) per unit of length."""
@@ -137,21 +138,17 @@ class CensoredGaussianUniform(_HitOrAnything):
         uniform: u, share of beams that read any range.
     """
 
+    _clips = True
+
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
         """Density of each measured range inside, mass at the two ends, (n, B)."""
         at_max, at_zero = ranges >= max_range, ranges <= 0
         hit = normal_pdf((ranges - expected) / self.sigma) / self.sigma
         hit[:, at_max] = normal_cdf((expected[:, at_max] - max_range) / self.sigma)
         hit[:, at_zero] = normal_cdf(-expected[:, at_zero] / self.sigma)
-        floor, *_, atom = self.anything(max_range)
+        floor, *_, atom = _anything(self.uniform, max_range, self._clips)
         density: Floats = (1 - self.uniform) * hit + np.where(at_max | at_zero, atom, floor)
         return density**self.power
-
-    def anything(self, max_range: float) -> tuple[float, float, float, float]:
-        """As ``_HitOrAnything`` has it, with masses."""
-        step = max_range / _STEPS
-        floor = self.uniform / (max_range + 2 * step)
-        return floor, 0.0, max_range, step * floor
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean and variance of a beam that hits the expected wall, (n, B) each.
@@ -288,7 +285,7 @@ class LatentShare(_Tempered):
         out = np.empty(len(expected))
         c, u = float(self.concentration), float(self.uniform)
         counts = c * u, c * (1 - u)
-        anything = replace(self._beam, uniform=1.0).anything(max_range)
+        anything = _anything(1.0, max_range, self._beam._clips)
         beam_kernels.latent_share(ranges, expected.T, self.sigma, counts, *anything, out)
         return self.power * out
 
@@ -309,10 +306,6 @@ BEAM_MODELS: Mapping[str, type[AnyBeamModel]] = MappingProxyType(
 
 
 def beam_model(kind: str, **fields: Any) -> AnyBeamModel:
-    """Return a beam model by its name in ``BEAM_MODELS``, with the fields given.
-
-    Raises:
-        InputError: there is no such model or field, or a bad value.
-    """
+    """Return a beam model by its name in ``BEAM_MODELS``, with the fields given."""
     model = BEAM_MODELS[one_of("beam model", kind, BEAM_MODELS)]
     return part(f"the beam model {kind!r}", model, fields, model())

@@ -44,10 +44,7 @@ def normal_pairs(
     Box & Muller 1958: √(-2 log u) (cos 2πv, sin 2πv), u of the first 24 bits of the uniform number,
     v of its other 29. The largest is 5.9 standard deviations.
 
-    Args:
-        uniforms: multiples of 2⁻⁵³ in [0, 1), (n,).
-        first_mean, first_sd, mean, sd: of the first of each pair, and of the second.
-        first, second: the numbers to fill in, (n,).
+    ``uniforms`` are multiples of 2⁻⁵³ in [0, 1), (n,).
     """
     n = uniforms.size
     radius, angle = np.empty(n, np.float32), np.empty(n, np.float32)
@@ -85,14 +82,7 @@ def along(forward: float, left: float) -> tuple[float, float, float]:
 def noisy_moves(
     uniforms: Floats, actions: Floats, drive: float, turn: float, drift: float, out: Singles
 ) -> None:
-    """Fill in each increment with its noise; the rest as ``OdometryMotion``.
-
-    Args:
-        uniforms: as for ``normal_pairs``, (F, n).
-        actions: increments (forward, left, turn), (F, 3).
-        drive, turn, drift: of the noise.
-        out: (F, 3, n).
-    """
+    """Fill in each increment (F, 3) with its noise, (F, 3, n), of ``uniforms``, (F, n)."""
     for step in range(actions.shape[0]):
         move, angle = out[step], actions[step, 2]
         distance, u, v = along(actions[step, 0], actions[step, 1])
@@ -138,16 +128,7 @@ class OdometryMotion:
         return self.drive * distance, self.turn * turn + self.drift * distance
 
     def sample(self, states: Singles, action: Floats, rng: np.random.Generator) -> Singles:
-        """Draw one successor of each pose.
-
-        Args:
-            states: rows x, y, θ, (3, n).
-            action: increment (forward, left, turn), or (d, φ).
-            rng: draws n uniform numbers, whatever the action.
-
-        Returns:
-            (3, n), θ in [-π, π].
-        """
+        """Draw one successor of each pose (3, n), θ in [-π, π], by n uniform numbers."""
         moves = self.moves(np.asarray(action)[None], rng.random((1, states.shape[1])))
         after = np.empty_like(states)
         drive_poses(states, moves[0], after)
@@ -160,7 +141,9 @@ class OdometryMotion:
         """
         steps, n = uniforms.shape
         moves = np.empty((steps, 3, n), np.float32)
-        noisy_moves(uniforms, increments(actions), self.drive, self.turn, self.drift, moves)
+        if actions.shape != (steps, 3) or actions.dtype != np.float64:
+            actions = increments(actions)
+        noisy_moves(uniforms, actions, self.drive, self.turn, self.drift, moves)
         return moves
 
     @classmethod
@@ -174,13 +157,9 @@ class OdometryMotion:
         its own. σ_φφ and σ_φd maximize the likelihood of all
         ``ε_φ ~ N(0, (σ_φφ |φ| + σ_φd |d|)²)``, on a grid that is refined around its best point.
 
-        Args:
-            meant: increments of the odometry, (k, 3); rows with NaN are left out.
-            done: increments of the reference, (k, 3), likewise. Of one whose ``left`` alone is NaN
-                only the way ahead and the turn are known.
-
-        Raises:
-            InputError: fewer than 10 steps have movement and a reference.
+        ``meant`` are increments of the odometry, ``done`` those of the reference, (k, 3) each; rows
+        with NaN are left out. Of one whose ``left`` alone is NaN only the way ahead and the turn
+        are known. Fewer than 10 steps with movement and a reference are refused.
         """
         told, true, _ = moving(meant, done)
         driven, turned = lengths_of(told), np.abs(told[:, 2])
@@ -209,11 +188,7 @@ class OdometryMotion:
 
 
 def increments(actions: ArrayLike) -> Floats:
-    """Return actions (d, φ) or increments (forward, left, turn) as the latter, (..., 3).
-
-    Raises:
-        InputError: they have neither two nor three numbers.
-    """
+    """Return actions (d, φ) or increments (forward, left, turn) as the latter, (..., 3)."""
     given = np.asarray(actions, dtype=np.float64)
     columns = given.shape[-1] if given.ndim else 0
     if columns == 3:
@@ -253,12 +228,7 @@ _WIDE = 2**15  # poses
 
 @dataclass(frozen=True, kw_only=True)
 class ChargedDrives:
-    """Several steps of p and g in one compiled pass, with the same draws and bits as step by step.
-
-    Attributes:
-        motion: p(x_t | x_{t-1}, a_t).
-        floor_plan, radius, beta: of g, as in ``FreeSpace``.
-    """
+    """Several steps of p and g, as in ``FreeSpace``, in one compiled pass, bit by bit the same."""
 
     motion: OdometryMotion
     floor_plan: Map

@@ -66,7 +66,7 @@ class DifferentialMotion:
 
     def sample(self, states: Singles, action: Floats, rng: np.random.Generator) -> Singles:
         """Draw one successor of each pose (3, n), by 2 n uniform numbers, whatever the action."""
-        rot1, drive, rot2 = _turns_and_drive(_rows(action), self.still)
+        rot1, drive, rot2 = _turns_and_drive(increments(action).reshape(1, 3), self.still)
         r1, r2 = _either_way(rot1), _either_way(rot2)
         sd1 = np.sqrt(self.alpha1 * r1**2 + self.alpha2 * drive**2)
         sd_drive = np.sqrt(self.alpha3 * drive**2 + self.alpha4 * (r1**2 + r2**2))
@@ -98,13 +98,8 @@ class DifferentialMotion:
         fails in one step of fifty must stay possible. As the reference has noise of its own,
         directions and ρ count for the longer half of the steps, the sum of both turns for all.
 
-        Args:
-            meant: increments of the odometry, (k, 3); rows with NaN are left out.
-            done: increments of the reference, (k, 3), likewise. Of one whose ``left`` alone is NaN
-                only the way ahead, with its sign, and the turn are known, not the direction.
-
-        Raises:
-            InputError: fewer than 10 steps have movement and a reference.
+        The steps are as for ``OdometryMotion.fitted``. Of one whose ``left`` alone is NaN the way
+        ahead has a sign.
         """
         told, true, directed = moving(meant, done)
         still = cls().still
@@ -163,7 +158,7 @@ class OmniMotion:
 
     def sample(self, states: Singles, action: Floats, rng: np.random.Generator) -> Singles:
         """Draw one successor of each pose (3, n), by 2 n uniform numbers, whatever the action."""
-        told = _rows(action)
+        told = increments(action).reshape(1, 3)
         bearing, drive, _ = _turns_and_drive(told, 0.0)
         turn = told[:, 2]
         d, t = drive**2, turn**2
@@ -245,10 +240,6 @@ def moved(states: Singles, increment: Floats) -> Singles:
 def _check(motion: Any) -> None:
     for name, value in vars(motion).items():
         number(name, value, low=0)
-
-
-def _rows(action: Floats) -> Floats:
-    return increments(action).reshape(1, 3)
 
 
 def _turns_and_drive(told: Floats, still: float) -> tuple[Floats, Floats, Floats]:

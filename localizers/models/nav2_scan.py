@@ -6,7 +6,6 @@ map's unit; densities of random readings are per metre on every map, as there.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import ClassVar, NamedTuple, final
@@ -20,7 +19,7 @@ from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, exp64, log64, sin64
 from deqmcl_gym.numerics.types import Bools, Floats, Singles
-from deqmcl_gym.validation import InputError, integer, number
+from deqmcl_gym.validation import InputError, integer
 from localizers.models.scan import Scan
 
 
@@ -33,15 +32,9 @@ def table_at_ends(
     frame: tuple[float, float, float, float, float],
     out: Singles,
 ) -> None:
-    """Fill in the table's value at the cell that each beam ends in; inf off the table.
+    """Fill in the table's value at the cell that each beam ends in, (B, n); inf off the table.
 
-    Args:
-        origins: of the beams, rows x, y, θ, (3, n).
-        ranges, bearings: (B,).
-        table: of square cells, (rows, columns), the lowest row first.
-        frame: lower left corner (x, y) of the first cell, cos and sin of the table's yaw, and a
-            cell's edge.
-        out: (B, n).
+    Table and frame are as in ``DistanceTable``, ``origins`` those of the beams, (3, n).
     """
     x0, y0, cos_yaw, sin_yaw, cell = frame
     rows, columns = table.shape
@@ -66,31 +59,25 @@ def table_at_ends(
 
 
 @compiled
-def sum_of_cubes(
-    squares: Singles, cut: float, scale: float, hit: float, rand: float, out: Floats
+def weigh(
+    squares: Singles, cut: float, scale: float, hit: float, rand: float, cubes: bool, out: Floats
 ) -> None:
-    """Fill in log(1 + Σ_b q³), q = hit exp(scale min(d², cut)) + rand, of squares d² (B, n)."""
-    out[:] = 1.0
+    """Fill in log(1 + Σ_b q³), or else Σ_b log q; q = hit exp(scale min(d², cut)) + rand.
+
+    ``squares`` are the d² of beams and poses, (B, n).
+    """
+    out[:] = 1.0 if cubes else 0.0
+    q = np.empty(out.size)
     for beam in range(squares.shape[0]):
         for i in range(out.size):
             square = np.float64(squares[beam, i])
-            q = hit * exp64(scale * (square if square < cut else cut)) + rand
-            out[i] += q * q * q
-    for i in range(out.size):
+            q[i] = hit * exp64(scale * (square if square < cut else cut)) + rand
+        for i in range(out.size if cubes else 0):
+            out[i] += q[i] * q[i] * q[i]
+        for i in range(0 if cubes else out.size):
+            out[i] += log64(q[i]) if q[i] > 0.0 else -np.inf
+    for i in range(out.size if cubes else 0):
         out[i] = log64(out[i])
-
-
-@compiled
-def log_product(
-    squares: Singles, cut: float, scale: float, hit: float, rand: float, out: Floats
-) -> None:
-    """Fill in Σ_b log q; the rest as ``sum_of_cubes``."""
-    out[:] = 0.0
-    for beam in range(squares.shape[0]):
-        for i in range(out.size):
-            square = np.float64(squares[beam, i])
-            q = hit * exp64(scale * (square if square < cut else cut)) + rand
-            out[i] += log64(q) if q > 0.0 else -np.inf
 
 
 @compiled
@@ -104,13 +91,8 @@ def beams_cubed(
 ) -> None:
     """Fill in log(1 + Σ_b q³), q: the four parts of a beam; see ``BeamCubes``.
 
-    Args:
-        ranges: m, (B,).
-        expected: by the map, in its unit, NaN outside, which counts as 0, (B, n).
-        metres: in a unit of the map.
-        shares: z_hit, z_short, z_max, z_rand.
-        model: max_range, m; σ, m; λ, 1/m.
-        out: (n,).
+    Ranges are in m, expected ones in the map's unit, of ``metres``; NaN, outside, counts as 0. The
+    model is max_range, σ and 1/λ in m.
     """
     z_hit, z_short, z_max, z_rand = shares
     max_range, sigma, decay = model
@@ -198,8 +180,6 @@ class _Field:
     """q = z_hit exp(-d² / 2σ²) + z_rand / max_range of each beam, by the distance d of its end.
 
     Attributes:
-        hit, rand: z_hit and z_rand, not normalised.
-        sigma: σ, in the map's unit.
         farthest: the largest d, also that of ends off the map, in the map's unit.
         max_beams: at least 2.
         cell: edge of the table's cells on a map of polygons.
@@ -214,14 +194,9 @@ class _Field:
     max_beams: int = 60
     cell: float
 
-    _combine: ClassVar[Callable[..., None]]  # of the densities of all beams
+    _cubes: ClassVar[bool]  # whether they, or else logarithms, are added up over beams
 
     def __post_init__(self) -> None:
-        number("sigma_hit", self.sigma, low=0, above=True)
-        number("laser_likelihood_max_dist", self.farthest, low=0, above=True)
-        number("z_hit", self.hit, low=0)
-        number("z_rand", self.rand, low=0)
-        number("field_cell", self.cell, low=0, above=True)
         integer("max_beams", self.max_beams, low=2)
         _ = self.table  # made now, not in the first update
 
@@ -261,7 +236,8 @@ class _Field:
         if self.informative(scan.ranges).any():
             for start in range(0, out.size, _BLOCK):
                 some = slice(start, start + _BLOCK)
-                self._combine(self.squares(states[:, some], scan.ranges), *self._model, out[some])
+                squares = self.squares(states[:, some], scan.ranges)
+                weigh(squares, *self._model, self._cubes, out[some])
         return out
 
     @property
@@ -279,7 +255,7 @@ class LikelihoodField(_Field):
     Source: likelihood_field_model.cpp. Attributes as ``_Field``.
     """
 
-    _combine = staticmethod(sum_of_cubes)
+    _cubes = True
 
 
 @final
@@ -290,7 +266,7 @@ class LikelihoodFieldProb(_Field):
     Source: likelihood_field_model_prob.cpp. Attributes as ``_Field``.
     """
 
-    _combine = staticmethod(log_product)
+    _cubes = False
 
     @property
     def step(self) -> int:
@@ -310,10 +286,6 @@ class BeamSkipping:
 
     Source: likelihood_field_model_prob.cpp.
 
-    Attributes:
-        field: where beams end.
-        distance: in the map's unit.
-        threshold, error_threshold: shares of the particles and of the beams.
     """
 
     field: LikelihoodFieldProb
@@ -343,12 +315,6 @@ class BeamCubes:
     [z < max_range] z_rand / max_range. Rays stop at unknown cells, and are 0 from outside.
 
     Source: beam_model.cpp, map_range.c; rays are exact here.
-
-    Attributes:
-        hit, short, max, rand: z_hit, z_short, z_max, z_rand, not normalised.
-        sigma: σ, in the map's unit.
-        decay: λ, per unit of length.
-        max_beams: at least 2.
     """
 
     floor_plan: Map
@@ -362,10 +328,6 @@ class BeamCubes:
     max_beams: int = 60
 
     def __post_init__(self) -> None:
-        for name in ("hit", "short", "max", "rand"):
-            number(f"z_{name}", getattr(self, name), low=0)
-        number("sigma_hit", self.sigma, low=0, above=True)
-        number("lambda_short", self.decay, low=0)
         integer("max_beams", self.max_beams, low=2)
         _ = self._stopping
 

@@ -30,11 +30,7 @@ _STEPS = np.array(
 
 @dataclass(frozen=True, kw_only=True)
 class PolygonRegion:
-    """The inside of a simple polygon, as of a room.
-
-    Attributes:
-        corners: (x, y) in order, (k, 2), in the map's unit; the last is joined to the first.
-    """
+    """The inside of a simple polygon, as of a room: corners (x, y) in order, in the map's unit."""
 
     corners: tuple[tuple[float, float], ...] = field(metadata=LENGTH)
 
@@ -133,21 +129,17 @@ def _first(
     radius: float,
     region: Region | None = None,
 ) -> Singles:
-    """Return the first ``count`` free poses at shares, (3, count).
-
-    Raises:
-        InputError: next to none is free.
-    """
-    found, tried = [np.empty((0, 3))], 0
-    while sum(map(len, found)) < count:
-        found.append(_free(floor_plan, drawn := next(shares), radius, region))
+    """Return the first ``count`` free poses at shares, (3, count)."""
+    free, tried = [np.empty((0, 3))], 0
+    while sum(map(len, free)) < count:
+        free.append(_free(floor_plan, drawn := next(shares), radius, region))
         tried += len(drawn)
-        if tried > _MOST and not any(map(len, found)):
+        if tried > _MOST and not any(map(len, free)):
             raise InputError(
                 f"of {tried:,} places on the floor plan, none is free for a radius of {radius:g}: "
                 "give a map with more free space."
             )
-    return np.ascontiguousarray(np.vstack(found)[:count].T, dtype=np.float32)
+    return np.ascontiguousarray(np.vstack(free)[:count].T, dtype=np.float32)
 
 
 def _even_shares(start: int, count: int = _BLOCK) -> Floats:
@@ -244,7 +236,6 @@ class UniformPrior:
     """x_0 is anywhere in the free space of a region, with any heading: the robot must be found.
 
     Attributes:
-        floor_plan: the map m.
         radius: of a disc that must fit at x_0, in the map's unit.
         region: ``PolygonRegion`` or ``AnnulusRegion``; None is the whole map.
     """
@@ -312,9 +303,7 @@ class UniformPrior:
 class MixturePrior:
     """p(x_0) = Σ w_k p_k(x_0): one of several places.
 
-    Attributes:
-        parts: p_k.
-        weights: w_k, above 0 with any sum; None: all equal.
+    ``weights`` are above 0 with any sum; None: all equal.
     """
 
     parts: tuple[Prior, ...]

@@ -21,8 +21,6 @@ class RobotModel:
     """The robot as a localizer knows it: its map, its sensor and the assumed noise.
 
     Attributes:
-        floor_plan: the map m.
-        lidar: geometry of the sensor.
         radius: of the robot's disc, in the map's unit; None is 8 px, or 0.16 m.
         motion: p(x_t | x_{t-1}, a_t); None is ``OdometryMotion``'s default, or on a map in metres
             that of ``DifferentialMotion``.
@@ -72,14 +70,7 @@ class RobotModel:
         return self._by_beams(self.scan)
 
     def beam_scan(self, asked_by: str) -> LidarScan:
-        """Return the scan model, a product over beams.
-
-        Args:
-            asked_by: who needs single beams, for the error message.
-
-        Raises:
-            InputError: it is a model of whole scans.
-        """
+        """Return the scan model, a product over beams; refuse one of whole scans to who asks."""
         if isinstance(self.scan, ScanSource):
             raise InputError(
                 f"{asked_by} looks at single beams, but the scan model {self.scan} tells only of "

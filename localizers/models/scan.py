@@ -25,13 +25,7 @@ def _mark_usable(ranges: Floats, max_range: float, out: Bools) -> int:
 
 
 class Scan(NamedTuple):
-    """A scan o_t.
-
-    Attributes:
-        ranges: (B,).
-        usable: which beams are numbers in [0, max_range], (B,).
-        beams: how many these are.
-    """
+    """A scan o_t, (B,): which beams are ``usable``, numbers in [0, max_range], and how many."""
 
     ranges: Floats
     usable: Bools
@@ -125,14 +119,19 @@ class LidarScan:
             measured, used = measured[scan.usable], scan.usable
         expected = np.empty((measured.size, states.shape[1]), np.float32)
         self.lidar.cast(self.floor_plan.caster, states, expected, used)
-        _leave_out(expected, self.lidar)
+        if len(self.lidar.places) > 1:
+            _leave_out(expected)
         return measured, expected
 
     def weighed(self, measured: Floats, expected: Singles) -> Floats:
         """Log-likelihood of usable ranges (B,), one or more, given the exact ones, (B, n), (n,)."""
-        found = self.beam.log_likelihood(measured, expected.T, self.lidar.max_range)
-        fill_where_nan(expected[0], measured.size * self._outside, found)
-        return found
+        n = expected.shape[1]
+        if n > _BLOCK:
+            blocks = [expected[:, start : start + _BLOCK].copy() for start in range(0, n, _BLOCK)]
+            return np.concatenate([self.weighed(measured, block) for block in blocks])
+        out = self.beam.log_likelihood(measured, expected.T, self.lidar.max_range)
+        fill_where_nan(expected[0], measured.size * self._outside, out)
+        return out
 
     @cached_property
     def _outside(self) -> float:
@@ -145,10 +144,9 @@ class LidarScan:
         return min(OUTSIDE, float(arrays.log(least)))
 
 
-def _leave_out(expected: Singles, lidar: Lidar) -> None:
+def _leave_out(expected: Singles) -> None:
     """Mark a pose as outside, NaN in all of ``expected`` (b, n), if one of several mounts is."""
-    if len(lidar.places) > 1:
-        expected[:, np.isnan(expected).any(axis=0)] = np.nan
+    expected[:, np.isnan(expected).any(axis=0)] = np.nan
 
 
 class ScanTable:
@@ -158,17 +156,14 @@ class ScanTable:
         """Cast the rays of poses (3, n)."""
         self._scan = scan
         self._expected = scan.lidar.ranges(scan.floor_plan, states).T  # (B, n)
-        _leave_out(self._expected, scan.lidar)
+        if len(scan.lidar.places) > 1:
+            _leave_out(self._expected)
 
     def log_likelihood(self, scan: Scan) -> Floats:
         """Log-likelihood of a scan at each pose, (n,)."""
-        n = self._expected.shape[1]
         if scan.beams == 0:
-            return np.zeros(n)
+            return np.zeros(self._expected.shape[1])
         measured, expected = scan.ranges, self._expected
         if scan.beams < measured.size:
             measured, expected = measured[scan.usable], expected[scan.usable]
-        if n <= _BLOCK:
-            return self._scan.weighed(measured, expected)
-        blocks = [expected[:, start : start + _BLOCK] for start in range(0, n, _BLOCK)]
-        return np.concatenate([self._scan.weighed(measured, block.copy()) for block in blocks])
+        return self._scan.weighed(measured, expected)

@@ -11,7 +11,7 @@ from scipy import stats
 
 from benchmarks.trials.clouds import belief_moments, calibration, cloud_of, covariance_floor, joined
 from deqmcl_gym.validation import InputError
-from localizers.inference.gaussian import gaussian_points
+from localizers.methods.ekf import gaussian_points
 
 PI = math.pi
 TRUTH = np.array([110.0, 50.0, -3.1])

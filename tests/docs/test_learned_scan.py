@@ -17,7 +17,7 @@ from benchmarks.setup.names import scenario
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from localizers.models.scan import Scan
-from localizers.scan_plug_in import ScanPlugIn
+from localizers.registry import ScanPlugIn
 
 FOLDER = ROOT / "docs" / "examples" / "learned_scan"
 MODEL = f"{FOLDER}/learned_scan.py:LearnedScan"

@@ -16,10 +16,9 @@ from itertools import pairwise, product
 
 import numpy as np
 
-from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.plan_evidence import Foresight, PlanEvidence
+from localizers.inference.futures import Foresight, PlanEvidence
+from localizers.inference.particle_filter import InformedStart, ParticleFilter
 from localizers.inference.resampling import Resampling
-from localizers.inference.start import InformedStart
 from localizers.models.scan import Scan
 
 STATES, STEPS = 5, 4

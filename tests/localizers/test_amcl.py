@@ -11,7 +11,7 @@ from following import robot_of, started, updated
 import localizers
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
 from localizers.inference.resampling import KldSampling, limit, searched
-from localizers.methods.amcl import OMNI, UpdateGate, WeightAverages
+from localizers.methods.amcl import OMNI, WeightAverages, has_moved
 from localizers.models.nav2_motion import moved
 from localizers.models.scan import LidarScan, Scan
 
@@ -111,8 +111,7 @@ def test_after_random_poses_the_averages_start_anew(robot, prior):
 def test_an_update_needs_more_than_either_minimum_along_an_axis_of_the_odometry(
     since, heading, opens
 ):
-    gate = UpdateGate(distance=0.25, angle=0.2)
-    assert gate.opens(np.array(since), heading) == opens
+    assert has_moved(np.array(since), heading, 0.25, 0.2) == opens
 
 
 def test_between_updates_the_cloud_moves_along_the_odometry_without_noise(robot, prior):

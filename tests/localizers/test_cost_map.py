@@ -11,8 +11,7 @@ from ring import COLLIDES, DRIVES, GRADED, METHODS, PLANS, RingMap, worst, z_sco
 
 from deqmcl_gym.maps import GridMap
 from localizers import make
-from localizers.models.cost_map import CostImage, CostMap, Inflation
-from localizers.models.plan_sensor import FreeSpace
+from localizers.models.feasibility import CostImage, CostMap, FreeSpace, Inflation
 
 RNG = np.random.default_rng
 METHODS_ON_THE_MAP = ("mcl-map", "mcl-map-smoother", "deq-mcl", "deq-mcl-fresh",

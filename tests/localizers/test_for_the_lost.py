@@ -27,9 +27,10 @@ import localizers
 from deqmcl_gym.maps import GridMap, Lidar
 from deqmcl_gym.maps.office import Office
 from deqmcl_gym.validation import InputError
+from localizers.inference.loss_detector import Recovery
+from localizers.inference.particle_filter import Injection, is_new
 from localizers.inference.resampling import power_that_keeps
-from localizers.inference.start import Injection, Recovery, Watch, is_new
-from localizers.models.plan_sensor import PlanSensor
+from localizers.models.feasibility import PlanSensor
 from localizers.models.prior import even_poses, random_poses
 
 RNG = np.random.default_rng
@@ -246,7 +247,7 @@ def test_a_route_is_news_only_for_a_while_however_lost_the_robot_is(robot, prior
     made = varied(made, injection=replace(made.filter.injection, recovery=Doubt(always=share)))
     route = np.tile([5.0, 0.1], (40, 1))
     plans = [actions, actions[1:], *(route[t:] for t in range(11))]
-    news = [b.recall(Watch).news for b in follow(made, prior, (actions, scans), plans=plans)]
+    news = [b.watch.news for b in follow(made, prior, (actions, scans), plans=plans)]
     assert news == [0, 0, 4, 3, 2, 1, *[0] * 7]
 
 

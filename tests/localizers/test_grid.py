@@ -12,8 +12,8 @@ from following import STILL, follow, robot_of
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
-from localizers.inference.grid_motion import GridMotion, PoseGrid
 from localizers.methods import grid as method
+from localizers.methods.grid import GridMotion, PoseGrid
 
 SMALL = PolygonMap(
     outer=[(0, 0), (60, 0), (60, 40), (0, 40)], obstacles=[[(23, 13), (38, 13), (38, 27), (23, 27)]]

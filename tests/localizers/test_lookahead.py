@@ -13,7 +13,7 @@ from localizers import OdometryMotion
 from localizers.inference.futures import DrawnFuture, Rollout, StepByStep
 from localizers.inference.hedge import hedged
 from localizers.models import motion
-from localizers.models.plan_sensor import FreeSpace
+from localizers.models.feasibility import FreeSpace
 
 PAST, BOTH = range(-6, 1), range(-6, 7)
 

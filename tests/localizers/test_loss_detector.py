@@ -10,7 +10,7 @@ from following import follow, robot_of, small, started
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
 from localizers.inference.loss_detector import FOUND_AGAIN, LOST, MEMORY, LossDetector, LostDensity
-from localizers.inference.weights import log_evidence
+from localizers.inference.particles import log_evidence
 from localizers.models.prior import even_poses
 from localizers.models.scan import Scan
 

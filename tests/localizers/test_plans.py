@@ -12,9 +12,9 @@ from hypothesis.extra.numpy import arrays
 
 import localizers
 from deqmcl_gym.maps import Lidar, Map, PolygonMap
-from localizers.inference.plan_evidence import tempering
+from localizers.inference.futures import tempering
+from localizers.models.feasibility import PlanSensor
 from localizers.models.motion import increments
-from localizers.models.plan_sensor import PlanSensor
 
 INF = math.inf
 RNG = np.random.default_rng

@@ -40,7 +40,7 @@ from ring import (
     z_scores,
 )
 
-from localizers.inference.plan_evidence import Foresight
+from localizers.inference.futures import Foresight
 
 ALWAYS, DEGENERATE = RESAMPLING
 CONDITIONS = [(ALWAYS, 2.0), (DEGENERATE, 1.0)]  # how it resamples, and β

@@ -18,9 +18,8 @@ from ring import (
     z_scores,
 )
 
-from localizers.inference.futures import Redraw, Rollout
+from localizers.inference.futures import PlanEvidence, Redraw, Rollout
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.plan_evidence import PlanEvidence
 
 REPLICATES = 500  # fewer than where the right ones pass
 

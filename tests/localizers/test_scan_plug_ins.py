@@ -15,7 +15,7 @@ from benchmarks.trials.plugins import guest_of, key_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from localizers.models.scan import LidarScan, Scan
-from localizers.scan_plug_in import ScanPlugIn
+from localizers.registry import ScanPlugIn
 
 MODEL = """
 import numpy as np

@@ -10,9 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from localizers import best_cluster, mean_pose
-from localizers.inference import grid_motion
 from localizers.inference.belief import ParticleBelief
-from localizers.inference.gaussian import gaussian_points, sigma_points
+from localizers.inference.particles import (
+    effective_sample_size,
+    log_sum_exp,
+    normalized_with_log_sum,
+)
 from localizers.inference.queue import Queue
 from localizers.inference.resampling import (
     SCHEMES,
@@ -21,11 +24,8 @@ from localizers.inference.resampling import (
     stratified,
     systematic,
 )
-from localizers.inference.weights import (
-    effective_sample_size,
-    log_sum_exp,
-    normalized_with_log_sum,
-)
+from localizers.methods import grid as grid_motion
+from localizers.methods.ekf import gaussian_points, sigma_points
 from localizers.models.scan import Scan
 
 INF = math.inf

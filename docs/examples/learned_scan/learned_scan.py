@@ -23,7 +23,7 @@ from deqmcl_gym.numerics.arrays import normal_cdf
 from deqmcl_gym.validation import InputError
 from localizers import LatentShare, Localizer, RobotModel, make
 from localizers.models.scan import OUTSIDE, Scan
-from localizers.scan_plug_in import ScanPlugIn
+from localizers.registry import ScanPlugIn
 
 WEIGHTS = Path(__file__).with_name("learned_scan.npz")
 READ, HIDDEN, SAID = 12, 24, 9  # numbers that describe a beam; of units; that the net answers

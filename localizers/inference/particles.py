@@ -1,11 +1,67 @@
-"""Log-weights of particles: their sum, their normalisation, and what evidence makes of them."""
+"""States and log-weights of particles over any state space; the parts of a filter, as protocols.
+
+States are columns, (d, n): row i holds component i of all n particles. On a map they are poses,
+d = 3 (x, y, heading); the tests of exactness use a ring of five states.
+"""
+
+from collections.abc import Callable
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
-from deqmcl_gym.numerics.types import Floats
-from localizers.inference.parts import LogWeights, Weights
+from deqmcl_gym.numerics.types import Floats, Indices
+from localizers.models.scan import Scan
+
+States = NDArray[Any]  # (d, n)
+LogWeights = Floats  # (n,)
+Weights = Floats  # (n,), with sum 1
+Action = Floats  # (k,)
+Actions = Floats  # (steps, k)
+
+
+class Initial(Protocol):
+    """p(x_0)."""
+
+    def sample(self, n: int, rng: np.random.Generator) -> NDArray[Any]:
+        """Draw n states, (n, d)."""
+
+
+class BeamFilter(Protocol):
+    """Which beams of a scan a belief uses."""
+
+    def kept(self, states: States, log_weights: LogWeights, scan: Scan) -> Scan:
+        """Return a scan without the beams that the belief before it leaves out.
+
+        The belief is the particles' states, moved, (d, n), and their log-weights, (n,).
+        """
+
+
+class Feasibility(Protocol):
+    """g(x', x), how feasible the step x' → x is on the map."""
+
+    def log_g(self, before: States, after: States) -> LogWeights:
+        """Log g of each step, (n,)."""
+
+
+Paths = Callable[[Indices], list[States]]
+
+
+class Walk(Protocol):
+    """Several steps of p(x_s | x_{s-1}, u_s), each charged by g."""
+
+    def __call__(
+        self, states: States, actions: Actions, rng: np.random.Generator, *, keep: bool
+    ) -> tuple[Paths, LogWeights]:
+        """Draw one path from each state, (d, n).
+
+        Returns:
+            The states after each step, (d, k) each, of the k paths that are asked for by number
+            (none unless ``keep``), and log Π g of each path, (n,). Same draws, and same bits, as
+            ``StepByStep``.
+        """
 
 
 @compiled
@@ -99,11 +155,6 @@ def absorbed(
 def log_sum_exp(log_weights: LogWeights) -> float:
     """Log Σ exp(log w), -inf if all weights are zero."""
     return normalize(log_weights, np.empty_like(log_weights))
-
-
-def normalized(log_weights: LogWeights) -> Weights:
-    """Weights with sum 1, (n,)."""
-    return normalized_with_log_sum(log_weights)[0]
 
 
 def normalized_with_log_sum(log_weights: LogWeights) -> tuple[Weights, float]:

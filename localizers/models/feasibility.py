@@ -1,7 +1,9 @@
-"""The graded p(x_t | m): a step costs more the nearer to a wall it ends, as on ROS' cost maps.
+"""How feasible a step is on the map, and a plan from a pose: nobody plans through walls.
 
-The paper's p(x_t | m) is "based on the configuration space (C-space) or cost map"; ``FreeSpace`` is
-the former, ``CostMap`` the latter. Source: nav2_costmap_2d, inflation_layer.
+g(x', x) = exp(-β C(x', x)) is the paper's p(x_t | m), whether a step is feasible on the map;
+p(π_t | x_t, m) is its product over the steps of a plan. The paper's p(x_t | m) is "based on the
+configuration space (C-space) or cost map": ``FreeSpace`` is the former, ``CostMap`` the latter, on
+which a step costs more the nearer to a wall it ends (nav2_costmap_2d, inflation_layer).
 """
 
 import os
@@ -16,8 +18,107 @@ from deqmcl_gym.maps import GridMap, Map
 from deqmcl_gym.maps.grid_file import image_with_place
 from deqmcl_gym.maps.map import PIXELS, pixel
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import cos64, sin64
+from deqmcl_gym.numerics.types import Floats, Ints, Singles
 from deqmcl_gym.validation import InputError, number
+from localizers.models.motion import ChargedDrives, OdometryMotion, increments
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class FreeSpace:
+    """g = exp(-β) if the robot's disc, swept from x' to x, touches a wall or leaves free space.
+
+    The map-based motion model of the paper's eq. (1) with p(x_t | m) = exp(-β C), C in {0, 1} per
+    step. Thrun et al. 2005, section 5.5. β ≥ 0; 0 charges nothing, inf rejects the step outright.
+    """
+
+    floor_plan: Map
+    radius: float
+    beta: float = 10.0
+
+    def __post_init__(self) -> None:
+        number("beta", self.beta, low=0, finite=False)
+
+    def log_g(self, before: Singles, after: Singles) -> Floats:
+        """-β for each step that collides, else 0, (n,)."""
+        collides = self.floor_plan.collides(before.T, after.T, self.radius)
+        return np.where(collides, -self.beta, 0.0)
+
+    def walk(self, motion: object) -> ChargedDrives | None:
+        """Return whole roll-outs of an ``OdometryMotion`` in one pass; None for other motions."""
+        if not isinstance(motion, OdometryMotion):
+            return None
+        return ChargedDrives(
+            motion=motion, floor_plan=self.floor_plan, radius=self.radius, beta=self.beta
+        )
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class PlanSensor:
+    """Log p(π_t | x_t, m) = -β C(x_t, π_t), up to a constant; C planned steps collide.
+
+    C = Σ_k C(y_{k-1}, y_k), y_0 = x_t and y_k = y_{k-1} moved by the k-th planned action without
+    noise: the author corrects for noise on the way, so a plan is feasible as written. All
+    poses follow one path, rotated and shifted; nothing is drawn. Only collisions count, also where
+    steps are charged by a ``CostMap``: that nobody plans through walls holds of every author, how
+    far from them he keeps does not, and L small costs would add up to a claim about him. β ≥ 0; inf
+    rules out poses from which a planned step collides.
+    """
+
+    floor_plan: Map
+    radius: float
+    beta: float = 10.0
+
+    def __post_init__(self) -> None:
+        number("plan_beta", self.beta, low=0, finite=False)
+
+    def log_likelihood(self, states: Singles, plan: Floats) -> Floats:
+        """Log p(π | x, m) of a plan (h, 3) at poses (3, n), up to a constant: 0 if feasible."""
+        return charges(self.beta, self.collisions(states, plan))
+
+    def collisions(self, states: Singles, plan: Floats, first: int = 0) -> Ints:
+        """How many planned steps, (h, 2 or 3), collide from each pose, (n,), from ``first`` on."""
+        poses, path = np.ascontiguousarray(states, np.float32), plan_path(plan)[first:]
+        if len(path) < 2:
+            return np.zeros(poses.shape[1], np.int32)
+        return self.floor_plan.collisions_along(poses, path, self.radius)
+
+
+def charges(beta: float, collisions: Ints) -> Floats:
+    """Return -β C of each C, (n,); 0 where C is 0, even if β is infinite."""
+    found = np.empty(collisions.size)
+    _charge(beta, collisions, found)
+    return found
+
+
+@compiled
+def _charge(beta: float, collisions: Ints, out: Floats) -> None:
+    for i in range(out.size):
+        out[i] = -beta * collisions[i] if collisions[i] > 0 else 0.0
+
+
+def plan_path(plan: Floats) -> Singles:
+    """Where actions (h, 2 or 3) lead without noise, seen from where they start, (h + 1, 2)."""
+    path = np.empty((len(plan) + 1, 2), np.float32)
+    _drive_on(increments(plan), path)
+    return path
+
+
+@compiled
+def _drive_on(moves: Floats, out: Singles) -> None:
+    x, y, heading = 0.0, 0.0, 0.0
+    out[0] = 0.0
+    for k in range(len(moves)):
+        forward, left = moves[k, 0], moves[k, 1]
+        heading += moves[k, 2]
+        cosine, sine = cos64(heading), sin64(heading)
+        x += forward * cosine - left * sine
+        y += forward * sine + left * cosine
+        out[k + 1, 0], out[k + 1, 1] = x, y
+
 
 INSCRIBED, NO_INFORMATION = 253, 255  # values of nav2_msgs/Costmap from which on a robot collides
 _BLOCK = 2**16  # cells tested at a time
@@ -30,13 +131,8 @@ class CostMap:
     """Log g = -β cost: 1 if the step x' → x collides, as in ``FreeSpace``, else the cost at x.
 
     A step is charged for where it ends, not for its way: the next step begins there, so a way is
-    charged by the states along it, each once.
-
-    Attributes:
-        floor_plan: the map m.
-        radius: of the robot's disc, in the map's unit.
-        cost: where the robot does not collide.
-        beta: β ≥ 0; at inf every step that costs anything is rejected.
+    charged by the states along it, each once. β ≥ 0; at inf every step that costs anything is
+    rejected. ``cost`` counts where the robot does not collide.
     """
 
     floor_plan: Map
@@ -63,7 +159,6 @@ class Inflation:
     d is the exact distance of the robot's centre from the nearest wall; Nav2 takes that of cells.
 
     Attributes:
-        floor_plan: the map m.
         radius: of the robot's disc, Nav2's inscribed radius.
         inflation_radius: at least ``radius``; equal, nothing but a collision costs.
         cost_scaling_factor: per unit of length; None is Nav2's 10 / m, 0.2 / px.
@@ -106,10 +201,8 @@ class Inflation:
 class CostImage:
     """The costs of square cells, each of its whole square; 0 off the image.
 
-    Attributes:
-        costs: from 0 to 1, the lowest row first, (rows, columns).
-        resolution: edge of a cell, in the map's unit.
-        origin: pose of the lower left corner of the first cell (x, y, yaw).
+    They are from 0 to 1, the lowest row first, (rows, columns). A cell has an edge of
+    ``resolution``, in the map's unit, the first one its lower left corner at ``origin``, a pose.
     """
 
     costs: Floats
@@ -124,15 +217,11 @@ class CostImage:
         the cells of the floor plan. Values are those of nav2_msgs/Costmap: 0 free, to 252; from 253
         on the robot collides; 255 no information, no cost. With ``mode: raw`` they are those of the
         published nav_msgs/OccupancyGrid: 0 to 98, from 99 on it collides, else no information.
-
-        Raises:
-            InputError: a file cannot be read, is not aligned with the floor plan, or is no cost
-                map.
         """
         if not isinstance(path, str | os.PathLike):
             raise InputError(f"cost_map is {path!r}, but must be the path of an image or a yaml.")
         try:
-            pixels, said = image_with_place(path)
+            pixels, place = image_with_place(path)
         except InputError as error:
             raise InputError(f"cost_map: {error}") from None
         if pixels.dtype != np.uint8 or pixels.shape[2] != 1:
@@ -140,20 +229,20 @@ class CostImage:
                 f"the cost map {path} has {pixels.shape[2]} channels of {pixels.dtype}, but must "
                 "be an image of one channel of 8 bits (PGM, or a grey PNG)."
             )
-        costs = _costs(pixels[::-1, :, 0], of_grid=said.get("mode") == "raw")
+        costs = _costs(pixels[::-1, :, 0], of_grid=place.get("mode") == "raw")
         grid = floor_plan if isinstance(floor_plan, GridMap) else None
-        if said:
-            found = cls(costs=costs, resolution=said["resolution"], origin=said["origin"])
+        if place:
+            image = cls(costs=costs, resolution=place["resolution"], origin=place["origin"])
         elif grid is not None and grid.occupancy.shape == costs.shape:
-            found = cls(costs=costs, resolution=grid.resolution, origin=grid.origin)
+            image = cls(costs=costs, resolution=grid.resolution, origin=grid.origin)
         else:
             has = "has no cells" if grid is None else f"has {_size(grid.occupancy)}"
             raise InputError(
                 f"the cost map {path} has {_size(costs)} cells, but the floor plan {has}: give a "
                 "yaml file that names this image and says resolution and origin, as a map's does."
             )
-        found._refuse_elsewhere(path, floor_plan, radius)
-        return found
+        image._refuse_elsewhere(path, floor_plan, radius)
+        return image
 
     def at(self, points: Singles) -> Floats:
         """Cost from 0 (none) to 1 (as a collision) at points, rows x, y, (2+, n); (n,)."""
