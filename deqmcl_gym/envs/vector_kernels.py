@@ -7,16 +7,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deqmcl_gym.maps.contact_kernels import (
-    first_contact,
-    first_contact_with_walls,
-    gap_to_walls,
-)
-from deqmcl_gym.maps.grid_kernels import cast_cells, distances
+from deqmcl_gym.maps.grid_kernels import cast_cells, distances, enters_circle, first_contact
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
-from deqmcl_gym.world.driver_kernels import room_for_noise, steer
-from deqmcl_gym.world.path_kernels import drive_along, judged_step, noisy_drive
+from deqmcl_gym.world.path_kernels import (
+    drive_along,
+    judged_step,
+    noisy_drive,
+    room_for_noise,
+    steer,
+)
 
 
 def sides(walls: Floats) -> Floats:
@@ -322,10 +322,10 @@ def _ahead(
 ) -> tuple[float, float]:
     """Return the gap of a robot to the nearest wall, and the share of a drive to its contact."""
     if cells[0].shape[1] == 0:
-        gap = gap_to_walls(x, y, walls) - radius
+        gap = _gap_to_walls(x, y, walls) - radius
         if gap > way + skin:
             return gap, np.inf
-        return gap, 0.0 if gap < 0.0 else first_contact_with_walls(x, y, dx, dy, walls, radius)
+        return gap, 0.0 if gap < 0.0 else _contact_with_walls(x, y, dx, dy, walls, radius)
     reach, up, down, frame = _grid(cells, slot)
     point, found = np.array(((x,), (y,))), np.empty(1, np.float32)
     distances(point, reach, up, down, frame, found)
@@ -334,6 +334,43 @@ def _ahead(
         return gap, np.inf
     end = x + dx, y + dy
     return gap, 0.0 if gap < 0.0 else first_contact((x, y), end, reach, frame, radius)
+
+
+@compiled
+def _gap_to_walls(x: float, y: float, walls: Floats) -> float:
+    """Distance of a point to the nearest wall."""
+    least = np.inf
+    for wall in range(walls.shape[0]):
+        px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start
+        ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
+        along = px * ex + py * ey
+        beyond = along - min(max(along, 0.0), length)
+        height = ex * py - ey * px
+        least = min(least, height * height + beyond * beyond)
+    distance: float = np.sqrt(least)
+    return distance
+
+
+@compiled
+def _contact_with_walls(
+    x: float, y: float, dx: float, dy: float, walls: Floats, radius: float
+) -> float:
+    """Share of (dx, dy) at which a disc that starts clear of walls first touches one; or inf."""
+    first: float = np.inf
+    for wall in range(walls.shape[0]):
+        px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start
+        ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
+        # the side of the wall in free space
+        gap = ex * py - ey * px - radius
+        sinks = dx * ey - dy * ex  # decrease of the gap along the drive
+        if 0.0 <= gap < sinks:
+            share = gap / sinks
+            at = px * ex + py * ey + share * (dx * ex + dy * ey)
+            if 0.0 <= at <= length:
+                first = min(first, share)
+        # the corner at its start
+        first = min(first, enters_circle(px, py, dx, dy, radius))
+    return first
 
 
 @compiled

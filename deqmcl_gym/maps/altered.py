@@ -11,12 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.maps import grid_walls
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED
 from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.map import Map, pixel
 from deqmcl_gym.maps.polygon_map import PolygonMap
-from deqmcl_gym.maps.polygons import Polygon, oriented_edges, signed_area
+from deqmcl_gym.maps.polygons import Polygon, oriented_edges, outlines_of, signed_area
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
 from deqmcl_gym.validation import InputError
 
@@ -301,7 +300,7 @@ def _cut(floor_plan: PolygonMap, boxes: Floats) -> PolygonMap:
         solid[slice(*_nearest(lattice.vs, vs)), slice(*_nearest(lattice.us, us))] = False
     outer, *obstacles = (
         list(zip(lattice.us[o[:, 0]].tolist(), lattice.vs[o[:, 1]].tolist(), strict=True))
-        for o in grid_walls.outlines_of(solid)
+        for o in outlines_of(solid)
     )
     oblique = [o for o in floor_plan.obstacles if not _is_parallel(o)]
     outside = outer if _is_parallel(floor_plan.outer) else floor_plan.outer

@@ -394,3 +394,65 @@ def _swept_clear(u: float, v: float, du: float, dv: float, radius: float, reach:
                 return False
             column += int(reach[row, column])  # all cells up to there are open
     return True
+
+
+@compiled
+def first_contact(
+    start: tuple[float, float],
+    end: tuple[float, float],
+    reach: Reach,
+    frame: tuple[float, ...],
+    radius: float,
+) -> float:
+    """Share of the way at which a disc that starts clear of solid cells touches one; inf if never.
+
+    Positions are in cells; see ``grid_kernels``. The disc's centre then meets the square grown by
+    the radius: a slab along each axis, a circle around each corner.
+    """
+    points = np.array(((start[0], end[0]), (start[1], end[1])))
+    us, vs = np.empty(2), np.empty(2)
+    locate(points, frame, us, vs)
+    u, v, du, dv, r = us[0], vs[0], us[1] - us[0], vs[1] - vs[0], radius / frame[4]
+    rows, columns = reach.shape
+    low = max(int(np.ceil(min(v, v + dv) - r)) - 1, 0)
+    high = min(int(np.floor(max(v, v + dv) + r)), rows - 1)
+    left = max(int(np.ceil(min(u, u + du) - r)) - 1, 0)
+    right = min(int(np.floor(max(u, u + du) + r)), columns - 1)
+    first = np.inf
+    for row in range(low, high + 1):
+        for column in range(left, right + 1):
+            if reach[row, column] == 0:
+                x, y = u - column, v - row  # seen from the square's lower left corner
+                first = min(first, _meets_box(x, y, du, dv, -r, 1.0 + r, 0.0, 1.0))
+                first = min(first, _meets_box(x, y, du, dv, 0.0, 1.0, -r, 1.0 + r))
+                for corner in range(4):
+                    cx, cy = x - corner % 2, y - corner // 2
+                    first = min(first, enters_circle(cx, cy, du, dv, r))
+    return first
+
+
+@compiled
+def _meets_box(
+    x: float, y: float, dx: float, dy: float, left: float, right: float, low: float, high: float
+) -> float:
+    """Share of (dx, dy) at which a point from outside enters a rectangle; inf if never."""
+    enter, leave = 0.0, 1.0
+    for at, way, least, most in ((x, dx, left, right), (y, dy, low, high)):
+        if way == 0.0:
+            if not least <= at <= most:
+                return np.inf
+        else:
+            one, two = (least - at) / way, (most - at) / way
+            enter, leave = max(enter, min(one, two)), min(leave, max(one, two))
+    return enter if enter <= leave else np.inf
+
+
+@compiled
+def enters_circle(x: float, y: float, dx: float, dy: float, radius: float) -> float:
+    """Share of (dx, dy) at which a point from outside enters a circle around 0; inf if never."""
+    square, nears = dx * dx + dy * dy, -(x * dx + y * dy)
+    root = nears * nears - square * (x * x + y * y - radius * radius)
+    if not (nears > 0.0 and root >= 0.0):
+        return np.inf
+    share = max(nears - np.sqrt(root), 0.0) / square
+    return share if share <= 1.0 else np.inf

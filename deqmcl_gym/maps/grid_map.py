@@ -11,10 +11,11 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps import contact_kernels, grid_file, grid_kernels, grid_walls, stride_kernels
+from deqmcl_gym.maps import grid_file, grid_kernels, stride_kernels
 from deqmcl_gym.maps.grid_file import FREE, MAX_SIDE, OCCUPIED, UNKNOWN
 from deqmcl_gym.maps.grid_kernels import Frame
 from deqmcl_gym.maps.map import Box, check_beams, check_moves, check_pairs, check_path, table
+from deqmcl_gym.maps.polygons import faces_of
 from deqmcl_gym.maps.stride_kernels import Reach
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Ints, Point, Singles
@@ -184,7 +185,7 @@ class GridMap:
     @cached_property
     def walls(self) -> Floats:
         """See ``Map.walls``."""
-        faces = grid_walls.faces_of(self.solid)
+        faces = faces_of(self.solid)
         walls = np.hstack([self.placed(faces[:, :2]), self.placed(faces[:, 2:])])
         walls.setflags(write=False)
         return walls
@@ -252,7 +253,7 @@ class GridMap:
         self, start: tuple[float, float], end: tuple[float, float], radius: float
     ) -> float | None:
         """Share of a drive at which a disc that starts clear of the walls touches one, if ever."""
-        share = contact_kernels.first_contact(start, end, self._reach, self._frame, radius)
+        share = grid_kernels.first_contact(start, end, self._reach, self._frame, radius)
         return share if share < math.inf else None
 
     @cached_property

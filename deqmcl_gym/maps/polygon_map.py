@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.files import UnreadableError, content_of, json_of
-from deqmcl_gym.maps import drive_kernels, grid_walls
+from deqmcl_gym.maps import drive_kernels
 from deqmcl_gym.maps.casting import caster_of
 from deqmcl_gym.maps.drive_kernels import clearance_of
 from deqmcl_gym.maps.grid_map import GridMap
@@ -30,7 +30,14 @@ from deqmcl_gym.maps.map import (
     pixel,
     table,
 )
-from deqmcl_gym.maps.polygons import Polygon, has_free_space, oriented_edges, parse_polygon
+from deqmcl_gym.maps.polygons import (
+    Polygon,
+    has_free_space,
+    oriented_edges,
+    outlines_of,
+    parse_polygon,
+    thinned,
+)
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Point, Singles
 from deqmcl_gym.validation import InputError, number, one_of, shown
 
@@ -96,12 +103,10 @@ class PolygonMap:
                 'alike: read the map with unknown = "obstacle" or "free".'
             )
         number("tolerance", tolerance, low=0)
-        outlines = grid_walls.outlines_of(grid.solid)
+        outlines = outlines_of(grid.solid)
         if tolerance > 0.0:
             apart = 2 * _ZERO_LENGTH * pixel(grid.unit)
-            outlines = grid_walls.thinned(
-                outlines, tolerance / grid.resolution, apart / grid.resolution
-            )
+            outlines = thinned(outlines, tolerance / grid.resolution, apart / grid.resolution)
         outer, *obstacles = (grid.placed(outline).tolist() for outline in outlines)
         return cls(outer=outer, obstacles=tuple(obstacles), unit=grid.unit)
 

@@ -13,8 +13,7 @@ from deqmcl_gym.numerics.types import Bools, Floats, Indices, Pose, RoomActions
 from deqmcl_gym.validation import InputError, integer
 from deqmcl_gym.world.config import Driver, World
 from deqmcl_gym.world.course import MAX_STEPS, Course, Path
-from deqmcl_gym.world.driver_kernels import NEARER, room_for_noise, steer
-from deqmcl_gym.world.path_kernels import drive_along, once_round
+from deqmcl_gym.world.path_kernels import NEARER, drive_along, once_round, room_for_noise, steer
 
 NO_PLAN = np.empty((0, 2), np.float32)  # of one who shows nothing of what is to come
 

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from deqmcl_gym.maps.contact_kernels import enters_circle
+from deqmcl_gym.maps.grid_kernels import enters_circle
 from deqmcl_gym.maps.map import LENGTH, Caster, Map, pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled

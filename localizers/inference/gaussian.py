@@ -9,9 +9,9 @@ from functools import lru_cache
 import numpy as np
 
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.arrays import cholesky
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
-from deqmcl_gym.numerics.gaussian import cholesky
 from deqmcl_gym.numerics.types import Floats
 
 
