@@ -303,90 +303,63 @@ def copy_columns(rows: Singles, first: int, out: Singles) -> None:
 def roll_out(
     poses: Singles,
     moves: Singles,
+    path: Singles,
     walls: Singles,
     radius: np.float32,
     clearance: tuple[Any, ...],
-    collisions: Ints,
+    hits: Ints,
     out: Singles,
 ) -> None:
-    """Drive poses through several moves; fill in the poses reached and the steps that collide.
+    """Drive poses through several moves, or along a path; fill in poses and steps that collide.
 
-    Each block of poses does all moves before the next one, to stay in the processor's cache. Steps
+    Each block of poses takes all steps before the next one, to stay in the processor's cache. Steps
     for which the bounds do not decide are compared with the walls, many at a time; see
     ``feasible``.
 
     Args:
         poses, walls, radius, clearance: as ``feasible``.
-        moves: (F, 3, n).
-        collisions: number of steps of each that collide, (n,).
-        out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).
+        moves: (F, 3, n); none if there is a path.
+        path: (F + 1, 2), laid from each pose; none if there are moves.
+        hits: number of steps of each that collide, (n,).
+        out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n), or none.
     """
-    n, grid = poses.shape[1], Clearance(*clearance)
+    n, grid, along = poses.shape[1], Clearance(*clearance), len(path) > 0
     squares, chosen = np.empty(BLOCK, np.int32), np.empty(BLOCK, np.int32)
     late, owners = np.empty((4, 2 * BLOCK), np.float32), np.empty(2 * BLOCK, np.int32)
-    unsure, slack = 0, grid.slack
-    collisions[:] = 0
+    unsure, slack, steps = 0, grid.slack, len(path) - 1 if along else len(moves)
+    hits[:] = 0
     for start in range(0, n, BLOCK):
         size = min(BLOCK, n - start)
-        hits, move = collisions[start : start + size], np.empty((3, size), np.float32)
+        touched, move = hits[start : start + size], np.empty((3, size), np.float32)
         here, there = np.empty((3, size), np.float32), np.empty((3, size), np.float32)
         near, next_near = np.empty(size, np.float32), np.empty(size, np.float32)
+        rows = np.empty((4, size if along else 0), np.float32)
         copy_columns(poses, start, here)
+        if along:
+            directed(here, rows)
+            put(rows, path[0], here)
         look_up(here, grid, squares[:size], near)
-        for step in range(len(moves)):
-            copy_columns(moves[step], start, move)
-            drive(here, move, there)
+        for step in range(steps):
+            if along:
+                put(rows, path[step + 1], there)
+            else:
+                copy_columns(moves[step], start, move)
+                drive(here, move, there)
             look_up(there, grid, squares[:size], next_near)
-            count = _undecided(here, there, near, next_near, radius, slack, hits, chosen)
+            count = _undecided(here, there, near, next_near, radius, slack, touched, chosen)
             _put_off(here, there, chosen[:count], start, late, owners, unsure)
             unsure += count
             if unsure >= BLOCK:
-                _look_closely(late, owners, unsure, walls, radius, collisions)
+                _look_closely(late, owners, unsure, walls, radius, hits)
                 unsure = 0
-            if len(out) > 1 or step == len(moves) - 1:
+            if len(out) > 1 or (step == steps - 1 and len(out) > 0):
                 reached = out[step if len(out) > 1 else 0]
                 for row in range(3):
                     at = reached[row, start : start + size]
                     for i in range(size):
                         at[i] = there[row, i]
             here, there, near, next_near = there, here, next_near, near
-    _look_closely(late, owners, unsure, walls, radius, collisions)
-
-
-@compiled
-def collisions(
-    poses: Singles,
-    path: Singles,
-    walls: Singles,
-    radius: np.float32,
-    clearance: tuple[Any, ...],
-    out: Ints,
-) -> None:
-    """Fill in the number of steps that collide on a path (k + 1, 2) laid from each pose, k ≥ 1."""
-    n, grid = poses.shape[1], Clearance(*clearance)
-    squares, chosen = np.empty(BLOCK, np.int32), np.empty(BLOCK, np.int32)
-    late, owners = np.empty((4, 2 * BLOCK), np.float32), np.empty(2 * BLOCK, np.int32)
-    unsure, slack = 0, grid.slack
-    out[:] = 0
-    for start in range(0, n, BLOCK):
-        size = min(BLOCK, n - start)
-        rows, hits = np.empty((4, size), np.float32), out[start : start + size]
-        directed(poses[:, start : start + size].copy(), rows)
-        here, there = np.empty((2, size), np.float32), np.empty((2, size), np.float32)
-        near, next_near = np.empty(size, np.float32), np.empty(size, np.float32)
-        put(rows, path[0], here)
-        look_up(here, grid, squares[:size], near)
-        for step in range(1, len(path)):
-            put(rows, path[step], there)
-            look_up(there, grid, squares[:size], next_near)
-            count = _undecided(here, there, near, next_near, radius, slack, hits, chosen)
-            _put_off(here, there, chosen[:count], start, late, owners, unsure)
-            unsure += count
-            if unsure >= BLOCK:
-                _look_closely(late, owners, unsure, walls, radius, out)
-                unsure = 0
-            here, there, near, next_near = there, here, next_near, near
-    _look_closely(late, owners, unsure, walls, radius, out)
+    _look_closely(late, owners, unsure, walls, radius, hits)
 
 
 _SQUARES = 8192  # a few px wide in a room; 32 KiB, which stays in the processor's first cache

@@ -195,7 +195,9 @@ class CellGrid(NamedTuple):
 
 
 @compiled
-def feasible(starts: Any, ends: Any, reach: Reach, frame: Any, radius: float, out: Bools) -> None:
+def feasible_in_cells(
+    starts: Any, ends: Any, reach: Reach, frame: Any, radius: float, out: Bools
+) -> None:
     """Fill in whether a disc swept along each path meets no solid cell and stays on the map."""
     n = out.size
     here, there = np.empty((2, n)), np.empty((2, n))
@@ -209,57 +211,43 @@ def feasible(starts: Any, ends: Any, reach: Reach, frame: Any, radius: float, ou
 
 
 @compiled
-def roll_out(
+def roll_out_in_cells(
     poses: Singles,
     moves: Singles,
+    path: Singles,
     reach: Reach,
     frame: tuple[float, ...],
     radius: float,
-    collisions: Ints,
+    hits: Ints,
     out: Singles,
 ) -> None:
     """Do as ``drive_kernels.roll_out``."""
-    n, size = poses.shape[1], radius / frame[4]
+    n, size, along = poses.shape[1], radius / frame[4], len(path) > 0
+    steps = len(path) - 1 if along else len(moves)
+    hits[:] = 0
     for start in range(0, n, BLOCK):
         end = min(start + BLOCK, n)
         count = end - start
         before, after = np.empty((3, count), np.float32), np.empty((3, count), np.float32)
         here, there, move = np.empty((2, count)), np.empty((2, count)), np.empty_like(before)
-        copy_columns(poses, start, before)
+        rows = np.empty((4, count if along else 0), np.float32)
         near, next_near = np.empty(count, np.int16), np.empty(count, np.int16)
-        hits = collisions[start:end]
-        hits[:] = 0
+        copy_columns(poses, start, before)
+        if along:
+            directed(before, rows)
+            put(rows, path[0], before)
         _find(before, reach, frame, here[0], here[1], near)
-        for step in range(len(moves)):
-            copy_columns(moves[step], start, move)
-            drive(before, move, after)
+        for step in range(steps):
+            if along:
+                put(rows, path[step + 1], after)
+            else:
+                copy_columns(moves[step], start, move)
+                drive(before, move, after)
             _find(after, reach, frame, there[0], there[1], next_near)
-            _count(here, near, there, next_near, size, reach, hits)
-            if len(out) > 1 or step == len(moves) - 1:
+            _count(here, near, there, next_near, size, reach, hits[start:end])
+            if len(out) > 1 or (step == steps - 1 and len(out) > 0):
                 out[step if len(out) > 1 else 0, :, start:end] = after
             before, after = after, before
-            here, there, near, next_near = there, here, next_near, near
-
-
-@compiled
-def collisions(
-    poses: Singles, path: Singles, reach: Reach, frame: tuple[float, ...], radius: float, out: Ints
-) -> None:
-    """Do as ``drive_kernels.collisions``."""
-    n, size = poses.shape[1], radius / frame[4]
-    out[:] = 0
-    for start in range(0, n, BLOCK):
-        count = min(BLOCK, n - start)
-        rows, at = np.empty((4, count), np.float32), np.empty((2, count), np.float32)
-        here, there = np.empty((2, count)), np.empty((2, count))
-        near, next_near = np.empty(count, np.int16), np.empty(count, np.int16)
-        directed(poses[:, start : start + count].copy(), rows)
-        put(rows, path[0], at)
-        _find(at, reach, frame, here[0], here[1], near)
-        for step in range(1, len(path)):
-            put(rows, path[step], at)
-            _find(at, reach, frame, there[0], there[1], next_near)
-            _count(here, near, there, next_near, size, reach, out[start : start + count])
             here, there, near, next_near = there, here, next_near, near
 
 

@@ -14,7 +14,16 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym.maps import grid_file, grid_kernels, stride_kernels
 from deqmcl_gym.maps.grid_file import FREE, MAX_SIDE, OCCUPIED, UNKNOWN
 from deqmcl_gym.maps.grid_kernels import Frame
-from deqmcl_gym.maps.map import Box, check_beams, check_moves, check_pairs, check_path, table
+from deqmcl_gym.maps.map import (
+    NO_MOVES,
+    NO_PATH,
+    Box,
+    check_beams,
+    check_moves,
+    check_pairs,
+    check_path,
+    table,
+)
 from deqmcl_gym.maps.polygons import faces_of
 from deqmcl_gym.maps.stride_kernels import Reach
 from deqmcl_gym.numerics import arrays
@@ -218,18 +227,21 @@ class GridMap:
     ) -> tuple[Singles, Ints]:
         """See ``Map.rolled_out``."""
         check_moves(poses, moves, kept, radius)
-        paths = np.empty((kept, *poses.shape), np.float32)
-        hits = np.empty(poses.shape[1], np.int32)
-        size = float(radius)
-        grid_kernels.roll_out(poses, moves, self._reach, self._frame, size, hits, paths)
-        return paths, hits
+        return self._rolled_out(poses, moves, NO_PATH, radius, kept)
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
         """See ``Map.collisions_along``."""
         check_path(poses, path, radius)
+        return self._rolled_out(poses, NO_MOVES, path, radius, 0)[1]
+
+    def _rolled_out(
+        self, poses: Singles, moves: Singles, path: Singles, radius: float, kept: int
+    ) -> tuple[Singles, Ints]:
+        paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
-        grid_kernels.collisions(poses, path, self._reach, self._frame, float(radius), hits)
-        return hits
+        frame, size = self._frame, float(radius)
+        grid_kernels.roll_out_in_cells(poses, moves, path, self._reach, frame, size, hits, paths)
+        return paths, hits
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
         """See ``Map.free``."""
@@ -270,7 +282,7 @@ class GridMap:
 
     def _feasible(self, starts: Any, ends: Any, radius: float) -> Bools:
         clear = np.empty(ends.shape[1], np.bool_)
-        grid_kernels.feasible(starts, ends, self._reach, self._frame, float(radius), clear)
+        grid_kernels.feasible_in_cells(starts, ends, self._reach, self._frame, float(radius), clear)
         return clear
 
     def _check_resolved(self) -> None:

@@ -24,6 +24,8 @@ _LARGEST_HEADING = 1e3  # rad: float32 resolves 6e-5 there
 
 Box = tuple[float, float, float, float]  # x_low, y_low, x_high, y_high
 
+NO_MOVES, NO_PATH = np.empty((0, 3, 0), np.float32), np.empty((0, 2), np.float32)
+
 
 class Caster(Protocol):
     """Ray casting on one map into given arrays."""

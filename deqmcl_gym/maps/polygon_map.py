@@ -21,6 +21,8 @@ from deqmcl_gym.maps.casting import caster_of
 from deqmcl_gym.maps.drive_kernels import clearance_of
 from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.map import (
+    NO_MOVES,
+    NO_PATH,
     Box,
     Caster,
     check_beams,
@@ -147,22 +149,23 @@ class PolygonMap:
     ) -> tuple[Singles, Ints]:
         """See ``Map.rolled_out``."""
         check_moves(poses, moves, kept, radius)
-        paths = np.empty((kept, *poses.shape), np.float32)
-        hits = np.empty(poses.shape[1], np.int32)
-        size = np.float32(radius)
-        local = _moved(poses, self.datum)
-        drive_kernels.roll_out(local, moves, self._walls32, size, self._clearance, hits, paths)
-        return _moved(paths, self.datum, -1), hits
+        return self._rolled_out(poses, moves, NO_PATH, radius, kept)
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
         """See ``Map.collisions_along``."""
         check_path(poses, path, radius)
+        return self._rolled_out(poses, NO_MOVES, path, radius, 0)[1]
+
+    def _rolled_out(
+        self, poses: Singles, moves: Singles, path: Singles, radius: float, kept: int
+    ) -> tuple[Singles, Ints]:
+        paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
-        size = np.float32(radius)
-        drive_kernels.collisions(
-            _moved(poses, self.datum), path, self._walls32, size, self._clearance, hits
+        local, size = _moved(poses, self.datum), np.float32(radius)
+        drive_kernels.roll_out(
+            local, moves, path, self._walls32, size, self._clearance, hits, paths
         )
-        return hits
+        return _moved(paths, self.datum, -1), hits
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
         """See ``Map.free``."""

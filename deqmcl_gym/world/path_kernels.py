@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.maps.grid_kernels import distances, feasible
+from deqmcl_gym.maps.grid_kernels import distances, feasible_in_cells
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import TURN, atan2_64, centred64, cos64, sin64
 from deqmcl_gym.numerics.types import Floats, RoomActions
@@ -327,7 +327,7 @@ def _first_blocked(
         for step in range(count, _BLOCK):  # stays, and blocks no step before it
             starts[0, step] = ends[0, step] = x
             starts[1, step] = ends[1, step] = y
-        feasible(starts, ends, reach, frame, body, clear)
+        feasible_in_cells(starts, ends, reach, frame, body, clear)
         for step in range(count):
             if not clear[step]:
                 return first + step
