@@ -57,15 +57,10 @@ class Site:
 
 @dataclass(frozen=True)
 class Sites:
-    """Where episodes take place, by the seed of the office.
+    """Where episodes take place, by the seed of the office."""
 
-    Attributes:
-        offices: of which each episode draws one.
-        of: gives the site of a map; the worlds differ in nothing else.
-    """
-
-    offices: Offices
-    of: Callable[[Any], Site]
+    offices: Offices  # of which each episode draws one
+    of: Callable[[Any], Site]  # gives the site of a map; the worlds differ in nothing else
 
     def site(self, seed: int) -> Site:
         """Return that in the office of a seed."""

@@ -50,25 +50,16 @@ class Robots(NamedTuple):
 
 
 class CellRows(NamedTuple):
-    """The cells of s maps, padded to the largest; empty for polygons.
+    """The cells of s maps, padded to the largest; empty for polygons."""
 
-    Attributes:
-        reach, up, down: as ``grid_kernels.CellGrid``, flat, (s, c).
-        sight: the reach for beams, flat, (s, c).
-        shapes: rows and columns, (s, 2).
-        frames: of the maps, (s, 5).
-        yaws: of the maps, (s,).
-        endless: whether beams go on beyond the map's edge, (s,).
-    """
-
-    reach: Any
+    reach: Any  # as ``grid_kernels.CellGrid``, flat, (s, c)
     up: Any
     down: Any
-    sight: Any
-    shapes: Indices
-    frames: Floats
-    yaws: Floats
-    endless: Bools
+    sight: Any  # the reach for beams, flat, (s, c)
+    shapes: Indices  # rows and columns, (s, 2)
+    frames: Floats  # of the maps, (s, 5)
+    yaws: Floats  # of the maps, (s,)
+    endless: Bools  # whether beams go on beyond the map's edge, (s,)
 
 
 class GroundRows(NamedTuple):
@@ -91,25 +82,15 @@ class GroundRows(NamedTuple):
 
 
 class Courses(NamedTuple):
-    """The paths of n rooms.
+    """The paths of n rooms."""
 
-    Attributes:
-        edges: as in ``deqmcl_gym.world.path_kernels``, padded, (n, k, 6).
-        counts: number of edges, (n,).
-        periods: length of a closed path, ∞ of an open one, (n,).
-        lengths: as ``Path.length`` adds them up, (n,).
-        goals: the last corner (x, y), (n, 2).
-        ends: progress at which a driver is done, ∞ on a route, (n,).
-        limits: number of steps after which the plan ends, (n,).
-    """
-
-    edges: Floats
-    counts: Indices
-    periods: Floats
-    lengths: Floats
-    goals: Floats
-    ends: Floats
-    limits: Indices
+    edges: Floats  # as in ``deqmcl_gym.world.path_kernels``, padded, (n, k, 6)
+    counts: Indices  # number of edges, (n,)
+    periods: Floats  # length of a closed path, ∞ of an open one, (n,)
+    lengths: Floats  # as ``Path.length`` adds them up, (n,)
+    goals: Floats  # the last corner (x, y), (n, 2)
+    ends: Floats  # progress at which a driver is done, ∞ on a route, (n,)
+    limits: Indices  # number of steps after which the plan ends, (n,)
 
 
 class Rules(NamedTuple):
@@ -129,17 +110,11 @@ class Rules(NamedTuple):
 
 
 class DriverNumbers(NamedTuple):
-    """The driver of all rooms.
+    """The driver of all rooms."""
 
-    Attributes:
-        rules: the first four of ``path_kernels.drive_along``.
-        near: distance from the end of the path at which it is done.
-        clearance: most room kept to walls on a route among cells; -1: they are not looked at.
-    """
-
-    rules: tuple[float, float, float, float]
-    near: float
-    clearance: float
+    rules: tuple[float, float, float, float]  # the first four of ``path_kernels.drive_along``
+    near: float  # distance from the end of the path at which it is done
+    clearance: float  # most room kept to walls on a route among cells; -1: they are not looked at
 
 
 class Moved(NamedTuple):

@@ -27,22 +27,14 @@ _REINDEX = "ros2 bag reindex"
 
 
 class Sent(NamedTuple):
-    """A message of a bag.
+    """A message of a bag."""
 
-    Attributes:
-        number: in the order in which messages were received.
-        received: when, s.
-        source: number of its connection: one for each publisher, where the bag tells them apart.
-        topic, kind: of the message.
-        decoded: returns it; damaged bytes can raise anything.
-    """
-
-    number: int
-    received: float
-    source: int
-    topic: str
+    number: int  # in the order in which messages were received
+    received: float  # when, s
+    source: int  # number of its connection: one for each publisher, where the bag tells them apart
+    topic: str  # of the message
     kind: str
-    decoded: Callable[[], Any]
+    decoded: Callable[[], Any]  # returns it; damaged bytes can raise anything
 
     @property
     def row(self) -> list[float]:
@@ -52,15 +44,10 @@ class Sent(NamedTuple):
 
 @dataclass(frozen=True)
 class Bag:
-    """The parts of a bag, whose messages come in the order of their receipt.
+    """The parts of a bag, whose messages come in the order of their receipt."""
 
-    Attributes:
-        name: in messages.
-        readers: one for each part.
-    """
-
-    name: str
-    readers: Sequence[Any]
+    name: str  # in messages
+    readers: Sequence[Any]  # one for each part
 
     @property
     def topics(self) -> Mapping[str, str]:

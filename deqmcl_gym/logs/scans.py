@@ -27,16 +27,11 @@ _DROPPED = 0.5  # share of ranges that are no measurements above which that is t
 
 
 class Fan(NamedTuple):
-    """Angles of a scan's beams in the scanner's own frame, and the limits of its measurements.
+    """Angles of a scan's beams in the scanner's own frame, and the limits of its measurements."""
 
-    Attributes:
-        start, step: the first angle and the increment, rad.
-        min_range, max_range: as of ``Scanner``.
-    """
-
-    start: float
+    start: float  # the first angle and the increment, rad
     step: float
-    min_range: float
+    min_range: float  # as of ``Scanner``
     max_range: float
 
     @property

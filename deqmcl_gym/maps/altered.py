@@ -25,45 +25,27 @@ _NARROWEST, _WIDEST, _DEEPEST = 20.0, 75.0, 25.0  # px: of a door
 
 
 class Piece(NamedTuple):
-    """A straight piece of an inner wall, or the gap of a door.
+    """A straight piece of an inner wall, or the gap of a door."""
 
-    Attributes:
-        boxes: rectangles that it is made of, counterclockwise corners, (k, 4, 2).
-        length: along the wall.
-        across: unit vector across the wall, (2,).
-    """
-
-    boxes: Floats
-    length: float
-    across: Floats
+    boxes: Floats  # rectangles that it is made of, counterclockwise corners, (k, 4, 2)
+    length: float  # along the wall
+    across: Floats  # unit vector across the wall, (2,)
 
 
 class InnerWalls(NamedTuple):
-    """The inner walls of a map.
+    """The inner walls of a map."""
 
-    Attributes:
-        walls: pieces of up to 2 m of walls up to 2 m thick, longer than thick.
-        doors: gaps of 0.4 to 1.5 m in walls.
-        step: what displacements of walls are multiples of: a cell; 0 for any.
-    """
-
-    walls: tuple[Piece, ...]
-    doors: tuple[Piece, ...]
-    step: float
+    walls: tuple[Piece, ...]  # pieces of up to 2 m of walls up to 2 m thick, longer than thick
+    doors: tuple[Piece, ...]  # gaps of 0.4 to 1.5 m in walls
+    step: float  # what displacements of walls are multiples of: a cell; 0 for any
 
 
 class _Lattice(NamedTuple):
-    """A map between lines along its axes.
+    """A map between lines along its axes."""
 
-    Attributes:
-        walls: which cells are wall, (rows, columns).
-        free: which are free.
-        us, vs: the lines, (columns + 1,) and (rows + 1,), in the map's unit.
-    """
-
-    walls: Bools
-    free: Bools
-    us: Floats
+    walls: Bools  # which cells are wall, (rows, columns)
+    free: Bools  # which are free
+    us: Floats  # the lines, (columns + 1,) and (rows + 1,), in the map's unit
     vs: Floats
 
     @property

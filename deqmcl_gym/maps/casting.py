@@ -18,17 +18,11 @@ _PER_WALL = 4  # cells; the fastest of 2 to 16 among 256 and 1,024 walls
 
 
 class SortedWalls(NamedTuple):
-    """Walls sorted into square cells.
+    """Walls sorted into square cells."""
 
-    Attributes:
-        corner: lower left corner of the table (x, y).
-        side: of a cell.
-        table: the cells, with a ring around the walls.
-    """
-
-    corner: tuple[float, float]
-    side: float
-    table: CellTable
+    corner: tuple[float, float]  # lower left corner of the table (x, y)
+    side: float  # of a cell
+    table: CellTable  # the cells, with a ring around the walls
 
 
 def cells_of(walls: Floats, directed: Singles, margin: float) -> SortedWalls:

@@ -33,15 +33,10 @@ def mean_pose(poses: Reals, weights: Floats) -> tuple[float, float, float]:
 
 
 class Near(NamedTuple):
-    """Whether a robot is where it is believed to be.
+    """Whether a robot is where it is believed to be."""
 
-    Attributes:
-        distance: largest distance from the true position, m.
-        angle: largest angle to the true heading, rad.
-    """
-
-    distance: float
-    angle: float
+    distance: float  # largest distance from the true position, m
+    angle: float  # largest angle to the true heading, rad
 
     def holds(self, distance: Floats, angle: Floats) -> Bools:
         """Whether distances, m, and angles are small enough, (n,)."""
@@ -56,15 +51,10 @@ class Near(NamedTuple):
 
 @dataclass(frozen=True)
 class Cluster:
-    """Neighbouring points of a belief.
+    """Neighbouring points of a belief."""
 
-    Attributes:
-        mean: their mean pose (x, y, θ rad).
-        share: their share of the belief's weight.
-    """
-
-    mean: tuple[float, float, float]
-    share: float
+    mean: tuple[float, float, float]  # their mean pose (x, y, θ rad)
+    share: float  # their share of the belief's weight
 
 
 def best_cluster(poses: Reals, weights: Floats, *, unit: str) -> Cluster:

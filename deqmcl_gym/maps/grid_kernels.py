@@ -26,19 +26,13 @@ _NAN = np.float32(np.nan)
 
 
 class Frame(NamedTuple):
-    """The transform from the map's unit to cells of its table.
+    """The transform from the map's unit to cells of its table."""
 
-    Attributes:
-        x, y: of the lower left corner of the map's first cell.
-        cosine, sine: of the map's yaw.
-        cell: edge of a cell.
-    """
-
-    x: float
+    x: float  # of the lower left corner of the map's first cell
     y: float
-    cosine: float
+    cosine: float  # of the map's yaw
     sine: float
-    cell: float
+    cell: float  # edge of a cell
 
 
 @compiled
@@ -180,18 +174,12 @@ _DIAGONAL = np.sqrt(2.0) + 1e-4  # of a cell, and more
 
 
 class CellGrid(NamedTuple):
-    """A grid for kernels that drive robots.
+    """A grid for kernels that drive robots."""
 
-    Attributes:
-        reach: of each cell.
-        up, down: as ``fill_runs`` fills them in.
-        frame: a :class:`Frame`, as a plain tuple.
-    """
-
-    reach: Reach
-    up: CellRuns
+    reach: Reach  # of each cell
+    up: CellRuns  # as ``fill_runs`` fills them in
     down: CellRuns
-    frame: tuple[float, ...]
+    frame: tuple[float, ...]  # a :class:`Frame`, as a plain tuple
 
 
 @compiled

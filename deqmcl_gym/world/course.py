@@ -26,15 +26,10 @@ def wrapped(angle: float) -> float:
 
 @dataclass(frozen=True)
 class Path:
-    """A polygonal path, driven in the order of its corners.
+    """A polygonal path, driven in the order of its corners."""
 
-    Attributes:
-        corners: (k, 2).
-        closed: whether the last corner is joined to the first.
-    """
-
-    corners: Floats
-    closed: bool = True
+    corners: Floats  # (k, 2)
+    closed: bool = True  # whether the last corner is joined to the first
 
     @cached_property
     def length(self) -> float:

@@ -45,15 +45,10 @@ _ADDED = (25.0, 150.0)  # px: from a wall to its copy
 
 
 class Way(NamedTuple):
-    """Where a robot will come by, which things keep off.
+    """Where a robot will come by, which things keep off."""
 
-    Attributes:
-        points: on it, (n, 2).
-        margin: distance that things keep from these.
-    """
-
-    points: Floats
-    margin: float
+    points: Floats  # on it, (n, 2)
+    margin: float  # distance that things keep from these
 
     @classmethod
     def along(cls, corners: Floats, body: float, floor_plan: Map) -> "Way":
@@ -184,15 +179,10 @@ def _is_corridor(seen: Floats) -> bool:
 
 
 class WallChanges(NamedTuple):
-    """What is changed of a map's walls.
+    """What is changed of a map's walls."""
 
-    Attributes:
-        cleared: boxes without wall, (k, 4, 2).
-        filled: new wall, counterclockwise corners, (4, 2) each.
-    """
-
-    cleared: Floats
-    filled: list[Floats]
+    cleared: Floats  # boxes without wall, (k, 4, 2)
+    filled: list[Floats]  # new wall, counterclockwise corners, (4, 2) each
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -126,17 +126,11 @@ class Crowded:
 
 @dataclass(frozen=True, eq=False)
 class AmongPeople:
-    """A caster of walls, and of the people before them.
+    """A caster of walls, and of the people before them."""
 
-    Attributes:
-        walls: a caster.
-        crowd: the people.
-        datum: of its map.
-    """
-
-    walls: Caster
-    crowd: Crowd
-    datum: Point
+    walls: Caster  # a caster
+    crowd: Crowd  # the people
+    datum: Point  # of its map
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """See ``deqmcl_gym.maps.map.Caster``."""

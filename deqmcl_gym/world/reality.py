@@ -29,21 +29,13 @@ _CLOSEST = 0.05  # px: walls nearer than this to each other are one to a beam
 
 @dataclass(frozen=True, eq=False)
 class Reality:
-    """A world as it is in one episode.
+    """A world as it is in one episode."""
 
-    Attributes:
-        mapped: the map.
-        world: the world with what is there as its floor plan.
-        keeps_route: whether nothing is on the way planned on the map.
-        glass: walls that are glass, (k, 4, 2).
-        behind_glass: what is there without them.
-    """
-
-    mapped: Map
-    world: World
-    keeps_route: bool
-    glass: Floats
-    behind_glass: Map
+    mapped: Map  # the map
+    world: World  # the world with what is there as its floor plan
+    keeps_route: bool  # whether nothing is on the way planned on the map
+    glass: Floats  # walls that are glass, (k, 4, 2)
+    behind_glass: Map  # what is there without them
 
     @classmethod
     def drawn(cls, world: World, course: Course, plan: Plan, streams: Streams) -> "Reality":
@@ -102,21 +94,13 @@ class Reality:
 
 @dataclass(frozen=True, eq=False)
 class Beginning:
-    """What is drawn for an episode before its first step.
+    """What is drawn for an episode before its first step."""
 
-    Attributes:
-        there: the rules, in the world as it is in this episode.
-        course: the path, and the actions planned for it.
-        plan: the actions to come.
-        reality: what is there.
-        start: the true pose (x, y, θ).
-    """
-
-    there: RoomRules
-    course: Course
-    plan: Plan
-    reality: Reality
-    start: Pose
+    there: RoomRules  # the rules, in the world as it is in this episode
+    course: Course  # the path, and the actions planned for it
+    plan: Plan  # the actions to come
+    reality: Reality  # what is there
+    start: Pose  # the true pose (x, y, θ)
 
     @classmethod
     def drawn(cls, rules: RoomRules, seed: int, number: int) -> "Beginning":

@@ -27,16 +27,11 @@ class Routes:
 
     Cells where the robot does not fit are left out. Those nearer to a wall than ``comfort`` cost up
     to five times their length, so that routes keep to the middle of doors and corridors.
-
-    Attributes:
-        floor_plan: the map.
-        radius: least distance to walls: the robot's radius, with a margin for motion noise.
-        comfort: distance to walls from which on there is no extra cost.
     """
 
-    floor_plan: Map
-    radius: float
-    comfort: float
+    floor_plan: Map  # the map
+    radius: float  # least distance to walls: the robot's radius, with a margin for motion noise
+    comfort: float  # distance to walls from which on there is no extra cost
 
     def to(self, goal: Point) -> "RoutesTo":
         """Return the routes from anywhere to a goal."""
@@ -130,19 +125,12 @@ class Routes:
 
 @dataclass(frozen=True, eq=False)
 class RoutesTo:
-    """The routes from anywhere to one goal.
+    """The routes from anywhere to one goal."""
 
-    Attributes:
-        routes: of the map.
-        goal: where they end.
-        costs: least weighted length from each free cell to the goal, ∞ without a route, (n,).
-        following: the next cell of the route from each cell, -1 without one, (n,).
-    """
-
-    routes: Routes
-    goal: Point
-    costs: Floats
-    following: Indices
+    routes: Routes  # of the map
+    goal: Point  # where they end
+    costs: Floats  # least weighted length from each free cell to the goal, ∞ without a route, (n,)
+    following: Indices  # the next cell of the route from each cell, -1 without one, (n,)
 
     def cost_from(self, start: Point) -> float:
         """Weighted length of the route from a place; ∞ if there is none."""
@@ -190,13 +178,9 @@ _DRAWS = 100_000  # tries of a free place
 
 @dataclass(frozen=True)
 class Journeys:
-    """The courses of a world with a route.
+    """The courses of a world with a route."""
 
-    Attributes:
-        world: the world.
-    """
-
-    world: World
+    world: World  # the world
 
     def drawn(self, seed: int, number: int) -> Course:
         """Draw a start with its heading, and a goal, unless the world names them.

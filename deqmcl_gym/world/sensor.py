@@ -94,21 +94,13 @@ class NormalTable:
 
 @dataclass(frozen=True, eq=False)
 class ThroughGlass:
-    """A caster of walls, some of them glass, which does not reflect all beams.
+    """A caster of walls, some of them glass, which does not reflect all beams."""
 
-    Attributes:
-        walls: a caster of all walls.
-        others: a caster of those that are not glass.
-        glass: how many beams are lost, and what these measure.
-        closest: distance at which two walls count as one.
-        rng: draws which beams are lost, one number per beam and cast.
-    """
-
-    walls: Caster
-    others: Caster
-    glass: Glass
-    closest: float
-    rng: np.random.Generator
+    walls: Caster  # a caster of all walls
+    others: Caster  # a caster of those that are not glass
+    glass: Glass  # how many beams are lost, and what these measure
+    closest: float  # distance at which two walls count as one
+    rng: np.random.Generator  # draws which beams are lost, one number per beam and cast
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """See ``deqmcl_gym.maps.map.Caster``."""
