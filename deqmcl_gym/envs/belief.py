@@ -33,7 +33,7 @@ class Estimator(Protocol):
 
 
 class BeliefView:
-    """What an observation shows of a belief: a dict of float32 arrays.
+    """What an observation shows of a belief: a dict of float32 arrays, whose ``spaces`` it has.
 
     - ``mean`` (3,): x, y, θ in [-π, π]; the heading is the direction of the mean (cos θ, sin θ).
     - ``covariance`` (3, 3): of x, y, θ around it.
@@ -50,15 +50,10 @@ class BeliefView:
     ``entropy`` by what is possible within; of a belief that is farther off they read the bound.
 
     Args:
-        floor_plan: the map.
-        has_quality: whether beliefs have a quality.
         particles: k.
         cell: side of the squares, in the map's unit; None: no ``occupancy``.
         bounds: that ``occupancy`` covers; None: the map's.
         extent: (x0, y0, x1, y1) of positions, as the spaces have them; None: as bounds.
-
-    Attributes:
-        spaces: of the dict, by key.
     """
 
     def __init__(

@@ -162,10 +162,8 @@ class RoomEnv(gym.Env[Any, Singles]):
     def plan(self) -> Singles:
         """The actions planned for this episode, done and to come, (T, 2) float32.
 
-        For a driver, they are those without noise from the expected start.
-
-        Raises:
-            NoEpisodeError: the world has a route, and no episode has begun.
+        For a driver, they are those without noise from the expected start. In a world with a route,
+        NoEpisodeError before the first reset.
         """
         plan = self._rules.plan if self._is_lap_ahead else self._episode.plan
         return plan.actions.copy()
@@ -179,11 +177,7 @@ class RoomEnv(gym.Env[Any, Singles]):
 
     @property
     def course(self) -> Course:
-        """Lap or route: its path, start, and actions as planned beforehand.
-
-        Raises:
-            NoEpisodeError: the world has a route, and no episode has begun.
-        """
+        """Lap or route: its path, start, and actions as planned beforehand; see ``plan``."""
         return self._rules.course if self._is_lap_ahead else self._episode.course
 
     @property
@@ -205,9 +199,7 @@ class RoomEnv(gym.Env[Any, Singles]):
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; without a seed, the next one in the order of the last seed.
 
-        Raises:
-            InputError: the seed is bad, there are options, or no start is free. The last episode
-                then continues.
+        If the seed is refused, or no start is free, the last episode continues.
         """
         check_options(options)
         if seed is not None:
@@ -247,30 +239,16 @@ class RoomEnv(gym.Env[Any, Singles]):
     def place(self, at: Pose, noticed: bool = True) -> None:
         """Put the robot at a free pose; the reward ignores the jump.
 
-        Args:
-            at: (x, y, θ).
-            noticed: whether a driver notices and replans; otherwise its plan stays as it is.
-
-        Raises:
-            InputError: the robot would touch a wall, or a driver on a route be at its goal already.
+        Unless it is ``noticed``, a driver does not replan. At its goal already, he refuses.
         """
         self._episode.place(self.checked_pose("the pose", at), noticed)
 
     def elsewhere(self, rng: np.random.Generator) -> Pose:
-        """Draw a free pose: anywhere for a lap; for a route, as its start is drawn.
-
-        Raises:
-            InputError: no free pose was found.
-        """
+        """Draw a free pose: anywhere for a lap; for a route, as its start is drawn."""
         return self._episode.there.elsewhere(self.course, rng)
 
     def replace_plan(self, actions: Singles) -> None:
-        """Let ``actions`` (k, 2) follow the next step, instead of what was planned after it.
-
-        Raises:
-            InputError: their shape is wrong, they have NaN, an action is outside the action space,
-                or the plan is a driver's.
-        """
+        """Let ``actions`` (k, 2) follow the next step, instead of what was planned after it."""
         episode = self._episode
         rows = self.checked_plan("the plan", actions)
         assert isinstance(episode.plan, FixedPlan)  # without a driver

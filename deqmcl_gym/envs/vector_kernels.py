@@ -20,33 +20,20 @@ from deqmcl_gym.world.path_kernels import (
 
 
 def sides(walls: Floats) -> Floats:
-    """Return walls (x₀, y₀, x₁, y₁) as :class:`GroundRows` has them.
-
-    Returns:
-        (x₀, y₀, unit x, unit y, length), (S, 5).
-    """
+    """Return walls (x₀, y₀, x₁, y₁) as (x₀, y₀, unit x, unit y, length), (S, 5)."""
     along = walls[:, 2:] - walls[:, :2]
     length = np.sqrt((along**2).sum(axis=1, keepdims=True))
     return np.hstack([walls[:, :2], along / length, length])
 
 
 class Robots(NamedTuple):
-    """The robots of n rooms: the state that changes from step to step.
+    """The robots of n rooms: the state that changes from step to step."""
 
-    Attributes:
-        poses: x, y, θ in [-π, π), (n, 3).
-        gaps: least distance that each can drive in any direction without touching a wall, (n,); 0
-            if unknown.
-        arcs: arc length at which each is on the path, (n,).
-        progress: along the path since reset, (n,).
-        steps: number carried out, (n,).
-    """
-
-    poses: Floats
-    gaps: Floats
-    arcs: Floats
-    progress: Floats
-    steps: Indices
+    poses: Floats  # x, y, θ in [-π, π), (n, 3)
+    gaps: Floats  # least way in any direction that touches no wall, (n,); 0 if unknown
+    arcs: Floats  # arc length at which each is on the path, (n,)
+    progress: Floats  # along the path since reset, (n,)
+    steps: Indices  # number carried out, (n,)
 
 
 class CellRows(NamedTuple):
@@ -63,22 +50,13 @@ class CellRows(NamedTuple):
 
 
 class GroundRows(NamedTuple):
-    """What is there in n rooms: s maps, n or one for all.
+    """What is there in n rooms: s maps, n or one for all."""
 
-    Attributes:
-        slots: the map of each room, (n,).
-        sizes: radius of the robots; distance at which they stop before a contact; a length that no
-            drive can have without contact, (s, 3).
-        walls: as :func:`sides` returns them, free space to their left, padded, (s, w, 5).
-        counts: number of walls, (s,).
-        cells: :class:`CellRows`.
-    """
-
-    slots: Indices
-    sizes: Floats
-    walls: Floats
-    counts: Indices
-    cells: Any
+    slots: Indices  # the map of each room, (n,)
+    sizes: Floats  # radius, skin and reach, as of ``World``, (s, 3)
+    walls: Floats  # as :func:`sides` has them, free space to their left, padded, (s, w, 5)
+    counts: Indices  # number of walls, (s,)
+    cells: Any  # :class:`CellRows`
 
 
 class Courses(NamedTuple):
@@ -94,19 +72,12 @@ class Courses(NamedTuple):
 
 
 class Rules(NamedTuple):
-    """The values that are the same in all rooms and at every step.
+    """The values that are the same in all rooms and at every step."""
 
-    Attributes:
-        noise: σ_dd, σ_φφ, σ_φd.
-        rewards: goal, bonus and penalty, as in ``deqmcl_gym.world.path_kernels``.
-        near: distance from the end of a route at which the task is done; -1: never.
-        limit: largest number of steps of an episode.
-    """
-
-    noise: tuple[float, float, float]
-    rewards: tuple[float, float, float]
-    near: float
-    limit: int
+    noise: tuple[float, float, float]  # σ_dd, σ_φφ, σ_φd
+    rewards: tuple[float, float, float]  # goal, bonus and penalty of ``judged_step``
+    near: float  # distance from the end of a route at which the task is done; -1: never
+    limit: int  # largest number of steps of an episode
 
 
 class DriverNumbers(NamedTuple):
@@ -118,24 +89,16 @@ class DriverNumbers(NamedTuple):
 
 
 class Moved(NamedTuple):
-    """The results of a step.
+    """The results of a step."""
 
-    Attributes:
-        rewards: see ``deqmcl_gym.world.path_kernels``, (n,).
-        collided: whether a wall stopped the robot, (n,).
-        terminated: whether the task is done, (n,).
-        truncated: whether the plan is used up and the task not done, or the episode has reached its
-            limit, (n,).
-    """
-
-    rewards: Floats
-    collided: Bools
-    terminated: Bools
-    truncated: Bools
+    rewards: Floats  # of ``judged_step``, (n,)
+    collided: Bools  # whether a wall stopped the robot, (n,)
+    terminated: Bools  # whether the task is done, (n,)
+    truncated: Bools  # by the limit, or with the plan used up and the task not done, (n,)
 
 
 @compiled
-def step(
+def step_rooms(
     robots: tuple[Any, ...],
     grounds: tuple[Any, ...],
     courses: tuple[Any, ...],
@@ -146,18 +109,14 @@ def step(
     resting: Bools,
     moved: tuple[Any, ...],
 ) -> None:
-    """Turn and drive the robots that are not ``resting``; fill in the results.
+    """Turn and drive the robots that are not ``resting``, (n,); fill in :class:`Moved`.
 
     Args:
-        robots: :class:`Robots`, as a plain tuple like the next three: numba takes it faster.
-        grounds: :class:`GroundRows`.
-        courses: :class:`Courses`.
-        rules: :class:`Rules`.
+        robots, grounds, courses, rules: as plain tuples: numba takes them faster.
         commands: distance, turn, (n, 2).
         normals: N(0, 1) for the drive and the turn, (n, rows, 2).
         at: the row of these that each robot uses, (n,); advanced by one.
-        resting: which robots stay, (n,).
-        moved: :class:`Moved`, filled in.
+        resting, moved: see above.
     """
     poses, gaps, arcs, progress, steps = robots
     slots, sizes, walls, counts, cells = grounds
@@ -205,7 +164,7 @@ def step(
 
 
 @compiled
-def plan(
+def plan_rooms(
     robots: tuple[Any, ...],
     grounds: tuple[Any, ...],
     courses: tuple[Any, ...],
@@ -214,13 +173,9 @@ def plan(
     shown: Singles,
     counts: Indices,
 ) -> None:
-    """Fill in what the drivers of some rooms would do, as ``driver.GuidedPlan.after``.
+    """Fill in what the drivers of ``rooms`` (k,) would do, as ``driver.GuidedPlan.after``.
 
-    Args:
-        robots, grounds, courses, driver: as :func:`step`; a :class:`DriverNumbers`.
-        rooms: which they are, (k,).
-        shown: the next h actions, zero-padded, (n, h, 2).
-        counts: number of these, (n,).
+    ``shown`` are the next h actions, zero-padded, (n, h, 2), ``counts`` their number, (n,).
     """
     poses, _, arcs, progress, steps = robots
     slots, sizes, _, _, cells = grounds
@@ -246,7 +201,7 @@ def plan(
 
 
 @compiled
-def cast(
+def cast_in_rooms(
     poses: Singles, bearings: Singles, cells: tuple[Any, ...], rooms: Indices, out: Singles
 ) -> None:
     """Fill in the ranges (B, k) from a pose in each of ``rooms`` (k,), each a map of ``cells``."""

@@ -32,7 +32,7 @@ class Sent(NamedTuple):
     number: int  # in the order in which messages were received
     received: float  # when, s
     source: int  # number of its connection: one for each publisher, where the bag tells them apart
-    topic: str  # of the message
+    topic: str
     kind: str
     decoded: Callable[[], Any]  # returns it; damaged bytes can raise anything
 
@@ -91,14 +91,10 @@ class Bag:
         beside: str | None = None,
         needed: bool = True,
     ) -> str | None:
-        """Return the topic asked for, or the only one of some types.
+        """Return the topic asked for, or the only one of some types; None if it is not ``needed``.
 
-        Args:
-            types: of which it must be one.
-            argument: by which it is chosen.
-            asked: its name; None: the only one.
-            beside: a topic of the same robot: of several, the one whose namespace is most like its.
-            needed: whether a bag without it is refused.
+        Of several it is the one whose namespace is most like that of ``beside``, of the same robot.
+        ``argument`` is what users choose it by.
         """
         fitting = sorted(topic for topic, kind in self.topics.items() if kind in types)
         fitting = [topic for topic in fitting if self.counts[topic]] or fitting

@@ -45,27 +45,17 @@ _FEW = 0.5  # share of records with a reference pose below which a warning is gi
 
 @dataclass
 class RawRecords:
-    """All records of a file, sound or damaged.
+    """All records of a file, sound or damaged; a list has one of each."""
 
-    Attributes:
-        source: name of the file in messages.
-        times, odometry, ranges: of each record.
-        fans: angles and limits of each scan; None: the scanner of the file has them.
-        frames: of each scan, "" for none.
-        references: true poses in the records themselves; () for none.
-        damage: number of records that could not be read, by reason.
-        judged: whether the odometry, and the clock, have been judged already.
-    """
-
-    source: str
+    source: str  # name of the file in messages
     times: list[float] = field(default_factory=list)
     odometry: list[Sequence[float]] = field(default_factory=list)
     ranges: list[Sequence[float]] = field(default_factory=list)
     fans: list[Fan | None] = field(default_factory=list)
-    frames: list[str] = field(default_factory=list)
+    frames: list[str] = field(default_factory=list)  # of each scan, "" for none
     references: list[Sequence[float]] = field(default_factory=list)
     damage: Counter[str] = field(default_factory=Counter)
-    judged: bool = False
+    judged: bool = False  # whether odometry and clock have been judged already
 
     def add(
         self,
@@ -93,9 +83,7 @@ class RawRecords:
     def with_odometry(self, numbers: Sequence[int], odometry: JudgedOdometry) -> "RawRecords":
         """Return the records with the odometry at their times, of those that have one.
 
-        Args:
-            numbers: of the messages of the scans, as those of the odometry are counted.
-            odometry: of the robot.
+        ``numbers`` are those of the scans' messages, as those of the odometry are counted.
         """
         found = [odometry.at(*scan) for scan in zip(numbers, self.times, strict=True)]
         for index in doubled(self.times):
@@ -131,7 +119,7 @@ class RawRecords:
                 shifts = clock_shifts(times[kept])
                 times[kept] += shifts
                 remarks.append(reset_words(int(np.count_nonzero(np.diff(shifts)))))
-            kept = kept[in_order(times[kept], self.damage)]
+            kept = kept[ascending(times[kept], self.damage)]
         if not kept.size:
             why = f" ({said_of_skipped(self.damage, 0)})" if self.damage else ""
             raise InputError(f"{self.source} has no usable record{why}.")
@@ -229,7 +217,7 @@ def usable(rows: Floats) -> Bools:
     return np.asarray((np.abs(rows) <= LARGEST).all(axis=1))  # False for NaN, too
 
 
-def in_order(times: Floats, damage: Counter[str]) -> Indices:
+def ascending(times: Floats, damage: Counter[str]) -> Indices:
     """Return the indices of the longest subsequence of times without decrease; count the others.
 
     So one time stamp far ahead costs one record, not all records after it.
@@ -258,16 +246,11 @@ MAX_APART = 0.1  # s
 
 
 def paired_scans(scanned: Mapping[str, Log], source: str, max_apart: float = MAX_APART) -> Log:
-    """Return one log of several lidars on one robot; a record has a scan of each.
+    """Return one log of several lidars on one robot, by topic; a record has a scan of each.
 
     Records are those of the lidar with the fewest scans. Of each other lidar a record gets the scan
-    nearest in time, moved by the odometry between the two stamps. No scan is in two records.
-    Records without such a scan are left out and counted.
-
-    Args:
-        scanned: the log of each lidar, by its topic; its scanner has mounts.
-        source: of the log.
-        max_apart: of the stamps of a record's scans, s.
+    nearest in time, at most ``max_apart`` s off, moved by the odometry between the two stamps. No
+    scan is in two records. Records without such a scan are left out and counted.
     """
     slowest = min(scanned, key=lambda topic: len(scanned[topic]))
     base = scanned[slowest]
@@ -312,12 +295,8 @@ def _partners(base: Log, other: Log, max_apart: float) -> Indices:
 
 
 def _moved(log: Log, chosen: Indices, poses: Floats) -> Singles:
-    """Return scans as the lidar would have taken them from other poses (n, 3) of the odometry.
-
-    Each return is a point, which is seen by the beam that is nearest in angle; of several the
-    nearest counts, and a beam that sees none has no return. A scan whose robot did not move is
-    unchanged.
-    """
+    """Return scans as the lidar would have taken them from other poses (n, 3) of the odometry."""
+    # a return is a point, seen by the beam nearest in angle; of several the nearest counts
     scanner, ranges = log.scanner, log.ranges[chosen]
     moves = relative(poses, log.odometry[chosen])
     driven = np.flatnonzero((moves != 0).any(axis=1))

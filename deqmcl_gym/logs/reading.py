@@ -34,12 +34,7 @@ _ARRAYS = ("times", "odometry", "ranges", "reference", "scanner", "unit")
 
 
 def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
-    """Read a log from CSV.
-
-    Args:
-        path: the file, gzipped or not.
-        scanner: if the file does not contain it.
-    """
+    """Read a log from CSV, gzipped or not; the scanner is needed if the file has none."""
     lines = text_of(path).splitlines()
     at_head = itertools.takewhile(lambda line: line.startswith("#"), lines)
     comments = [line[1:].strip() for line in at_head]
@@ -307,22 +302,12 @@ def _reader_of(files: Sequence[Path]) -> Callable[..., Log]:
 
 
 def write(log: Log, path: str | PathLike[str]) -> None:
-    """Write a log, whole or not at all; the ending of the name determines the format.
-
-    ``.csv``, ``.csv.gz``, ``.npz``: see ``logs.reading``.
-
-    Raises:
-        InputError: the format is another, or the file cannot be written.
-    """
+    """Write a log, whole or not at all, as CSV or npz by the ending of the name."""
     _WRITERS[check_writable(path)](log, Path(path))
 
 
 def check_writable(path: str | PathLike[str]) -> str:
-    """Return the ending of a log's name, which determines its format.
-
-    Raises:
-        InputError: the format is read only, or unknown.
-    """
+    """Return the ending of a log's name, its format; refuse one that is read only."""
     ending = _ending(Path(path))
     if ending not in _WRITERS:
         raise InputError(

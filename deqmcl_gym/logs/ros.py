@@ -248,10 +248,7 @@ class _Messages:
         return with_own_reference(log, truth, told.max_gap, told.reference_tolerance)
 
     def _odometry(self, told: Reading) -> tuple[str, JudgedOdometry]:
-        """Return the robot's frame and its odometry, judged.
-
-        From the topic, or from transforms if there is none or what it says is of no use.
-        """
+        """Return the robot's frame and odometry, judged: of the topic, or else of transforms."""
         (topic, scans), *_ = self.scanned.items()
         frames = self.transforms.of(topic)
         asked = None if told.base_frame is None else frame_name(told.base_frame)

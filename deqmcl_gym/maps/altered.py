@@ -44,9 +44,9 @@ class _Lattice(NamedTuple):
     """A map between lines along its axes."""
 
     walls: Bools  # which cells are wall, (rows, columns)
-    free: Bools  # which are free
-    us: Floats  # the lines, (columns + 1,) and (rows + 1,), in the map's unit
-    vs: Floats
+    free: Bools
+    us: Floats  # the lines between columns, (columns + 1,)
+    vs: Floats  # between rows, (rows + 1,)
 
     @property
     def turned(self) -> "_Lattice":
@@ -58,11 +58,8 @@ def altered(floor_plan: Map, cleared: ArrayLike, filled: list[Floats]) -> Map:
     """Return a map with some of its wall cut out, then solids put in.
 
     On cells, a cell is painted if its centre is inside; a solid smaller than a cell paints one.
-
-    Args:
-        floor_plan: the map.
-        cleared: boxes of its :func:`inner_walls`, (k, 4, 2).
-        filled: convex polygons, counterclockwise, (c, 2) each.
+    ``cleared`` are boxes of its :func:`inner_walls`, (k, 4, 2), ``filled`` convex polygons,
+    counterclockwise, (c, 2) each.
     """
     boxes = np.asarray(cleared, np.float64).reshape(-1, 4, 2)
     if not len(boxes) and not filled:

@@ -61,12 +61,8 @@ def best_cluster(poses: Reals, weights: Floats, *, unit: str) -> Cluster:
     """Return the points in the heaviest cell, 1 m × 1 m × 30°, and in the 26 around it.
 
     The mean of two distant places is neither, so every method is scored by this rule as well. Of
-    equally heavy cells the first in the order of x, y, heading is taken.
-
-    Args:
-        poses: (n, 3).
-        weights: (n,), with sum 1.
-        unit: of the map, "px" or "m"; 1 m is 50 px.
+    equally heavy cells the first in the order of x, y, heading is taken. Poses are (n, 3), weights
+    (n,) with sum 1.
     """
     return _best(poses, weights, unit)[0]
 
@@ -75,11 +71,6 @@ def two_clusters(poses: Reals, weights: Floats, *, unit: str) -> tuple[Cluster, 
     """Return the best cluster, and the best of the points outside it.
 
     Without weight outside, the second is the best one again, with a share of 0.
-
-    Args:
-        poses: (n, 3).
-        weights: (n,), with sum 1.
-        unit: of the map, "px" or "m".
     """
     best, near = _best(poses, weights, unit)
     left = float(weights[~near].sum())

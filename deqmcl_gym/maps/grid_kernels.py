@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.maps.drive_kernels import BLOCK, copy_columns, directed, drive, put
+from deqmcl_gym.maps.drive_kernels import POSE_BLOCK, copy_columns, directed, drive, put
 from deqmcl_gym.maps.stride_kernels import FARTHEST_CELL, Reach, cast_among, no_walls
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos32, sin32
@@ -213,8 +213,8 @@ def roll_out_in_cells(
     n, size, along = poses.shape[1], radius / frame[4], len(path) > 0
     steps = len(path) - 1 if along else len(moves)
     hits[:] = 0
-    for start in range(0, n, BLOCK):
-        end = min(start + BLOCK, n)
+    for start in range(0, n, POSE_BLOCK):
+        end = min(start + POSE_BLOCK, n)
         count = end - start
         before, after = np.empty((3, count), np.float32), np.empty((3, count), np.float32)
         here, there, move = np.empty((2, count)), np.empty((2, count)), np.empty_like(before)
@@ -267,12 +267,8 @@ def _count(
     reach: Reach,
     hits: Ints,
 ) -> None:
-    """Count the paths that are not clear, for points and the reach found there, (n,).
-
-    On a path of length d between places a and b away from all solid cells, no point is nearer to
-    them than (a + b - d) / 2. A disc hits that reaches over the diagonal to the nearest one. Only
-    paths for which neither decides are looked at one by one.
-    """
+    """Count the paths that are not clear, for points and the reach found there, (n,)."""
+    # bounds as of ``drive_kernels``; a disc hits that reaches over the diagonal to the nearest cell
     n = near.size
     unsure, chosen = np.empty(n, np.bool_), np.empty(n, np.int32)
     for i in range(n):
@@ -298,11 +294,7 @@ def _count(
 def _clear(
     u: float, v: float, before: int, du: float, dv: float, after: int, radius: float, reach: Reach
 ) -> bool:
-    """Whether a disc swept from (u, v) by (du, dv) touches no solid cell and stays on the map.
-
-    Both ends are on the map. The nearest cells beside them and the open square around the middle
-    are tried, then all cells one by one.
-    """
+    """Whether a disc swept from (u, v) by (du, dv) touches no solid cell and stays on the map."""
     if _touches_beside(u + du, v + dv, after, radius, reach):
         return False
     if _touches_beside(u, v, before, radius, reach):
@@ -332,10 +324,7 @@ def _touches_beside(u: float, v: float, m: int, radius: float, reach: Reach) -> 
 
 @compiled
 def _swept_clear(u: float, v: float, du: float, dv: float, radius: float, reach: Reach) -> bool:
-    """Whether a disc swept from (u, v) by (du, dv) touches no solid cell; it starts on the map.
-
-    Row by row: the cells that it touches in a row are between its left and right ends there.
-    """
+    """Whether a disc swept from (u, v) by (du, dv) touches no solid cell; it starts on the map."""
     low, high = min(v, v + dv) - radius, max(v, v + dv) + radius
     left, right = min(u, u + du) - radius, max(u, u + du) + radius
     rows, columns = reach.shape

@@ -99,23 +99,14 @@ class GridMap:
         """Read a map as ROS' map_server does: a yaml file and the image that it names.
 
         A file that has not changed is read once; the same object is returned again.
-
-        Raises:
-            InputError: a file is missing or damaged, or has a bad value.
         """
         return grid_file.remembered(path, unknown, lambda read: cls(unknown=unknown, **read))
 
     def save(self, path: str | os.PathLike[str], mode: str = "trinary") -> None:
         """Write a map as ROS' map_saver does: a yaml file, and an image of its name beside it.
 
-        Args:
-            path: of the yaml file.
-            mode: "trinary" and "raw" write a pgm, "scale" a png, whose unknown cells are
-                transparent.
-
-        Raises:
-            InputError: the mode is unknown, an image of it cannot hold the map, or the path cannot
-                be written to.
+        "trinary" and "raw" write a pgm, "scale" a png, whose unknown cells are transparent. A mode
+        whose image cannot hold the map is refused.
         """
         grid_file.write_map(
             path, mode, self.occupancy, resolution=self.resolution, origin=self.origin,
@@ -177,10 +168,8 @@ class GridMap:
         """Return a map in which the cells inside convex polygons have other occupancies.
 
         A cell is inside if its centre is; a polygon without a centre takes the cell at its own.
-
-        Args:
-            layers: polygons, counterclockwise corners (c, 2) each, and their occupancy; later ones
-                paint over others.
+        Layers are polygons, counterclockwise, (c, 2) each, and their occupancy; later ones paint
+        over others.
         """
         x0, y0, cosine, sine, cell = self._frame
         cells = self.occupancy.copy()

@@ -205,10 +205,8 @@ class Lidar:
     def origins(self, poses: NDArray[Any]) -> NDArray[Any]:
         """Return the poses that the rays of robots at ``poses`` (3, n) start from, (3, n) float32.
 
-        Rows x, y, θ; the poses themselves if the lidar is in the robot's centre.
-
-        Raises:
-            InputError: the rays start from several places; :meth:`ranges` casts them.
+        The poses themselves if the lidar is in the robot's centre. Several places are refused:
+        :meth:`ranges` casts those.
         """
         if len(self.places) > 1:
             raise InputError(
@@ -222,9 +220,7 @@ class Lidar:
     ) -> list[tuple[NDArray[Any], slice]]:
         """Return, for each mount, where its rays start, (3, n), and its rows of the beams used.
 
-        Args:
-            poses: of the robot, rows x, y, θ, (3, n).
-            used: which beams are, (beams,); None: all.
+        Poses are the robot's, (3, n); ``used`` says which beams are, (beams,); None: all.
         """
         found, end = [], 0
         for place, rows in zip(self.places, self.rows, strict=True):

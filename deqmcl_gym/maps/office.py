@@ -86,17 +86,11 @@ class Office:
 
 @dataclass(frozen=True, kw_only=True)
 class Offices:
-    """The offices of a range of seeds, from which each episode draws one.
+    """The offices of a range of seeds, from which each episode draws one."""
 
-    Attributes:
-        seeds: (first, end): those from first on, end not among them.
-        office: all values but the seed.
-        form: "grid" or "polygons".
-    """
-
-    seeds: tuple[int, int]
-    office: Office
-    form: str = "grid"
+    seeds: tuple[int, int]  # (first, end): those from first on, end not among them
+    office: Office  # all values but the seed
+    form: str = "grid"  # "grid" or "polygons"
 
     def __post_init__(self) -> None:
         given = self.seeds

@@ -89,15 +89,9 @@ class PolygonMap:
     def from_grid(cls, grid: GridMap, tolerance: float = 0.0) -> "PolygonMap":
         """Return the largest open region of a map of cells: its outline and the obstacles in it.
 
-        All other open regions count as solid.
-
-        Args:
-            grid: a map of cells, none transparent.
-            tolerance: largest distance of an outline from that of the cells, m; 0 keeps all
-                corners. It is smaller where two outlines would cross.
-
-        Raises:
-            InputError: the grid's unknown cells are transparent, or the tolerance is bad.
+        All other open regions count as solid. Transparent cells are refused. ``tolerance`` is the
+        largest distance of an outline from that of the cells, m; 0 keeps all corners. It is smaller
+        where two outlines would cross.
         """
         if grid.unknown == "transparent":
             raise InputError(
@@ -185,7 +179,7 @@ class PolygonMap:
         """See ``Map.distance``."""
         centres = self._rows("points", points, 2)
         square = np.empty(centres.shape[1], np.float32)
-        drive_kernels.sweep(centres, centres, self._walls32, square)
+        drive_kernels.square_gaps(centres, centres, self._walls32, square)
         return np.sqrt(square)
 
     @cached_property
@@ -237,14 +231,9 @@ class PolygonMap:
 
 
 def driven(poses: Singles, moves: Singles) -> Singles:
-    """Turn, then move: θ' = θ + turn; (x', y') = (x, y) + R(θ') (forward, left).
+    """Turn, then move: θ' = θ + turn; (x', y') = (x, y) + R(θ') (forward, left); θ' in [-π, π].
 
-    Args:
-        poses: rows x, y, θ, (3, n) float32.
-        moves: increments, rows forward, left, turn, (3, n) float32.
-
-    Returns:
-        (3, n), θ' in [-π, π].
+    Poses x, y, θ and moves forward, left, turn are rows, (3, n) float32.
     """
     if len(poses) != 3 or poses.shape != moves.shape:
         raise InputError(
@@ -268,10 +257,7 @@ class _FarCaster:
 
 
 def _moved(rows: NDArray[Any], datum: Point, sign: int = 1) -> Singles:
-    """Return rows x, y and others (…, 2+, n) relative to the datum, in float32.
-
-    The rows themselves if the datum is (0, 0). With ``sign`` -1, the inverse.
-    """
+    """Return rows x, y, … (…, 2+, n) about the datum, float32; with ``sign`` -1, the inverse."""
     if datum == (0.0, 0.0):
         return rows
     moved = np.array(rows, dtype=np.float64, order="C")

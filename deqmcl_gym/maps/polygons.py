@@ -13,15 +13,7 @@ from deqmcl_gym.validation import InputError, array, digits, shown
 
 @compiled
 def _pairs_within(edges: Floats, by_x: Indices, within: float) -> Indices:
-    """Return all pairs of edges nearer to each other than ``within``, or crossing, (k, 2).
-
-    A sweep along x: an edge is compared with those that begin before it ends.
-
-    Args:
-        edges: (x₀, y₀, x₁, y₁), (S, 4).
-        by_x: their indices, sorted by the smaller x.
-        within: a distance, 0 or more.
-    """
+    """Return all pairs of edges (S, 4), sorted by the smaller x, this near or crossing, (k, 2)."""
     found, count = np.empty((64, 2), np.intp), 0
     for k in range(by_x.size):
         i = by_x[k]
@@ -78,10 +70,8 @@ def _square(edge: Floats, x: float, y: float) -> float:
 def finds_free_space(walls: Floats, levels: Floats, least: float) -> bool:
     """Whether the walls wind once around a stretch of a level wider than ``least``.
 
-    Args:
-        walls: (x₀, y₀, x₁, y₁), free space to their left, (S, 4).
-        levels: heights at which no wall begins, ends or crosses another one.
-        least: a width.
+    Walls are (x₀, y₀, x₁, y₁), free space to their left, (S, 4), levels heights at which none
+    begins, ends or crosses another one.
     """
     at, turns = np.empty(len(walls)), np.empty(len(walls), np.intp)
     for level in levels:
@@ -108,13 +98,9 @@ _ROUNDING = 1e-12  # error of heights, as a share of the floor plan's
 def parse_polygon(
     name: str, polygon: Any, shortest: float, farthest: float
 ) -> tuple[tuple[float, float], ...]:
-    """Return the corners of a simple polygon.
+    """Return the corners of a simple polygon, no coordinate above ``farthest``.
 
-    Args:
-        name: of the polygon in error messages.
-        polygon: its corners.
-        shortest: least length of an edge, and least distance of two edges that share no corner.
-        farthest: largest coordinate.
+    No edge is shorter than ``shortest``, and no two that share no corner are nearer than that.
     """
     try:
         corners = array(name, list(polygon), (None, 2))
@@ -244,11 +230,7 @@ def _point(corner: Floats) -> str:
 
 @compiled
 def largest_region(solid: Bools) -> Bools:
-    """Return the cells of the largest open region, connected by faces; the first if equal.
-
-    Args:
-        solid: which cells are, (rows, columns).
-    """
+    """Return the cells of the largest open region, connected by faces; the first if equal."""
     rows, columns = solid.shape
     region = np.zeros((rows, columns), np.int32)  # numbers from 1 on
     waiting = np.empty(solid.size, np.int32)
@@ -276,13 +258,9 @@ def largest_region(solid: Bools) -> Bools:
 def keep_more(corners: Floats, tolerance: float, forced: Bools, kept: Bools) -> None:
     """Keep corners of a closed outline until the others can be left out (Douglas & Peucker 1973).
 
-    A corner is left out if it is within ``tolerance`` of the edge that replaces it.
-
-    Args:
-        corners: (k, 2).
-        tolerance: a length.
-        forced: whether to split the edge from each corner once, whatever the distance, (k,).
-        kept: which corners are kept, the first among them, (k,); updated.
+    A corner is left out if it is within ``tolerance`` of the edge that replaces it. Corners are
+    (k, 2); ``forced`` says whether to split the edge from each once, whatever the distance, (k,);
+    ``kept`` which are kept, the first among them, (k,), is updated.
     """
     ends = np.append(np.flatnonzero(kept), len(corners))
     stretches = [(ends[i], ends[i + 1], forced[ends[i]]) for i in range(len(ends) - 1)]
@@ -305,15 +283,10 @@ def keep_more(corners: Floats, tolerance: float, forced: Bools, kept: Bools) -> 
 
 
 def faces_of(solid: Bools) -> Floats:
-    """Return the faces between open and solid cells, joined where they are in a line.
+    """Return the faces between open and solid cells, joined where they are in a line, (S, 4).
 
-    The edge of the map is solid.
-
-    Args:
-        solid: which cells are, (rows, columns).
-
-    Returns:
-        (x₀, y₀, x₁, y₁) in cells from the lower left corner, the open side to the left, (S, 4).
+    The edge of the map is solid. (x₀, y₀, x₁, y₁) are in cells from the lower left corner, the open
+    side to the left.
     """
     open_ = np.pad(~solid, 1).astype(np.int8)
     level, upright = np.diff(open_, axis=0)[:, 1:-1], -np.diff(open_, axis=1)[1:-1].T
@@ -336,17 +309,12 @@ def _runs(lines: Any) -> tuple[Indices, Indices, Indices]:
 
 
 def outlines_of(solid: Bools) -> list[Indices]:
-    """Return the outline of the largest open region, then those of the obstacles in it.
+    """Return the outline of the largest open region, then those of its obstacles, (k, 2) each.
 
     The cells of a region are connected by faces; other regions count as solid. Where four faces
     meet, at two solid cells that touch at a corner, an outline turns right, around the solid cell.
-    As the region is connected without that corner, no outline passes through a point twice.
-
-    Args:
-        solid: as ``faces_of``.
-
-    Returns:
-        Corners in cells from the lower left one, (k, 2) each.
+    As the region is connected without that corner, no outline passes through a point twice. Corners
+    are in cells from the lower left one.
     """
     rings = _rings(faces_of(~largest_region(solid)))
     return sorted(
@@ -355,14 +323,10 @@ def outlines_of(solid: Bools) -> list[Indices]:
 
 
 def thinned(outlines: list[Indices], tolerance: float, apart: float) -> list[Indices]:
-    """Leave out corners of outlines, so that no point moves by more than ``tolerance``.
+    """Leave out corners of outlines, so that no point moves by more than ``tolerance``, in cells.
 
-    Corners are kept where an outline would vanish, touch itself or cross another one.
-
-    Args:
-        outlines: as ``outlines_of`` returns them.
-        tolerance: in cells.
-        apart: least distance between edges of an outline that share no corner, in cells.
+    Corners are kept where an outline would vanish, cross another one or come nearer to itself than
+    ``apart``.
     """
     kept = [np.arange(len(outline)) == 0 for outline in outlines]
     amiss, before = [np.ones(len(outline), np.bool_) for outline in outlines], 0

@@ -148,10 +148,7 @@ def _enclosed(poses: Singles, outer: Singles) -> Bools:
 
 @compiled
 def _inside(poses: Singles, outer: Singles, room: Rectangle) -> Bools:
-    """Which poses (3, n) have a finite heading and are inside the outer wall.
-
-    That is the rectangle ``room`` if it is finite.
-    """
+    """Which poses (3, n) have a finite heading and are inside the outer wall or ``room``."""
     x, y, heading = poses[0], poses[1], poses[2]
     left, low, right, high = room
     if left == -_INF:
@@ -314,11 +311,8 @@ def cast_through(
 ) -> None:
     """Do the same, walking from cell to cell: a ray takes as long as the cells that it crosses.
 
-    Args:
-        poses, bearings, out: as ``cast_all``.
-        outer: the outer wall, as in :class:`AllWalls`.
-        table: a ``CellTable``, as a plain tuple: numba takes it faster.
-        place: of its lower left corner (x, y), and a cell's side.
+    ``table`` is a ``CellTable``, as a plain tuple, ``place`` its lower left corner (x, y), and a
+    cell's side.
     """
     n = poses.shape[1]
     u, v = np.empty(n, np.float32), np.empty(n, np.float32)

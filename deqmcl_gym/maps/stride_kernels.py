@@ -2,7 +2,9 @@
 
 Positions are in cells: square (i, j) of a table is [i, i + 1] × [j, j + 1]. The *reach* of a cell
 says how many cells away, along an axis or a diagonal, the nearest one is that is not open; its own
-is 0 then. The cells along the edge of a table are never open, so that nothing walks off it.
+is 0 then. The cells along the edge of a table are never open, so that nothing walks off it. From a
+cell of reach m a ray strides to the edge of the square of 2 m - 1 open cells around it. Its cells
+are kept in whole numbers, so that no rounding error leads past one.
 """
 
 from typing import NamedTuple
@@ -179,13 +181,7 @@ def _trace(
     cells: CellTable,
     out: Singles,
 ) -> None:
-    """Fill in how far rays from points along directions, (n,) each, come.
-
-    Amanatides & Woo 1987, but a ray in a cell of reach m strides to the edge of the square of
-    2 m - 1 open cells around it. Which cells it goes through is kept in whole numbers, so that no
-    rounding error leads past a cell; all rays stride together, and those that have arrived are
-    taken out now and then.
-    """
+    """Fill in how far rays from points along directions, (n,), come (Amanatides & Woo 1987)."""
     first, listed, walls = cells.first, cells.listed, cells.walls
     walled = first.size > 0
     left, flat = from_x.size, cells.reach.reshape(-1)

@@ -326,9 +326,6 @@ class World:
         If its unit differs, the parts of this world are converted to it, then changed. In a world
         without a driver, changes apply to ``Driver()``; ``driver="none"`` removes the driver. The
         same holds for all parts that a world may have.
-
-        Raises:
-            InputError: unknown part or key, or a bad value.
         """
         names = [own.name for own in fields(self)]
         given = {one_of("part of the world", name, names): parts[name] for name in parts}

@@ -76,7 +76,6 @@ class Clutter:
     """Boxes and round pillars that are not on the map.
 
     Attributes:
-        number: how many.
         share: of the free area that they cover, 0 to 0.5, instead of a number; None: ``number``.
         size: least and greatest side of a box and diameter of a pillar.
         round: share of pillars among them.
@@ -257,10 +256,7 @@ class ChangedWalls:
     def _tried(
         self, floor_plan: Map, piece: Piece, rng: np.random.Generator
     ) -> tuple[Floats, Floats] | None:
-        """Draw what happens to a piece: what is cleared and what is filled; None: there, nothing.
-
-        A wall that is shifted or copied must come to free space.
-        """
+        """Draw what is cleared and filled for a piece; None if it would not come to free space."""
         _, doors, step = inner_walls(floor_plan)
         nothing = np.empty((0, 4, 2))
         kind = self.kinds[int(rng.integers(len(self.kinds)))]
@@ -281,10 +277,7 @@ class ChangedWalls:
 def _shifted(
     piece: Piece, by: float, near: float, far: float, step: float
 ) -> tuple[Floats, Floats]:
-    """Return a piece shifted across by near + |by| (far - near), by whole steps, to its side.
-
-    And the middle of its front there, (2,).
-    """
+    """Return a piece shifted by near + |by| (far - near), and the middle of its front there."""
     way = near + abs(by) * (far - near)
     if step:
         way = max(1, min(round(way / step), math.floor(far / step + 1e-9))) * step
@@ -297,14 +290,8 @@ def _shifted(
 def map_changed(floor_plan: Map, given: Mapping[str, Any], points: Floats, body: float) -> Map:
     """Return a map whose walls are changed: what a robot is given if its map is out of date.
 
-    Args:
-        floor_plan: the map.
-        given: keys of ``ChangedWalls`` and ``seed``, 0 by default.
-        points: where a robot of radius ``body`` comes by, (n, 2).
-        body: a length.
-
-    Raises:
-        InputError: an unknown key, a bad value, or so much cannot be changed.
+    Keys are those of ``ChangedWalls`` and ``seed``, 0 by default; ``points`` are where a robot of
+    radius ``body`` comes by, (n, 2).
     """
     if not isinstance(given, Mapping):
         raise InputError(f"changed_walls is {shown(given)}, but must be a mapping such as share.")

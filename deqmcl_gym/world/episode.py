@@ -42,14 +42,11 @@ class CellContacts:
 
 
 class WallContacts:
-    """The walls of a floor plan in a pymunk space.
+    """The walls of a floor plan in a pymunk space, as static segments.
 
     Each wall is grown by the disc's radius, so that its centre touches the grown wall where the
     disc touches the wall (the configuration space of Lozano-Pérez, 1983). pymunk can also sweep a
     disc, but then searches for walls along its centre line only and misses those beside it.
-
-    Attributes:
-        space: all walls as static segments; nothing is ever inside an obstacle.
     """
 
     def __init__(self, floor_plan: PolygonMap, radius: float) -> None:
@@ -88,12 +85,7 @@ def contacts_of(world: World) -> Contacts:
 
 
 class Physics:
-    """The robot's disc among the walls.
-
-    Attributes:
-        position: of the disc's centre; :meth:`place` sets it.
-        reach: as of ``World``.
-    """
+    """The robot's disc among the walls; :meth:`place` sets its position."""
 
     def __init__(self, walls: Contacts, world: World, position: Point) -> None:
         """Put the robot of a world somewhere among its walls."""
@@ -146,9 +138,7 @@ def _corners_into_the_room(edges: Floats) -> list[Point]:
 class Body:
     """A robot in a world: it moves with noise, stops at walls, and takes scans.
 
-    Attributes:
-        pose: the true one (x, y, θ).
-        scan: the last one, (B,).
+    ``pose`` is the true one (x, y, θ), ``scan`` the last one, (B,).
     """
 
     def __init__(
@@ -159,14 +149,9 @@ class Body:
         noise: tuple[float, float, float],
         motion: np.random.Generator,
     ) -> None:
-        """Put the robot at a pose, and take its first scan.
+        """Put the robot at a pose, its disc placed there already, and take its first scan.
 
-        Args:
-            pose: (x, y, θ), θ in [-π, π).
-            physics: its disc, placed there.
-            sensor: its lidar.
-            noise: σ_dd, σ_φφ and σ_φd of the motion.
-            motion: two normal numbers per move are drawn from it.
+        ``noise`` is σ_dd, σ_φφ and σ_φd; two normal numbers per move are drawn from ``motion``.
         """
         self.pose, self._physics, self._sensor = pose, physics, sensor
         self._noise, self._motion = noise, motion
@@ -193,9 +178,6 @@ class Episode(Body):
 
     Attributes:
         there: the rules, in the world as it is in this episode.
-        course: the path, and the actions planned for it.
-        plan: the actions to come.
-        step: steps carried out.
         arc: arc length at which the robot is on the path.
         way: distance along the path since reset, jumps included.
         progress: the same without jumps.
@@ -241,9 +223,7 @@ class Episode(Body):
     def place(self, pose: Pose, noticed: bool = True) -> None:
         """Put the robot at a pose; this does not count as progress.
 
-        Args:
-            pose: (x, y, θ).
-            noticed: whether a driver notices and replans; otherwise its plan stays as it is.
+        Unless it is ``noticed``, a driver does not replan: its plan stays as it is.
         """
         journeys, goal, onwards = self.there.journeys, self.course.goal, None
         if isinstance(self.plan, GuidedPlan):
@@ -263,11 +243,7 @@ class Episode(Body):
         self.way += path.advance(before, self.arc)
 
     def advance(self, distance: float, turn: float) -> tuple[float, bool]:
-        """Turn, drive, take a scan: one step of noisy motion.
-
-        Returns:
-            The reward; whether a wall stopped the robot.
-        """
+        """Turn, drive, take a scan; return the reward, and whether a wall stopped the robot."""
         rules, path = self._rules, self.course.path
         before = self.pose[:2]
         collided = self.move(distance, turn)

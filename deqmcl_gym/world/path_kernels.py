@@ -26,12 +26,8 @@ def noisy_drive(
 ) -> tuple[float, float, float, float]:
     """Return the heading, and the drive's length and vector, that a command brings about.
 
-    Args:
-        heading: before, in [-π, π).
-        distance, turn: the command.
-        normals: N(0, 1) for the drive and the turn.
-        noise: σ_dd, σ_φφ, σ_φd.
-        reach: a length that no drive can have without contact; a longer one would lose precision.
+    Normals are N(0, 1) for the drive and the turn, noise σ_dd, σ_φφ, σ_φd. No drive without contact
+    is as long as ``reach``; a longer one would lose precision.
     """
     of_drive, of_turn, of_drift = noise
     sd_turn = of_turn * abs(turn) + of_drift * distance
@@ -107,21 +103,17 @@ def drive_along(
     rules: tuple[float, float, float, float, float, float],
     actions: RoomActions,
 ) -> int:
-    """Fill in the actions of a driver from ``pose`` without noise, until it is done.
+    """Fill in the actions (n, 2) of a driver without noise until it is done; return their number.
 
     Args:
         pose: of the robot.
         arc: arc length at which it is on the path.
         way: distance along the path so far.
-        edges: of the path.
-        period: of the path.
+        edges, period: of the path.
         rules: look-ahead distance; heading error beyond which it turns on the spot; step; largest
             turn of a step; distance along the path at which it is done; distance from the end of
             the path at which it is done.
-        actions: distance, turn, (n, 2).
-
-    Returns:
-        The number of actions, at most n.
+        actions: distance, turn.
     """
     x, y, heading = pose
     look_ahead, on_the_spot, step, most, end, near = rules
@@ -166,10 +158,6 @@ def once_round(length: float, radius: float) -> float:
     """Return the progress at which a robot, once round, touches the line that it started from.
 
     At least half the lap, however large the robot is.
-
-    Args:
-        length: of the lap.
-        radius: of the robot.
     """
     return length - min(length / 2, radius)
 
@@ -216,10 +204,7 @@ _BLOCK = 64  # steps looked at together: the first blocked one ends the search
 def room_for_noise(pose: tuple[float, float, float], cells: Any, size: float, most: float) -> float:
     """Radius of a robot of radius ``size``, and half its room to a wall, at most half of ``most``.
 
-    Args:
-        pose: of the robot.
-        cells: a ``grid_kernels.CellGrid``, as a plain tuple.
-        size, most: see above.
+    ``cells`` is a ``grid_kernels.CellGrid``, as a plain tuple.
     """
     reach, up, down, frame = cells
     at, gap = np.array(((pose[0],), (pose[1],))), np.empty(1, np.float32)
@@ -242,15 +227,9 @@ def steer(
 ) -> int:
     """Fill in what a driver does from ``pose`` on a route, and return the number of actions.
 
-    Args:
-        pose, arc, way: as ``path_kernels.drive_along``.
-        edges: of the route.
-        length: of the route, as ``Path.length`` adds it up.
-        goal: its last corner.
-        rules: as ``path_kernels.drive_along``, with the longest look-ahead.
-        cells: a ``grid_kernels.CellGrid``, as a plain tuple.
-        body: radius of the disc for which the way must be free.
-        actions: distance, turn, (n, 2).
+    As ``drive_along``, with the longest look-ahead in ``rules``. ``length`` of the route is as
+    ``Path.length`` adds it up, ``goal`` its last corner, ``cells`` a ``grid_kernels.CellGrid`` as a
+    plain tuple, ``body`` the radius of the disc for which the way must be free.
     """
     tried = np.empty_like(actions)
     clear, count = -1, 0

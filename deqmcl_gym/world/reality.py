@@ -31,7 +31,7 @@ _CLOSEST = 0.05  # px: walls nearer than this to each other are one to a beam
 class Reality:
     """A world as it is in one episode."""
 
-    mapped: Map  # the map
+    mapped: Map
     world: World  # the world with what is there as its floor plan
     keeps_route: bool  # whether nothing is on the way planned on the map
     glass: Floats  # walls that are glass, (k, 4, 2)
@@ -39,13 +39,7 @@ class Reality:
 
     @classmethod
     def drawn(cls, world: World, course: Course, plan: Plan, streams: Streams) -> "Reality":
-        """Draw what differs from the map in an episode.
-
-        Args:
-            world: as configured.
-            course, plan: made on the map.
-            streams: of the episode.
-        """
+        """Draw what differs from the map in an episode, on which its course and plan are made."""
         ground, clutter, walls = world.floor_plan, world.clutter, world.changed_walls
         changes, things = WallChanges(np.empty((0, 4, 2)), []), list[Floats]()
         kept = [part.keep_route for part in (clutter, walls) if part is not None]
@@ -98,8 +92,8 @@ class Beginning:
 
     there: RoomRules  # the rules, in the world as it is in this episode
     course: Course  # the path, and the actions planned for it
-    plan: Plan  # the actions to come
-    reality: Reality  # what is there
+    plan: Plan
+    reality: Reality
     start: Pose  # the true pose (x, y, θ)
 
     @classmethod

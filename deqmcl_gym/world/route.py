@@ -29,7 +29,7 @@ class Routes:
     to five times their length, so that routes keep to the middle of doors and corridors.
     """
 
-    floor_plan: Map  # the map
+    floor_plan: Map
     radius: float  # least distance to walls: the robot's radius, with a margin for motion noise
     comfort: float  # distance to walls from which on there is no extra cost
 
@@ -180,7 +180,7 @@ _DRAWS = 100_000  # tries of a free place
 class Journeys:
     """The courses of a world with a route."""
 
-    world: World  # the world
+    world: World
 
     def drawn(self, seed: int, number: int) -> Course:
         """Draw a start with its heading, and a goal, unless the world names them.
@@ -372,11 +372,6 @@ def fill_following(dear: Floats, numbers: Numbers, costs: Floats, out: Indices) 
     """Fill in the next cell of the way from each cell to the goal; -1 at it, or without one.
 
     Of those that lead there at equal cost it is the nearest to the goal, and of these the last.
-
-    Args:
-        dear, numbers: as :func:`fill_costs`.
-        costs: as it fills them in.
-        out: (n,).
     """
     columns = numbers.shape[1]
     worth, number = dear.ravel(), numbers.ravel()

@@ -17,7 +17,7 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Bools, Floats, Pose, RoomActions, Singles
 from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of, shown
 from deqmcl_gym.world.config import Robot, World, extent_of, offices_of
-from deqmcl_gym.world.course import MAX_STEPS, Course, wrapped
+from deqmcl_gym.world.course import MAX_STEPS, Course, centred_heading
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan
 from deqmcl_gym.world.path_kernels import COLLISION_PENALTY, GOAL_BONUS, once_round
 from deqmcl_gym.world.presets import WORLDS
@@ -36,11 +36,7 @@ _ARGUMENTS += ("observation", "render_mode")
 
 
 class Commands:
-    """The actions (distance, turn, *heads) that a robot can carry out.
-
-    Attributes:
-        space: the Box of all commands, float32.
-    """
+    """The actions (distance, turn, *heads) that a robot can carry out, in the Box ``space``."""
 
     def __init__(self, robot: Robot, unit: str, heads: tuple[str, ...] = ()) -> None:
         """Allow distances in [0, max_distance], turns in [-max_turn, max_turn], heads in [0, 1]."""
@@ -167,23 +163,14 @@ def _lap_of(world: World) -> Course:
 
 @dataclass(frozen=True)
 class RoomRules:
-    """A world, and the rules of its episodes.
+    """A world, and the rules of its episodes."""
 
-    Attributes:
-        world: all parts of the world, as configured.
-        horizon: how many planned actions ``info`` shows; None: all.
-        ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
-        observation: "scan", or "dict" for scan, plan, progress, clock and the goal of a route.
-        offices: of which each episode draws one; None: the map is the same in all.
-        extent: (x0, y0, x1, y1) of goals, as observations have them; None: the map's.
-    """
-
-    world: World
-    horizon: int | None
-    ends_at_goal: bool
-    observation: str
-    offices: Offices | None = None
-    extent: Box | None = None
+    world: World  # as configured
+    horizon: int | None  # how many planned actions ``info`` shows; None: all
+    ends_at_goal: bool  # when lap or route is done, even if the plan has steps left
+    observation: str  # "scan", or "dict" for scan, plan, progress, clock and goal
+    offices: Offices | None = None  # of which each episode draws one
+    extent: Box | None = None  # (x0, y0, x1, y1) of goals in observations; None: the map's
 
     @classmethod
     def of(
@@ -352,7 +339,7 @@ class RoomRules:
                     "smaller start.sd_position."
                 )
             x, y, heading = x + dx, y + dy, heading + turn
-        return x, y, heading if -np.pi <= heading < np.pi else wrapped(heading)
+        return x, y, heading if -np.pi <= heading < np.pi else centred_heading(heading)
 
     def elsewhere(self, course: Course, rng: np.random.Generator) -> Pose:
         """Draw a free pose: anywhere for a lap; for a route, as its start is drawn."""
