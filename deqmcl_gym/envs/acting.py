@@ -23,7 +23,7 @@ from deqmcl_gym.validation import InputError, NoEpisodeError, integer, number, o
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import centred_heading
 from deqmcl_gym.world.driver import NO_PLAN
-from deqmcl_gym.world.episode import Body, Physics, contacts_of
+from deqmcl_gym.world.episode import Body, contacts_of
 from deqmcl_gym.world.rules import Commands, StepResult, check_options, scan_space, within
 from deqmcl_gym.world.sensor import LidarSensor
 
@@ -162,11 +162,9 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
             site = self._sites.site(self.building)
             self._enter(site, site.localizer)
         (x, y, heading), prior = self._begun(start)
-        pose = x, y, centred_heading(heading)
-        floor_plan, noise = self.floor_plan, self.world.noise
+        pose, floor_plan = (x, y, centred_heading(heading)), self.floor_plan
         lidar = LidarSensor(floor_plan.local.caster, floor_plan.datum, self.lidar, sensor)
-        sds = float(noise.drive), float(noise.turn), float(noise.drift)
-        self._body = Body(pose, Physics(self._walls, self.world, (x, y)), lidar, sds, motion)
+        self._body = Body(pose, self._walls, self.world, lidar, motion)
         self._scan = self._body.scan
         self._belief = self._localizer.reset(prior, NO_PLAN, own)
         self.steps, self._ended = 0, False

@@ -49,7 +49,7 @@ class Rooms:
         near = -1.0
         if world.route is not None and rules.ends_at_goal:
             near = world.route.tolerance
-        self._numbers = tuple(kernels.Rules(rules.noise, rules.rewards, near, limit))
+        self._numbers = tuple(kernels.Rules(world.noise.sds, rules.rewards, near, limit))
         self.scans = np.zeros((number, world.lidar.beams), np.float32)
         self._lap = None if world.route is not None else rules.plan
         self._driver = _driver(rules)

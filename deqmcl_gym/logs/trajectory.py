@@ -31,19 +31,12 @@ _ROUNDING = 1e-6  # of covariances: float32 of some stacks
 @final
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Poses at times.
+    """Poses at times."""
 
-    Attributes:
-        times: s, (n,), not decreasing.
-        poses: (x, y, θ), (n, 3).
-        source: name of the trajectory in messages, such as its file.
-        covariances: of (x, y, θ) at each pose, (n, 3, 3), NaN where unknown; None: none is known.
-    """
-
-    times: Floats
-    poses: Floats
-    source: str = "the trajectory"
-    covariances: Floats | None = None
+    times: Floats  #: s, (n,), not decreasing
+    poses: Floats  #: (x, y, θ), (n, 3)
+    source: str = "the trajectory"  #: in messages, such as its file
+    covariances: Floats | None = None  #: of (x, y, θ), (n, 3, 3), NaN where unknown
 
     def __post_init__(self) -> None:
         times = ascending_times(self.source, "pose", self.times)

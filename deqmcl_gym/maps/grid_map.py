@@ -44,31 +44,21 @@ class GridMap:
 
     A cell is solid if its occupancy is at least ``occupied_thresh``. Walls are the faces between
     solid and open cells and the edge of the map; all answers are exact for these squares. Unknown
-    cells are what ``unknown`` says: all but ``ranges`` and ``cast`` ask what stops a robot.
-
-    Attributes:
-        occupancy: as in ROS' OccupancyGrid: 0 (free) to 100 (occupied) and -1 (unknown), (rows,
-            columns) int8, the lowest row first.
-        resolution: edge of a cell, m.
-        origin: pose of the lower left corner of the first cell (x, y, yaw).
-        unknown: what unknown cells count as: "obstacle"; "transparent", which stops robots, but not
-            beams; "free"; or an occupancy from 0 to 1. On a map with transparent cells, beams that
-            reach its edge go on, too, and have the range ∞.
-        occupied_thresh: occupancy from which a cell is solid, in (0, 1].
-        free_thresh: occupancy up to which a cell is free when written to a file; below
-            ``occupied_thresh``.
+    cells count as ``unknown`` says: "obstacle"; "transparent", which stops robots, but not beams;
+    "free"; or an occupancy from 0 to 1. All but ``ranges`` and ``cast`` ask what stops a robot. On
+    a map with transparent cells, beams that reach its edge go on, too, and have the range ∞.
 
     Raises:
         InputError: a value is bad, no cell is open, or the map is so far from (0, 0) that single
             precision does not resolve its cells.
     """
 
-    occupancy: NDArray[np.int8]
-    resolution: float
-    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    occupancy: NDArray[np.int8]  #: 0 (free) to 100, -1 (unknown); the lowest row first
+    resolution: float  #: edge of a cell, m
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: of the first cell, yaw
     unknown: Unknown = "obstacle"
-    occupied_thresh: float = 0.65
-    free_thresh: float = 0.196
+    occupied_thresh: float = 0.65  #: in (0, 1]
+    free_thresh: float = 0.196  #: of cells written to a file as free, below ``occupied_thresh``
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "occupancy", _occupancy(self.occupancy))

@@ -52,19 +52,14 @@ _FARTHEST = 1e9  # px: there, float64 resolves 1e-7 px
 class PolygonMap:
     """Polygonal walls around a free interior with solid obstacles; implements ``Map``.
 
-    Attributes:
-        outer: corners of the outer wall, in order; the last is joined to the first.
-        obstacles: corners of each solid obstacle.
-        unit: of all lengths, "px" or "m".
-
     Raises:
         InputError: a polygon is not simple, or has fewer than 3 corners, NaN, a coordinate that is
             too large or a zero-length edge; there is no free space; the unit is unknown.
     """
 
-    outer: Polygon
-    obstacles: tuple[Polygon, ...] = ()
-    unit: str = "px"
+    outer: Polygon  #: corners in order; the last is joined to the first
+    obstacles: tuple[Polygon, ...] = ()  #: corners of each
+    unit: str = "px"  #: of all lengths, "px" or "m"
 
     def __post_init__(self) -> None:
         limits = _ZERO_LENGTH * pixel(self.unit), _FARTHEST * pixel(self.unit)

@@ -73,23 +73,18 @@ NOWHERE = Way(np.empty((0, 2)), 0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Clutter:
-    """Boxes and round pillars that are not on the map.
+    """Boxes and round pillars that are not on the map; ``size`` is their least and greatest side.
 
-    Attributes:
-        share: of the free area that they cover, 0 to 0.5, instead of a number; None: ``number``.
-        size: least and greatest side of a box and diameter of a pillar.
-        round: share of pillars among them.
-        where: "anywhere"; "walls": against a wall; "corridors": where the longest line of sight is
-            2.5 times as long as all within 34° of that across it; "rooms": elsewhere.
-        keep_route: whether they keep off the way planned on the map, 0.2 m (10 px) beside the
-            robot; otherwise only off its ends.
+    Where: "anywhere"; "walls": against a wall; "corridors": where the longest line of sight is 2.5
+    times as long as all within 34° of that across it; "rooms": elsewhere. They keep off the way
+    planned on the map, 0.2 m (10 px) beside the robot, or only off its ends.
     """
 
     number: int = 10
-    share: float | None = None
+    share: float | None = None  #: of the free area, 0 to 0.5, instead of a number
     size: tuple[float, float] = field(default=(15.0, 40.0), metadata=LENGTH)
-    round: float = 0.5
-    where: str = "anywhere"
+    round: float = 0.5  #: share of pillars among them
+    where: str = "anywhere"  #: one of ``PLACES``
     keep_route: bool = True
 
     def __post_init__(self) -> None:
@@ -190,18 +185,12 @@ class ChangedWalls:
 
     A piece is removed, or shifted across, or a wall is added: a copy of the piece 0.5 to 3 m
     (25 to 150 px) beside it or, as often, what closes a door.
-
-    Attributes:
-        share: of the length of the inner walls, 0 to 0.5.
-        distance: greatest shift.
-        kinds: what happens to a piece, each as often: "removed", "added", "shifted".
-        keep_route: as in ``Clutter``, for walls shifted and added.
     """
 
-    share: float = 0.1
-    distance: float = field(default=25.0, metadata=LENGTH)
-    kinds: tuple[str, ...] = KINDS
-    keep_route: bool = True
+    share: float = 0.1  #: of the length of the inner walls, 0 to 0.5
+    distance: float = field(default=25.0, metadata=LENGTH)  #: greatest shift
+    kinds: tuple[str, ...] = KINDS  #: what happens to a piece, each as often
+    keep_route: bool = True  #: as in ``Clutter``, for walls shifted and added
 
     def __post_init__(self) -> None:
         keep_plain(self)
@@ -306,17 +295,11 @@ def map_changed(floor_plan: Map, given: Mapping[str, Any], points: Floats, body:
 
 @dataclass(frozen=True, kw_only=True)
 class Glass:
-    """Inner walls, as on the map, of which beams do not always return.
+    """Inner walls, as on the map, of which beams do not always return."""
 
-    Attributes:
-        share: of the length of the inner walls that is glass.
-        lost: share of the beams that meet glass and are not reflected by it.
-        reads: what these measure: "through", what is behind, or "max", the greatest range.
-    """
-
-    share: float = 0.2
-    lost: float = 0.7
-    reads: str = "through"
+    share: float = 0.2  #: of the length of the inner walls
+    lost: float = 0.7  #: share of the beams that meet glass and are not reflected
+    reads: str = "through"  #: what these measure: "through", what is behind, or "max"
 
     def __post_init__(self) -> None:
         keep_plain(self)

@@ -27,17 +27,14 @@ class People:
     """People who walk straight from one random place to another in sight of it, and back.
 
     They pass through each other, but not through the robot: who would come too near turns round,
-    and who would either way walks elsewhere, away from it.
-
-    Attributes:
-        speed: least and greatest speed, length per s.
-        seconds: duration of a step of the robot.
+    and who would either way walks elsewhere, away from it. ``speed`` is the least and the greatest,
+    per s.
     """
 
     number: int = 10
     radius: float = field(default=15.0, metadata=LENGTH)
     speed: tuple[float, float] = field(default=(25.0, 75.0), metadata=LENGTH)
-    seconds: float = 0.4
+    seconds: float = 0.4  #: duration of a step of the robot
 
     def __post_init__(self) -> None:
         keep_plain(self)

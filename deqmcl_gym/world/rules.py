@@ -120,31 +120,18 @@ StepResult = tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]  # as Gymnasi
 class RoomInfo(TypedDict):
     """The ``info`` channel: fresh arrays of fixed shape and NumPy numbers, which libraries stack.
 
-    No observation has one of the keys.
-
-    Attributes:
-        planned_actions: the actions planned after this step, zero-padded, (h, 2) float32:
-            distance, turn.
-        planned_count: number of rows of ``planned_actions`` that are actions, int64.
-        command: what was carried out in this step, before motion noise and contact, (2,) float32;
-            zeros at reset. Inside wrappers of actions, and heads, so not the learner's action.
-        collided: whether the step was stopped by a wall, 1 or 0, float64.
-        is_success: whether the step ended the lap or route at its goal, 1 or 0, float64.
-        truth: the true pose (x, y, θ), (3,) float64. For scoring only: estimators must not read
-            it.
-        goal: the end of the route (x, y), (2,) float64; only in a world with a route, and not if
-            the observation has it.
-        building: seed of the office, int64; only where each episode draws one.
+    No observation has one of the keys. Inside wrappers of actions, and heads, ``command`` is not
+    the learner's action.
     """
 
-    planned_actions: Singles
-    planned_count: np.int64
-    command: Singles
-    collided: np.float64
-    is_success: np.float64
-    truth: Floats
-    goal: NotRequired[Floats]
-    building: NotRequired[np.int64]
+    planned_actions: Singles  #: after this step, zero-padded, (h, 2): distance, turn
+    planned_count: np.int64  #: rows of ``planned_actions`` that are actions
+    command: Singles  #: carried out, before noise and contact, (2,); zeros at reset
+    collided: np.float64  #: whether a wall stopped the step, 1 or 0
+    is_success: np.float64  #: whether it ended lap or route at the goal, 1 or 0
+    truth: Floats  #: pose (x, y, θ), (3,); for scoring only, not for estimators
+    goal: NotRequired[Floats]  #: (x, y), (2,); with a route, unless observed
+    building: NotRequired[np.int64]  #: seed of the office, if drawn
 
 
 def check_options(options: object) -> None:
@@ -261,12 +248,6 @@ class RoomRules:
     def commands(self) -> Commands:
         """The commands that the robot can carry out."""
         return Commands(self.world.robot, self.world.floor_plan.unit)
-
-    @cached_property
-    def noise(self) -> tuple[float, float, float]:
-        """σ_dd, σ_φφ and σ_φd of the motion."""
-        noise = self.world.noise
-        return float(noise.drive), float(noise.turn), float(noise.drift)
 
     @cached_property
     def rewards(self) -> tuple[float, float, float]:

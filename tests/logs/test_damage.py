@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deqmcl_gym import logs
-from deqmcl_gym.logs.raw_records import RawRecords, in_order
+from deqmcl_gym.logs.raw_records import RawRecords, ascending
 from deqmcl_gym.validation import InputError
 
 VIEW = "PARAM laser_front_laser_fov 180 0 nohost 0"  # 3 beams are not a SICK's
@@ -95,7 +95,7 @@ def test_a_bad_range_costs_its_beam_not_the_record(read_lines, bad):
 @given(st.lists(st.integers(0, 30), min_size=1, max_size=25))
 def test_the_records_kept_are_the_longest_run_that_never_goes_back(times):
     damage = RawRecords("x").damage
-    kept = in_order(np.array(times, float), damage)
+    kept = ascending(np.array(times, float), damage)
     run = np.array(times)[kept]
     assert (np.diff(run) >= 0).all()
     assert (np.diff(kept) > 0).all()
