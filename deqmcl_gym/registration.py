@@ -44,15 +44,16 @@ def register() -> None:
         _register(registry)
 
 
-def preset_id(preset: str) -> str:
-    """Return the id of a preset: ``deqmcl_gym/Guided-v0`` for "guided"."""
-    return f"deqmcl_gym/{preset.title().replace('-', '')}-v0"
-
-
 def _register(registry: ModuleType) -> None:
-    _register_room(registry, ENV_ID, {})
-    for preset in PRESETS:
-        _register_room(registry, preset_id(preset), {"preset": preset})
+    presets = {f"deqmcl_gym/{preset.title()}-v0": {"preset": preset} for preset in PRESETS}
+    for name, kwargs in {ENV_ID: {}, **presets}.items():
+        registry.register(
+            id=name,
+            entry_point=_ROOM,
+            vector_entry_point="deqmcl_gym.envs.vector:RoomVectorEnv",
+            max_episode_steps=MAX_EPISODE_STEPS,
+            kwargs=kwargs,
+        )
     registry.register(
         id=JOURNEY_ENV_ID,
         entry_point=_ROOM,
@@ -78,16 +79,6 @@ def __getattr__(name: str) -> Any:
             f"{name} needs deqmcl-gym's package localizers, but {found.__file__} "
             "hides it: rename that, or start Python in another folder."
         ) from None
-
-
-def _register_room(registry: ModuleType, name: str, kwargs: dict[str, Any]) -> None:
-    registry.register(
-        id=name,
-        entry_point=_ROOM,
-        vector_entry_point="deqmcl_gym.envs.vector:RoomVectorEnv",
-        max_episode_steps=MAX_EPISODE_STEPS,
-        kwargs=kwargs,
-    )
 
 
 class _WhenGymnasiumLoads:

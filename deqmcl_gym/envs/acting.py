@@ -278,9 +278,6 @@ class LocalizeEnv(ActingEnv):
     Args:
         site: where it is lost, or the sites of which each episode draws one; ``starts`` is p(x_0).
             The env runs a copy of the localizer.
-        share: in (0, 1).
-        hold: steps, 1 or more.
-        max_steps: of an episode.
         shown: ``particles`` and ``cell``, as of ``BeliefView``, and ``render_mode``, None or
             "rgb_array".
     """
@@ -342,9 +339,7 @@ class TrackEnv(ActingEnv):
             drawn from its ``starts``. The env runs a copy of the localizer.
         around: called with ``mean``, gives p(x_0) around a pose; the mean itself is drawn so that
             the start is distributed like that around it.
-        tolerance: from the goal, in the map's unit.
-        least: distance from start to goal, in the map's unit.
-        max_steps: of an episode.
+        tolerance, least: distances, in the map's unit.
         shown: ``particles`` and ``cell``, as of ``BeliefView``, and ``render_mode``, None or
             "rgb_array".
     """

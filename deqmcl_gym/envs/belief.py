@@ -150,9 +150,6 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
 
     Attributes:
         belief: the latest, for planners; by ``env.get_wrapper_attr("belief")`` from outside.
-
-    Raises:
-        InputError: the env shows no scan, or the localizer is none.
     """
 
     def __init__(

@@ -214,16 +214,6 @@ class LogEnv(gym.Env[Singles, Singles]):
         changed_walls: what if the map were out of date: inner walls of it are changed, as the
             argument of this name says of `Room-v0`'s world, with a `seed` (0) for what is drawn:
             `{"share": 0.3, "seed": 1}`. Walls shifted and added keep off the reference.
-        others: any other argument is refused, with the nearest name.
-
-    Raises:
-        InputError: a value is bad, the log cannot be read or has fewer than two records, or the map
-            is not in the log's unit.
-
-    Attributes:
-        log: the records that are played.
-        lidar: the scanner's geometry, for localizers.
-        radius: of the robot, for localizers.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -268,7 +258,12 @@ class LogEnv(gym.Env[Singles, Singles]):
             )
         self._map = map_of(map, unknown, self.log)
         if changed_walls is not None:
-            self._map = self._out_of_date(changed_walls)
+            known = self.log.referenced
+            driven = np.empty((0, 2))
+            if self.log.reference is not None:
+                driven = self.log.reference[known, :2]
+            body = _RADIUS * pixel(self.log.unit)
+            self._map = map_changed(self.floor_plan, changed_walls, driven, body)
         self.lidar, self.radius = self.log.scanner, _RADIUS * pixel(self.log.unit)
         if radius is not None:
             self.radius = number("radius", radius, low=0)
@@ -284,11 +279,6 @@ class LogEnv(gym.Env[Singles, Singles]):
         most = np.float32(3 * reach)
         self.observation_space = gym.spaces.Box(0.0, most, (self.lidar.beams,), np.float32)
         self._first = self._last = self._step = -1
-
-    def _out_of_date(self, changes: Mapping[str, Any]) -> Map:
-        known = self.log.referenced
-        driven = np.empty((0, 2)) if self.log.reference is None else self.log.reference[known, :2]
-        return map_changed(self.floor_plan, changes, driven, _RADIUS * pixel(self.log.unit))
 
     @property
     def floor_plan(self) -> Map:

@@ -70,10 +70,7 @@ class RoomEnv(gym.Env[Any, Singles]):
             "grid" or "polygons". An office with `seeds` is another one in each episode.
         lidar: beams, field of view, range and noise. This and the following parts are objects, or
             JSON-able changes to the preset's.
-        robot: radius and largest action.
-        noise: motion noise of the world.
-        start: pose at reset and its spread.
-        lap: step lengths, or waypoints of the planned path.
+        robot, noise, start, lap: see ``deqmcl_gym.world.config``.
         driver: follows that path from the true pose and replans at every step; "none" removes the
             preset's.
         route: a start and a goal, drawn in each episode, instead of the lap.
@@ -81,20 +78,16 @@ class RoomEnv(gym.Env[Any, Singles]):
             anew in each episode; scans, contacts and a driver meet what is there, and
             ``floor_plan`` stays the map.
         changed_walls: inner walls removed, added or shifted.
-        people: who walk about.
-        glass: inner walls that do not reflect all beams.
+        people, glass: who walk about; inner walls that do not reflect all beams.
         horizon: number of planned actions shown; None shows all that are left. Routes differ in
             length, so several envs with routes in one ``gym.make_vec`` need a number.
         ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
         observation: "scan", or "dict" for scan, plan, progress, clock and the goal of a route.
         render_mode: None or "rgb_array".
-        unknown: refused, with the nearest valid name.
 
     Attributes:
         floor_plan: the map m, for localizers too; that of this episode.
         building: seed of this episode's office, where each draws one; else None.
-        lidar: the sensor's geometry and noise, for localizers too.
-        world: all parts of the world, as configured.
         before_step: what happens in the next step before the robot moves, by whose it is.
     """
 

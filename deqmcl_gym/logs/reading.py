@@ -247,10 +247,6 @@ def read(
         base_frame: the robot's frame in a ROS bag; None is the odometry's.
         field_of_view: of the scanner of a CARMEN log's FLASER lines, rad; None: as PARAM lines say,
             or π, as of a SICK LMS.
-
-    Raises:
-        InputError: the format is unknown or does not take an argument, the file is missing or
-            damaged as a whole, or no record is usable.
     """
     paths: Sequence[Any] = path if isinstance(path, list | tuple) and path else [path]
     if not all(isinstance(one, str | PathLike) for one in paths):

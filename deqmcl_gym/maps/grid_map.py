@@ -48,9 +48,8 @@ class GridMap:
     "free"; or an occupancy from 0 to 1. All but ``ranges`` and ``cast`` ask what stops a robot. On
     a map with transparent cells, beams that reach its edge go on, too, and have the range ∞.
 
-    Raises:
-        InputError: a value is bad, no cell is open, or the map is so far from (0, 0) that single
-            precision does not resolve its cells.
+    A map without an open cell is refused, and one so far from (0, 0) that single precision does not
+    resolve its cells.
     """
 
     occupancy: NDArray[np.int8]  #: 0 (free) to 100, -1 (unknown); the lowest row first

@@ -184,19 +184,6 @@ class Lidar:
             ranges[..., self.blind] = blind
             ranges[ranges < np.float32(self.min_range)] = np.inf
 
-    def origins(self, poses: NDArray[Any]) -> NDArray[Any]:
-        """Return the poses that the rays of robots at ``poses`` (3, n) start from, (3, n) float32.
-
-        The poses themselves if the lidar is in the robot's centre. Several places are refused:
-        :meth:`ranges` casts those.
-        """
-        if len(self.places) > 1:
-            raise InputError(
-                f"the rays of this lidar start from {len(self.places)} places: cast them by "
-                "lidar.ranges(floor_plan, poses)."
-            )
-        return poses if self.places[0] == CENTRE else _moved(poses, self.places[0])
-
     def fans(
         self, poses: NDArray[Any], used: Bools | None = None
     ) -> list[tuple[NDArray[Any], slice]]:

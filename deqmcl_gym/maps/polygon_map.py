@@ -52,9 +52,7 @@ _FARTHEST = 1e9  # px: there, float64 resolves 1e-7 px
 class PolygonMap:
     """Polygonal walls around a free interior with solid obstacles; implements ``Map``.
 
-    Raises:
-        InputError: a polygon is not simple, or has fewer than 3 corners, NaN, a coordinate that is
-            too large or a zero-length edge; there is no free space; the unit is unknown.
+    Polygons must be simple, and leave free space.
     """
 
     outer: Polygon  #: corners in order; the last is joined to the first

@@ -106,9 +106,7 @@ def drive_along(
     """Fill in the actions (n, 2) of a driver without noise until it is done; return their number.
 
     Args:
-        pose: of the robot.
-        arc: arc length at which it is on the path.
-        way: distance along the path so far.
+        pose, arc, way: where the robot is, on the path, and how far along it so far.
         edges, period: of the path.
         rules: look-ahead distance; heading error beyond which it turns on the spot; step; largest
             turn of a step; distance along the path at which it is done; distance from the end of
@@ -179,8 +177,7 @@ def judged_step(
 
     Args:
         drive: from (x, y) to (x, y).
-        before: arc length before it.
-        progress: since reset, until then.
+        before, progress: arc length before it, and progress since reset.
         collided: whether a wall stopped the robot.
         edges, period: of the path.
         rewards: progress at which the task is done, inf if it never is; the reward for that; the

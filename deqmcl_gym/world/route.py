@@ -319,9 +319,8 @@ def fill_costs(dear: Floats, numbers: Numbers, cell: float, goal: int, out: Floa
     Args:
         dear: cost per step of each cell, from ``cell`` to 5 ``cell``, (rows, columns).
         numbers: of free cells, -1 elsewhere, with a ring of -1 around them, (rows, columns).
-        cell: edge of a cell.
-        goal: number of its cell.
-        out: ∞, (n,); filled in.
+        cell, goal: edge of a cell; number of the goal's.
+        out: ∞, (n,).
     """
     rows, columns = numbers.shape
     places = np.empty(out.size, np.int64)
