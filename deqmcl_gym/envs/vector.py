@@ -47,14 +47,12 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         render_mode: str | None = None,
         **room: Any,
     ) -> None:
-        """Make ``num_envs`` equal rooms.
+        """Make ``num_envs`` equal rooms, with ``render_mode`` None or "rgb_array".
 
         Args:
-            num_envs: n.
             max_episode_steps: number of steps after which episodes are truncated; None is 408, the
                 registered limit, and -1 is no limit, as in ``gym.make``.
             autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's own constant.
-            render_mode: None or "rgb_array".
             room: further arguments of :class:`deqmcl_gym.envs.room.RoomEnv`.
         """
         self._limit = _limit(max_episode_steps)

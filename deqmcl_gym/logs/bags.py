@@ -121,20 +121,15 @@ class Bag:
         return fitting[0] if fitting else None
 
 
-def require_rosbags() -> None:
-    """Check that ``rosbags`` is installed."""
+@contextmanager
+def opened_bag(paths: Sequence[Path]) -> Iterator[Bag]:
+    """Open the parts of a bag; any error inside becomes an ``InputError``."""
     try:
         import rosbags.highlevel  # noqa: F401
     except ModuleNotFoundError:
         raise InputError(
             'ROS bags need rosbags, which is not installed: pip install "deqmcl-gym[ros]".'
         ) from None
-
-
-@contextmanager
-def opened_bag(paths: Sequence[Path]) -> Iterator[Bag]:
-    """Open the parts of a bag; any error inside becomes an ``InputError``."""
-    require_rosbags()
     name = names_of(paths)
     at = paths[0]
     try:

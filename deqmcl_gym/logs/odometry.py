@@ -174,13 +174,10 @@ class JudgedOdometry:
 
     @classmethod
     def of(cls, numbers: Floats, received: Floats, rows: Floats, unit: str) -> "JudgedOdometry":
-        """Return odometry, judged in the order in which it came.
+        """Return odometry, rows t, x, y, θ, (n, 4), judged in the order in which it came.
 
-        Args:
-            numbers: of the messages, ascending, (n,).
-            received: when each came, s, by a clock that may be another; NaN if unknown, (n,).
-            rows: t, x, y, θ, (n, 4).
-            unit: of lengths.
+        Numbers of messages ascend, (n,); ``received`` is when each came, s, by a clock that may be
+        another; NaN if unknown, (n,).
         """
         odometry, rows = Odometry(unit), rows.copy()
         rows[_far_ahead(rows[:, 0]), 0] = math.nan

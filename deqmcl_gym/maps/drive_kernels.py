@@ -70,8 +70,7 @@ def mounted(poses: Singles, ahead: float, aside: float, out: Singles) -> None:
 def wind(poses: Singles, walls: Singles, out: Ints) -> None:
     """Fill in the winding number of the walls around each point, (n,)."""
     x, y = poses[0], poses[1]
-    for i in range(x.size):
-        out[i] = 0
+    out[:] = 0
     for wall in range(walls.shape[0]):
         ax, ay, bx, by = walls[wall, 0], walls[wall, 1], walls[wall, 2], walls[wall, 3]
         for i in range(x.size):
@@ -104,8 +103,7 @@ def square_gaps(starts: Singles, ends: Singles, walls: Singles, out: Singles) ->
         for i in range(LANES):
             square = dx[i] * dx[i] + dy[i] * dy[i]
             inverse[i] = _ONE / square if square > _ZERO else _ZERO
-        for i in range(LANES):
-            best[i] = _INF
+        best[:] = _INF
         for wall in range(walls.shape[0]):
             wx, wy = walls[wall, 0], walls[wall, 1]
             ex, ey = walls[wall, 2] - wx, walls[wall, 3] - wy
@@ -133,9 +131,7 @@ def square_gaps(starts: Singles, ends: Singles, walls: Singles, out: Singles) ->
                 crossing = (side_p * side_q < _ZERO) & (side_a * side_b < _ZERO)
                 near = _ZERO if crossing else near
                 best[i] = min(best[i], near)
-        least = out[start : start + count]
-        for i in range(count):
-            least[i] = best[i]
+        out[start : start + count] = best[:count]
 
 
 @compiled
@@ -233,10 +229,7 @@ def _look_closely(
     late: Singles, owners: Ints, held: int, walls: Singles, radius: np.float32, hits: Ints
 ) -> None:
     """Count which of the steps ``held``, rows x, y, x', y', collide, for their ``owners``."""
-    ends = np.empty((4, held), np.float32)
-    for row in range(4):
-        for k in range(held):
-            ends[row, k] = late[row, k]
+    ends = late[:, :held].copy()
     square, windings = np.empty(held, np.float32), np.empty(held, np.int32)
     square_gaps(ends[:2], ends[2:], walls, square)
     wind(ends[2:], walls, windings)

@@ -188,15 +188,14 @@ class PolygonMap:
         if self.datum == (0.0, 0.0):
             return self
         local = object.__new__(PolygonMap)  # its polygons have been checked
-        object.__setattr__(local, "outer", self._about_datum(self.outer))
-        object.__setattr__(local, "obstacles", tuple(map(self._about_datum, self.obstacles)))
-        object.__setattr__(local, "unit", self.unit)
-        object.__setattr__(local, "datum", (0.0, 0.0))
-        return local
-
-    def _about_datum(self, polygon: Polygon) -> Polygon:
         x0, y0 = self.datum
-        return tuple((x - x0, y - y0) for x, y in polygon)
+        outer, *obstacles = (
+            tuple((x - x0, y - y0) for x, y in polygon) for polygon in (self.outer, *self.obstacles)
+        )
+        vars(local).update(
+            outer=outer, obstacles=tuple(obstacles), unit=self.unit, datum=(0.0, 0.0)
+        )
+        return local
 
     def _rows(self, what: str, items: ArrayLike, columns: int) -> Singles:
         """(n, d) in any layout as contiguous rows (columns, n) about the datum; see ``_moved``."""

@@ -114,27 +114,15 @@ _NAN = np.float32(np.nan)
 
 
 class AllWalls(NamedTuple):
-    """All walls, sorted by direction.
+    """All walls, sorted by direction."""
 
-    Attributes:
-        outer: the outer wall (x₀, y₀, x₁, y₁), free space to its left, (S, 4).
-        room: the axis-aligned rectangle (x_low, y_low, x_high, y_high) that all poses are in;
-            infinite if the outer wall is not a rectangle.
-        box: a rectangle seen from outside and from inside; all inf if there is none.
-        boxes: further ones, (S₀, 4); four walls each.
-        upright: other walls x = c as (c, y_low, y_high), (S₁, 3).
-        level: other walls y = c as (c, x_low, x_high), (S₂, 3).
-        oblique: all others as (x₀, y₀, unit x, unit y, low, high), (S₃, 6): start, direction, and
-            the extent of the wall along it.
-    """
-
-    outer: Singles
-    room: Rectangle
-    box: Rectangle
-    boxes: Singles
-    upright: Singles
-    level: Singles
-    oblique: Singles
+    outer: Singles  # the outer wall (x₀, y₀, x₁, y₁), free space to its left, (S, 4)
+    room: Rectangle  # that all poses are in; infinite if the outer wall is not a rectangle
+    box: Rectangle  # seen from outside and from inside; all inf if there is none
+    boxes: Singles  # further ones, (S₀, 4); four walls each
+    upright: Singles  # other walls x = c as (c, y_low, y_high), (S₁, 3)
+    level: Singles  # other walls y = c as (c, x_low, x_high), (S₂, 3)
+    oblique: Singles  # others: start, direction and extent along it, as of ``CellTable``, (S₃, 6)
 
 
 @compiled

@@ -28,21 +28,14 @@ _INF, _TINY = np.float32(np.inf), np.float32(1e-12)
 class CellTable(NamedTuple):
     """Cells, and the walls in those that are not open.
 
-    Attributes:
-        reach: of each cell, (rows, columns).
-        first: where each cell's walls begin in ``listed``, and one more for their end,
-            (cells + 1,); empty if rays end where they enter a cell that is not open.
-        listed: numbers of walls, cell by cell.
-        walls: (x₀, y₀, unit x, unit y, low, high), (S, 6): start, direction, and the stretch of it
-            that is wall, in cells.
-        endless: whether rays that reach the table's edge go on for ever, or end there.
+    Without walls, rays end where they enter a cell that is not open.
     """
 
-    reach: Reach
-    first: Ints
-    listed: Ints
-    walls: Singles
-    endless: bool
+    reach: Reach  # of each cell, (rows, columns)
+    first: Ints  # where each cell's walls begin in ``listed``, and one more, (cells + 1,), or empty
+    listed: Ints  # numbers of walls, cell by cell
+    walls: Singles  # (x₀, y₀, unit x, unit y, low, high): start, direction, stretch of wall, (S, 6)
+    endless: bool  # whether rays that reach the table's edge go on for ever, or end there
 
 
 @compiled

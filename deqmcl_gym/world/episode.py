@@ -163,13 +163,8 @@ class Body:
 class Episode(Body):
     """All state that changes between two resets.
 
-    Attributes:
-        there: the rules, in the world as it is in this episode.
-        arc: arc length at which the robot is on the path.
-        way: distance along the path since reset, jumps included.
-        progress: the same without jumps.
-        done: whether the task is done.
-        ended: whether the episode has ended.
+    ``there`` are the rules in the world as it is, ``arc`` where the robot is on the path, ``way``
+    how far along it since reset, jumps included, ``progress`` the same without jumps.
     """
 
     def __init__(self, rules: RoomRules, walls: Contacts, *, seed: int, number: int) -> None:

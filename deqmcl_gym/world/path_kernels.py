@@ -175,13 +175,8 @@ def judged_step(
     Progress beyond the goal does not count: the return of an episode is goal + bonus if it reaches
     the goal without contact, and less otherwise.
 
-    Args:
-        drive: from (x, y) to (x, y).
-        before, progress: arc length before it, and progress since reset.
-        collided: whether a wall stopped the robot.
-        edges, period: of the path.
-        rewards: progress at which the task is done, inf if it never is; the reward for that; the
-            penalty for a contact.
+    A drive is from (x, y) to (x, y), ``before`` the arc length before it. Rewards are the progress
+    at which the task is done, inf if it never is; the reward for that; the penalty for a contact.
     """
     from_x, from_y, x, y = drive
     arc, gained = follow(from_x, from_y, x, y, before, edges, period)
