@@ -1,11 +1,8 @@
-"""Register ``deqmcl_gym/Room-v0``, ``Log-v0`` and the presets when Gymnasium is imported.
+"""Register the environments when Gymnasium is imported: localizers use the maps without it.
 
 ``deqmcl_gym/Guided-v0`` is ``Room-v0`` with ``preset="guided"``, and so on for all presets.
-``deqmcl_gym/Journey-v1`` is ``Room-v0`` with a route through an office, a driver and the goal in
-the observation, and without a time limit: its episodes end where their plan does, whose length
-follows the route. ``Localize-v0`` and ``Track-v0`` are tasks of acting on a localizer's belief.
-
-Gymnasium itself is not imported here: localizers use the maps of this package without it.
+``Journey-v1`` has a route through an office, a driver, the goal in the observation, and no time
+limit: its episodes end where their plan does. ``Localize-v0`` and ``Track-v0`` act on a belief.
 """
 
 import math

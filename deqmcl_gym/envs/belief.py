@@ -145,8 +145,7 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
         localizer: ``localizers.make(...)``, or any object with its ``reset`` and ``update``; the
             env runs a copy of it, also when it is made anew from its ``spec``.
         prior: p(x_0), given to the localizer at each reset.
-        particles: how many poses drawn from the belief are shown.
-        cell: side of the squares of ``occupancy``, in the map's unit; None: it is not shown.
+        particles, cell: as of ``BeliefView``.
 
     Attributes:
         belief: the latest, for planners; by ``env.get_wrapper_attr("belief")`` from outside.

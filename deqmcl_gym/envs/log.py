@@ -206,7 +206,6 @@ class LogEnv(gym.Env[Singles, Singles]):
         on_mismatch: what an action other than the recorded one does: "error" refuses it, "warn"
             warns and plays the log, "ignore" plays it.
         reading: further arguments of `deqmcl_gym.logs.read`: `{"scan_topic": "/scan"}`.
-        render_mode: None or "rgb_array".
         unknown: what unknown cells of a map that is given by the path of its yaml count as:
             "obstacle" (as None), "transparent" (beams pass, robots do not), "free", or an occupancy
             from 0 to 1; see `deqmcl_gym.GridMap`.

@@ -111,12 +111,8 @@ def step_rooms(
 ) -> None:
     """Turn and drive the robots that are not ``resting``, (n,); fill in :class:`Moved`.
 
-    Args:
-        robots, grounds, courses, rules: as plain tuples: numba takes them faster.
-        commands: distance, turn, (n, 2).
-        normals: N(0, 1) for the drive and the turn, (n, rows, 2).
-        at: the row of these that each robot uses, (n,); advanced by one.
-        resting, moved: see above.
+    Tuples are plain ones: numba takes them faster. Commands are (distance, turn), (n, 2), normals
+    N(0, 1) for both, (n, rows, 2), of which each robot uses row ``at``, (n,); advanced by one.
     """
     poses, gaps, arcs, progress, steps = robots
     slots, sizes, walls, counts, cells = grounds

@@ -222,13 +222,9 @@ class Log:
     ) -> "Log":
         """Return the log of a simulated episode; its odometry is dead reckoning of the commands.
 
-        Args:
-            scans: at reset and after each step, (T + 1, beams).
-            actions: ``info["command"]`` of each step, (d, φ) or (forward, left, turn), (T, 2 or 3).
-            truth: the true poses, (T + 1, 3); None does not record them.
-            lidar: that took the scans.
-            unit: of all lengths.
-            step: duration of a step, s.
+        Scans are those at reset and after each step of ``step`` s, (T + 1, beams), actions
+        ``info["command"]`` of each, (d, φ) or (forward, left, turn), (T, 2 or 3), ``truth`` the
+        true poses, (T + 1, 3).
         """
         odometry = dead_reckoned(actions)
         scanner = lidar if isinstance(lidar, Scanner) else Scanner.of_lidar(lidar)

@@ -96,14 +96,9 @@ class Map(Protocol):
     ) -> tuple[Singles, Ints]:
         """Drive poses through several moves: ``driven`` and ``collides`` for each.
 
-        Args:
-            poses: rows x, y, θ, (3, n) float32.
-            moves: increments (forward, left, turn) of each step, (F, 3, n) float32.
-            radius: of the disc.
-            kept: F to return the poses after each step, 1 for those after the last only.
-
-        Returns:
-            The poses, (kept, 3, n), and how many steps of each collide, (n,).
+        Poses are rows x, y, θ, (3, n), moves forward, left, turn, (F, 3, n), float32. Return the
+        poses after each step, or the last if 1 is ``kept``, (kept, 3, n), and how many steps of
+        each collide, (n,).
         """
         path, hits = [poses], np.zeros(poses.shape[1], np.int32)
         for move in moves:

@@ -316,11 +316,8 @@ def fill_costs(dear: Floats, numbers: Numbers, cell: float, goal: int, out: Floa
     length times the mean of what a and b cost. Sums of floats grow with either term, so the least
     one over all ways is the same in any order of the search.
 
-    Args:
-        dear: cost per step of each cell, from ``cell`` to 5 ``cell``, (rows, columns).
-        numbers: of free cells, -1 elsewhere, with a ring of -1 around them, (rows, columns).
-        cell, goal: edge of a cell; number of the goal's.
-        out: ∞, (n,).
+    ``dear`` is the cost per step of each cell, from ``cell`` to 5 ``cell``, ``numbers`` those of
+    free cells, -1 elsewhere, with a ring of -1 around them, (rows, columns); ``out`` begins with ∞.
     """
     rows, columns = numbers.shape
     places = np.empty(out.size, np.int64)

@@ -285,12 +285,8 @@ class RoomRules:
     ) -> Any:
         """Return an observation of one room or of n, all arrays fresh.
 
-        Args:
-            scan: (B,) or (n, B).
-            planned: the actions to come, (h, 2) or (n, h, 2).
-            covered: progress since reset as a share of the path, a number or (n,).
-            elapsed: steps as a share of the plan's, a number or (n,).
-            goal: the end of the route, if there is one, (2,) or (n, 2).
+        Scans are (B,) or (n, B), planned actions (h, 2) or (n, h, 2), goals of routes (2,) or
+        (n, 2). ``covered`` and ``elapsed`` are shares of the path and of the plan's steps.
         """
         if self.observation == "scan":
             return scan.copy()
