@@ -19,10 +19,11 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Any, NoReturn, TypeVar
+from typing import IO, Any, NoReturn
 
 import msgspec
 
+from deqmcl_gym.numerics.types import T
 from deqmcl_gym.validation import InputError
 
 PREFIX, SUFFIX = ".deqmcl-", ".tmp"  # of the temporary file that an interrupted write leaves
@@ -50,8 +51,6 @@ MOST_BYTES = 2**26  # far above any file of ours
 MOST_OF_LOGS = 2**30  # bytes, unpacked
 _DEEPEST = 20  # levels of a YAML file
 
-T = TypeVar("T")
-
 _BLOCK = 2**20  # bytes
 _UNLIKE = re.compile(r"Expected `(?P<expected>.*)`, got `(?P<given>.*)`")
 _OUTSIDE = re.compile(r"Expected `\w+` ([<>]=?|matching regex) .*|Number out of range")
@@ -71,12 +70,7 @@ class UnreadableError(ValueError):
 
 @contextmanager
 def opened(path: Path) -> Iterator[io.BufferedReader]:
-    """Open a regular file, without waiting for a pipe.
-
-    Raises:
-        FileNotFoundError: it does not exist.
-        UnreadableError: it is not a regular file, or cannot be read.
-    """
+    """Open a regular file, without waiting for a pipe."""
     try:
         handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
     except FileNotFoundError:
@@ -97,22 +91,13 @@ def opened(path: Path) -> Iterator[io.BufferedReader]:
 
 
 def content_of(path: Path) -> bytes:
-    """Return the bytes of a regular file of at most ``MOST_BYTES``.
-
-    Raises:
-        FileNotFoundError: it does not exist.
-        UnreadableError: it is not a regular file, is too large, or cannot be read.
-    """
+    """Return the bytes of a regular file of at most ``MOST_BYTES``."""
     with opened(path) as file:
         return at_most(MOST_BYTES, file)
 
 
 def at_most(most: int, file: IO[bytes] | gzip.GzipFile) -> bytes:
-    """Return the rest of a file, unpacked if ``file`` unpacks, of at most so many bytes.
-
-    Raises:
-        UnreadableError: there are more.
-    """
+    """Return the rest of a file, unpacked if ``file`` unpacks, of at most so many bytes."""
     parts, left = [], most + 1
     while left and (part := file.read(min(left, _BLOCK))):
         parts.append(part)
@@ -123,11 +108,7 @@ def at_most(most: int, file: IO[bytes] | gzip.GzipFile) -> bytes:
 
 
 def json_of(content: bytes) -> dict[str, Any]:
-    """Return the JSON object in a file's content.
-
-    Raises:
-        UnreadableError: the content is anything else.
-    """
+    """Return the JSON object in a file's content."""
     try:
         text = content.decode()
         value = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_once)
@@ -145,11 +126,7 @@ def json_of(content: bytes) -> dict[str, Any]:
 
 
 def yaml_of(content: bytes, build: Callable[[Any], Any] | None = None) -> Any:
-    """Return the content of a YAML file, made by ``build`` of PyYAML's node if that is given.
-
-    Raises:
-        UnreadableError: it is not YAML, or breaks one of these rules.
-    """
+    """Return the content of a YAML file, made by ``build`` of PyYAML's node if that is given."""
     import yaml
 
     try:
@@ -185,11 +162,7 @@ def as_number(value: Any) -> Any:
 
 
 def typed(value: Any, kind: type[T]) -> T:
-    """Return a JSON value as a type whose fields describe its shape; more fields may be there.
-
-    Raises:
-        UnreadableError: the value is unlike the type; the message names the field.
-    """
+    """Return a JSON value as a type whose fields describe its shape; more fields may be there."""
     try:
         return msgspec.convert(value, kind, str_keys=True)
     except msgspec.ValidationError as error:
@@ -219,11 +192,7 @@ def _refuse_constant(name: str) -> NoReturn:
 
 
 def save(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all; compressed if its name ends in .gz.
-
-    Raises:
-        InputError: it cannot be written there.
-    """
+    """Write a file whole or not at all; compressed if its name ends in .gz."""
     packed = path.suffix.lower() == ".gz"
     try:
         write_bytes(path, gzip.compress(content, mtime=0) if packed else content)
@@ -234,12 +203,9 @@ def save(path: Path, content: bytes) -> None:
 
 
 def text_of(path: Path) -> str:
-    """Return the text of a file, decompressed if it is gzip.
+    """Return the text of a file, decompressed if it is gzip, else refuse it.
 
     Bytes that are not UTF-8 become U+FFFD, so that they damage their line only.
-
-    Raises:
-        InputError: the file is missing, cannot be read, is damaged gzip, or is binary.
     """
     with opened_log(path) as file:
         packed = at_most(MOST_OF_LOGS, file)
@@ -261,11 +227,7 @@ def text_of(path: Path) -> str:
 
 @contextmanager
 def opened_log(path: Path) -> Iterator[io.BufferedReader]:
-    """Open a file.
-
-    Raises:
-        InputError: it is missing, not a regular file, or cannot be read.
-    """
+    """Open a regular file that can be read, else refuse it."""
     try:
         with opened(path) as file:
             yield file
@@ -282,11 +244,7 @@ def names_of(paths: Sequence[Path]) -> str:
 
 
 def numbers_of(words: list[str]) -> list[float]:
-    """Return words as numbers, NaN and inf among them.
-
-    Raises:
-        ValueError: one is not a number. "1_000", which Python takes, is refused too.
-    """
+    """Return words as numbers, NaN and inf among them; ValueError for others, and for "1_000"."""
     if any("_" in word for word in words):
         raise ValueError("an underscore")
     return [float(word) for word in words]
@@ -296,11 +254,7 @@ _TEMPORARY = re.compile(f"{re.escape(PREFIX)}[a-z0-9_]{{8}}{re.escape(SUFFIX)}")
 
 
 def writable_folder(path: Path) -> Path:
-    """Make a folder if it is missing.
-
-    Raises:
-        InputError: it is a file, or cannot be written to.
-    """
+    """Make a folder if it is missing; refuse one that cannot be written to."""
     try:
         path.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path):

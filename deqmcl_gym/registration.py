@@ -1,11 +1,8 @@
-"""Register ``deqmcl_gym/Room-v0``, ``Log-v0`` and the presets when Gymnasium is imported.
+"""Register the environments when Gymnasium is imported: localizers use the maps without it.
 
 ``deqmcl_gym/Guided-v0`` is ``Room-v0`` with ``preset="guided"``, and so on for all presets.
-``deqmcl_gym/Journey-v1`` is ``Room-v0`` with a route through an office, a driver and the goal in
-the observation, and without a time limit: its episodes end where their plan does, whose length
-follows the route. ``Localize-v0`` and ``Track-v0`` are tasks of acting on a localizer's belief.
-
-Gymnasium itself is not imported here: localizers use the maps of this package without it.
+``Journey-v1`` has a route through an office, a driver, the goal in the observation, and no time
+limit: its episodes end where their plan does. ``Localize-v0`` and ``Track-v0`` act on a belief.
 """
 
 import math
@@ -44,15 +41,16 @@ def register() -> None:
         _register(registry)
 
 
-def preset_id(preset: str) -> str:
-    """Return the id of a preset: ``deqmcl_gym/Guided-v0`` for "guided"."""
-    return f"deqmcl_gym/{preset.title().replace('-', '')}-v0"
-
-
 def _register(registry: ModuleType) -> None:
-    _register_room(registry, ENV_ID, {})
-    for preset in PRESETS:
-        _register_room(registry, preset_id(preset), {"preset": preset})
+    presets = {f"deqmcl_gym/{preset.title()}-v0": {"preset": preset} for preset in PRESETS}
+    for name, kwargs in {ENV_ID: {}, **presets}.items():
+        registry.register(
+            id=name,
+            entry_point=_ROOM,
+            vector_entry_point="deqmcl_gym.envs.vector:RoomVectorEnv",
+            max_episode_steps=MAX_EPISODE_STEPS,
+            kwargs=kwargs,
+        )
     registry.register(
         id=JOURNEY_ENV_ID,
         entry_point=_ROOM,
@@ -78,16 +76,6 @@ def __getattr__(name: str) -> Any:
             f"{name} needs deqmcl-gym's package localizers, but {found.__file__} "
             "hides it: rename that, or start Python in another folder."
         ) from None
-
-
-def _register_room(registry: ModuleType, name: str, kwargs: dict[str, Any]) -> None:
-    registry.register(
-        id=name,
-        entry_point=_ROOM,
-        vector_entry_point="deqmcl_gym.envs.vector:RoomVectorEnv",
-        max_episode_steps=MAX_EPISODE_STEPS,
-        kwargs=kwargs,
-    )
 
 
 class _WhenGymnasiumLoads:

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.numerics.arrays import cholesky, fit
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import FARTHEST, atan2_64, cos64, sin64, sincos32, wrapped64
-from deqmcl_gym.numerics.gaussian import cholesky, fit
 from deqmcl_gym.numerics.types import Floats, Ints, Reals, Singles
 from deqmcl_gym.validation import SUM_TOLERANCE, InputError, digits
 

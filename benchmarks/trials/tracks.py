@@ -20,7 +20,7 @@ from deqmcl_gym.logs.motion import relative
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.gaussian import fits
+from deqmcl_gym.numerics.arrays import fits
 from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import InputError, array
 

@@ -21,9 +21,9 @@ from deqmcl_gym.maps.clusters import Near, best_cluster
 from deqmcl_gym.numerics.types import Floats, Point, Pose, Singles
 from deqmcl_gym.validation import InputError, NoEpisodeError, integer, number, one_of
 from deqmcl_gym.world.config import World
-from deqmcl_gym.world.course import wrapped
+from deqmcl_gym.world.course import centred_heading
 from deqmcl_gym.world.driver import NO_PLAN
-from deqmcl_gym.world.episode import Body, Physics, contacts_of
+from deqmcl_gym.world.episode import Body, contacts_of
 from deqmcl_gym.world.rules import Commands, StepResult, check_options, scan_space, within
 from deqmcl_gym.world.sensor import LidarSensor
 
@@ -40,32 +40,20 @@ class Starts(Protocol):
 
 @dataclass(frozen=True)
 class Site:
-    """Where an episode takes place.
+    """Where an episode takes place."""
 
-    Attributes:
-        world: its parts; lap and route are not used.
-        localizer: made for its map, with ``reset`` and ``update``.
-        starts: where the robot may start.
-        extent: (x0, y0, x1, y1) of positions, as observations have them; None: the map's.
-    """
-
-    world: World
-    localizer: Estimator
-    starts: Starts
-    extent: Box | None = None
+    world: World  # its parts; lap and route are not used
+    localizer: Estimator  # made for its map, with ``reset`` and ``update``
+    starts: Starts  # where the robot may start
+    extent: Box | None = None  # (x0, y0, x1, y1) of positions in observations; None: the map's
 
 
 @dataclass(frozen=True)
 class Sites:
-    """Where episodes take place, by the seed of the office.
+    """Where episodes take place, by the seed of the office."""
 
-    Attributes:
-        offices: of which each episode draws one.
-        of: gives the site of a map; the worlds differ in nothing else.
-    """
-
-    offices: Offices
-    of: Callable[[Any], Site]
+    offices: Offices  # of which each episode draws one
+    of: Callable[[Any], Site]  # gives the site of a map; the worlds differ in nothing else
 
     def site(self, seed: int) -> Site:
         """Return that in the office of a seed."""
@@ -82,15 +70,8 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
     The localizer gets scans and commands, no plan. Start, motion, sensor and localizer have random
     generators of their own, spawned from ``np_random`` at each reset. Where there are ``sites``,
     each reset draws one, with another generator spawned; before the first reset the building is
-    that of the first seed.
-
-    Attributes:
-        floor_plan: the map m, of this episode.
-        building: seed of this episode's office, where one is drawn; else None.
-        lidar: the sensor's geometry and noise.
-        world: all parts of the world.
-        steps: done in this episode.
-        max_steps: after which an episode is truncated.
+    that of the first seed. ``floor_plan`` is the map of the episode, ``building`` the seed of its
+    office, where one is drawn; else None.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 30}
@@ -181,11 +162,9 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
             site = self._sites.site(self.building)
             self._enter(site, site.localizer)
         (x, y, heading), prior = self._begun(start)
-        pose = x, y, wrapped(heading)
-        floor_plan, noise = self.floor_plan, self.world.noise
+        pose, floor_plan = (x, y, centred_heading(heading)), self.floor_plan
         lidar = LidarSensor(floor_plan.local.caster, floor_plan.datum, self.lidar, sensor)
-        sds = float(noise.drive), float(noise.turn), float(noise.drift)
-        self._body = Body(pose, Physics(self._walls, self.world, (x, y)), lidar, sds, motion)
+        self._body = Body(pose, self._walls, self.world, lidar, motion)
         self._scan = self._body.scan
         self._belief = self._localizer.reset(prior, NO_PLAN, own)
         self.steps, self._ended = 0, False
@@ -299,9 +278,6 @@ class LocalizeEnv(ActingEnv):
     Args:
         site: where it is lost, or the sites of which each episode draws one; ``starts`` is p(x_0).
             The env runs a copy of the localizer.
-        share: in (0, 1).
-        hold: steps, 1 or more.
-        max_steps: of an episode.
         shown: ``particles`` and ``cell``, as of ``BeliefView``, and ``render_mode``, None or
             "rgb_array".
     """
@@ -363,9 +339,7 @@ class TrackEnv(ActingEnv):
             drawn from its ``starts``. The env runs a copy of the localizer.
         around: called with ``mean``, gives p(x_0) around a pose; the mean itself is drawn so that
             the start is distributed like that around it.
-        tolerance: from the goal, in the map's unit.
-        least: distance from start to goal, in the map's unit.
-        max_steps: of an episode.
+        tolerance, least: distances, in the map's unit.
         shown: ``particles`` and ``cell``, as of ``BeliefView``, and ``render_mode``, None or
             "rgb_array".
     """

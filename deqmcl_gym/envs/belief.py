@@ -33,7 +33,7 @@ class Estimator(Protocol):
 
 
 class BeliefView:
-    """What an observation shows of a belief: a dict of float32 arrays.
+    """What an observation shows of a belief: a dict of float32 arrays, whose ``spaces`` it has.
 
     - ``mean`` (3,): x, y, θ in [-π, π]; the heading is the direction of the mean (cos θ, sin θ).
     - ``covariance`` (3, 3): of x, y, θ around it.
@@ -50,15 +50,10 @@ class BeliefView:
     ``entropy`` by what is possible within; of a belief that is farther off they read the bound.
 
     Args:
-        floor_plan: the map.
-        has_quality: whether beliefs have a quality.
         particles: k.
         cell: side of the squares, in the map's unit; None: no ``occupancy``.
         bounds: that ``occupancy`` covers; None: the map's.
         extent: (x0, y0, x1, y1) of positions, as the spaces have them; None: as bounds.
-
-    Attributes:
-        spaces: of the dict, by key.
     """
 
     def __init__(
@@ -150,14 +145,10 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
         localizer: ``localizers.make(...)``, or any object with its ``reset`` and ``update``; the
             env runs a copy of it, also when it is made anew from its ``spec``.
         prior: p(x_0), given to the localizer at each reset.
-        particles: how many poses drawn from the belief are shown.
-        cell: side of the squares of ``occupancy``, in the map's unit; None: it is not shown.
+        particles, cell: as of ``BeliefView``.
 
     Attributes:
         belief: the latest, for planners; by ``env.get_wrapper_attr("belief")`` from outside.
-
-    Raises:
-        InputError: the env shows no scan, or the localizer is none.
     """
 
     def __init__(

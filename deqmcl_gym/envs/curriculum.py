@@ -32,13 +32,7 @@ class Curriculum(gym.Wrapper[Any, Any, Any, Any]):
     the bounds of the latter hold in each. Where all envs have a spec, ``gym.make(curriculum.spec)``
     makes the same again.
 
-    Attributes:
-        stage: number of the env in use, from 0.
-
-    Args:
-        envs: easiest first, with equal action spaces, and observations of equal shapes.
-        success: share, in [0, 1].
-        window: episodes, 1 or more.
+    Envs are given easiest first, with equal action spaces, and observations of equal shapes.
     """
 
     def __init__(

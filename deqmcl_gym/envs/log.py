@@ -73,13 +73,7 @@ def map_of(given: Any, unknown: Any, log: logs.Log) -> Map | None:
 
 
 def planned_of(plan: str, log: logs.Log, segments: Indices) -> Floats:
-    """Return the planned increments of a log's steps, (n - 1, 3); (0, 3) for "none".
-
-    Args:
-        plan: one of ``PLANS``.
-        log: the records.
-        segments: see ``segments_of``.
-    """
+    """Return the planned increments of a log's steps, (n - 1, 3); (0, 3) for "none"."""
     if one_of("plan", plan, PLANS) == "none":
         return np.empty((0, 3))
     if plan == "odometry":
@@ -94,12 +88,11 @@ def planned_of(plan: str, log: logs.Log, segments: Indices) -> Floats:
     return increments_of(log.reference)
 
 
-def segments_of(log: logs.Log, length: float | None) -> Indices:
+def log_segments(log: logs.Log, length: float | None) -> Indices:
     """Return the first and the last record of each segment that an episode may play, (k, 2).
 
-    Args:
-        log: the records; where it has a reference, each record of a segment must have one.
-        length: of a segment, by odometry; None is the whole log.
+    Its length is by odometry; None is the whole log. Where the log has a reference, each record of
+    a segment must have one.
     """
     if length is None:
         return np.array([[0, len(log) - 1]])
@@ -213,7 +206,6 @@ class LogEnv(gym.Env[Singles, Singles]):
         on_mismatch: what an action other than the recorded one does: "error" refuses it, "warn"
             warns and plays the log, "ignore" plays it.
         reading: further arguments of `deqmcl_gym.logs.read`: `{"scan_topic": "/scan"}`.
-        render_mode: None or "rgb_array".
         unknown: what unknown cells of a map that is given by the path of its yaml count as:
             "obstacle" (as None), "transparent" (beams pass, robots do not), "free", or an occupancy
             from 0 to 1; see `deqmcl_gym.GridMap`.
@@ -221,16 +213,6 @@ class LogEnv(gym.Env[Singles, Singles]):
         changed_walls: what if the map were out of date: inner walls of it are changed, as the
             argument of this name says of `Room-v0`'s world, with a `seed` (0) for what is drawn:
             `{"share": 0.3, "seed": 1}`. Walls shifted and added keep off the reference.
-        others: any other argument is refused, with the nearest name.
-
-    Raises:
-        InputError: a value is bad, the log cannot be read or has fewer than two records, or the map
-            is not in the log's unit.
-
-    Attributes:
-        log: the records that are played.
-        lidar: the scanner's geometry, for localizers.
-        radius: of the robot, for localizers.
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 10}
@@ -275,11 +257,16 @@ class LogEnv(gym.Env[Singles, Singles]):
             )
         self._map = map_of(map, unknown, self.log)
         if changed_walls is not None:
-            self._map = self._out_of_date(changed_walls)
+            known = self.log.referenced
+            driven = np.empty((0, 2))
+            if self.log.reference is not None:
+                driven = self.log.reference[known, :2]
+            body = _RADIUS * pixel(self.log.unit)
+            self._map = map_changed(self.floor_plan, changed_walls, driven, body)
         self.lidar, self.radius = self.log.scanner, _RADIUS * pixel(self.log.unit)
         if radius is not None:
             self.radius = number("radius", radius, low=0)
-        self._segments = segments_of(self.log, segment)
+        self._segments = log_segments(self.log, segment)
         self._actions = self.log.increments.astype(np.float32)
         planned = planned_of(plan, self.log, self._segments)
         self._plan = np.vstack([planned, np.zeros((self._horizon, 3))]).astype(np.float32)
@@ -292,29 +279,16 @@ class LogEnv(gym.Env[Singles, Singles]):
         self.observation_space = gym.spaces.Box(0.0, most, (self.lidar.beams,), np.float32)
         self._first = self._last = self._step = -1
 
-    def _out_of_date(self, changes: Mapping[str, Any]) -> Map:
-        known = self.log.referenced
-        driven = np.empty((0, 2)) if self.log.reference is None else self.log.reference[known, :2]
-        return map_changed(self.floor_plan, changes, driven, _RADIUS * pixel(self.log.unit))
-
     @property
     def floor_plan(self) -> Map:
-        """The map, for localizers.
-
-        Raises:
-            UnavailableError: the env was made without one.
-        """
+        """The map, for localizers; UnavailableError without one."""
         if self._map is None:
             raise UnavailableError("the env was made without a map: give map=….")
         return self._map
 
     @property
     def expected_start(self) -> Pose:
-        """The reference pose of the first record of this episode, for priors.
-
-        Raises:
-            UnavailableError: there is none.
-        """
+        """The reference pose of this episode's first record; UnavailableError without one."""
         at = self.log[self._begun - self.elapsed_steps].reference
         if at is None:
             raise UnavailableError(
@@ -334,11 +308,7 @@ class LogEnv(gym.Env[Singles, Singles]):
 
     @property
     def next_action(self) -> Singles:
-        """The recorded increment of the next step, (3,) float32.
-
-        Raises:
-            NoEpisodeError: there is no next step.
-        """
+        """The recorded increment of the next step, (3,) float32; NoEpisodeError after the last."""
         if self._begun >= self._last:
             raise NoEpisodeError("the log has ended: call reset() before step().")
         action: Singles = self._actions[self._begun]
@@ -347,11 +317,7 @@ class LogEnv(gym.Env[Singles, Singles]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Singles, dict[str, Any]]:
-        """Go to the first record, of a newly drawn segment if there are several.
-
-        Raises:
-            InputError: there are options, or the seed is bad.
-        """
+        """Go to the first record, of a newly drawn segment if there are several."""
         check_options(options)
         super().reset(seed=None if seed is None else integer("seed", seed))
         drawn = self.np_random.integers(len(self._segments)) if len(self._segments) > 1 else 0

@@ -70,10 +70,7 @@ class RoomEnv(gym.Env[Any, Singles]):
             "grid" or "polygons". An office with `seeds` is another one in each episode.
         lidar: beams, field of view, range and noise. This and the following parts are objects, or
             JSON-able changes to the preset's.
-        robot: radius and largest action.
-        noise: motion noise of the world.
-        start: pose at reset and its spread.
-        lap: step lengths, or waypoints of the planned path.
+        robot, noise, start, lap: see ``deqmcl_gym.world.config``.
         driver: follows that path from the true pose and replans at every step; "none" removes the
             preset's.
         route: a start and a goal, drawn in each episode, instead of the lap.
@@ -81,20 +78,16 @@ class RoomEnv(gym.Env[Any, Singles]):
             anew in each episode; scans, contacts and a driver meet what is there, and
             ``floor_plan`` stays the map.
         changed_walls: inner walls removed, added or shifted.
-        people: who walk about.
-        glass: inner walls that do not reflect all beams.
+        people, glass: who walk about; inner walls that do not reflect all beams.
         horizon: number of planned actions shown; None shows all that are left. Routes differ in
             length, so several envs with routes in one ``gym.make_vec`` need a number.
         ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
         observation: "scan", or "dict" for scan, plan, progress, clock and the goal of a route.
         render_mode: None or "rgb_array".
-        unknown: refused, with the nearest valid name.
 
     Attributes:
         floor_plan: the map m, for localizers too; that of this episode.
         building: seed of this episode's office, where each draws one; else None.
-        lidar: the sensor's geometry and noise, for localizers too.
-        world: all parts of the world, as configured.
         before_step: what happens in the next step before the robot moves, by whose it is.
     """
 
@@ -162,10 +155,8 @@ class RoomEnv(gym.Env[Any, Singles]):
     def plan(self) -> Singles:
         """The actions planned for this episode, done and to come, (T, 2) float32.
 
-        For a driver, they are those without noise from the expected start.
-
-        Raises:
-            NoEpisodeError: the world has a route, and no episode has begun.
+        For a driver, they are those without noise from the expected start. In a world with a route,
+        NoEpisodeError before the first reset.
         """
         plan = self._rules.plan if self._is_lap_ahead else self._episode.plan
         return plan.actions.copy()
@@ -179,11 +170,7 @@ class RoomEnv(gym.Env[Any, Singles]):
 
     @property
     def course(self) -> Course:
-        """Lap or route: its path, start, and actions as planned beforehand.
-
-        Raises:
-            NoEpisodeError: the world has a route, and no episode has begun.
-        """
+        """Lap or route: its path, start, and actions as planned beforehand; see ``plan``."""
         return self._rules.course if self._is_lap_ahead else self._episode.course
 
     @property
@@ -205,9 +192,7 @@ class RoomEnv(gym.Env[Any, Singles]):
     ) -> tuple[Any, dict[str, Any]]:
         """Begin an episode; without a seed, the next one in the order of the last seed.
 
-        Raises:
-            InputError: the seed is bad, there are options, or no start is free. The last episode
-                then continues.
+        If the seed is refused, or no start is free, the last episode continues.
         """
         check_options(options)
         if seed is not None:
@@ -247,30 +232,16 @@ class RoomEnv(gym.Env[Any, Singles]):
     def place(self, at: Pose, noticed: bool = True) -> None:
         """Put the robot at a free pose; the reward ignores the jump.
 
-        Args:
-            at: (x, y, θ).
-            noticed: whether a driver notices and replans; otherwise its plan stays as it is.
-
-        Raises:
-            InputError: the robot would touch a wall, or a driver on a route be at its goal already.
+        Unless it is ``noticed``, a driver does not replan. At its goal already, he refuses.
         """
         self._episode.place(self.checked_pose("the pose", at), noticed)
 
     def elsewhere(self, rng: np.random.Generator) -> Pose:
-        """Draw a free pose: anywhere for a lap; for a route, as its start is drawn.
-
-        Raises:
-            InputError: no free pose was found.
-        """
+        """Draw a free pose: anywhere for a lap; for a route, as its start is drawn."""
         return self._episode.there.elsewhere(self.course, rng)
 
     def replace_plan(self, actions: Singles) -> None:
-        """Let ``actions`` (k, 2) follow the next step, instead of what was planned after it.
-
-        Raises:
-            InputError: their shape is wrong, they have NaN, an action is outside the action space,
-                or the plan is a driver's.
-        """
+        """Let ``actions`` (k, 2) follow the next step, instead of what was planned after it."""
         episode = self._episode
         rows = self.checked_plan("the plan", actions)
         assert isinstance(episode.plan, FixedPlan)  # without a driver

@@ -34,13 +34,8 @@ MOST_ROOM_BYTES = 16 * 2**30  # of all rooms
 class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
     """n rooms of :class:`deqmcl_gym.envs.room.RoomEnv`, each with its own seed and episodes.
 
-    docs/environment.md describes what differs from one room.
-
-    Attributes:
-        floor_plan: the map m, for localizers too; where episodes draw offices, that of the first
-            seed: see :attr:`floor_plans`.
-        lidar: the sensor's geometry and noise, for localizers too.
-        world: all parts of the world, as configured.
+    docs/environment.md describes what differs from one room. Where episodes draw offices,
+    ``floor_plan`` is that of the first seed: see :attr:`floor_plans`.
     """
 
     def __init__(
@@ -52,14 +47,12 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         render_mode: str | None = None,
         **room: Any,
     ) -> None:
-        """Make ``num_envs`` equal rooms.
+        """Make ``num_envs`` equal rooms, with ``render_mode`` None or "rgb_array".
 
         Args:
-            num_envs: n.
             max_episode_steps: number of steps after which episodes are truncated; None is 408, the
                 registered limit, and -1 is no limit, as in ``gym.make``.
             autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's own constant.
-            render_mode: None or "rgb_array".
             room: further arguments of :class:`deqmcl_gym.envs.room.RoomEnv`.
         """
         self._limit = _limit(max_episode_steps)
@@ -93,21 +86,13 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
 
     @property
     def plan(self) -> RoomActions:
-        """The actions planned for each episode, done and to come, (T, 2) float32.
-
-        Raises:
-            UnavailableError: the rooms have a route each.
-        """
+        """The actions planned for each lap, done and to come, (T, 2) float32."""
         self._check_lap("plan")
         return self._rules.plan.actions.copy()
 
     @property
     def course(self) -> Course:
-        """The lap as planned: path, start and actions.
-
-        Raises:
-            UnavailableError: the rooms have a route each.
-        """
+        """The lap as planned: path, start and actions; UnavailableError of routes."""
         self._check_lap("course")
         return self._rules.course
 
@@ -118,11 +103,7 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
 
     @property
     def courses(self) -> tuple[Course, ...]:
-        """The course of each room in its episode.
-
-        Raises:
-            NoEpisodeError: a room has not begun one.
-        """
+        """The course of each room in its episode; NoEpisodeError before all have begun one."""
         self._check_begun("courses")
         return tuple(begun.course for begun in self._rooms.begun if begun is not None)
 
@@ -137,15 +118,11 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Any, Info]:
-        """Begin an episode in all rooms, or in those of ``options["reset_mask"]``.
+        """Begin an episode in all rooms, or in those of ``options["reset_mask"]``, (n,) bool.
 
-        Args:
-            seed: s gives room i the seed s + i; a list gives each its own; a room without one
-                begins the next episode in the order of its last seed.
-            options: ``reset_mask``: (n,) bool.
-
-        Raises:
-            InputError: a seed or option is bad, or no start is free. All episodes then continue.
+        The seed s gives room i the seed s + i; a list gives each its own; a room without one begins
+        the next episode in the order of its last seed. If one is refused, or no start is free, all
+        episodes continue.
         """
         chosen = self._chosen(options)
         rooms = np.flatnonzero(chosen)
@@ -160,8 +137,7 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
     ) -> tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], Info]:
         """Turn, then drive in each room; where an episode ended, begin the next one.
 
-        Raises:
-            InputError: actions are bad. No room has then taken its step.
+        If actions are refused, no room has taken its step.
         """
         self._check_begun("step")
         resting = self._ended  # all False with SAME_STEP
@@ -241,10 +217,7 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         return rules.seen(rooms.scans, rooms.plans()[0], rooms.covered, rooms.elapsed, goals)
 
     def _info(self, among: Bools, commands: RoomActions, collided: Bools, success: Bools) -> Info:
-        """Return ``RoomInfo`` as arrays over the rooms, zero and masked out if not ``among``.
-
-        ``commands`` become part of it and must not be used elsewhere.
-        """
+        """Return ``RoomInfo`` as arrays over the rooms, zero if not ``among``."""
         planned, count = self._rooms.plans()
         told: Info = {
             "planned_actions": planned,

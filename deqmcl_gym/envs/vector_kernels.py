@@ -7,160 +7,98 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deqmcl_gym.maps.contact_kernels import (
-    first_contact,
-    first_contact_with_walls,
-    gap_to_walls,
-)
-from deqmcl_gym.maps.grid_kernels import cast_cells, distances
+from deqmcl_gym.maps.grid_kernels import cast_cells, distances, enters_circle, first_contact
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
-from deqmcl_gym.world.driver_kernels import room_for_noise, steer
-from deqmcl_gym.world.path_kernels import drive_along, judged_step, noisy_drive
+from deqmcl_gym.world.path_kernels import (
+    drive_along,
+    judged_step,
+    noisy_drive,
+    room_for_noise,
+    steer,
+)
 
 
 def sides(walls: Floats) -> Floats:
-    """Return walls (x₀, y₀, x₁, y₁) as :class:`GroundRows` has them.
-
-    Returns:
-        (x₀, y₀, unit x, unit y, length), (S, 5).
-    """
+    """Return walls (x₀, y₀, x₁, y₁) as (x₀, y₀, unit x, unit y, length), (S, 5)."""
     along = walls[:, 2:] - walls[:, :2]
     length = np.sqrt((along**2).sum(axis=1, keepdims=True))
     return np.hstack([walls[:, :2], along / length, length])
 
 
 class Robots(NamedTuple):
-    """The robots of n rooms: the state that changes from step to step.
+    """The robots of n rooms: the state that changes from step to step."""
 
-    Attributes:
-        poses: x, y, θ in [-π, π), (n, 3).
-        gaps: least distance that each can drive in any direction without touching a wall, (n,); 0
-            if unknown.
-        arcs: arc length at which each is on the path, (n,).
-        progress: along the path since reset, (n,).
-        steps: number carried out, (n,).
-    """
-
-    poses: Floats
-    gaps: Floats
-    arcs: Floats
-    progress: Floats
-    steps: Indices
+    poses: Floats  # x, y, θ in [-π, π), (n, 3)
+    gaps: Floats  # least way in any direction that touches no wall, (n,); 0 if unknown
+    arcs: Floats  # arc length at which each is on the path, (n,)
+    progress: Floats  # along the path since reset, (n,)
+    steps: Indices  # number carried out, (n,)
 
 
 class CellRows(NamedTuple):
-    """The cells of s maps, padded to the largest; empty for polygons.
+    """The cells of s maps, padded to the largest; empty for polygons."""
 
-    Attributes:
-        reach, up, down: as ``grid_kernels.CellGrid``, flat, (s, c).
-        sight: the reach for beams, flat, (s, c).
-        shapes: rows and columns, (s, 2).
-        frames: of the maps, (s, 5).
-        yaws: of the maps, (s,).
-        endless: whether beams go on beyond the map's edge, (s,).
-    """
-
-    reach: Any
+    reach: Any  # as ``grid_kernels.CellGrid``, flat, (s, c)
     up: Any
     down: Any
-    sight: Any
-    shapes: Indices
-    frames: Floats
-    yaws: Floats
-    endless: Bools
+    sight: Any  # the reach for beams, flat, (s, c)
+    shapes: Indices  # rows and columns, (s, 2)
+    frames: Floats  # of the maps, (s, 5)
+    yaws: Floats  # of the maps, (s,)
+    endless: Bools  # whether beams go on beyond the map's edge, (s,)
 
 
 class GroundRows(NamedTuple):
-    """What is there in n rooms: s maps, n or one for all.
+    """What is there in n rooms: s maps, n or one for all."""
 
-    Attributes:
-        slots: the map of each room, (n,).
-        sizes: radius of the robots; distance at which they stop before a contact; a length that no
-            drive can have without contact, (s, 3).
-        walls: as :func:`sides` returns them, free space to their left, padded, (s, w, 5).
-        counts: number of walls, (s,).
-        cells: :class:`CellRows`.
-    """
-
-    slots: Indices
-    sizes: Floats
-    walls: Floats
-    counts: Indices
-    cells: Any
+    slots: Indices  # the map of each room, (n,)
+    sizes: Floats  # radius, skin and reach, as of ``World``, (s, 3)
+    walls: Floats  # as :func:`sides` has them, free space to their left, padded, (s, w, 5)
+    counts: Indices  # number of walls, (s,)
+    cells: Any  # :class:`CellRows`
 
 
 class Courses(NamedTuple):
-    """The paths of n rooms.
+    """The paths of n rooms."""
 
-    Attributes:
-        edges: as in ``deqmcl_gym.world.path_kernels``, padded, (n, k, 6).
-        counts: number of edges, (n,).
-        periods: length of a closed path, ∞ of an open one, (n,).
-        lengths: as ``Path.length`` adds them up, (n,).
-        goals: the last corner (x, y), (n, 2).
-        ends: progress at which a driver is done, ∞ on a route, (n,).
-        limits: number of steps after which the plan ends, (n,).
-    """
-
-    edges: Floats
-    counts: Indices
-    periods: Floats
-    lengths: Floats
-    goals: Floats
-    ends: Floats
-    limits: Indices
+    edges: Floats  # as in ``deqmcl_gym.world.path_kernels``, padded, (n, k, 6)
+    counts: Indices  # number of edges, (n,)
+    periods: Floats  # length of a closed path, ∞ of an open one, (n,)
+    lengths: Floats  # as ``Path.length`` adds them up, (n,)
+    goals: Floats  # the last corner (x, y), (n, 2)
+    ends: Floats  # progress at which a driver is done, ∞ on a route, (n,)
+    limits: Indices  # number of steps after which the plan ends, (n,)
 
 
 class Rules(NamedTuple):
-    """The values that are the same in all rooms and at every step.
+    """The values that are the same in all rooms and at every step."""
 
-    Attributes:
-        noise: σ_dd, σ_φφ, σ_φd.
-        rewards: goal, bonus and penalty, as in ``deqmcl_gym.world.path_kernels``.
-        near: distance from the end of a route at which the task is done; -1: never.
-        limit: largest number of steps of an episode.
-    """
-
-    noise: tuple[float, float, float]
-    rewards: tuple[float, float, float]
-    near: float
-    limit: int
+    noise: tuple[float, float, float]  # σ_dd, σ_φφ, σ_φd
+    rewards: tuple[float, float, float]  # goal, bonus and penalty of ``judged_step``
+    near: float  # distance from the end of a route at which the task is done; -1: never
+    limit: int  # largest number of steps of an episode
 
 
 class DriverNumbers(NamedTuple):
-    """The driver of all rooms.
+    """The driver of all rooms."""
 
-    Attributes:
-        rules: the first four of ``path_kernels.drive_along``.
-        near: distance from the end of the path at which it is done.
-        clearance: most room kept to walls on a route among cells; -1: they are not looked at.
-    """
-
-    rules: tuple[float, float, float, float]
-    near: float
-    clearance: float
+    rules: tuple[float, float, float, float]  # the first four of ``path_kernels.drive_along``
+    near: float  # distance from the end of the path at which it is done
+    clearance: float  # most room kept to walls on a route among cells; -1: they are not looked at
 
 
 class Moved(NamedTuple):
-    """The results of a step.
+    """The results of a step."""
 
-    Attributes:
-        rewards: see ``deqmcl_gym.world.path_kernels``, (n,).
-        collided: whether a wall stopped the robot, (n,).
-        terminated: whether the task is done, (n,).
-        truncated: whether the plan is used up and the task not done, or the episode has reached its
-            limit, (n,).
-    """
-
-    rewards: Floats
-    collided: Bools
-    terminated: Bools
-    truncated: Bools
+    rewards: Floats  # of ``judged_step``, (n,)
+    collided: Bools  # whether a wall stopped the robot, (n,)
+    terminated: Bools  # whether the task is done, (n,)
+    truncated: Bools  # by the limit, or with the plan used up and the task not done, (n,)
 
 
 @compiled
-def step(
+def step_rooms(
     robots: tuple[Any, ...],
     grounds: tuple[Any, ...],
     courses: tuple[Any, ...],
@@ -171,18 +109,10 @@ def step(
     resting: Bools,
     moved: tuple[Any, ...],
 ) -> None:
-    """Turn and drive the robots that are not ``resting``; fill in the results.
+    """Turn and drive the robots that are not ``resting``, (n,); fill in :class:`Moved`.
 
-    Args:
-        robots: :class:`Robots`, as a plain tuple like the next three: numba takes it faster.
-        grounds: :class:`GroundRows`.
-        courses: :class:`Courses`.
-        rules: :class:`Rules`.
-        commands: distance, turn, (n, 2).
-        normals: N(0, 1) for the drive and the turn, (n, rows, 2).
-        at: the row of these that each robot uses, (n,); advanced by one.
-        resting: which robots stay, (n,).
-        moved: :class:`Moved`, filled in.
+    Tuples are plain ones: numba takes them faster. Commands are (distance, turn), (n, 2), normals
+    N(0, 1) for both, (n, rows, 2), of which each robot uses row ``at``, (n,); advanced by one.
     """
     poses, gaps, arcs, progress, steps = robots
     slots, sizes, walls, counts, cells = grounds
@@ -230,7 +160,7 @@ def step(
 
 
 @compiled
-def plan(
+def plan_rooms(
     robots: tuple[Any, ...],
     grounds: tuple[Any, ...],
     courses: tuple[Any, ...],
@@ -239,13 +169,9 @@ def plan(
     shown: Singles,
     counts: Indices,
 ) -> None:
-    """Fill in what the drivers of some rooms would do, as ``driver.GuidedPlan.after``.
+    """Fill in what the drivers of ``rooms`` (k,) would do, as ``driver.GuidedPlan.after``.
 
-    Args:
-        robots, grounds, courses, driver: as :func:`step`; a :class:`DriverNumbers`.
-        rooms: which they are, (k,).
-        shown: the next h actions, zero-padded, (n, h, 2).
-        counts: number of these, (n,).
+    ``shown`` are the next h actions, zero-padded, (n, h, 2), ``counts`` their number, (n,).
     """
     poses, _, arcs, progress, steps = robots
     slots, sizes, _, _, cells = grounds
@@ -271,7 +197,7 @@ def plan(
 
 
 @compiled
-def cast(
+def cast_in_rooms(
     poses: Singles, bearings: Singles, cells: tuple[Any, ...], rooms: Indices, out: Singles
 ) -> None:
     """Fill in the ranges (B, k) from a pose in each of ``rooms`` (k,), each a map of ``cells``."""
@@ -322,10 +248,10 @@ def _ahead(
 ) -> tuple[float, float]:
     """Return the gap of a robot to the nearest wall, and the share of a drive to its contact."""
     if cells[0].shape[1] == 0:
-        gap = gap_to_walls(x, y, walls) - radius
+        gap = _gap_to_walls(x, y, walls) - radius
         if gap > way + skin:
             return gap, np.inf
-        return gap, 0.0 if gap < 0.0 else first_contact_with_walls(x, y, dx, dy, walls, radius)
+        return gap, 0.0 if gap < 0.0 else _contact_with_walls(x, y, dx, dy, walls, radius)
     reach, up, down, frame = _grid(cells, slot)
     point, found = np.array(((x,), (y,))), np.empty(1, np.float32)
     distances(point, reach, up, down, frame, found)
@@ -334,6 +260,43 @@ def _ahead(
         return gap, np.inf
     end = x + dx, y + dy
     return gap, 0.0 if gap < 0.0 else first_contact((x, y), end, reach, frame, radius)
+
+
+@compiled
+def _gap_to_walls(x: float, y: float, walls: Floats) -> float:
+    """Distance of a point to the nearest wall."""
+    least = np.inf
+    for wall in range(walls.shape[0]):
+        px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start
+        ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
+        along = px * ex + py * ey
+        beyond = along - min(max(along, 0.0), length)
+        height = ex * py - ey * px
+        least = min(least, height * height + beyond * beyond)
+    distance: float = np.sqrt(least)
+    return distance
+
+
+@compiled
+def _contact_with_walls(
+    x: float, y: float, dx: float, dy: float, walls: Floats, radius: float
+) -> float:
+    """Share of (dx, dy) at which a disc that starts clear of walls first touches one; or inf."""
+    first: float = np.inf
+    for wall in range(walls.shape[0]):
+        px, py = x - walls[wall, 0], y - walls[wall, 1]  # seen from the wall's start
+        ex, ey, length = walls[wall, 2], walls[wall, 3], walls[wall, 4]
+        # the side of the wall in free space
+        gap = ex * py - ey * px - radius
+        sinks = dx * ey - dy * ex  # decrease of the gap along the drive
+        if 0.0 <= gap < sinks:
+            share = gap / sinks
+            at = px * ex + py * ey + share * (dx * ex + dy * ey)
+            if 0.0 <= at <= length:
+                first = min(first, share)
+        # the corner at its start
+        first = min(first, enters_circle(px, py, dx, dy, radius))
+    return first
 
 
 @compiled

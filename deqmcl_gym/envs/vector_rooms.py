@@ -22,16 +22,7 @@ if TYPE_CHECKING:  # OpenCV is only loaded for pictures
 
 
 class Rooms:
-    """:class:`deqmcl_gym.world.episode.Episode` for n rooms at a time.
-
-    Attributes:
-        begun: what was drawn for each room's episode; None before its first.
-        buildings: seed of each room's office, where episodes draw one, (n,).
-        poses: the true ones (x, y, θ), (n, 3).
-        steps: number carried out, (n,).
-        progress: along the path since reset, (n,).
-        scans: the last ones, (n, B).
-    """
+    """:class:`deqmcl_gym.world.episode.Episode` for n rooms at a time."""
 
     def __init__(self, rules: RoomRules, number: int, limit: int) -> None:
         """Make ``number`` rooms, with at most ``limit`` steps; :meth:`begin` starts episodes."""
@@ -58,7 +49,7 @@ class Rooms:
         near = -1.0
         if world.route is not None and rules.ends_at_goal:
             near = world.route.tolerance
-        self._numbers = tuple(kernels.Rules(rules.noise, rules.rewards, near, limit))
+        self._numbers = tuple(kernels.Rules(world.noise.sds, rules.rewards, near, limit))
         self.scans = np.zeros((number, world.lidar.beams), np.float32)
         self._lap = None if world.route is not None else rules.plan
         self._driver = _driver(rules)
@@ -101,8 +92,7 @@ class Rooms:
     def begin(self, rooms: Indices, episodes: list[tuple[int, int]]) -> None:
         """Begin an episode (seed, number) in each of ``rooms``; no scan is taken yet.
 
-        Raises:
-            InputError: an episode cannot begin. All rooms are then unchanged.
+        If one cannot begin, all rooms are unchanged.
         """
         rules = [self._rules.of_episode(*episode) for episode in episodes]
         drawn = [
@@ -127,14 +117,13 @@ class Rooms:
     def move(self, commands: Singles, resting: Bools) -> tuple[Floats, Bools, Bools, Bools]:
         """Turn and drive the robots that are not ``resting``: one step of noisy motion.
 
-        Returns:
-            Rewards, collided, terminated, truncated: by the limit, or with the plan used up.
+        Rewards, collided, terminated, truncated: by the limit, or with the plan used up.
         """
         n, noise = resting.size, self._motion
         moved = np.empty(n), np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.bool_)
         noise.fill()
         state = tuple(self._robots), self._grounds.kernel, tuple(self._courses), self._numbers
-        kernels.step(*state, commands, noise.drawn, noise.at, resting, moved)
+        kernels.step_rooms(*state, commands, noise.drawn, noise.at, resting, moved)
         if not isinstance(self._lap, FixedPlan):
             _, _, terminated, truncated = moved
             self._plan(np.flatnonzero(~resting))
@@ -173,7 +162,7 @@ class Rooms:
     def _plan(self, rooms: Indices) -> None:
         """Note what is planned in each of ``rooms``."""
         if self._driver is not None:
-            kernels.plan(
+            kernels.plan_rooms(
                 tuple(self._robots), self._grounds.kernel, tuple(self._courses), self._driver,
                 rooms, self._shown, self._counts,
             )  # fmt: skip
@@ -213,11 +202,7 @@ def _driver(rules: RoomRules) -> tuple[object, ...] | None:
 
 
 class Grounds:
-    """What is there in each of n rooms: walls or cells, for contacts, drivers and beams.
-
-    Attributes:
-        maps: what is there in each room; not the map where the world differs from it.
-    """
+    """What is there in each of n rooms: walls or cells, for contacts, drivers and beams."""
 
     def __init__(self, world: World, rooms: int, own: bool) -> None:
         """Put what the world has into all rooms; ``own``: each may be given another one."""
@@ -322,7 +307,7 @@ class _AmongCells:
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """See ``deqmcl_gym.maps.map.Caster``."""
-        kernels.cast(poses, bearings, self.cells, self.rooms, out)
+        kernels.cast_in_rooms(poses, bearings, self.cells, self.rooms, out)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,10 +20,7 @@ from deqmcl_gym.world.sensor import Stream
 
 
 class _Once(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.RecordConstructorArgs):
-    """Something that happens to the robot at one step of every episode.
-
-    Gymnasium's logger warns of an episode that ends before.
-    """
+    """Something that happens at one step of every episode; a warning if one ends before."""
 
     what: str
 
@@ -72,17 +69,11 @@ def _check_all_happen(env: gym.Env[Any, Any]) -> None:
 
 
 class Kidnap(_Once):
-    """Carry the robot elsewhere just before a step; only its scans reveal it.
+    """Carry the robot elsewhere just before a step, from 1; only its scans reveal it.
 
-    A step that no episode reaches is refused.
-
-    Args:
-        env: a RoomEnv, or wrappers around one.
-        step: the step before which it happens, from 1.
-        pose: where to (x, y, θ). None draws a free pose in each episode; in a world with a route,
-            as the start of a route to the goal is drawn.
-        noticed: whether a driver notices and replans; otherwise its plan stays as it was. Without a
-            driver this has no effect.
+    A step that no episode reaches is refused. Without a pose, a free one is drawn in each episode;
+    in a world with a route, as the start of a route to the goal is drawn. Unless it is ``noticed``,
+    the plan of a driver stays as it was.
     """
 
     what = "the kidnapping"
@@ -111,12 +102,7 @@ class Kidnap(_Once):
 
 
 class BeamDropout(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.RecordConstructorArgs):
-    """Lose single beams: each reads +inf ("no return", as in ROS REP 117) with some probability.
-
-    Args:
-        env: a RoomEnv, or wrappers around one.
-        probability: of each beam in each scan, in [0, 1].
-    """
+    """Lose single beams: each reads +inf ("no return", as in ROS REP 117) with some probability."""
 
     def __init__(self, env: gym.Env[Singles, Singles], probability: float) -> None:
         gym.utils.RecordConstructorArgs.__init__(self, probability=probability)
@@ -153,12 +139,9 @@ class BeamDropout(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.Rec
 
 
 class PlanChange(_Once):
-    """Replace the rest of the plan by other actions, after a given step.
+    """Replace the rest of the plan, after a step from 1, by other actions (distance, turn), (k, 2).
 
-    Args:
-        env: a RoomEnv, or wrappers around one.
-        step: the step after which the new plan is shown and begins, from 1.
-        actions: (distance, turn), (k, 2); may be empty, which ends the episode there.
+    There may be none, which ends the episode there.
     """
 
     what = "the change of plan"
@@ -196,12 +179,9 @@ def _layers(env: gym.Env[Any, Any]) -> Iterator[gym.Env[Any, Any]]:
 
 
 class RecordLog(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.RecordConstructorArgs):
-    """Record scans and actions since reset, as ``log``.
+    """Record scans and actions since reset, as ``log``; scans as the wrappers within change them.
 
-    Args:
-        env: one of deqmcl_gym's, or one in wrappers; scans are recorded as these change them.
-        step: duration of a step, s.
-        truth: whether to record the true poses, as the log's reference.
+    A step takes ``step`` s; with ``truth``, the true poses are the log's reference.
     """
 
     def __init__(
@@ -224,11 +204,7 @@ class RecordLog(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.Recor
 
     @property
     def log(self) -> Log:
-        """The log of the episode so far; its odometry is dead reckoning of the commands.
-
-        Raises:
-            NoEpisodeError: the episode has not begun.
-        """
+        """The log of the episode so far; its odometry is dead reckoning of the commands."""
         if not self._scans:
             raise NoEpisodeError
         room: Any = self.unwrapped

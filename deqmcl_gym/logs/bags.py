@@ -27,22 +27,14 @@ _REINDEX = "ros2 bag reindex"
 
 
 class Sent(NamedTuple):
-    """A message of a bag.
+    """A message of a bag."""
 
-    Attributes:
-        number: in the order in which messages were received.
-        received: when, s.
-        source: number of its connection: one for each publisher, where the bag tells them apart.
-        topic, kind: of the message.
-        decoded: returns it; damaged bytes can raise anything.
-    """
-
-    number: int
-    received: float
-    source: int
+    number: int  # in the order in which messages were received
+    received: float  # when, s
+    source: int  # number of its connection: one for each publisher, where the bag tells them apart
     topic: str
     kind: str
-    decoded: Callable[[], Any]
+    decoded: Callable[[], Any]  # returns it; damaged bytes can raise anything
 
     @property
     def row(self) -> list[float]:
@@ -52,15 +44,10 @@ class Sent(NamedTuple):
 
 @dataclass(frozen=True)
 class Bag:
-    """The parts of a bag, whose messages come in the order of their receipt.
+    """The parts of a bag, whose messages come in the order of their receipt."""
 
-    Attributes:
-        name: in messages.
-        readers: one for each part.
-    """
-
-    name: str
-    readers: Sequence[Any]
+    name: str  # in messages
+    readers: Sequence[Any]  # one for each part
 
     @property
     def topics(self) -> Mapping[str, str]:
@@ -104,14 +91,10 @@ class Bag:
         beside: str | None = None,
         needed: bool = True,
     ) -> str | None:
-        """Return the topic asked for, or the only one of some types.
+        """Return the topic asked for, or the only one of some types; None if it is not ``needed``.
 
-        Args:
-            types: of which it must be one.
-            argument: by which it is chosen.
-            asked: its name; None: the only one.
-            beside: a topic of the same robot: of several, the one whose namespace is most like its.
-            needed: whether a bag without it is refused.
+        Of several it is the one whose namespace is most like that of ``beside``, of the same robot.
+        ``argument`` is what users choose it by.
         """
         fitting = sorted(topic for topic, kind in self.topics.items() if kind in types)
         fitting = [topic for topic in fitting if self.counts[topic]] or fitting
@@ -138,20 +121,15 @@ class Bag:
         return fitting[0] if fitting else None
 
 
-def require_rosbags() -> None:
-    """Check that ``rosbags`` is installed."""
+@contextmanager
+def opened_bag(paths: Sequence[Path]) -> Iterator[Bag]:
+    """Open the parts of a bag; any error inside becomes an ``InputError``."""
     try:
         import rosbags.highlevel  # noqa: F401
     except ModuleNotFoundError:
         raise InputError(
             'ROS bags need rosbags, which is not installed: pip install "deqmcl-gym[ros]".'
         ) from None
-
-
-@contextmanager
-def opened_bag(paths: Sequence[Path]) -> Iterator[Bag]:
-    """Open the parts of a bag; any error inside becomes an ``InputError``."""
-    require_rosbags()
     name = names_of(paths)
     at = paths[0]
     try:

@@ -50,14 +50,10 @@ _OTHERS = re.compile(
 
 @dataclass
 class _Messages:
-    """The messages of a log: scans by the word they begin with, parameters, true poses.
-
-    Attributes:
-        others: how many there are of each kind that is not among those known here.
-    """
+    """The messages of a log: scans by the word they begin with, parameters, true poses."""
 
     scans: dict[str, RawRecords]
-    others: Counter[str] = field(default_factory=Counter)
+    others: Counter[str] = field(default_factory=Counter)  # of kinds unknown here
     params: dict[str, str] = field(default_factory=dict)
     truth: list[list[float]] = field(default_factory=list)
     mounts: list[list[float]] = field(default_factory=list)  # poses of laser and robot
@@ -113,12 +109,7 @@ class _Messages:
             self.raw_lines.append(self.lines)
 
     def records(self, kind: str, field_of_view: float | None) -> RawRecords:
-        """Return the records of a kind of scan, with all that other messages say of them.
-
-        Args:
-            kind: of ``SCAN_KINDS``.
-            field_of_view: of FLASER's scanner, rad; None: by PARAM, or that of a SICK LMS.
-        """
+        """Return the records of a kind of scan, with all that other messages say of them."""
         records = self.scans[kind]
         if self.unreadable:
             records.damage[UNREADABLE] += self.unreadable
@@ -205,14 +196,7 @@ def read_carmen(
     reference_tolerance: float | None = None,
     field_of_view: float | None = None,
 ) -> Log:
-    """Read the parts of a CARMEN log, gzipped or not.
-
-    Args:
-        paths: of its files, in order.
-        scan_topic: one of ``SCAN_KINDS``; None takes the one in the file.
-        max_gap, reference_tolerance: of the true poses in it; see ``referenced``.
-        field_of_view: of FLASER's scanner, rad.
-    """
+    """Read the parts of a CARMEN log, gzipped or not, in order; see ``logs.read``."""
     if field_of_view is not None:
         number("field_of_view", field_of_view, low=0, above=True, high=2 * math.pi)
     name = names_of(paths)

@@ -44,17 +44,10 @@ def read_estimate(path: str | PathLike[str], topic: str | None = None) -> Trajec
     """Read a trajectory that a stack has estimated; the ending of its name says the format.
 
     ``.csv``: see above. ``.bag``, ``.mcap``, ``.db3`` or a folder: a topic of a bag, of type
-    PoseWithCovarianceStamped, PoseStamped or Odometry, or of transforms from ``map``. All else:
+    PoseWithCovarianceStamped, PoseStamped or Odometry, or of transforms from ``map``; None is
+    ``/amcl_pose``, or the only topic of poses, or /tf if that has such transforms. All else:
     TUM. ``.gz`` may follow. Lines that are no pose, not finite or out of order are left out, with a
     warning that counts them, and so are covariances that no distribution has.
-
-    Args:
-        path: of the file.
-        topic: of a bag; None: ``/amcl_pose``, or the only topic of poses, or /tf if that has
-            transforms from ``map``.
-
-    Raises:
-        InputError: the file is missing or damaged, or has no pose.
     """
     file = Path(path)
     packed = file.suffix.lower() == ".gz"
@@ -73,13 +66,10 @@ def read_estimate(path: str | PathLike[str], topic: str | None = None) -> Trajec
 
 
 def with_covariances(estimate: Trajectory, path: str | PathLike[str]) -> Trajectory:
-    """Return an estimate with the covariances of a file, a line for each of its poses.
+    """Return an estimate with the covariances of a file, a line at the time of each of its poses.
 
     A line is the time, then the 6 numbers of the upper triangle of (x, y, θ), or the 9 or, as in
     ROS, the 36 of a whole matrix, row by row; ``#`` begins a comment.
-
-    Raises:
-        InputError: a line of another form, or other times than the estimate's.
     """
     rows: list[list[float]] = []
     for number, line in enumerate(text_of(Path(path)).splitlines(), 1):
@@ -141,12 +131,7 @@ def _read_csv(path: Path) -> tuple[Floats, Floats | None]:
 
 
 def _read_topic(path: Path, topic: str | None) -> tuple[Floats, Floats | None]:
-    """Return the poses that a stack has published in a bag; warn of those in another frame.
-
-    Returns:
-        Rows t, x, y, θ by the messages' headers, (n, 4), NaN where they are; and the covariances of
-        (x, y, θ), (n, 3, 3), NaN where a message has zeros instead, None if the type has none.
-    """
+    """Return rows t, x, y, θ that a stack has published in a bag, and covariances if any."""
     with opened_bag([path]) as bag:
         chosen = _chosen(bag, topic)
         if bag.topics.get(chosen) in TRANSFORMS:

@@ -29,20 +29,16 @@ class Scanner(Lidar):
 
     A range is a measurement if min_range < range < max_range, as in ROS' ``LaserScan`` and Nav2's
     AMCL. At or beyond max_range nothing is within reach: +inf. All else, at or below min_range or
-    not a number, is no reading: NaN.
-
-    Attributes:
-        angles: of the beams against the robot's heading, including the turn of the mounting and of
-            its mounts, counterclockwise, in the order of the ranges, (beams,) rad.
-        turn: of the mounting, rad.
+    not a number, is no reading: NaN. Angles include the turn of the mounting and of the mounts;
+    they count counterclockwise, in the order of the ranges.
     """
 
     beams: int = field(init=False)
     field_of_view: float = field(init=False)
     max_range: float = field(metadata=LENGTH)
     sigma: float = field(default=0.0, metadata=LENGTH)
-    angles: tuple[float, ...] = field(repr=False)
-    turn: float = 0.0
+    angles: tuple[float, ...] = field(repr=False)  #: against the robot's heading, (beams,) rad
+    turn: float = 0.0  #: of the mounting, rad
 
     def __post_init__(self) -> None:
         angles = array("scanner.angles", self.angles, (None,)).tolist()
@@ -161,48 +157,28 @@ def ascending_times(source: str, what: str, given: ArrayLike) -> Floats:
 
 @dataclass(frozen=True)
 class Record:
-    """One record of a log.
+    """One record of a log."""
 
-    Attributes:
-        time: s.
-        odometry: the pose by odometry (x, y, θ), in the drifting frame of the odometry.
-        ranges: the scan, (beams,); +inf where nothing is within reach, NaN where a beam failed.
-        reference: the best estimate of the true pose (x, y, θ) in the map; None if unknown.
-    """
-
-    time: float
-    odometry: Pose
-    ranges: Singles
-    reference: Pose | None
+    time: float  #: s
+    odometry: Pose  #: pose in its drifting frame
+    ranges: Singles  #: (beams,); +inf where nothing is within reach, NaN where a beam failed
+    reference: Pose | None  #: best estimate of the true pose in the map; None if unknown
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Log:
-    """Records in the order of their times. Arrays are read-only, headings in [-π, π].
-
-    Attributes:
-        scanner: that took the scans.
-        times: s, (n,), not decreasing.
-        odometry: poses (x, y, θ) of the robot by odometry, (n, 3).
-        ranges: (n, beams) float32; +inf where nothing is within reach, NaN where a beam failed.
-        reference: poses in the map, (n, 3), NaN in rows without one; None: no reference.
-        unit: of all lengths, "m" or "px".
-        skipped: number of records left out when the log was read, by reason.
-        source: name of the log in messages, such as its file.
-        interpolated: whether a record's reference pose is one between two poses that were given,
-            (n,); None: none is.
-    """
+    """Records in the order of their times. Arrays are read-only, headings in [-π, π]."""
 
     scanner: Scanner
-    times: Floats
-    odometry: Floats
-    ranges: Singles = field(repr=False)
-    reference: Floats | None = None
-    unit: str = "m"
-    skipped: Mapping[str, int] = field(default_factory=dict)
-    source: str = "the log"
-    interpolated: Bools | None = field(default=None, repr=False)
+    times: Floats  #: s, (n,), not decreasing
+    odometry: Floats  #: poses by odometry, (n, 3)
+    ranges: Singles = field(repr=False)  #: (n, beams); +inf: nothing in reach, NaN: failed
+    reference: Floats | None = None  #: in the map, (n, 3), NaN in rows without one
+    unit: str = "m"  #: of lengths
+    skipped: Mapping[str, int] = field(default_factory=dict)  #: records left out, by reason
+    source: str = "the log"  #: in messages
+    interpolated: Bools | None = field(default=None, repr=False)  #: given by two others, (n,)
 
     def __post_init__(self) -> None:
         one_of("unit of length", self.unit, PIXELS)
@@ -246,13 +222,9 @@ class Log:
     ) -> "Log":
         """Return the log of a simulated episode; its odometry is dead reckoning of the commands.
 
-        Args:
-            scans: at reset and after each step, (T + 1, beams).
-            actions: ``info["command"]`` of each step, (d, φ) or (forward, left, turn), (T, 2 or 3).
-            truth: the true poses, (T + 1, 3); None does not record them.
-            lidar: that took the scans.
-            unit: of all lengths.
-            step: duration of a step, s.
+        Scans are those at reset and after each step of ``step`` s, (T + 1, beams), actions
+        ``info["command"]`` of each, (d, φ) or (forward, left, turn), (T, 2 or 3), ``truth`` the
+        true poses, (T + 1, 3).
         """
         odometry = dead_reckoned(actions)
         scanner = lidar if isinstance(lidar, Scanner) else Scanner.of_lidar(lidar)

@@ -92,14 +92,10 @@ def one_pose(poses: Floats) -> Pose:
 
 
 def between(times: Floats, poses: Floats, at: Floats) -> Floats:
-    """Return poses at times, on straight lines between the poses before and after, (n, 3).
+    """Return poses at times (n,), on straight lines between the poses before and after, (n, 3).
 
-    Before the first pose and after the last it is that one; headings turn the shorter way.
-
-    Args:
-        times: of the poses, s, (k,), not decreasing.
-        poses: (x, y, θ), (k, 3).
-        at: the times asked for, s, (n,).
+    Before the first pose and after the last it is that one; headings turn the shorter way. Times of
+    poses (k, 3) do not decrease, (k,) s.
     """
     x, y, heading = poses.T
     columns = [np.interp(at, times, column) for column in (x, y, np.unwrap(heading))]

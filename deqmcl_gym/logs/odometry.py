@@ -45,17 +45,10 @@ class Taken(enum.Enum):
 
 @dataclass
 class Stretch:
-    """Poses by odometry of one clock: times ascend, jumps are taken out.
+    """Poses by odometry of one clock: times ascend, jumps are taken out."""
 
-    Attributes:
-        times: s.
-        poses: (x, y, θ), without the jumps.
-        frames: of each pose: the frame of the odometry as it came, in that of ``poses``; None: the
-            same.
-    """
-
-    times: list[float] = field(default_factory=list)
-    poses: list[Pose] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)  # s
+    poses: list[Pose] = field(default_factory=list)  # (x, y, θ), without the jumps
     frames: list[Pose | None] = field(default_factory=list)
 
     def at(self, time: float) -> Pose | None:
@@ -102,19 +95,10 @@ class Odometry:
     means nothing. The robot has not moved in it. Two messages in a row that are older than the
     newest by more than 1 s, in their order, are of a clock that was set back: a new stretch begins
     with the first of them, and the robot has moved as it says, unless that is a jump.
-
-    Attributes:
-        stretch: of the latest clock.
-        jumps: number of steps that were jumps.
     """
 
     def __init__(self, unit: str = "m", fastest: tuple[float, float] | None = None) -> None:
-        """Begin without a message.
-
-        Args:
-            unit: of lengths.
-            fastest: speeds, per s and rad/s, above which a step is a jump; None: 5 m/s, 2π rad/s.
-        """
+        """Begin without a message; steps above ``fastest``, per s and rad/s, are jumps."""
         size = pixel(unit)
         self._fastest = (FASTEST[0] * size, FASTEST[1]) if fastest is None else fastest
         self._slack = SLACK[0] * size, SLACK[1]
@@ -180,31 +164,20 @@ def _jumps(
 
 @dataclass(frozen=True)
 class JudgedOdometry:
-    """All odometry of a log, judged: its stretches, whose times go on when a clock is set back.
+    """All odometry of a log, judged: its stretches, whose times go on when a clock is set back."""
 
-    Attributes:
-        begins: number of the message with which each stretch begins, as all messages are counted.
-        shifts: what is added to stamps in each stretch, s.
-        stretches: in their order.
-        counts: of what became of the messages.
-        jumps: number of steps that were jumps.
-    """
-
-    begins: Sequence[float]
-    shifts: Sequence[float]
+    begins: Sequence[float]  # number of the message with which each stretch begins
+    shifts: Sequence[float]  # what is added to stamps in each stretch, s
     stretches: Sequence[Stretch]
-    counts: Mapping[Taken, int]
-    jumps: int
+    counts: Mapping[Taken, int]  # of what became of the messages
+    jumps: int  # number of steps that were jumps
 
     @classmethod
     def of(cls, numbers: Floats, received: Floats, rows: Floats, unit: str) -> "JudgedOdometry":
-        """Return odometry, judged in the order in which it came.
+        """Return odometry, rows t, x, y, θ, (n, 4), judged in the order in which it came.
 
-        Args:
-            numbers: of the messages, ascending, (n,).
-            received: when each came, s, by a clock that may be another; NaN if unknown, (n,).
-            rows: t, x, y, θ, (n, 4).
-            unit: of lengths.
+        Numbers of messages ascend, (n,); ``received`` is when each came, s, by a clock that may be
+        another; NaN if unknown, (n,).
         """
         odometry, rows = Odometry(unit), rows.copy()
         rows[_far_ahead(rows[:, 0]), 0] = math.nan
@@ -326,13 +299,8 @@ def publishers(times: Floats, poses: Floats, sources: Indices, unit: str) -> lis
     Two publishers are told by their connections, if messages of these alternate, or by poses that
     go there and back faster than any robot, again and again. Then each message belongs to the
     publisher whose next message is nearer to it, from the last one backwards: at first, both may be
-    at the same place.
-
-    Args:
-        times: of the headers, s, in the order in which they came, (n,).
-        poses: (x, y, θ), finite, (n, 3).
-        sources: number of the connection of each, (n,).
-        unit: of lengths.
+    at the same place. Times are those of the headers, (n,) s, in the order in which messages came,
+    poses finite, (n, 3), sources the numbers of connections, (n,).
     """
     by_source = [np.flatnonzero(sources == one) for one in np.unique(sources)]
     if np.count_nonzero(np.diff(sources)) > len(by_source) + _ALTERNATIONS:

@@ -1,9 +1,12 @@
-"""Records as they stand in a file, made into a log: damaged ones are skipped and counted."""
+"""Records as they stand in a file, made into a log: damaged ones are skipped and counted.
+
+Scans of several lidars, each with stamps and a rate of its own, are paired as records of one log.
+"""
 
 import bisect
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -11,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.logs.log import Log, Scanner, said_of_skipped
+from deqmcl_gym.logs.motion import nearest_in_time, relative
 from deqmcl_gym.logs.odometry import (
     JudgedOdometry,
     clock_shifts,
@@ -24,6 +28,7 @@ from deqmcl_gym.logs.scans import (
     dropped_words,
     no_return_codes,
 )
+from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.validation import LARGEST, InputError, tell
 
@@ -40,27 +45,17 @@ _FEW = 0.5  # share of records with a reference pose below which a warning is gi
 
 @dataclass
 class RawRecords:
-    """All records of a file, sound or damaged.
+    """All records of a file, sound or damaged; a list has one of each."""
 
-    Attributes:
-        source: name of the file in messages.
-        times, odometry, ranges: of each record.
-        fans: angles and limits of each scan; None: the scanner of the file has them.
-        frames: of each scan, "" for none.
-        references: true poses in the records themselves; () for none.
-        damage: number of records that could not be read, by reason.
-        judged: whether the odometry, and the clock, have been judged already.
-    """
-
-    source: str
+    source: str  # name of the file in messages
     times: list[float] = field(default_factory=list)
     odometry: list[Sequence[float]] = field(default_factory=list)
     ranges: list[Sequence[float]] = field(default_factory=list)
     fans: list[Fan | None] = field(default_factory=list)
-    frames: list[str] = field(default_factory=list)
+    frames: list[str] = field(default_factory=list)  # of each scan, "" for none
     references: list[Sequence[float]] = field(default_factory=list)
     damage: Counter[str] = field(default_factory=Counter)
-    judged: bool = False
+    judged: bool = False  # whether odometry and clock have been judged already
 
     def add(
         self,
@@ -88,9 +83,7 @@ class RawRecords:
     def with_odometry(self, numbers: Sequence[int], odometry: JudgedOdometry) -> "RawRecords":
         """Return the records with the odometry at their times, of those that have one.
 
-        Args:
-            numbers: of the messages of the scans, as those of the odometry are counted.
-            odometry: of the robot.
+        ``numbers`` are those of the scans' messages, as those of the odometry are counted.
         """
         found = [odometry.at(*scan) for scan in zip(numbers, self.times, strict=True)]
         for index in doubled(self.times):
@@ -126,7 +119,7 @@ class RawRecords:
                 shifts = clock_shifts(times[kept])
                 times[kept] += shifts
                 remarks.append(reset_words(int(np.count_nonzero(np.diff(shifts)))))
-            kept = kept[in_order(times[kept], self.damage)]
+            kept = kept[ascending(times[kept], self.damage)]
         if not kept.size:
             why = f" ({said_of_skipped(self.damage, 0)})" if self.damage else ""
             raise InputError(f"{self.source} has no usable record{why}.")
@@ -224,7 +217,7 @@ def usable(rows: Floats) -> Bools:
     return np.asarray((np.abs(rows) <= LARGEST).all(axis=1))  # False for NaN, too
 
 
-def in_order(times: Floats, damage: Counter[str]) -> Indices:
+def ascending(times: Floats, damage: Counter[str]) -> Indices:
     """Return the indices of the longest subsequence of times without decrease; count the others.
 
     So one time stamp far ahead costs one record, not all records after it.
@@ -247,3 +240,105 @@ def in_order(times: Floats, damage: Counter[str]) -> Indices:
         chain.append(int(before[chain[-1]]))
     damage[BACKWARDS] += times.size - len(chain)
     return np.array(chain[::-1])
+
+
+MAX_APART = 0.1  # s
+
+
+def paired_scans(scanned: Mapping[str, Log], source: str, max_apart: float = MAX_APART) -> Log:
+    """Return one log of several lidars on one robot, by topic; a record has a scan of each.
+
+    Records are those of the lidar with the fewest scans. Of each other lidar a record gets the scan
+    nearest in time, at most ``max_apart`` s off, moved by the odometry between the two stamps. No
+    scan is in two records. Records without such a scan are left out and counted.
+    """
+    slowest = min(scanned, key=lambda topic: len(scanned[topic]))
+    base = scanned[slowest]
+    partner = {
+        topic: np.arange(len(base)) if topic == slowest else _partners(base, log, max_apart)
+        for topic, log in scanned.items()
+    }
+    whole = np.all([found >= 0 for found in partner.values()], axis=0)
+    skipped = Counter(base.skipped)
+    for topic, found in partner.items():
+        if lost := int((found < 0).sum()):
+            skipped[f"without a scan of {topic} within {max_apart:g} s"] += lost
+    if not whole.any():
+        raise InputError(
+            f"{source} has no scans of {' and '.join(scanned)} within {max_apart:g} s of one "
+            "another: give a larger max_apart, or one topic, and compare the clocks of the lidars."
+        )
+    kept = base.of_records(np.flatnonzero(whole))
+    ranges = [
+        log.ranges[found[whole]] if log is base else _moved(log, found[whole], kept.odometry)
+        for log, found in zip(scanned.values(), partner.values(), strict=True)
+    ]
+    _tell(scanned, slowest, kept, skipped - Counter(base.skipped), source)
+    scanners = [log.scanner for log in scanned.values()]
+    return replace(
+        kept, scanner=_joined(scanners), ranges=np.concatenate(ranges, axis=1), source=source,
+        skipped=dict(skipped),
+    )  # fmt: skip
+
+
+def _partners(base: Log, other: Log, max_apart: float) -> Indices:
+    """Return for each record of ``base`` the scan nearest in time, its own alone; -1 for none."""
+    found, least = nearest_in_time(other.times, base.times)
+    found[least > max_apart + 1e-9] = -1
+    # of two records with one scan the nearer has it
+    order = np.argsort(least, kind="stable")
+    _, first = np.unique(found[order], return_index=True)
+    lost = np.ones(len(base), np.bool_)
+    lost[order[first]] = False
+    found[lost] = -1
+    return found
+
+
+def _moved(log: Log, chosen: Indices, poses: Floats) -> Singles:
+    """Return scans as the lidar would have taken them from other poses (n, 3) of the odometry."""
+    # a return is a point, seen by the beam nearest in angle; of several the nearest counts
+    scanner, ranges = log.scanner, log.ranges[chosen]
+    moves = relative(poses, log.odometry[chosen])
+    driven = np.flatnonzero((moves != 0).any(axis=1))
+    bearings, ((ahead, left),) = scanner.bearings, scanner.places
+    first = bearings[0]
+    step = (bearings[-1] - first) / (scanner.beams - 1) if scanner.beams > 1 else 2 * math.pi
+    row, beam = np.nonzero(np.isfinite(ranges[driven]))
+    far = ranges[driven[row], beam].astype(np.float64)
+    x, y = ahead + far * arrays.cos(bearings[beam]), left + far * arrays.sin(bearings[beam])
+    dx, dy, turn = moves[driven[row]].T
+    cosine, sine = arrays.cos(turn), arrays.sin(turn)
+    x, y = dx + cosine * x - sine * y - ahead, dy + sine * x + cosine * y - left
+    angle = np.asarray(arrays.arctan2(y, x)) - first
+    seen = np.floor(np.mod(angle / step + 0.5, 2 * math.pi / abs(step))).astype(int)
+    inside = seen < scanner.beams
+    out = np.full((len(driven), scanner.beams), np.inf, np.float32)
+    found = np.sqrt(x * x + y * y).astype(np.float32)
+    np.minimum.at(out, (row[inside], seen[inside]), found[inside])
+    ranges[driven] = scanner.measured(out)
+    return ranges
+
+
+def _joined(scanners: list[Scanner]) -> Scanner:
+    """Return one scanner with the mounts of all; ranges are within those of each already."""
+    return Scanner(
+        angles=tuple(angle for one in scanners for angle in one.angles),
+        mounts=tuple(mount for one in scanners for mount in one.mounts),
+        min_range=min(one.min_range for one in scanners),
+        max_range=max(one.max_range for one in scanners),
+    )
+
+
+def _tell(
+    scanned: Mapping[str, Log], slowest: str, kept: Log, lost: Counter[str], source: str
+) -> None:
+    """Warn of records left out, and of scans that are in no record."""
+    if lost:
+        said = said_of_skipped(lost, len(kept))
+        tell(f"{source}: {said}.")
+    for topic, log in scanned.items():
+        if topic != slowest and (unused := len(log) - len(kept)):
+            tell(
+                f"{source}: {unused:,} of {len(log):,} scans of {topic} are in no record: "
+                f"records are those of {slowest}, which has the fewest scans."
+            )

@@ -24,8 +24,13 @@ from deqmcl_gym.logs.bags import (
 )
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.odometry import JudgedOdometry, publisher_words, publishers
-from deqmcl_gym.logs.pairing import MAX_APART, paired
-from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecords, stamped
+from deqmcl_gym.logs.raw_records import (
+    MAX_APART,
+    UNREADABLE,
+    RawRecords,
+    paired_scans,
+    stamped,
+)
 from deqmcl_gym.logs.scans import Fan
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.logs.transforms import (
@@ -69,7 +74,7 @@ def read_bag(
 
     A scan's time is that of its header; its odometry is interpolated between the two messages
     around it. Transforms give the mounting of the scanner, which may hang upside down. Scans of
-    several topics are ``paired``.
+    several topics are ``paired_scans``.
     """
     asked = _scan_topics(scan_topic)
     if max_apart is not None:
@@ -237,16 +242,13 @@ class _Messages:
         }
         (log, *others) = scanned.values()
         if others:
-            log = paired(scanned, self.name, apart)
+            log = paired_scans(scanned, self.name, apart)
         truth = self.truth.poses
         truth[:, 0] = odometry.shifted(self.truth.table[:, 0], truth[:, 0])
         return with_own_reference(log, truth, told.max_gap, told.reference_tolerance)
 
     def _odometry(self, told: Reading) -> tuple[str, JudgedOdometry]:
-        """Return the robot's frame and its odometry, judged.
-
-        From the topic, or from transforms if there is none or what it says is of no use.
-        """
+        """Return the robot's frame and odometry, judged: of the topic, or else of transforms."""
         (topic, scans), *_ = self.scanned.items()
         frames = self.transforms.of(topic)
         asked = None if told.base_frame is None else frame_name(told.base_frame)

@@ -27,16 +27,11 @@ _DROPPED = 0.5  # share of ranges that are no measurements above which that is t
 
 
 class Fan(NamedTuple):
-    """Angles of a scan's beams in the scanner's own frame, and the limits of its measurements.
+    """Angles of a scan's beams in the scanner's own frame, and the limits of its measurements."""
 
-    Attributes:
-        start, step: the first angle and the increment, rad.
-        min_range, max_range: as of ``Scanner``.
-    """
-
-    start: float
+    start: float  # the first angle, rad
     step: float
-    min_range: float
+    min_range: float  # as of ``Scanner``
     max_range: float
 
     @property
@@ -65,12 +60,9 @@ def mark_unmeasured(ranges: Reals, min_range: float, max_range: float) -> None:
 class Varying:
     """Scans that may vary, and the beams and limits that stand for all of them.
 
-    Attributes:
-        sizes: number of beams of each scan.
-        fans: angles and limits of each scan.
-        beams, fan: the number and the angles of most scans or, if they vary, of beams that cover
-            what they cover, and limits within which all scans' are; a max_range of -inf if no scan
-            has a finite one above 0.
+    These are the number and angles of most scans or, if they vary, of beams that cover what they
+    cover, and limits within which all scans' are; a max_range of -inf if none has a finite one
+    above 0.
     """
 
     sizes: Sequence[int]
@@ -97,14 +89,10 @@ class Varying:
     def seen(
         self, scans: Sequence[Sequence[float]], max_range: float
     ) -> tuple[Singles, str | None]:
-        """Return the ranges at the bearings that stand for all, and what is to be told of them.
+        """Return the ranges at the bearings that stand for all, (n, beams), and what is to be told.
 
-        Args:
-            scans: ranges, as many as ``sizes`` says.
-            max_range: of scans that have none.
-
-        Returns:
-            (n, beams), +inf and NaN where they are no measurements; a sentence, or None.
+        They are +inf and NaN where they are no measurements; ``max_range`` is that of scans that
+        have none.
         """
         alike: dict[tuple[int, Fan], list[int]] = {}
         for row, key in enumerate(zip(self.sizes, self.fans, strict=True)):
@@ -137,20 +125,13 @@ class Varying:
 
 @dataclass(frozen=True)
 class Neighbours:
-    """The beams of a scan around other bearings.
+    """The beams of a scan around other bearings."""
 
-    Attributes:
-        before, after: index of the beam clockwise and counterclockwise of each bearing, (b,).
-        past: angle from the beam before to the bearing, (b,) rad.
-        gap: angle from the beam before to the one after, (b,) rad.
-        within: how far off a beam may be: half the usual angle between neighbouring bearings, rad.
-    """
-
-    before: Indices
-    after: Indices
-    past: Floats
-    gap: Floats
-    within: float
+    before: Indices  # index of the beam clockwise of each bearing, (b,)
+    after: Indices  # of the one counterclockwise, (b,)
+    past: Floats  # angle from the beam before to the bearing, (b,) rad
+    gap: Floats  # angle from the beam before to the one after, (b,) rad
+    within: float  # half the usual angle between bearings: how far off a beam may be, rad
 
     @classmethod
     def of(cls, beams: Floats, onto: Floats) -> "Neighbours":
@@ -200,11 +181,7 @@ class Neighbours:
 
 
 def _middle_fan(sizes: Sequence[int], fans: Sequence[Fan]) -> tuple[int, float, float]:
-    """Return number, first angle and increment of beams that cover what scans cover, rad.
-
-    The increment is their median, in the sense of most; the ends are those of all but 5 % of them.
-    A turn is covered once.
-    """
+    """Return number, first angle and median increment of beams that cover what scans cover, rad."""
     seen = [(size, fan) for size, fan in zip(sizes, fans, strict=True) if size]
     steps = np.array([fan.step for _, fan in seen])
     sense = 1.0 if (steps > 0).sum() >= (steps < 0).sum() else -1.0
@@ -218,13 +195,7 @@ def _middle_fan(sizes: Sequence[int], fans: Sequence[Fan]) -> tuple[int, float, 
 
 
 def resampled(ranges: ArrayLike, bearings: ArrayLike, onto: Floats) -> Singles:
-    """Return a scan at other bearings: see ``Neighbours.seen``.
-
-    Args:
-        ranges: (B,).
-        bearings: of these beams, (B,) rad.
-        onto: bearings asked for, (b,) rad, in any order.
-    """
+    """Return a scan (B,) at other bearings ``onto``, (b,) rad: see ``Neighbours.seen``."""
     given = np.asarray(ranges, dtype=np.float32)
     angles = array("bearings", bearings, (None,)) if np.size(bearings) else np.empty(0)
     if given.shape != angles.shape:
@@ -267,13 +238,7 @@ def _codes(values: list[float], counts: Indices, ranges: Singles) -> list[float]
 
 
 def dropped_words(ranges: Singles, limits: Sequence[float], unit: str) -> str | None:
-    """Say that most ranges of a log are no measurements, and why; None if they are not most.
-
-    Args:
-        ranges: of a log: +inf beyond reach, NaN where there is no reading, (n, beams).
-        limits: the smallest and the largest of the scanner.
-        unit: of length.
-    """
+    """Say that most ranges of a log are no measurements, and why; None if they are not most."""
     beyond, none = float(np.isinf(ranges).mean()), float(np.isnan(ranges).mean())
     if beyond + none <= _DROPPED:
         return None

@@ -14,7 +14,7 @@ from deqmcl_gym.files import numbers_of, save, text_of
 from deqmcl_gym.logs.log import Log, ascending_times, said_of_skipped
 from deqmcl_gym.logs.motion import between, composed, heading_of, nearest_in_time, relative
 from deqmcl_gym.logs.odometry import jumps_in, times_words
-from deqmcl_gym.logs.raw_records import NOT_FINITE, UNREADABLE, in_order, usable, warn_of_few
+from deqmcl_gym.logs.raw_records import NOT_FINITE, UNREADABLE, ascending, usable, warn_of_few
 from deqmcl_gym.maps.map import PIXELS
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
@@ -31,19 +31,12 @@ _ROUNDING = 1e-6  # of covariances: float32 of some stacks
 @final
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Poses at times.
+    """Poses at times."""
 
-    Attributes:
-        times: s, (n,), not decreasing.
-        poses: (x, y, θ), (n, 3).
-        source: name of the trajectory in messages, such as its file.
-        covariances: of (x, y, θ) at each pose, (n, 3, 3), NaN where unknown; None: none is known.
-    """
-
-    times: Floats
-    poses: Floats
-    source: str = "the trajectory"
-    covariances: Floats | None = None
+    times: Floats  #: s, (n,), not decreasing
+    poses: Floats  #: (x, y, θ), (n, 3)
+    source: str = "the trajectory"  #: in messages, such as its file
+    covariances: Floats | None = None  #: of (x, y, θ), (n, 3, 3), NaN where unknown
 
     def __post_init__(self) -> None:
         times = ascending_times(self.source, "pose", self.times)
@@ -95,9 +88,6 @@ def read_tum(path: str | PathLike[str]) -> Trajectory:
     """Read a TUM trajectory: lines ``t x y z qx qy qz qw``; ``#`` begins a comment.
 
     Other lines are skipped, with a warning that counts them.
-
-    Raises:
-        InputError: the file has no pose.
     """
     if not isinstance(path, str | PathLike):
         raise InputError(f"the reference is {shown(path)}, but must be the path of a TUM file.")
@@ -172,7 +162,7 @@ def sound_poses(
             f"{source} has no usable pose{why}{clock_words(rows)}: each needs a time and finite x, "
             "y and heading; a TUM trajectory has lines t x y z qx qy qz qw."
         )
-    kept = kept[in_order(rows[kept, 0], damage)]
+    kept = kept[ascending(rows[kept, 0], damage)]
     if damage:
         tell(f"{source}: {said_of_skipped(damage, kept.size)}.")
     spread = None if covariances is None else covariances[kept]
@@ -202,7 +192,8 @@ def referenced(
     k-th pose, or the last. Between two poses, the robot's odometry is followed from the first, and
     its error at the second is spread over the way between them, metres and 1 m per radian turned.
     So a reference with one pose per metre does not cut corners. ``Log.interpolated`` says where,
-    but for records so near in time to a pose that this is as good as their own.
+    but for records so near in time to a pose that this is as good as their own. A trajectory that
+    covers no record is refused.
 
     Args:
         log: the records.
@@ -210,9 +201,6 @@ def referenced(
         max_gap: records between two poses get none if these are so far apart, in a straight line
             or by odometry, or farther; None is 2 m.
         tolerance: s by which a pose may be off the time of its record; see ``tolerance_of``.
-
-    Raises:
-        InputError: no record lies within the trajectory.
     """
     apart = MAX_GAP / PIXELS["m"] * PIXELS[log.unit] if max_gap is None else max_gap
     number("max_gap", apart, low=0, finite=False)
@@ -307,13 +295,7 @@ def _stamped(records: Floats, times: Floats) -> tuple[Bools, Indices]:
 def _travelled(
     log: Log, times: Floats, known: Bools, first: Indices, last: Indices
 ) -> tuple[Floats, Floats, Floats]:
-    """Return the motion by odometry from the ``first`` of ``times`` to records and to the ``last``.
-
-    Returns:
-        Poses of the record and of the last in the frame of the first, (k, 3) each, and the share of
-        the distance at the record, (k,). Beyond the odometry, the poses are 0, and the share is
-        that of the time.
-    """
+    """Return odometry at record and ``last`` seen from the ``first``, and share of the way."""
     x, y, heading = log.odometry.T
     elapsed = log.way + 1e-9 * (log.times - log.times[0])  # grows a little while it stands still
     columns = (x, y, np.unwrap(heading), elapsed)

@@ -26,9 +26,8 @@ Edge = tuple[str, str]  # parent, child
 class PoseRows:
     """Poses in the order of their messages.
 
-    Attributes:
-        rows: number of the message, when it was received (s), number of its connection, then its
-            stamp (s), x, y, z, qx, qy, qz, qw.
+    A row: number of the message, when it was received (s), number of its connection, then its stamp
+    (s), x, y, z, qx, qy, qz, qw.
     """
 
     rows: list[list[float]] = field(default_factory=list)
@@ -204,10 +203,7 @@ class Frames:
         return frame if frame in names or len(alike) != 1 else alike[0]
 
     def _chain(self, base: str, frame: str) -> tuple[Floats | None, tuple[float, float, float]]:
-        """Return the transform from base to frame, 4 x 4, None without a steady one between them.
-
-        And the spread of all on the way: m and rad in the plane, rad of tilt.
-        """
+        """Return a steady transform from base to frame, 4 x 4, and its spread (m, rad, rad)."""
         steps: dict[str, list[tuple[str, Floats, Floats]]] = {}
         for (parent, child), rows in self.edges.items():
             place = _place(rows)
@@ -231,10 +227,7 @@ class Frames:
 
 
 def _place(rows: PoseRows) -> tuple[Floats, Floats] | None:
-    """Return the mean 4 x 4 matrix of a transform that hardly moves in the plane, else None.
-
-    And its standard deviations, (3,): m and rad in the plane, rad of tilt.
-    """
+    """Return mean and SD (m, rad, rad of tilt) of a transform that hardly moves in the plane."""
     values = rows.table[:, 4:]
     if not len(values):
         return None

@@ -11,12 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.maps import grid_walls
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED
 from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.map import Map, pixel
 from deqmcl_gym.maps.polygon_map import PolygonMap
-from deqmcl_gym.maps.polygons import Polygon, oriented_edges, signed_area
+from deqmcl_gym.maps.polygons import Polygon, oriented_edges, outlines_of, signed_area
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
 from deqmcl_gym.validation import InputError
 
@@ -26,46 +25,28 @@ _NARROWEST, _WIDEST, _DEEPEST = 20.0, 75.0, 25.0  # px: of a door
 
 
 class Piece(NamedTuple):
-    """A straight piece of an inner wall, or the gap of a door.
+    """A straight piece of an inner wall, or the gap of a door."""
 
-    Attributes:
-        boxes: rectangles that it is made of, counterclockwise corners, (k, 4, 2).
-        length: along the wall.
-        across: unit vector across the wall, (2,).
-    """
-
-    boxes: Floats
-    length: float
-    across: Floats
+    boxes: Floats  # rectangles that it is made of, counterclockwise corners, (k, 4, 2)
+    length: float  # along the wall
+    across: Floats  # unit vector across the wall, (2,)
 
 
 class InnerWalls(NamedTuple):
-    """The inner walls of a map.
+    """The inner walls of a map."""
 
-    Attributes:
-        walls: pieces of up to 2 m of walls up to 2 m thick, longer than thick.
-        doors: gaps of 0.4 to 1.5 m in walls.
-        step: what displacements of walls are multiples of: a cell; 0 for any.
-    """
-
-    walls: tuple[Piece, ...]
-    doors: tuple[Piece, ...]
-    step: float
+    walls: tuple[Piece, ...]  # pieces of up to 2 m of walls up to 2 m thick, longer than thick
+    doors: tuple[Piece, ...]  # gaps of 0.4 to 1.5 m in walls
+    step: float  # what displacements of walls are multiples of: a cell; 0 for any
 
 
 class _Lattice(NamedTuple):
-    """A map between lines along its axes.
+    """A map between lines along its axes."""
 
-    Attributes:
-        walls: which cells are wall, (rows, columns).
-        free: which are free.
-        us, vs: the lines, (columns + 1,) and (rows + 1,), in the map's unit.
-    """
-
-    walls: Bools
+    walls: Bools  # which cells are wall, (rows, columns)
     free: Bools
-    us: Floats
-    vs: Floats
+    us: Floats  # the lines between columns, (columns + 1,)
+    vs: Floats  # between rows, (rows + 1,)
 
     @property
     def turned(self) -> "_Lattice":
@@ -77,11 +58,8 @@ def altered(floor_plan: Map, cleared: ArrayLike, filled: list[Floats]) -> Map:
     """Return a map with some of its wall cut out, then solids put in.
 
     On cells, a cell is painted if its centre is inside; a solid smaller than a cell paints one.
-
-    Args:
-        floor_plan: the map.
-        cleared: boxes of its :func:`inner_walls`, (k, 4, 2).
-        filled: convex polygons, counterclockwise, (c, 2) each.
+    ``cleared`` are boxes of its :func:`inner_walls`, (k, 4, 2), ``filled`` convex polygons,
+    counterclockwise, (c, 2) each.
     """
     boxes = np.asarray(cleared, np.float64).reshape(-1, 4, 2)
     if not len(boxes) and not filled:
@@ -301,7 +279,7 @@ def _cut(floor_plan: PolygonMap, boxes: Floats) -> PolygonMap:
         solid[slice(*_nearest(lattice.vs, vs)), slice(*_nearest(lattice.us, us))] = False
     outer, *obstacles = (
         list(zip(lattice.us[o[:, 0]].tolist(), lattice.vs[o[:, 1]].tolist(), strict=True))
-        for o in grid_walls.outlines_of(solid)
+        for o in outlines_of(solid)
     )
     oblique = [o for o in floor_plan.obstacles if not _is_parallel(o)]
     outside = outer if _is_parallel(floor_plan.outer) else floor_plan.outer

@@ -18,28 +18,17 @@ _PER_WALL = 4  # cells; the fastest of 2 to 16 among 256 and 1,024 walls
 
 
 class SortedWalls(NamedTuple):
-    """Walls sorted into square cells.
+    """Walls sorted into square cells."""
 
-    Attributes:
-        corner: lower left corner of the table (x, y).
-        side: of a cell.
-        table: the cells, with a ring around the walls.
-    """
-
-    corner: tuple[float, float]
+    corner: tuple[float, float]  # lower left corner of the table (x, y)
     side: float
-    table: CellTable
+    table: CellTable  # the cells, with a ring around the walls
 
 
-def cells_of(walls: Floats, directed: Singles, margin: float) -> SortedWalls:
-    """Sort walls into square cells, a handful for each.
+def sorted_walls(walls: Floats, directed: Singles, margin: float) -> SortedWalls:
+    """Sort walls into square cells, a handful for each; one closer than ``margin`` counts as in it.
 
-    A wall closer to a cell than ``margin`` counts as in it.
-
-    Args:
-        walls: (x₀, y₀, x₁, y₁), (S, 4).
-        directed: the same as (x₀, y₀, unit x, unit y, low, high), (S, 6).
-        margin: a length.
+    Walls are (x₀, y₀, x₁, y₁), (S, 4), ``directed`` (x₀, y₀, unit x, unit y, low, high), (S, 6).
     """
     x, y = walls[:, [0, 2]], walls[:, [1, 3]]
     width, height = (float(np.ptp(axis)) + 4 * margin for axis in (x, y))
@@ -148,7 +137,7 @@ def all_at_once(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> AllA
 def cell_by_cell(outer: Polygon, obstacles: Sequence[Polygon], px: float) -> CellByCell:
     """Sort walls into cells."""
     walls = _edges([outer, *obstacles])
-    cells = cells_of(walls, _directed(walls, OVERLAP * px), MARGIN * px)
+    cells = sorted_walls(walls, _directed(walls, OVERLAP * px), MARGIN * px)
     return CellByCell(outer=_outer(outer), cells=cells)
 
 

@@ -33,15 +33,10 @@ def mean_pose(poses: Reals, weights: Floats) -> tuple[float, float, float]:
 
 
 class Near(NamedTuple):
-    """Whether a robot is where it is believed to be.
+    """Whether a robot is where it is believed to be."""
 
-    Attributes:
-        distance: largest distance from the true position, m.
-        angle: largest angle to the true heading, rad.
-    """
-
-    distance: float
-    angle: float
+    distance: float  # largest distance from the true position, m
+    angle: float  # largest angle to the true heading, rad
 
     def holds(self, distance: Floats, angle: Floats) -> Bools:
         """Whether distances, m, and angles are small enough, (n,)."""
@@ -56,27 +51,18 @@ class Near(NamedTuple):
 
 @dataclass(frozen=True)
 class Cluster:
-    """Neighbouring points of a belief.
+    """Neighbouring points of a belief."""
 
-    Attributes:
-        mean: their mean pose (x, y, θ rad).
-        share: their share of the belief's weight.
-    """
-
-    mean: tuple[float, float, float]
-    share: float
+    mean: tuple[float, float, float]  # their mean pose (x, y, θ rad)
+    share: float  # their share of the belief's weight
 
 
 def best_cluster(poses: Reals, weights: Floats, *, unit: str) -> Cluster:
     """Return the points in the heaviest cell, 1 m × 1 m × 30°, and in the 26 around it.
 
     The mean of two distant places is neither, so every method is scored by this rule as well. Of
-    equally heavy cells the first in the order of x, y, heading is taken.
-
-    Args:
-        poses: (n, 3).
-        weights: (n,), with sum 1.
-        unit: of the map, "px" or "m"; 1 m is 50 px.
+    equally heavy cells the first in the order of x, y, heading is taken. Poses are (n, 3), weights
+    (n,) with sum 1.
     """
     return _best(poses, weights, unit)[0]
 
@@ -85,11 +71,6 @@ def two_clusters(poses: Reals, weights: Floats, *, unit: str) -> tuple[Cluster, 
     """Return the best cluster, and the best of the points outside it.
 
     Without weight outside, the second is the best one again, with a share of 0.
-
-    Args:
-        poses: (n, 3).
-        weights: (n,), with sum 1.
-        unit: of the map, "px" or "m".
     """
     best, near = _best(poses, weights, unit)
     left = float(weights[~near].sum())

@@ -22,7 +22,7 @@ from deqmcl_gym.numerics.elementary import sincos32, wrapped32
 from deqmcl_gym.numerics.types import Bools, Ints, Singles
 
 LANES = 64
-BLOCK = 2048
+POSE_BLOCK = 2048
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -30,20 +30,12 @@ _INF = np.float32(np.inf)
 
 
 class Clearance(NamedTuple):
-    """Bounds on the distance of the squares of a grid around a map to the walls.
+    """Bounds on the distance of the squares of a grid around a map to the walls."""
 
-    Attributes:
-        corner: lower left corner of the grid (x, y).
-        per_side: squares per length.
-        bounds: least distance of any point of a square to a wall, negative outside free space, 0
-            where there may be a wall, (rows, columns).
-        slack: by how much a point of a square may be farther from the walls than its bound.
-    """
-
-    corner: Singles
-    per_side: np.float32
-    bounds: Singles
-    slack: np.float32
+    corner: Singles  # lower left corner of the grid (x, y)
+    per_side: np.float32  # squares per length
+    bounds: Singles  # least distance of a square to a wall, < 0 outside, 0 where one may be; 2-d
+    slack: np.float32  # by how much a point of a square may be farther from walls than that
 
 
 @compiled
@@ -78,8 +70,7 @@ def mounted(poses: Singles, ahead: float, aside: float, out: Singles) -> None:
 def wind(poses: Singles, walls: Singles, out: Ints) -> None:
     """Fill in the winding number of the walls around each point, (n,)."""
     x, y = poses[0], poses[1]
-    for i in range(x.size):
-        out[i] = 0
+    out[:] = 0
     for wall in range(walls.shape[0]):
         ax, ay, bx, by = walls[wall, 0], walls[wall, 1], walls[wall, 2], walls[wall, 3]
         for i in range(x.size):
@@ -90,7 +81,7 @@ def wind(poses: Singles, walls: Singles, out: Ints) -> None:
 
 
 @compiled
-def sweep(starts: Singles, ends: Singles, walls: Singles, out: Singles) -> None:
+def square_gaps(starts: Singles, ends: Singles, walls: Singles, out: Singles) -> None:
     """Fill in the squared distance of each path to the nearest wall, (n,); 0 if they cross."""
     n = starts.shape[1]
     ax = np.zeros(LANES, np.float32)
@@ -112,8 +103,7 @@ def sweep(starts: Singles, ends: Singles, walls: Singles, out: Singles) -> None:
         for i in range(LANES):
             square = dx[i] * dx[i] + dy[i] * dy[i]
             inverse[i] = _ONE / square if square > _ZERO else _ZERO
-        for i in range(LANES):
-            best[i] = _INF
+        best[:] = _INF
         for wall in range(walls.shape[0]):
             wx, wy = walls[wall, 0], walls[wall, 1]
             ex, ey = walls[wall, 2] - wx, walls[wall, 3] - wy
@@ -141,9 +131,7 @@ def sweep(starts: Singles, ends: Singles, walls: Singles, out: Singles) -> None:
                 crossing = (side_p * side_q < _ZERO) & (side_a * side_b < _ZERO)
                 near = _ZERO if crossing else near
                 best[i] = min(best[i], near)
-        least = out[start : start + count]
-        for i in range(count):
-            least[i] = best[i]
+        out[start : start + count] = best[:count]
 
 
 @compiled
@@ -184,7 +172,7 @@ def directed(poses: Singles, out: Singles) -> None:
 
 
 @compiled
-def laid(poses: Singles, path: Singles, out: Singles) -> None:
+def lay_path(poses: Singles, path: Singles, out: Singles) -> None:
     """Fill in the points (k, 2, n) of a path, (k, 2) in the frame of each pose it begins at."""
     rows = np.empty((4, poses.shape[1]), np.float32)
     directed(poses, rows)
@@ -203,18 +191,9 @@ def _undecided(
     hits: Ints,
     chosen: Ints,
 ) -> int:
-    """Count the steps that collide for sure; choose those for which the bounds do not decide.
-
-    On a path of length d between places a and b away from all walls, no point is nearer to them
-    than (a + b - d) / 2. Where one end is in a solid or nearer to a wall than the radius, it hits.
-
-    Args:
-        here, there: the steps' ends.
-        near, next_near: bounds of ``look_up`` there, (n,).
-        radius, slack: see ``Clearance``.
-        hits: number of colliding steps, counted up, (n,).
-        chosen: indices of the steps to look at closely, as many as are returned, (n,).
-    """
+    """Count the steps that collide for sure; choose those for which the bounds do not decide."""
+    # with ends a and b away from walls and a length d between them, no point of a path is nearer
+    # to them than half of a + b - d
     n = near.size
     x, y, to_x, to_y = here[0], here[1], there[0], there[1]
     unsure = np.empty(n, np.bool_)
@@ -250,12 +229,9 @@ def _look_closely(
     late: Singles, owners: Ints, held: int, walls: Singles, radius: np.float32, hits: Ints
 ) -> None:
     """Count which of the steps ``held``, rows x, y, x', y', collide, for their ``owners``."""
-    ends = np.empty((4, held), np.float32)
-    for row in range(4):
-        for k in range(held):
-            ends[row, k] = late[row, k]
+    ends = late[:, :held].copy()
     square, windings = np.empty(held, np.float32), np.empty(held, np.int32)
-    sweep(ends[:2], ends[2:], walls, square)
+    square_gaps(ends[:2], ends[2:], walls, square)
     wind(ends[2:], walls, windings)
     for k in range(held):
         hits[owners[k]] += not ((square[k] > radius * radius) & (windings[k] == 1))
@@ -303,90 +279,62 @@ def copy_columns(rows: Singles, first: int, out: Singles) -> None:
 def roll_out(
     poses: Singles,
     moves: Singles,
+    path: Singles,
     walls: Singles,
     radius: np.float32,
     clearance: tuple[Any, ...],
-    collisions: Ints,
+    hits: Ints,
     out: Singles,
 ) -> None:
-    """Drive poses through several moves; fill in the poses reached and the steps that collide.
+    """Drive poses through several moves, or along a path; fill in poses and steps that collide.
 
-    Each block of poses does all moves before the next one, to stay in the processor's cache. Steps
-    for which the bounds do not decide are compared with the walls, many at a time; see
-    ``feasible``.
+    Each block of poses takes all steps before the next one, to stay in the processor's cache. Steps
+    for which the bounds do not decide are compared with the walls, many at a time.
 
     Args:
         poses, walls, radius, clearance: as ``feasible``.
-        moves: (F, 3, n).
-        collisions: number of steps of each that collide, (n,).
-        out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n).
+        moves: (F, 3, n); none if there is a path.
+        path: (F + 1, 2), laid from each pose; none if there are moves.
+        hits: number of steps of each that collide, (n,).
+        out: poses after each move, (F, 3, n), or after the last one only, (1, 3, n), or none.
     """
-    n, grid = poses.shape[1], Clearance(*clearance)
-    squares, chosen = np.empty(BLOCK, np.int32), np.empty(BLOCK, np.int32)
-    late, owners = np.empty((4, 2 * BLOCK), np.float32), np.empty(2 * BLOCK, np.int32)
-    unsure, slack = 0, grid.slack
-    collisions[:] = 0
-    for start in range(0, n, BLOCK):
-        size = min(BLOCK, n - start)
-        hits, move = collisions[start : start + size], np.empty((3, size), np.float32)
+    n, grid, along = poses.shape[1], Clearance(*clearance), len(path) > 0
+    squares, chosen = np.empty(POSE_BLOCK, np.int32), np.empty(POSE_BLOCK, np.int32)
+    late, owners = np.empty((4, 2 * POSE_BLOCK), np.float32), np.empty(2 * POSE_BLOCK, np.int32)
+    unsure, slack, steps = 0, grid.slack, len(path) - 1 if along else len(moves)
+    hits[:] = 0
+    for start in range(0, n, POSE_BLOCK):
+        size = min(POSE_BLOCK, n - start)
+        touched, move = hits[start : start + size], np.empty((3, size), np.float32)
         here, there = np.empty((3, size), np.float32), np.empty((3, size), np.float32)
         near, next_near = np.empty(size, np.float32), np.empty(size, np.float32)
+        rows = np.empty((4, size if along else 0), np.float32)
         copy_columns(poses, start, here)
+        if along:
+            directed(here, rows)
+            put(rows, path[0], here)
         look_up(here, grid, squares[:size], near)
-        for step in range(len(moves)):
-            copy_columns(moves[step], start, move)
-            drive(here, move, there)
+        for step in range(steps):
+            if along:
+                put(rows, path[step + 1], there)
+            else:
+                copy_columns(moves[step], start, move)
+                drive(here, move, there)
             look_up(there, grid, squares[:size], next_near)
-            count = _undecided(here, there, near, next_near, radius, slack, hits, chosen)
+            count = _undecided(here, there, near, next_near, radius, slack, touched, chosen)
             _put_off(here, there, chosen[:count], start, late, owners, unsure)
             unsure += count
-            if unsure >= BLOCK:
-                _look_closely(late, owners, unsure, walls, radius, collisions)
+            if unsure >= POSE_BLOCK:
+                _look_closely(late, owners, unsure, walls, radius, hits)
                 unsure = 0
-            if len(out) > 1 or step == len(moves) - 1:
+            if len(out) > 1 or (step == steps - 1 and len(out) > 0):
                 reached = out[step if len(out) > 1 else 0]
                 for row in range(3):
                     at = reached[row, start : start + size]
                     for i in range(size):
                         at[i] = there[row, i]
             here, there, near, next_near = there, here, next_near, near
-    _look_closely(late, owners, unsure, walls, radius, collisions)
-
-
-@compiled
-def collisions(
-    poses: Singles,
-    path: Singles,
-    walls: Singles,
-    radius: np.float32,
-    clearance: tuple[Any, ...],
-    out: Ints,
-) -> None:
-    """Fill in the number of steps that collide on a path (k + 1, 2) laid from each pose, k ≥ 1."""
-    n, grid = poses.shape[1], Clearance(*clearance)
-    squares, chosen = np.empty(BLOCK, np.int32), np.empty(BLOCK, np.int32)
-    late, owners = np.empty((4, 2 * BLOCK), np.float32), np.empty(2 * BLOCK, np.int32)
-    unsure, slack = 0, grid.slack
-    out[:] = 0
-    for start in range(0, n, BLOCK):
-        size = min(BLOCK, n - start)
-        rows, hits = np.empty((4, size), np.float32), out[start : start + size]
-        directed(poses[:, start : start + size].copy(), rows)
-        here, there = np.empty((2, size), np.float32), np.empty((2, size), np.float32)
-        near, next_near = np.empty(size, np.float32), np.empty(size, np.float32)
-        put(rows, path[0], here)
-        look_up(here, grid, squares[:size], near)
-        for step in range(1, len(path)):
-            put(rows, path[step], there)
-            look_up(there, grid, squares[:size], next_near)
-            count = _undecided(here, there, near, next_near, radius, slack, hits, chosen)
-            _put_off(here, there, chosen[:count], start, late, owners, unsure)
-            unsure += count
-            if unsure >= BLOCK:
-                _look_closely(late, owners, unsure, walls, radius, out)
-                unsure = 0
-            here, there, near, next_near = there, here, next_near, near
-    _look_closely(late, owners, unsure, walls, radius, out)
+    _look_closely(late, owners, unsure, walls, radius, hits)
 
 
 _SQUARES = 8192  # a few px wide in a room; 32 KiB, which stays in the processor's first cache
@@ -411,7 +359,7 @@ def clearance_of(walls: Singles) -> Clearance:
     centre_y = corner[1] + (np.arange(rows) + 0.5) * side
     centres = np.array([g.ravel() for g in np.meshgrid(centre_x, centre_y)]).astype(np.float32)
     square, windings = np.empty(centres.shape[1], np.float32), np.empty(centres.shape[1], np.int32)
-    sweep(centres, centres, walls, square)
+    square_gaps(centres, centres, walls, square)
     wind(centres, walls, windings)
     bound = np.maximum(np.sqrt(square) - (side / math.sqrt(2) + margin), 0.0)
     signed = np.where(windings == 1, bound, -bound).astype(np.float32)

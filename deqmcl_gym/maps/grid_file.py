@@ -7,16 +7,15 @@ import io
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.files import UnreadableError, as_number, content_of, write_bytes, yaml_of
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics.types import Floats, T
 from deqmcl_gym.validation import InputError, number, one_of, pose
 
-T = TypeVar("T")
 Occupancy = NDArray[np.int8]
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
@@ -58,8 +57,7 @@ def remembered(
 def image_with_place(path: str | os.PathLike[str]) -> tuple[NDArray[Any], dict[str, Any]]:
     """Return the pixels of an image (h, w, c), and what the yaml file of a map says of it.
 
-    Args:
-        path: of that yaml file, or of an image alone, of which nothing is said: {}.
+    The path is that of the yaml, or of an image alone, of which nothing is said: {}.
     """
     given = Path(os.path.abspath(os.path.expanduser(path)))
     of_map = given.suffix in (".yaml", ".yml")
@@ -234,11 +232,7 @@ def _occupancy(shades: Floats, mode: str, negate: bool, free: float, occupied: f
 def _check_kept(
     cells: Occupancy, pixels: NDArray[np.uint8], mode: str, free: float, occupied: float
 ) -> None:
-    """Refuse pixels in which solid cells or free ones would be read back as something else.
-
-    A white pixel is 254 of 255, so free cells need a ``free`` above 0.004, solid ones an
-    ``occupied`` below 1.
-    """
+    """Refuse pixels in which solid cells or free ones would be read back as something else."""
     grey_as_rgb = pixels[..., [0, 0, 0, 1]] if pixels.ndim == 3 else pixels[..., None]
     back = _occupancy(grey_as_rgb / 255, mode, False, free, occupied)
     was_solid, is_solid = (values / OCCUPIED >= occupied for values in (cells, back))

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.maps.drive_kernels import BLOCK, copy_columns, directed, drive, put
+from deqmcl_gym.maps.drive_kernels import POSE_BLOCK, copy_columns, directed, drive, put
 from deqmcl_gym.maps.stride_kernels import FARTHEST_CELL, Reach, cast_among, no_walls
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos32, sin32
@@ -26,19 +26,13 @@ _NAN = np.float32(np.nan)
 
 
 class Frame(NamedTuple):
-    """The transform from the map's unit to cells of its table.
+    """The transform from the map's unit to cells of its table."""
 
-    Attributes:
-        x, y: of the lower left corner of the map's first cell.
-        cosine, sine: of the map's yaw.
-        cell: edge of a cell.
-    """
-
-    x: float
+    x: float  # of the lower left corner of the map's first cell
     y: float
-    cosine: float
+    cosine: float  # of the map's yaw
     sine: float
-    cell: float
+    cell: float  # edge of a cell
 
 
 @compiled
@@ -180,22 +174,18 @@ _DIAGONAL = np.sqrt(2.0) + 1e-4  # of a cell, and more
 
 
 class CellGrid(NamedTuple):
-    """A grid for kernels that drive robots.
+    """A grid for kernels that drive robots."""
 
-    Attributes:
-        reach: of each cell.
-        up, down: as ``fill_runs`` fills them in.
-        frame: a :class:`Frame`, as a plain tuple.
-    """
-
-    reach: Reach
-    up: CellRuns
+    reach: Reach  # of each cell
+    up: CellRuns  # as ``fill_runs`` fills them in
     down: CellRuns
-    frame: tuple[float, ...]
+    frame: tuple[float, ...]  # a :class:`Frame`, as a plain tuple
 
 
 @compiled
-def feasible(starts: Any, ends: Any, reach: Reach, frame: Any, radius: float, out: Bools) -> None:
+def feasible_in_cells(
+    starts: Any, ends: Any, reach: Reach, frame: Any, radius: float, out: Bools
+) -> None:
     """Fill in whether a disc swept along each path meets no solid cell and stays on the map."""
     n = out.size
     here, there = np.empty((2, n)), np.empty((2, n))
@@ -209,57 +199,43 @@ def feasible(starts: Any, ends: Any, reach: Reach, frame: Any, radius: float, ou
 
 
 @compiled
-def roll_out(
+def roll_out_in_cells(
     poses: Singles,
     moves: Singles,
+    path: Singles,
     reach: Reach,
     frame: tuple[float, ...],
     radius: float,
-    collisions: Ints,
+    hits: Ints,
     out: Singles,
 ) -> None:
     """Do as ``drive_kernels.roll_out``."""
-    n, size = poses.shape[1], radius / frame[4]
-    for start in range(0, n, BLOCK):
-        end = min(start + BLOCK, n)
+    n, size, along = poses.shape[1], radius / frame[4], len(path) > 0
+    steps = len(path) - 1 if along else len(moves)
+    hits[:] = 0
+    for start in range(0, n, POSE_BLOCK):
+        end = min(start + POSE_BLOCK, n)
         count = end - start
         before, after = np.empty((3, count), np.float32), np.empty((3, count), np.float32)
         here, there, move = np.empty((2, count)), np.empty((2, count)), np.empty_like(before)
-        copy_columns(poses, start, before)
+        rows = np.empty((4, count if along else 0), np.float32)
         near, next_near = np.empty(count, np.int16), np.empty(count, np.int16)
-        hits = collisions[start:end]
-        hits[:] = 0
+        copy_columns(poses, start, before)
+        if along:
+            directed(before, rows)
+            put(rows, path[0], before)
         _find(before, reach, frame, here[0], here[1], near)
-        for step in range(len(moves)):
-            copy_columns(moves[step], start, move)
-            drive(before, move, after)
+        for step in range(steps):
+            if along:
+                put(rows, path[step + 1], after)
+            else:
+                copy_columns(moves[step], start, move)
+                drive(before, move, after)
             _find(after, reach, frame, there[0], there[1], next_near)
-            _count(here, near, there, next_near, size, reach, hits)
-            if len(out) > 1 or step == len(moves) - 1:
+            _count(here, near, there, next_near, size, reach, hits[start:end])
+            if len(out) > 1 or (step == steps - 1 and len(out) > 0):
                 out[step if len(out) > 1 else 0, :, start:end] = after
             before, after = after, before
-            here, there, near, next_near = there, here, next_near, near
-
-
-@compiled
-def collisions(
-    poses: Singles, path: Singles, reach: Reach, frame: tuple[float, ...], radius: float, out: Ints
-) -> None:
-    """Do as ``drive_kernels.collisions``."""
-    n, size = poses.shape[1], radius / frame[4]
-    out[:] = 0
-    for start in range(0, n, BLOCK):
-        count = min(BLOCK, n - start)
-        rows, at = np.empty((4, count), np.float32), np.empty((2, count), np.float32)
-        here, there = np.empty((2, count)), np.empty((2, count))
-        near, next_near = np.empty(count, np.int16), np.empty(count, np.int16)
-        directed(poses[:, start : start + count].copy(), rows)
-        put(rows, path[0], at)
-        _find(at, reach, frame, here[0], here[1], near)
-        for step in range(1, len(path)):
-            put(rows, path[step], at)
-            _find(at, reach, frame, there[0], there[1], next_near)
-            _count(here, near, there, next_near, size, reach, out[start : start + count])
             here, there, near, next_near = there, here, next_near, near
 
 
@@ -291,12 +267,8 @@ def _count(
     reach: Reach,
     hits: Ints,
 ) -> None:
-    """Count the paths that are not clear, for points and the reach found there, (n,).
-
-    On a path of length d between places a and b away from all solid cells, no point is nearer to
-    them than (a + b - d) / 2. A disc hits that reaches over the diagonal to the nearest one. Only
-    paths for which neither decides are looked at one by one.
-    """
+    """Count the paths that are not clear, for points and the reach found there, (n,)."""
+    # bounds as of ``drive_kernels``; a disc hits that reaches over the diagonal to the nearest cell
     n = near.size
     unsure, chosen = np.empty(n, np.bool_), np.empty(n, np.int32)
     for i in range(n):
@@ -322,11 +294,7 @@ def _count(
 def _clear(
     u: float, v: float, before: int, du: float, dv: float, after: int, radius: float, reach: Reach
 ) -> bool:
-    """Whether a disc swept from (u, v) by (du, dv) touches no solid cell and stays on the map.
-
-    Both ends are on the map. The nearest cells beside them and the open square around the middle
-    are tried, then all cells one by one.
-    """
+    """Whether a disc swept from (u, v) by (du, dv) touches no solid cell and stays on the map."""
     if _touches_beside(u + du, v + dv, after, radius, reach):
         return False
     if _touches_beside(u, v, before, radius, reach):
@@ -356,10 +324,7 @@ def _touches_beside(u: float, v: float, m: int, radius: float, reach: Reach) -> 
 
 @compiled
 def _swept_clear(u: float, v: float, du: float, dv: float, radius: float, reach: Reach) -> bool:
-    """Whether a disc swept from (u, v) by (du, dv) touches no solid cell; it starts on the map.
-
-    Row by row: the cells that it touches in a row are between its left and right ends there.
-    """
+    """Whether a disc swept from (u, v) by (du, dv) touches no solid cell; it starts on the map."""
     low, high = min(v, v + dv) - radius, max(v, v + dv) + radius
     left, right = min(u, u + du) - radius, max(u, u + du) + radius
     rows, columns = reach.shape
@@ -394,3 +359,65 @@ def _swept_clear(u: float, v: float, du: float, dv: float, radius: float, reach:
                 return False
             column += int(reach[row, column])  # all cells up to there are open
     return True
+
+
+@compiled
+def first_contact(
+    start: tuple[float, float],
+    end: tuple[float, float],
+    reach: Reach,
+    frame: tuple[float, ...],
+    radius: float,
+) -> float:
+    """Share of the way at which a disc that starts clear of solid cells touches one; inf if never.
+
+    Positions are in cells; see ``grid_kernels``. The disc's centre then meets the square grown by
+    the radius: a slab along each axis, a circle around each corner.
+    """
+    points = np.array(((start[0], end[0]), (start[1], end[1])))
+    us, vs = np.empty(2), np.empty(2)
+    locate(points, frame, us, vs)
+    u, v, du, dv, r = us[0], vs[0], us[1] - us[0], vs[1] - vs[0], radius / frame[4]
+    rows, columns = reach.shape
+    low = max(int(np.ceil(min(v, v + dv) - r)) - 1, 0)
+    high = min(int(np.floor(max(v, v + dv) + r)), rows - 1)
+    left = max(int(np.ceil(min(u, u + du) - r)) - 1, 0)
+    right = min(int(np.floor(max(u, u + du) + r)), columns - 1)
+    first = np.inf
+    for row in range(low, high + 1):
+        for column in range(left, right + 1):
+            if reach[row, column] == 0:
+                x, y = u - column, v - row  # seen from the square's lower left corner
+                first = min(first, _meets_box(x, y, du, dv, -r, 1.0 + r, 0.0, 1.0))
+                first = min(first, _meets_box(x, y, du, dv, 0.0, 1.0, -r, 1.0 + r))
+                for corner in range(4):
+                    cx, cy = x - corner % 2, y - corner // 2
+                    first = min(first, enters_circle(cx, cy, du, dv, r))
+    return first
+
+
+@compiled
+def _meets_box(
+    x: float, y: float, dx: float, dy: float, left: float, right: float, low: float, high: float
+) -> float:
+    """Share of (dx, dy) at which a point from outside enters a rectangle; inf if never."""
+    enter, leave = 0.0, 1.0
+    for at, way, least, most in ((x, dx, left, right), (y, dy, low, high)):
+        if way == 0.0:
+            if not least <= at <= most:
+                return np.inf
+        else:
+            one, two = (least - at) / way, (most - at) / way
+            enter, leave = max(enter, min(one, two)), min(leave, max(one, two))
+    return enter if enter <= leave else np.inf
+
+
+@compiled
+def enters_circle(x: float, y: float, dx: float, dy: float, radius: float) -> float:
+    """Share of (dx, dy) at which a point from outside enters a circle around 0; inf if never."""
+    square, nears = dx * dx + dy * dy, -(x * dx + y * dy)
+    root = nears * nears - square * (x * x + y * y - radius * radius)
+    if not (nears > 0.0 and root >= 0.0):
+        return np.inf
+    share = max(nears - np.sqrt(root), 0.0) / square
+    return share if share <= 1.0 else np.inf

@@ -11,10 +11,20 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps import contact_kernels, grid_file, grid_kernels, grid_walls, stride_kernels
+from deqmcl_gym.maps import grid_file, grid_kernels, stride_kernels
 from deqmcl_gym.maps.grid_file import FREE, MAX_SIDE, OCCUPIED, UNKNOWN
 from deqmcl_gym.maps.grid_kernels import Frame
-from deqmcl_gym.maps.map import Box, check_beams, check_moves, check_pairs, check_path, table
+from deqmcl_gym.maps.map import (
+    NO_MOVES,
+    NO_PATH,
+    Box,
+    check_beams,
+    check_moves,
+    check_pairs,
+    check_path,
+    table,
+)
+from deqmcl_gym.maps.polygons import faces_of
 from deqmcl_gym.maps.stride_kernels import Reach
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Ints, Point, Singles
@@ -34,31 +44,20 @@ class GridMap:
 
     A cell is solid if its occupancy is at least ``occupied_thresh``. Walls are the faces between
     solid and open cells and the edge of the map; all answers are exact for these squares. Unknown
-    cells are what ``unknown`` says: all but ``ranges`` and ``cast`` ask what stops a robot.
+    cells count as ``unknown`` says: "obstacle"; "transparent", which stops robots, but not beams;
+    "free"; or an occupancy from 0 to 1. All but ``ranges`` and ``cast`` ask what stops a robot. On
+    a map with transparent cells, beams that reach its edge go on, too, and have the range ∞.
 
-    Attributes:
-        occupancy: as in ROS' OccupancyGrid: 0 (free) to 100 (occupied) and -1 (unknown), (rows,
-            columns) int8, the lowest row first.
-        resolution: edge of a cell, m.
-        origin: pose of the lower left corner of the first cell (x, y, yaw).
-        unknown: what unknown cells count as: "obstacle"; "transparent", which stops robots, but not
-            beams; "free"; or an occupancy from 0 to 1. On a map with transparent cells, beams that
-            reach its edge go on, too, and have the range ∞.
-        occupied_thresh: occupancy from which a cell is solid, in (0, 1].
-        free_thresh: occupancy up to which a cell is free when written to a file; below
-            ``occupied_thresh``.
-
-    Raises:
-        InputError: a value is bad, no cell is open, or the map is so far from (0, 0) that single
-            precision does not resolve its cells.
+    A map without an open cell is refused, and one so far from (0, 0) that single precision does not
+    resolve its cells.
     """
 
-    occupancy: NDArray[np.int8]
-    resolution: float
-    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    occupancy: NDArray[np.int8]  #: 0 (free) to 100, -1 (unknown); the lowest row first
+    resolution: float  #: edge of a cell, m
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)  #: of the first cell, yaw
     unknown: Unknown = "obstacle"
-    occupied_thresh: float = 0.65
-    free_thresh: float = 0.196
+    occupied_thresh: float = 0.65  #: in (0, 1]
+    free_thresh: float = 0.196  #: of cells written to a file as free, below ``occupied_thresh``
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "occupancy", _occupancy(self.occupancy))
@@ -89,23 +88,14 @@ class GridMap:
         """Read a map as ROS' map_server does: a yaml file and the image that it names.
 
         A file that has not changed is read once; the same object is returned again.
-
-        Raises:
-            InputError: a file is missing or damaged, or has a bad value.
         """
         return grid_file.remembered(path, unknown, lambda read: cls(unknown=unknown, **read))
 
     def save(self, path: str | os.PathLike[str], mode: str = "trinary") -> None:
         """Write a map as ROS' map_saver does: a yaml file, and an image of its name beside it.
 
-        Args:
-            path: of the yaml file.
-            mode: "trinary" and "raw" write a pgm, "scale" a png, whose unknown cells are
-                transparent.
-
-        Raises:
-            InputError: the mode is unknown, an image of it cannot hold the map, or the path cannot
-                be written to.
+        "trinary" and "raw" write a pgm, "scale" a png, whose unknown cells are transparent. A mode
+        whose image cannot hold the map is refused.
         """
         grid_file.write_map(
             path, mode, self.occupancy, resolution=self.resolution, origin=self.origin,
@@ -167,10 +157,8 @@ class GridMap:
         """Return a map in which the cells inside convex polygons have other occupancies.
 
         A cell is inside if its centre is; a polygon without a centre takes the cell at its own.
-
-        Args:
-            layers: polygons, counterclockwise corners (c, 2) each, and their occupancy; later ones
-                paint over others.
+        Layers are polygons, counterclockwise, (c, 2) each, and their occupancy; later ones paint
+        over others.
         """
         x0, y0, cosine, sine, cell = self._frame
         cells = self.occupancy.copy()
@@ -184,7 +172,7 @@ class GridMap:
     @cached_property
     def walls(self) -> Floats:
         """See ``Map.walls``."""
-        faces = grid_walls.faces_of(self.solid)
+        faces = faces_of(self.solid)
         walls = np.hstack([self.placed(faces[:, :2]), self.placed(faces[:, 2:])])
         walls.setflags(write=False)
         return walls
@@ -217,18 +205,21 @@ class GridMap:
     ) -> tuple[Singles, Ints]:
         """See ``Map.rolled_out``."""
         check_moves(poses, moves, kept, radius)
-        paths = np.empty((kept, *poses.shape), np.float32)
-        hits = np.empty(poses.shape[1], np.int32)
-        size = float(radius)
-        grid_kernels.roll_out(poses, moves, self._reach, self._frame, size, hits, paths)
-        return paths, hits
+        return self._rolled_out(poses, moves, NO_PATH, radius, kept)
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
         """See ``Map.collisions_along``."""
         check_path(poses, path, radius)
+        return self._rolled_out(poses, NO_MOVES, path, radius, 0)[1]
+
+    def _rolled_out(
+        self, poses: Singles, moves: Singles, path: Singles, radius: float, kept: int
+    ) -> tuple[Singles, Ints]:
+        paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
-        grid_kernels.collisions(poses, path, self._reach, self._frame, float(radius), hits)
-        return hits
+        frame, size = self._frame, float(radius)
+        grid_kernels.roll_out_in_cells(poses, moves, path, self._reach, frame, size, hits, paths)
+        return paths, hits
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
         """See ``Map.free``."""
@@ -252,7 +243,7 @@ class GridMap:
         self, start: tuple[float, float], end: tuple[float, float], radius: float
     ) -> float | None:
         """Share of a drive at which a disc that starts clear of the walls touches one, if ever."""
-        share = contact_kernels.first_contact(start, end, self._reach, self._frame, radius)
+        share = grid_kernels.first_contact(start, end, self._reach, self._frame, radius)
         return share if share < math.inf else None
 
     @cached_property
@@ -269,7 +260,7 @@ class GridMap:
 
     def _feasible(self, starts: Any, ends: Any, radius: float) -> Bools:
         clear = np.empty(ends.shape[1], np.bool_)
-        grid_kernels.feasible(starts, ends, self._reach, self._frame, float(radius), clear)
+        grid_kernels.feasible_in_cells(starts, ends, self._reach, self._frame, float(radius), clear)
         return clear
 
     def _check_resolved(self) -> None:

@@ -32,23 +32,14 @@ _SLACK = 1e-9  # rad
 
 @dataclass(frozen=True, kw_only=True)
 class Mount:
-    """A scanner on the robot. Lengths are in the map's unit, angles in rad.
+    """A scanner on the robot. Lengths are in the map's unit, angles in rad."""
 
-    Attributes:
-        x, y: where its rays start, ahead and left of the robot's centre.
-        heading: of the scanner against the robot's.
-        upside_down: whether its angles count clockwise, seen from above.
-        beams: number of its beams; None is an equal share of the lidar's.
-        blind: sectors (from, to), counterclockwise in the scanner's own angles, in which beams
-            measure nothing: parts of the robot stand there.
-    """
-
-    x: float = field(default=0.0, metadata=LENGTH)
-    y: float = field(default=0.0, metadata=LENGTH)
-    heading: float = 0.0
-    upside_down: bool = False
-    beams: int | None = None
-    blind: tuple[tuple[float, float], ...] = ()
+    x: float = field(default=0.0, metadata=LENGTH)  #: where its rays start, ahead
+    y: float = field(default=0.0, metadata=LENGTH)  #: and left of the robot's centre
+    heading: float = 0.0  #: against the robot's
+    upside_down: bool = False  #: its angles count clockwise, seen from above
+    beams: int | None = None  #: None is an equal share of the lidar's
+    blind: tuple[tuple[float, float], ...] = ()  #: sectors (from, to) that parts of the robot hide
 
     def __post_init__(self) -> None:
         keep_plain(self)
@@ -92,28 +83,19 @@ class Mount:
 class Lidar:
     """A fan of range beams, centred on the robot's heading, or one fan for each of its mounts.
 
-    Lengths are in the map's unit. The defaults are the paper preset's, in px.
-
-    Attributes:
-        beams: number of beams, 1 or more; of all mounts together. One beam looks straight ahead.
-        field_of_view: angle between the outermost beams of a fan, in (0, 2π] rad. At 2π the beams
-            are spread evenly, with only one at the back.
-        max_range: largest range reported.
-        sigma: standard deviation of the range noise; added before clipping to [0, max_range].
-        mounting: place on the robot from which the rays start, x ahead and y left of its centre.
-        mounts: several scanners, or one that is turned, hangs upside down or is blind in places,
-            instead of ``mounting``: each a :class:`Mount`, a mapping, or a row (x, y, heading).
-            Their beams follow one another in this order.
-        min_range: shorter readings are no measurements.
+    Lengths are in the map's unit. The defaults are the paper preset's, in px. With a field of view
+    of 2π the beams are spread evenly, with only one at the back. Noise is added before clipping to
+    [0, max_range]. Rays start at ``mounting``, ahead and left of the robot's centre, or at each of
+    ``mounts``, a :class:`Mount`, a mapping or a row (x, y, heading); their beams follow in turn.
     """
 
-    beams: int = 1
-    field_of_view: float = math.pi / 2
-    max_range: float = field(default=400.0, metadata=LENGTH)
-    sigma: float = field(default=100.0, metadata=LENGTH)
+    beams: int = 1  #: 1 or more; of all mounts together. One looks straight ahead
+    field_of_view: float = math.pi / 2  #: angle between the outermost beams of a fan, rad
+    max_range: float = field(default=400.0, metadata=LENGTH)  #: largest range reported
+    sigma: float = field(default=100.0, metadata=LENGTH)  #: SD of the noise of ranges
     mounting: tuple[float, float] = field(default=CENTRE, metadata=LENGTH)
-    mounts: tuple[Mount, ...] = ()
-    min_range: float = field(default=0.0, metadata=LENGTH)
+    mounts: tuple[Mount, ...] = ()  #: instead of ``mounting``: of several scanners, or a turned one
+    min_range: float = field(default=0.0, metadata=LENGTH)  #: shorter readings are no measurements
 
     def __post_init__(self) -> None:
         keep_plain(self)
@@ -202,29 +184,12 @@ class Lidar:
             ranges[..., self.blind] = blind
             ranges[ranges < np.float32(self.min_range)] = np.inf
 
-    def origins(self, poses: NDArray[Any]) -> NDArray[Any]:
-        """Return the poses that the rays of robots at ``poses`` (3, n) start from, (3, n) float32.
-
-        Rows x, y, θ; the poses themselves if the lidar is in the robot's centre.
-
-        Raises:
-            InputError: the rays start from several places; :meth:`ranges` casts them.
-        """
-        if len(self.places) > 1:
-            raise InputError(
-                f"the rays of this lidar start from {len(self.places)} places: cast them by "
-                "lidar.ranges(floor_plan, poses)."
-            )
-        return poses if self.places[0] == CENTRE else _moved(poses, self.places[0])
-
     def fans(
         self, poses: NDArray[Any], used: Bools | None = None
     ) -> list[tuple[NDArray[Any], slice]]:
         """Return, for each mount, where its rays start, (3, n), and its rows of the beams used.
 
-        Args:
-            poses: of the robot, rows x, y, θ, (3, n).
-            used: which beams are, (beams,); None: all.
+        Poses are the robot's, (3, n); ``used`` says which beams are, (beams,); None: all.
         """
         found, end = [], 0
         for place, rows in zip(self.places, self.rows, strict=True):

@@ -11,30 +11,29 @@ from collections.abc import Mapping
 from functools import cache
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Any, Protocol, TypeVar, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps.drive_kernels import drive, laid
-from deqmcl_gym.numerics.types import Bools, Floats, Ints, Point, Singles
+from deqmcl_gym.maps.drive_kernels import drive, lay_path
+from deqmcl_gym.numerics.types import Bools, Floats, Ints, Point, Singles, T
 from deqmcl_gym.validation import InputError, number, one_of, real
 
 _LARGEST_HEADING = 1e3  # rad: float32 resolves 6e-5 there
 
 Box = tuple[float, float, float, float]  # x_low, y_low, x_high, y_high
 
+NO_MOVES, NO_PATH = np.empty((0, 3, 0), np.float32), np.empty((0, 2), np.float32)
+
 
 class Caster(Protocol):
     """Ray casting on one map into given arrays."""
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """Fill in the distance of each beam to the nearest wall; ∞ if none, NaN outside.
+        """Fill in the distance of each beam to the nearest wall, (B, n); ∞ if none, NaN outside.
 
-        Args:
-            poses: rows x, y, θ, (3, n).
-            bearings: (B,) rad.
-            out: (B, n).
+        Poses are rows x, y, θ, (3, n), bearings (B,) rad.
         """
 
 
@@ -75,35 +74,19 @@ class Map(Protocol):
         """The ray caster of this map."""
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
-        """Exact distance along each beam to the nearest wall; ∞ if none, NaN for a pose outside.
+        """Exact distance along each beam to the nearest wall, (n, B); ∞ if none, NaN outside.
 
-        Rays from inside an obstacle end at its walls.
-
-        Args:
-            poses: (n, 3).
-            bearings: angles of the beams against the heading, (B,) rad.
-
-        Returns:
-            (n, B).
+        Rays from inside an obstacle end at its walls. Poses are (n, 3), bearings (B,) rad.
         """
 
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
-        """Whether a disc swept from ``starts`` to ``ends`` touches a wall or ends in solid space.
+        """Whether a disc swept from ``starts`` to ``ends`` touches a wall or ends in a solid, (n,).
 
-        Args:
-            starts, ends: centres of the disc, (n, 2); further columns are ignored.
-            radius: of the disc.
-
-        Returns:
-            (n,).
+        These are its centres, (n, 2); further columns are ignored.
         """
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
-        """Whether a disc at each of ``points``, (n, 2+), lies in free space, clear of the walls.
-
-        Returns:
-            (n,).
-        """
+        """Whether a disc at each of ``points``, (n, 2+), is in free space, clear of walls, (n,)."""
 
     def distance(self, points: ArrayLike) -> Singles:
         """Distance of ``points``, (n, 2+), to the nearest wall, from either side, (n,)."""
@@ -113,14 +96,9 @@ class Map(Protocol):
     ) -> tuple[Singles, Ints]:
         """Drive poses through several moves: ``driven`` and ``collides`` for each.
 
-        Args:
-            poses: rows x, y, θ, (3, n) float32.
-            moves: increments (forward, left, turn) of each step, (F, 3, n) float32.
-            radius: of the disc.
-            kept: F to return the poses after each step, 1 for those after the last only.
-
-        Returns:
-            The poses, (kept, 3, n), and how many steps of each collide, (n,).
+        Poses are rows x, y, θ, (3, n), moves forward, left, turn, (F, 3, n), float32. Return the
+        poses after each step, or the last if 1 is ``kept``, (kept, 3, n), and how many steps of
+        each collide, (n,).
         """
         path, hits = [poses], np.zeros(poses.shape[1], np.int32)
         for move in moves:
@@ -131,25 +109,17 @@ class Map(Protocol):
         return np.stack(path[-kept:]), hits
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
-        """Number of steps that collide on a path laid from each pose.
+        """Number of steps that collide on a path laid from each pose, (n,).
 
-        Args:
-            poses: rows x, y, θ, (3, n) float32.
-            path: points in the frame of the pose, (k + 1, 2) float32, k ≥ 1.
-            radius: of the disc.
-
-        Returns:
-            (n,).
+        Poses are rows x, y, θ, (3, n), the path points in the frame of each, (k + 1, 2), k ≥ 1.
         """
         points = np.empty((len(path), 2, poses.shape[1]), np.float32)
-        laid(poses, path, points)
+        lay_path(poses, path, points)
         hits = np.zeros(poses.shape[1], np.int32)
         for start, end in pairwise(points):
             hits += self.collides(start.T, end.T, radius)
         return hits
 
-
-T = TypeVar("T")
 
 PIXELS: Mapping[str, float] = MappingProxyType({"px": 1.0, "m": 0.02})
 

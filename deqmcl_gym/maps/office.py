@@ -35,24 +35,15 @@ class Office:
     corridors are rooms, each with a door to one corridor, and sometimes a hall with doors on both
     sides, empty or with pillars, or a closed courtyard. Some neighbouring rooms share a door. The
     same values give the same building on every machine.
-
-    Attributes:
-        seed: of the building.
-        wings: number of wings, side by side, each 16 to 24 m long.
-        corridors: number of horizontal corridors; 2 or more form loops.
-        corridor: width of all corridors.
-        door: width of all doors.
-        repeated: all wings are the same, so that scans do not tell them apart.
-        symmetric: the building is the same after a half turn, exactly.
     """
 
     seed: int = 0
-    wings: int = 2
-    corridors: int = 2
-    corridor: float = 2.0
-    door: float = 0.9
-    repeated: bool = False
-    symmetric: bool = False
+    wings: int = 2  #: side by side, each 16 to 24 m long
+    corridors: int = 2  #: 2 or more form loops
+    corridor: float = 2.0  #: width of all
+    door: float = 0.9  #: width of all
+    repeated: bool = False  #: all wings are the same, so that scans do not tell them apart
+    symmetric: bool = False  #: the building is the same after a half turn, exactly
 
     def __post_init__(self) -> None:
         integer("office.seed", self.seed, high=2**63 - 1)
@@ -86,17 +77,11 @@ class Office:
 
 @dataclass(frozen=True, kw_only=True)
 class Offices:
-    """The offices of a range of seeds, from which each episode draws one.
+    """The offices of a range of seeds, from which each episode draws one."""
 
-    Attributes:
-        seeds: (first, end): those from first on, end not among them.
-        office: all values but the seed.
-        form: "grid" or "polygons".
-    """
-
-    seeds: tuple[int, int]
-    office: Office
-    form: str = "grid"
+    seeds: tuple[int, int]  # (first, end): those from first on, end not among them
+    office: Office  # all values but the seed
+    form: str = "grid"  # "grid" or "polygons"
 
     def __post_init__(self) -> None:
         given = self.seeds

@@ -16,11 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.files import UnreadableError, content_of, json_of
-from deqmcl_gym.maps import drive_kernels, grid_walls
+from deqmcl_gym.maps import drive_kernels
 from deqmcl_gym.maps.casting import caster_of
 from deqmcl_gym.maps.drive_kernels import clearance_of
 from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.map import (
+    NO_MOVES,
+    NO_PATH,
     Box,
     Caster,
     check_beams,
@@ -30,7 +32,14 @@ from deqmcl_gym.maps.map import (
     pixel,
     table,
 )
-from deqmcl_gym.maps.polygons import Polygon, has_free_space, oriented_edges, parse_polygon
+from deqmcl_gym.maps.polygons import (
+    Polygon,
+    has_free_space,
+    oriented_edges,
+    outlines_of,
+    parse_polygon,
+    thinned,
+)
 from deqmcl_gym.numerics.types import Bools, Floats, Ints, Point, Singles
 from deqmcl_gym.validation import InputError, number, one_of, shown
 
@@ -43,19 +52,12 @@ _FARTHEST = 1e9  # px: there, float64 resolves 1e-7 px
 class PolygonMap:
     """Polygonal walls around a free interior with solid obstacles; implements ``Map``.
 
-    Attributes:
-        outer: corners of the outer wall, in order; the last is joined to the first.
-        obstacles: corners of each solid obstacle.
-        unit: of all lengths, "px" or "m".
-
-    Raises:
-        InputError: a polygon is not simple, or has fewer than 3 corners, NaN, a coordinate that is
-            too large or a zero-length edge; there is no free space; the unit is unknown.
+    Polygons must be simple, and leave free space.
     """
 
-    outer: Polygon
-    obstacles: tuple[Polygon, ...] = ()
-    unit: str = "px"
+    outer: Polygon  #: corners in order; the last is joined to the first
+    obstacles: tuple[Polygon, ...] = ()  #: corners of each
+    unit: str = "px"  #: of all lengths, "px" or "m"
 
     def __post_init__(self) -> None:
         limits = _ZERO_LENGTH * pixel(self.unit), _FARTHEST * pixel(self.unit)
@@ -80,15 +82,9 @@ class PolygonMap:
     def from_grid(cls, grid: GridMap, tolerance: float = 0.0) -> "PolygonMap":
         """Return the largest open region of a map of cells: its outline and the obstacles in it.
 
-        All other open regions count as solid.
-
-        Args:
-            grid: a map of cells, none transparent.
-            tolerance: largest distance of an outline from that of the cells, m; 0 keeps all
-                corners. It is smaller where two outlines would cross.
-
-        Raises:
-            InputError: the grid's unknown cells are transparent, or the tolerance is bad.
+        All other open regions count as solid. Transparent cells are refused. ``tolerance`` is the
+        largest distance of an outline from that of the cells, m; 0 keeps all corners. It is smaller
+        where two outlines would cross.
         """
         if grid.unknown == "transparent":
             raise InputError(
@@ -96,12 +92,10 @@ class PolygonMap:
                 'alike: read the map with unknown = "obstacle" or "free".'
             )
         number("tolerance", tolerance, low=0)
-        outlines = grid_walls.outlines_of(grid.solid)
+        outlines = outlines_of(grid.solid)
         if tolerance > 0.0:
             apart = 2 * _ZERO_LENGTH * pixel(grid.unit)
-            outlines = grid_walls.thinned(
-                outlines, tolerance / grid.resolution, apart / grid.resolution
-            )
+            outlines = thinned(outlines, tolerance / grid.resolution, apart / grid.resolution)
         outer, *obstacles = (grid.placed(outline).tolist() for outline in outlines)
         return cls(outer=outer, obstacles=tuple(obstacles), unit=grid.unit)
 
@@ -142,22 +136,23 @@ class PolygonMap:
     ) -> tuple[Singles, Ints]:
         """See ``Map.rolled_out``."""
         check_moves(poses, moves, kept, radius)
-        paths = np.empty((kept, *poses.shape), np.float32)
-        hits = np.empty(poses.shape[1], np.int32)
-        size = np.float32(radius)
-        local = _moved(poses, self.datum)
-        drive_kernels.roll_out(local, moves, self._walls32, size, self._clearance, hits, paths)
-        return _moved(paths, self.datum, -1), hits
+        return self._rolled_out(poses, moves, NO_PATH, radius, kept)
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
         """See ``Map.collisions_along``."""
         check_path(poses, path, radius)
+        return self._rolled_out(poses, NO_MOVES, path, radius, 0)[1]
+
+    def _rolled_out(
+        self, poses: Singles, moves: Singles, path: Singles, radius: float, kept: int
+    ) -> tuple[Singles, Ints]:
+        paths = np.empty((kept, *poses.shape), np.float32)
         hits = np.empty(poses.shape[1], np.int32)
-        size = np.float32(radius)
-        drive_kernels.collisions(
-            _moved(poses, self.datum), path, self._walls32, size, self._clearance, hits
+        local, size = _moved(poses, self.datum), np.float32(radius)
+        drive_kernels.roll_out(
+            local, moves, path, self._walls32, size, self._clearance, hits, paths
         )
-        return hits
+        return _moved(paths, self.datum, -1), hits
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
         """See ``Map.free``."""
@@ -177,7 +172,7 @@ class PolygonMap:
         """See ``Map.distance``."""
         centres = self._rows("points", points, 2)
         square = np.empty(centres.shape[1], np.float32)
-        drive_kernels.sweep(centres, centres, self._walls32, square)
+        drive_kernels.square_gaps(centres, centres, self._walls32, square)
         return np.sqrt(square)
 
     @cached_property
@@ -193,15 +188,14 @@ class PolygonMap:
         if self.datum == (0.0, 0.0):
             return self
         local = object.__new__(PolygonMap)  # its polygons have been checked
-        object.__setattr__(local, "outer", self._about_datum(self.outer))
-        object.__setattr__(local, "obstacles", tuple(map(self._about_datum, self.obstacles)))
-        object.__setattr__(local, "unit", self.unit)
-        object.__setattr__(local, "datum", (0.0, 0.0))
-        return local
-
-    def _about_datum(self, polygon: Polygon) -> Polygon:
         x0, y0 = self.datum
-        return tuple((x - x0, y - y0) for x, y in polygon)
+        outer, *obstacles = (
+            tuple((x - x0, y - y0) for x, y in polygon) for polygon in (self.outer, *self.obstacles)
+        )
+        vars(local).update(
+            outer=outer, obstacles=tuple(obstacles), unit=self.unit, datum=(0.0, 0.0)
+        )
+        return local
 
     def _rows(self, what: str, items: ArrayLike, columns: int) -> Singles:
         """(n, d) in any layout as contiguous rows (columns, n) about the datum; see ``_moved``."""
@@ -229,14 +223,9 @@ class PolygonMap:
 
 
 def driven(poses: Singles, moves: Singles) -> Singles:
-    """Turn, then move: θ' = θ + turn; (x', y') = (x, y) + R(θ') (forward, left).
+    """Turn, then move: θ' = θ + turn; (x', y') = (x, y) + R(θ') (forward, left); θ' in [-π, π].
 
-    Args:
-        poses: rows x, y, θ, (3, n) float32.
-        moves: increments, rows forward, left, turn, (3, n) float32.
-
-    Returns:
-        (3, n), θ' in [-π, π].
+    Poses x, y, θ and moves forward, left, turn are rows, (3, n) float32.
     """
     if len(poses) != 3 or poses.shape != moves.shape:
         raise InputError(
@@ -260,10 +249,7 @@ class _FarCaster:
 
 
 def _moved(rows: NDArray[Any], datum: Point, sign: int = 1) -> Singles:
-    """Return rows x, y and others (…, 2+, n) relative to the datum, in float32.
-
-    The rows themselves if the datum is (0, 0). With ``sign`` -1, the inverse.
-    """
+    """Return rows x, y, … (…, 2+, n) about the datum, float32; with ``sign`` -1, the inverse."""
     if datum == (0.0, 0.0):
         return rows
     moved = np.array(rows, dtype=np.float64, order="C")

@@ -1,4 +1,4 @@
-"""Checks of polygons, and their edges oriented so that free space is to the left."""
+"""Checks of polygons, their edges with free space to the left, and cells outlined as polygons."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,15 +13,7 @@ from deqmcl_gym.validation import InputError, array, digits, shown
 
 @compiled
 def _pairs_within(edges: Floats, by_x: Indices, within: float) -> Indices:
-    """Return all pairs of edges nearer to each other than ``within``, or crossing, (k, 2).
-
-    A sweep along x: an edge is compared with those that begin before it ends.
-
-    Args:
-        edges: (x₀, y₀, x₁, y₁), (S, 4).
-        by_x: their indices, sorted by the smaller x.
-        within: a distance, 0 or more.
-    """
+    """Return all pairs of edges (S, 4), sorted by the smaller x, this near or crossing, (k, 2)."""
     found, count = np.empty((64, 2), np.intp), 0
     for k in range(by_x.size):
         i = by_x[k]
@@ -78,10 +70,8 @@ def _square(edge: Floats, x: float, y: float) -> float:
 def finds_free_space(walls: Floats, levels: Floats, least: float) -> bool:
     """Whether the walls wind once around a stretch of a level wider than ``least``.
 
-    Args:
-        walls: (x₀, y₀, x₁, y₁), free space to their left, (S, 4).
-        levels: heights at which no wall begins, ends or crosses another one.
-        least: a width.
+    Walls are (x₀, y₀, x₁, y₁), free space to their left, (S, 4), levels heights at which none
+    begins, ends or crosses another one.
     """
     at, turns = np.empty(len(walls)), np.empty(len(walls), np.intp)
     for level in levels:
@@ -108,13 +98,9 @@ _ROUNDING = 1e-12  # error of heights, as a share of the floor plan's
 def parse_polygon(
     name: str, polygon: Any, shortest: float, farthest: float
 ) -> tuple[tuple[float, float], ...]:
-    """Return the corners of a simple polygon.
+    """Return the corners of a simple polygon, no coordinate above ``farthest``.
 
-    Args:
-        name: of the polygon in error messages.
-        polygon: its corners.
-        shortest: least length of an edge, and least distance of two edges that share no corner.
-        farthest: largest coordinate.
+    No edge is shorter than ``shortest``, and no two that share no corner are nearer than that.
     """
     try:
         corners = array(name, list(polygon), (None, 2))
@@ -240,3 +226,160 @@ def edges_of(corners: Floats) -> Floats:
 def _point(corner: Floats) -> str:
     x, y = corner[:2].tolist()
     return f"({digits(x)}, {digits(y)})"
+
+
+@compiled
+def largest_region(solid: Bools) -> Bools:
+    """Return the cells of the largest open region, connected by faces; the first if equal."""
+    rows, columns = solid.shape
+    region = np.zeros((rows, columns), np.int32)  # numbers from 1 on
+    waiting = np.empty(solid.size, np.int32)
+    largest, most, number = 0, 0, 0
+    for start in range(solid.size):
+        if solid.flat[start] or region.flat[start]:
+            continue
+        number += 1
+        region.flat[start], waiting[0], found, done = number, start, 1, 0
+        while done < found:
+            row, column = divmod(waiting[done], columns)
+            done += 1
+            for up, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):
+                i, j = row + up, column + right
+                if 0 <= i < rows and 0 <= j < columns and not solid[i, j] and not region[i, j]:
+                    region[i, j], waiting[found] = number, i * columns + j
+                    found += 1
+        if found > most:
+            largest, most = number, found
+    inside: Bools = region == largest
+    return inside
+
+
+@compiled
+def keep_more(corners: Floats, tolerance: float, forced: Bools, kept: Bools) -> None:
+    """Keep corners of a closed outline until the others can be left out (Douglas & Peucker 1973).
+
+    A corner is left out if it is within ``tolerance`` of the edge that replaces it. Corners are
+    (k, 2); ``forced`` says whether to split the edge from each once, whatever the distance, (k,);
+    ``kept`` which are kept, the first among them, (k,), is updated.
+    """
+    ends = np.append(np.flatnonzero(kept), len(corners))
+    stretches = [(ends[i], ends[i + 1], forced[ends[i]]) for i in range(len(ends) - 1)]
+    while stretches:
+        first, last, part = stretches.pop()
+        x0, y0 = corners[first]
+        x1, y1 = corners[last % len(corners)]
+        dx, dy = x1 - x0, y1 - y0
+        square, farthest, worst = dx * dx + dy * dy, 0.0, first
+        for i in range(first + 1, last):
+            x, y = corners[i, 0] - x0, corners[i, 1] - y0
+            share = min(max((x * dx + y * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
+            x, y = x - share * dx, y - share * dy
+            if x * x + y * y > farthest:
+                farthest, worst = x * x + y * y, i
+        if worst > first and (part or farthest > tolerance * tolerance):
+            kept[worst] = True
+            stretches.append((first, worst, False))
+            stretches.append((worst, last, False))
+
+
+def faces_of(solid: Bools) -> Floats:
+    """Return the faces between open and solid cells, joined where they are in a line, (S, 4).
+
+    The edge of the map is solid. (x₀, y₀, x₁, y₁) are in cells from the lower left corner, the open
+    side to the left.
+    """
+    open_ = np.pad(~solid, 1).astype(np.int8)
+    level, upright = np.diff(open_, axis=0)[:, 1:-1], -np.diff(open_, axis=1)[1:-1].T
+    row, x0, x1 = _runs(level)  # to the right where open cells are above, else to the left
+    column, y0, y1 = _runs(upright)  # up where open cells are to the left, else down
+    faces = np.vstack(
+        [np.column_stack([x0, row, x1, row]), np.column_stack([column, y0, column, y1])]
+    )
+    return faces.astype(np.float64)
+
+
+def _runs(lines: Any) -> tuple[Indices, Indices, Indices]:
+    """Return line, start and end of all runs of +1, and of those of -1, from their ends, (n,)."""
+    padded = np.pad(lines, ((0, 0), (1, 1)))
+    line, place = np.nonzero(np.diff(padded, axis=1))
+    before, after = padded[line, place], padded[line, place + 1]
+    starts, ends, forth = after != 0, before != 0, after[after != 0] > 0
+    first, last = place[starts], place[ends]
+    return line[starts], np.where(forth, first, last), np.where(forth, last, first)
+
+
+def outlines_of(solid: Bools) -> list[Indices]:
+    """Return the outline of the largest open region, then those of its obstacles, (k, 2) each.
+
+    The cells of a region are connected by faces; other regions count as solid. Where four faces
+    meet, at two solid cells that touch at a corner, an outline turns right, around the solid cell.
+    As the region is connected without that corner, no outline passes through a point twice. Corners
+    are in cells from the lower left one.
+    """
+    rings = _rings(faces_of(~largest_region(solid)))
+    return sorted(
+        rings, key=lambda ring: -signed_area(ring.astype(np.float64))
+    )  # all but the first are negative
+
+
+def thinned(outlines: list[Indices], tolerance: float, apart: float) -> list[Indices]:
+    """Leave out corners of outlines, so that no point moves by more than ``tolerance``, in cells.
+
+    Corners are kept where an outline would vanish, cross another one or come nearer to itself than
+    ``apart``.
+    """
+    kept = [np.arange(len(outline)) == 0 for outline in outlines]
+    amiss, before = [np.ones(len(outline), np.bool_) for outline in outlines], 0
+    while (count := sum(map(np.count_nonzero, kept))) > before:
+        before = count
+        for outline, some, bad in zip(outlines, kept, amiss, strict=True):
+            if bad.any():
+                keep_more(outline.astype(np.float64), tolerance, bad, some)
+        for some, bad, found in zip(kept, amiss, _amiss(outlines, kept, apart), strict=True):
+            bad[:] = False
+            bad[some] = found
+    return [outline[some] for outline, some in zip(outlines, kept, strict=True)]
+
+
+def _amiss(outlines: list[Indices], kept: list[Bools], apart: float) -> list[Bools]:
+    """Which edges between kept corners fold, touch or cross, or belong to fewer than three."""
+    polygons = [o[some].astype(np.float64) for o, some in zip(outlines, kept, strict=True)]
+    sizes = np.array([len(polygon) for polygon in polygons])
+    whose = np.repeat(np.arange(sizes.size), sizes)
+    ends = np.cumsum(sizes)
+    following = np.arange(1, whose.size + 1)
+    following[ends - 1] = ends - sizes
+    edges = np.vstack([edges_of(polygon) for polygon in polygons])
+    folds = folds_back(edges, edges[following], apart)
+    amiss = (sizes < 3)[whose] | folds
+    amiss[following[folds]] = True
+    pairs = close_pairs(edges, apart)
+    one, other = whose[pairs].T
+    neighbours = (following[pairs] == pairs[:, ::-1]).any(axis=1)
+    crossed = np.isfinite(crossings(edges, pairs)).all(axis=1)
+    amiss[pairs[np.where(one == other, ~neighbours, crossed)]] = True
+    return np.split(amiss, ends[:-1])
+
+
+def _rings(faces: Floats) -> list[Indices]:
+    """Join faces, end to start, to closed outlines."""
+    along = (faces[:, 2:] - faces[:, :2]).tolist()
+    leaving: dict[tuple[float, ...], list[int]] = {}
+    for k, start in enumerate(map(tuple, faces[:, :2].tolist())):
+        leaving.setdefault(start, []).append(k)
+
+    def after(k: int, end: tuple[float, ...]) -> int:
+        dx, dy = along[k]  # to the right, if there are two ways on
+        return max(leaving[end], key=lambda o: dy * along[o][0] - dx * along[o][1])
+
+    following = [after(k, end) for k, end in enumerate(map(tuple, faces[:, 2:].tolist()))]
+    unused, rings = [True] * len(faces), []
+    for first in range(len(faces)):
+        ring, k = [], first
+        while unused[k]:
+            unused[k] = False
+            ring.append(k)
+            k = following[k]
+        if ring:
+            rings.append(faces[ring, :2].astype(np.intp))
+    return rings

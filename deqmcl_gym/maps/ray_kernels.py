@@ -114,27 +114,15 @@ _NAN = np.float32(np.nan)
 
 
 class AllWalls(NamedTuple):
-    """All walls, sorted by direction.
+    """All walls, sorted by direction."""
 
-    Attributes:
-        outer: the outer wall (x₀, y₀, x₁, y₁), free space to its left, (S, 4).
-        room: the axis-aligned rectangle (x_low, y_low, x_high, y_high) that all poses are in;
-            infinite if the outer wall is not a rectangle.
-        box: a rectangle seen from outside and from inside; all inf if there is none.
-        boxes: further ones, (S₀, 4); four walls each.
-        upright: other walls x = c as (c, y_low, y_high), (S₁, 3).
-        level: other walls y = c as (c, x_low, x_high), (S₂, 3).
-        oblique: all others as (x₀, y₀, unit x, unit y, low, high), (S₃, 6): start, direction, and
-            the extent of the wall along it.
-    """
-
-    outer: Singles
-    room: Rectangle
-    box: Rectangle
-    boxes: Singles
-    upright: Singles
-    level: Singles
-    oblique: Singles
+    outer: Singles  # the outer wall (x₀, y₀, x₁, y₁), free space to its left, (S, 4)
+    room: Rectangle  # that all poses are in; infinite if the outer wall is not a rectangle
+    box: Rectangle  # seen from outside and from inside; all inf if there is none
+    boxes: Singles  # further ones, (S₀, 4); four walls each
+    upright: Singles  # other walls x = c as (c, y_low, y_high), (S₁, 3)
+    level: Singles  # other walls y = c as (c, x_low, x_high), (S₂, 3)
+    oblique: Singles  # others: start, direction and extent along it, as of ``CellTable``, (S₃, 6)
 
 
 @compiled
@@ -148,10 +136,7 @@ def _enclosed(poses: Singles, outer: Singles) -> Bools:
 
 @compiled
 def _inside(poses: Singles, outer: Singles, room: Rectangle) -> Bools:
-    """Which poses (3, n) have a finite heading and are inside the outer wall.
-
-    That is the rectangle ``room`` if it is finite.
-    """
+    """Which poses (3, n) have a finite heading and are inside the outer wall or ``room``."""
     x, y, heading = poses[0], poses[1], poses[2]
     left, low, right, high = room
     if left == -_INF:
@@ -314,11 +299,8 @@ def cast_through(
 ) -> None:
     """Do the same, walking from cell to cell: a ray takes as long as the cells that it crosses.
 
-    Args:
-        poses, bearings, out: as ``cast_all``.
-        outer: the outer wall, as in :class:`AllWalls`.
-        table: a ``CellTable``, as a plain tuple: numba takes it faster.
-        place: of its lower left corner (x, y), and a cell's side.
+    ``table`` is a ``CellTable``, as a plain tuple, ``place`` its lower left corner (x, y), and a
+    cell's side.
     """
     n = poses.shape[1]
     u, v = np.empty(n, np.float32), np.empty(n, np.float32)

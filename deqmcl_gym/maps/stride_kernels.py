@@ -2,7 +2,9 @@
 
 Positions are in cells: square (i, j) of a table is [i, i + 1] × [j, j + 1]. The *reach* of a cell
 says how many cells away, along an axis or a diagonal, the nearest one is that is not open; its own
-is 0 then. The cells along the edge of a table are never open, so that nothing walks off it.
+is 0 then. The cells along the edge of a table are never open, so that nothing walks off it. From a
+cell of reach m a ray strides to the edge of the square of 2 m - 1 open cells around it. Its cells
+are kept in whole numbers, so that no rounding error leads past one.
 """
 
 from typing import NamedTuple
@@ -26,21 +28,14 @@ _INF, _TINY = np.float32(np.inf), np.float32(1e-12)
 class CellTable(NamedTuple):
     """Cells, and the walls in those that are not open.
 
-    Attributes:
-        reach: of each cell, (rows, columns).
-        first: where each cell's walls begin in ``listed``, and one more for their end,
-            (cells + 1,); empty if rays end where they enter a cell that is not open.
-        listed: numbers of walls, cell by cell.
-        walls: (x₀, y₀, unit x, unit y, low, high), (S, 6): start, direction, and the stretch of it
-            that is wall, in cells.
-        endless: whether rays that reach the table's edge go on for ever, or end there.
+    Without walls, rays end where they enter a cell that is not open.
     """
 
-    reach: Reach
-    first: Ints
-    listed: Ints
-    walls: Singles
-    endless: bool
+    reach: Reach  # of each cell, (rows, columns)
+    first: Ints  # where each cell's walls begin in ``listed``, and one more, (cells + 1,), or empty
+    listed: Ints  # numbers of walls, cell by cell
+    walls: Singles  # (x₀, y₀, unit x, unit y, low, high): start, direction, stretch of wall, (S, 6)
+    endless: bool  # whether rays that reach the table's edge go on for ever, or end there
 
 
 @compiled
@@ -179,13 +174,7 @@ def _trace(
     cells: CellTable,
     out: Singles,
 ) -> None:
-    """Fill in how far rays from points along directions, (n,) each, come.
-
-    Amanatides & Woo 1987, but a ray in a cell of reach m strides to the edge of the square of
-    2 m - 1 open cells around it. Which cells it goes through is kept in whole numbers, so that no
-    rounding error leads past a cell; all rays stride together, and those that have arrived are
-    taken out now and then.
-    """
+    """Fill in how far rays from points along directions, (n,), come (Amanatides & Woo 1987)."""
     first, listed, walls = cells.first, cells.listed, cells.walls
     walled = first.size > 0
     left, flat = from_x.size, cells.reach.reshape(-1)

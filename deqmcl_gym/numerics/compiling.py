@@ -3,11 +3,7 @@
 import contextlib
 import hashlib
 import multiprocessing
-import os
-import pickle
-import stat
 import sys
-import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -15,7 +11,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
-from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
+from numba.core.caching import FunctionCache
 from numba.core.registry import CPUDispatcher
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -25,8 +21,8 @@ def compiled(function: F) -> F:
     """Compile ``function`` at its first call and cache the machine code on disk.
 
     The cache is the first writable one of: ``NUMBA_CACHE_DIR``, a folder beside the source, the
-    user's cache folder, a private temporary folder. If none is writable, or there are no sources
-    (in a zip, or of .pyc files alone), nothing is cached.
+    user's cache folder. If none is writable, or there are no sources (in a zip, or of .pyc files
+    alone), nothing is cached.
 
     IEEE arithmetic as written: no fastmath (it changes results between processors), and division
     as in NumPy (inf and nan instead of an exception, which would also stop vectorisation).
@@ -41,11 +37,8 @@ def compiled(function: F) -> F:
 
 
 def _digest(function: Callable[..., Any]) -> str:
-    """Return a digest of what a kernel is made from, which becomes part of its name; "" if unknown.
-
-    numba keys its cache by the kernel's own file, but a kernel has those that it calls in it, and
-    constants: so what its file has imported counts, kernels by their names, which have digests too.
-    """
+    """Return a digest of what a kernel is made from, a part of its name; "" if unknown."""
+    # numba keys its cache by the kernel's own file, but it has in it what that has imported
     file = function.__code__.co_filename
     try:
         digest = hashlib.sha256(_source(file))
@@ -66,49 +59,13 @@ def _source(file: str) -> bytes:
     return Path(file).read_bytes()
 
 
-class _PrivateFolder(UserProvidedCacheLocator):  # type: ignore[misc]
-    """Keeps machine code in our private folder."""
-
-    def __init__(self, py_func: Any, py_file: str) -> None:
-        super().__init__(py_func, py_file)
-        subfolder = self.get_suitable_cache_subpath(py_file)
-        self._cache_path = os.path.join(private_folder() or "", subfolder)
-
-    @classmethod
-    def from_function(cls, py_func: Any, py_file: str) -> Any:
-        # skips the parent, which requires NUMBA_CACHE_DIR
-        own: Any = super(UserProvidedCacheLocator, cls)
-        return own.from_function(py_func, py_file) if private_folder() else None
-
-
-class _Signed(CompileResultCacheImpl):  # type: ignore[misc]
-    """Machine code with a checksum, as numba would run code from a damaged file."""
-
-    _locator_classes = [*CompileResultCacheImpl._locator_classes, _PrivateFolder]
-
-    def reduce(self, cres: Any) -> Any:
-        content = pickle.dumps(super().reduce(cres))
-        return hashlib.sha256(content).digest(), content
-
-    def rebuild(self, target_context: Any, payload: Any) -> Any:
-        checksum, content = payload
-        if hashlib.sha256(content).digest() != checksum:
-            raise ValueError("the file is damaged")
-        return super().rebuild(target_context, pickle.loads(content))
-
-
 class _Cache(FunctionCache):  # type: ignore[misc]
     """numba's cache, in which an unusable file counts as missing."""
-
-    _impl_class = _Signed
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         try:
             found = super().load_overload(sig, target_context)
         except Exception:  # unpickling a damaged file can raise anything
-            found = None
-        if found is not None and tuple(found.signature.args) != tuple(sig):
-            self._forget()  # the index is damaged: it names another signature's code
             found = None
         if found is None:
             _say_compiling()
@@ -118,13 +75,9 @@ class _Cache(FunctionCache):  # type: ignore[misc]
         try:
             super().save_overload(sig, data)
         except Exception:  # the index is damaged, or the disk full
-            self._forget()
             with contextlib.suppress(Exception):
+                self.flush()
                 super().save_overload(sig, data)
-
-    def _forget(self) -> None:
-        with contextlib.suppress(OSError):
-            self.flush()
 
 
 _tells = True
@@ -143,23 +96,3 @@ def _say_compiling() -> None:
     if watched and _tells and multiprocessing.parent_process() is None:
         words = "deqmcl_gym: compiling kernels: a minute at most, at their first use only"
         print(words, file=sys.stderr, flush=True)
-
-
-@cache
-def private_folder() -> str | None:
-    """Return a temporary folder that only this user can write to; None if there is none.
-
-    Cached machine code is executed, so it must not come from a folder that another user made.
-    """
-    user = os.getuid() if hasattr(os, "getuid") else None  # Windows: temporary folders are private
-    try:
-        root = Path(tempfile.gettempdir())
-        if root == Path.cwd():  # Python's last resort: nobody would look for a cache there
-            return None
-        folder = root / f"deqmcl-gym-{'cache' if user is None else user}"
-        folder.mkdir(mode=0o700, exist_ok=True)
-        found = folder.lstat()
-    except OSError:
-        return None
-    private = stat.S_ISDIR(found.st_mode) and not found.st_mode & 0o077
-    return str(folder) if user is None or (private and found.st_uid == user) else None

@@ -1,9 +1,11 @@
 """The types of arrays, poses and points of all three packages, one name for each."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+
+T = TypeVar("T")
 
 Floats = NDArray[np.float64]
 Singles = NDArray[np.float32]

@@ -95,17 +95,11 @@ SKIN = 1e-3  # px
 
 @dataclass(frozen=True, kw_only=True)
 class Robot:
-    """A disc that turns on the spot, then drives straight ahead.
+    """A disc that turns on the spot, then drives straight ahead."""
 
-    Attributes:
-        radius: of the disc.
-        max_distance: longest drive in one step.
-        max_turn: largest turn in one step to either side, rad.
-    """
-
-    radius: float = field(default=8.0, metadata=LENGTH)
-    max_distance: float = field(default=10.0, metadata=LENGTH)
-    max_turn: float = math.pi / 4
+    radius: float = field(default=8.0, metadata=LENGTH)  #: of the disc
+    max_distance: float = field(default=10.0, metadata=LENGTH)  #: longest drive in one step
+    max_turn: float = math.pi / 4  #: in one step to either side, rad
 
     def __post_init__(self) -> None:
         keep_plain(self)
@@ -116,37 +110,33 @@ class Robot:
 
 @dataclass(frozen=True, kw_only=True)
 class MotionNoise:
-    """``ε_d ~ N(0, (drive |d|)²)``, ``ε_φ ~ N(0, (turn |φ| + drift |d|)²)`` on a command (d, φ).
+    """``ε_d ~ N(0, (drive |d|)²)``, ``ε_φ ~ N(0, (turn |φ| + drift |d|)²)`` on a command (d, φ)."""
 
-    Attributes:
-        drive: σ_dd, length per length.
-        turn: σ_φφ, rad per rad.
-        drift: σ_φd, rad per length.
-    """
-
-    drive: float = 0.02
-    turn: float = 0.02
-    drift: float = field(default=0.0005, metadata=PER_LENGTH)
+    drive: float = 0.02  #: σ_dd, length per length
+    turn: float = 0.02  #: σ_φφ, rad per rad
+    drift: float = field(default=0.0005, metadata=PER_LENGTH)  #: σ_φd, rad per length
 
     def __post_init__(self) -> None:
         keep_plain(self)
         for name in ("drive", "turn", "drift"):
             number(f"noise.{name}", getattr(self, name), low=0)
 
+    @property
+    def sds(self) -> tuple[float, float, float]:
+        """σ_dd, σ_φφ and σ_φd, as kernels take them."""
+        return float(self.drive), float(self.turn), float(self.drift)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
     """Where an episode begins: N(pose, diag(sd_position², sd_position², sd_heading²)), if free.
 
-    Attributes:
-        pose: (x, y, θ); None is the bottom centre of the lap, along it.
-        sd_position: in x and in y; 0 starts exactly there.
-        sd_heading: rad.
+    Without a pose (x, y, θ) it is around the bottom centre of the lap, along it.
     """
 
     pose: tuple[float, float, float] | None = field(default=None, metadata=POSE)
-    sd_position: float = field(default=0.0, metadata=LENGTH)
-    sd_heading: float = 0.0
+    sd_position: float = field(default=0.0, metadata=LENGTH)  #: in x and in y; 0: exactly
+    sd_heading: float = 0.0  #: rad
 
     def __post_init__(self) -> None:
         keep_plain(self)
@@ -158,17 +148,13 @@ class Start:
 
 @dataclass(frozen=True, kw_only=True)
 class Lap:
-    """How the planned lap is driven.
+    """How the planned lap is driven: along ``waypoints``, the corners of a closed path, in order.
 
-    Attributes:
-        step: distance of a driving step.
-        turn: angle of a turning step, rad.
-        waypoints: corners of the closed path, in order; None computes a counterclockwise path in
-            the middle of the corridor around the obstacles.
+    Without them, counterclockwise in the middle of the corridor around the obstacles.
     """
 
-    step: float = field(default=5.0, metadata=LENGTH)
-    turn: float = math.pi / 12
+    step: float = field(default=5.0, metadata=LENGTH)  #: distance of a driving step
+    turn: float = math.pi / 12  #: angle of a turning step, rad
     waypoints: tuple[tuple[float, float], ...] | None = field(default=None, metadata=LENGTH)
 
     def __post_init__(self) -> None:
@@ -192,15 +178,10 @@ class Lap:
 
 @dataclass(frozen=True, kw_only=True)
 class Driver:
-    """A driver that knows the true pose and steers back to the planned path at every step.
+    """A driver that knows the true pose and steers back to the planned path at every step."""
 
-    Attributes:
-        look_ahead: distance along the path to the point that it heads for.
-        on_the_spot: heading error beyond which it turns without driving, rad.
-    """
-
-    look_ahead: float = field(default=25.0, metadata=LENGTH)
-    on_the_spot: float = 0.5
+    look_ahead: float = field(default=25.0, metadata=LENGTH)  #: along the path to where it heads
+    on_the_spot: float = 0.5  #: heading error beyond which it turns without driving, rad
 
     def __post_init__(self) -> None:
         keep_plain(self)
@@ -213,22 +194,14 @@ class Route:
     """A route from a start to a goal instead of the lap, both drawn anew in each episode.
 
     A given ``start.pose`` or ``goal`` is not drawn.
-
-    Attributes:
-        goal: (x, y); None draws one.
-        min_length: least length of a route with a drawn end.
-        max_length: greatest length of a route with a drawn end.
-        clearance: least distance between the robot's rim and walls.
-        comfort: distance between route and walls where there is room.
-        tolerance: distance from the goal at which it counts as reached.
     """
 
-    goal: tuple[float, float] | None = field(default=None, metadata=LENGTH)
-    min_length: float = field(default=250.0, metadata=LENGTH)
-    max_length: float = field(default=3000.0, metadata=LENGTH)
-    clearance: float = field(default=2.5, metadata=LENGTH)
-    comfort: float = field(default=40.0, metadata=LENGTH)
-    tolerance: float = field(default=25.0, metadata=LENGTH)
+    goal: tuple[float, float] | None = field(default=None, metadata=LENGTH)  #: None: drawn
+    min_length: float = field(default=250.0, metadata=LENGTH)  #: of a drawn one
+    max_length: float = field(default=3000.0, metadata=LENGTH)  #: of a drawn one
+    clearance: float = field(default=2.5, metadata=LENGTH)  #: from the rim to walls
+    comfort: float = field(default=40.0, metadata=LENGTH)  #: to walls, if there is room
+    tolerance: float = field(default=25.0, metadata=LENGTH)  #: at which it is reached
 
     def __post_init__(self) -> None:
         keep_plain(self)
@@ -326,9 +299,6 @@ class World:
         If its unit differs, the parts of this world are converted to it, then changed. In a world
         without a driver, changes apply to ``Driver()``; ``driver="none"`` removes the driver. The
         same holds for all parts that a world may have.
-
-        Raises:
-            InputError: unknown part or key, or a bad value.
         """
         names = [own.name for own in fields(self)]
         given = {one_of("part of the world", name, names): parts[name] for name in parts}

@@ -18,7 +18,7 @@ from deqmcl_gym.world import path_kernels
 from deqmcl_gym.world.config import World
 
 
-def wrapped(angle: float) -> float:
+def centred_heading(angle: float) -> float:
     """Return the same direction in [-π, π), rad."""
     heading: float = centred64(angle, TURN)
     return heading
@@ -26,15 +26,10 @@ def wrapped(angle: float) -> float:
 
 @dataclass(frozen=True)
 class Path:
-    """A polygonal path, driven in the order of its corners.
+    """A polygonal path, driven in the order of its corners."""
 
-    Attributes:
-        corners: (k, 2).
-        closed: whether the last corner is joined to the first.
-    """
-
-    corners: Floats
-    closed: bool = True
+    corners: Floats  # (k, 2)
+    closed: bool = True  # whether the last corner is joined to the first
 
     @cached_property
     def length(self) -> float:
@@ -119,17 +114,13 @@ MAX_STEPS = 100_000  # in a plan: 0.8 MB in every info
 class Course:
     """The plan of an episode: a path, the pose to start from, and the actions.
 
-    Attributes:
-        path: closed for a lap, counterclockwise unless waypoints say otherwise; open for a route.
-        start: expected pose at reset (x, y, θ).
-        arc: arc length of the path's point nearest to the start.
-        actions: (distance, turn), (T, 2) float32.
+    The path is closed for a lap, counterclockwise unless waypoints say otherwise; open for a route.
     """
 
     path: Path
-    start: Pose
-    arc: float
-    actions: Singles
+    start: Pose  # expected pose at reset (x, y, θ)
+    arc: float  # arc length of the path's point nearest to the start
+    actions: Singles  # (distance, turn), (T, 2) float32
 
     @classmethod
     def of(cls, world: World) -> "Course":
@@ -270,7 +261,7 @@ def _legs(points: Floats, start: Pose, shortest: float) -> Iterator[tuple[float,
         if distance < shortest:
             continue
         bearing = atan2_64(dy, dx)
-        yield wrapped(bearing - heading), distance
+        yield centred_heading(bearing - heading), distance
         x, y, heading = corner_x, corner_y, bearing
 
 

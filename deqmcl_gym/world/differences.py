@@ -45,15 +45,10 @@ _ADDED = (25.0, 150.0)  # px: from a wall to its copy
 
 
 class Way(NamedTuple):
-    """Where a robot will come by, which things keep off.
+    """Where a robot will come by, which things keep off."""
 
-    Attributes:
-        points: on it, (n, 2).
-        margin: distance that things keep from these.
-    """
-
-    points: Floats
-    margin: float
+    points: Floats  # on it, (n, 2)
+    margin: float  # distance that things keep from these
 
     @classmethod
     def along(cls, corners: Floats, body: float, floor_plan: Map) -> "Way":
@@ -78,24 +73,18 @@ NOWHERE = Way(np.empty((0, 2)), 0.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Clutter:
-    """Boxes and round pillars that are not on the map.
+    """Boxes and round pillars that are not on the map; ``size`` is their least and greatest side.
 
-    Attributes:
-        number: how many.
-        share: of the free area that they cover, 0 to 0.5, instead of a number; None: ``number``.
-        size: least and greatest side of a box and diameter of a pillar.
-        round: share of pillars among them.
-        where: "anywhere"; "walls": against a wall; "corridors": where the longest line of sight is
-            2.5 times as long as all within 34° of that across it; "rooms": elsewhere.
-        keep_route: whether they keep off the way planned on the map, 0.2 m (10 px) beside the
-            robot; otherwise only off its ends.
+    Where: "anywhere"; "walls": against a wall; "corridors": where the longest line of sight is 2.5
+    times as long as all within 34° of that across it; "rooms": elsewhere. They keep off the way
+    planned on the map, 0.2 m (10 px) beside the robot, or only off its ends.
     """
 
     number: int = 10
-    share: float | None = None
+    share: float | None = None  #: of the free area, 0 to 0.5, instead of a number
     size: tuple[float, float] = field(default=(15.0, 40.0), metadata=LENGTH)
-    round: float = 0.5
-    where: str = "anywhere"
+    round: float = 0.5  #: share of pillars among them
+    where: str = "anywhere"  #: one of ``PLACES``
     keep_route: bool = True
 
     def __post_init__(self) -> None:
@@ -184,15 +173,10 @@ def _is_corridor(seen: Floats) -> bool:
 
 
 class WallChanges(NamedTuple):
-    """What is changed of a map's walls.
+    """What is changed of a map's walls."""
 
-    Attributes:
-        cleared: boxes without wall, (k, 4, 2).
-        filled: new wall, counterclockwise corners, (4, 2) each.
-    """
-
-    cleared: Floats
-    filled: list[Floats]
+    cleared: Floats  # boxes without wall, (k, 4, 2)
+    filled: list[Floats]  # new wall, counterclockwise corners, (4, 2) each
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,18 +185,12 @@ class ChangedWalls:
 
     A piece is removed, or shifted across, or a wall is added: a copy of the piece 0.5 to 3 m
     (25 to 150 px) beside it or, as often, what closes a door.
-
-    Attributes:
-        share: of the length of the inner walls, 0 to 0.5.
-        distance: greatest shift.
-        kinds: what happens to a piece, each as often: "removed", "added", "shifted".
-        keep_route: as in ``Clutter``, for walls shifted and added.
     """
 
-    share: float = 0.1
-    distance: float = field(default=25.0, metadata=LENGTH)
-    kinds: tuple[str, ...] = KINDS
-    keep_route: bool = True
+    share: float = 0.1  #: of the length of the inner walls, 0 to 0.5
+    distance: float = field(default=25.0, metadata=LENGTH)  #: greatest shift
+    kinds: tuple[str, ...] = KINDS  #: what happens to a piece, each as often
+    keep_route: bool = True  #: as in ``Clutter``, for walls shifted and added
 
     def __post_init__(self) -> None:
         keep_plain(self)
@@ -267,10 +245,7 @@ class ChangedWalls:
     def _tried(
         self, floor_plan: Map, piece: Piece, rng: np.random.Generator
     ) -> tuple[Floats, Floats] | None:
-        """Draw what happens to a piece: what is cleared and what is filled; None: there, nothing.
-
-        A wall that is shifted or copied must come to free space.
-        """
+        """Draw what is cleared and filled for a piece; None if it would not come to free space."""
         _, doors, step = inner_walls(floor_plan)
         nothing = np.empty((0, 4, 2))
         kind = self.kinds[int(rng.integers(len(self.kinds)))]
@@ -291,10 +266,7 @@ class ChangedWalls:
 def _shifted(
     piece: Piece, by: float, near: float, far: float, step: float
 ) -> tuple[Floats, Floats]:
-    """Return a piece shifted across by near + |by| (far - near), by whole steps, to its side.
-
-    And the middle of its front there, (2,).
-    """
+    """Return a piece shifted by near + |by| (far - near), and the middle of its front there."""
     way = near + abs(by) * (far - near)
     if step:
         way = max(1, min(round(way / step), math.floor(far / step + 1e-9))) * step
@@ -307,14 +279,8 @@ def _shifted(
 def map_changed(floor_plan: Map, given: Mapping[str, Any], points: Floats, body: float) -> Map:
     """Return a map whose walls are changed: what a robot is given if its map is out of date.
 
-    Args:
-        floor_plan: the map.
-        given: keys of ``ChangedWalls`` and ``seed``, 0 by default.
-        points: where a robot of radius ``body`` comes by, (n, 2).
-        body: a length.
-
-    Raises:
-        InputError: an unknown key, a bad value, or so much cannot be changed.
+    Keys are those of ``ChangedWalls`` and ``seed``, 0 by default; ``points`` are where a robot of
+    radius ``body`` comes by, (n, 2).
     """
     if not isinstance(given, Mapping):
         raise InputError(f"changed_walls is {shown(given)}, but must be a mapping such as share.")
@@ -329,17 +295,11 @@ def map_changed(floor_plan: Map, given: Mapping[str, Any], points: Floats, body:
 
 @dataclass(frozen=True, kw_only=True)
 class Glass:
-    """Inner walls, as on the map, of which beams do not always return.
+    """Inner walls, as on the map, of which beams do not always return."""
 
-    Attributes:
-        share: of the length of the inner walls that is glass.
-        lost: share of the beams that meet glass and are not reflected by it.
-        reads: what these measure: "through", what is behind, or "max", the greatest range.
-    """
-
-    share: float = 0.2
-    lost: float = 0.7
-    reads: str = "through"
+    share: float = 0.2  #: of the length of the inner walls
+    lost: float = 0.7  #: share of the beams that meet glass and are not reflected
+    reads: str = "through"  #: what these measure: "through", what is behind, or "max"
 
     def __post_init__(self) -> None:
         keep_plain(self)

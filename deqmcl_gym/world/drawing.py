@@ -37,11 +37,8 @@ _FONT = cv2.FONT_HERSHEY_SIMPLEX
 class View:
     """From the floor plan (y up) to image pixels (y down).
 
-    Attributes:
-        floor_plan: the map.
-        scale: image pixels per px, or per 0.02 m of a map in metres. A map of cells, which may be a
-            whole building, is drawn smaller: its sides are at most 480 times the scale.
-        margin: around the outer wall, image pixels.
+    ``scale`` is image pixels per px, or per 0.02 m of a map in metres. A map of cells, which may be
+    a whole building, is drawn smaller: its sides are at most 480 times the scale.
     """
 
     floor_plan: Map
@@ -133,12 +130,7 @@ class Drawing:
         return self
 
     def beams(self, rays: ArrayLike, ranges: ArrayLike) -> "Drawing":
-        """Draw measured ranges as thin lines; beams without a number are left out.
-
-        Args:
-            rays: where each beam starts and points, (x, y, angle), (B, 3).
-            ranges: (B,).
-        """
+        """Draw ranges (B,) along rays (x, y, angle), (B, 3), as thin lines; finite ones only."""
         starts, seen = np.asarray(rays, np.float64), np.asarray(ranges, np.float64)
         for (x, y, angle), distance in zip(starts, seen, strict=True):
             if math.isfinite(distance):

@@ -13,41 +13,30 @@ from deqmcl_gym.numerics.types import Bools, Floats, Indices, Pose, RoomActions
 from deqmcl_gym.validation import InputError, integer
 from deqmcl_gym.world.config import Driver, World
 from deqmcl_gym.world.course import MAX_STEPS, Course, Path
-from deqmcl_gym.world.driver_kernels import NEARER, room_for_noise, steer
-from deqmcl_gym.world.path_kernels import drive_along, once_round
+from deqmcl_gym.world.path_kernels import NEARER, drive_along, once_round, room_for_noise, steer
 
 NO_PLAN = np.empty((0, 2), np.float32)  # of one who shows nothing of what is to come
 
 
 class Underway(NamedTuple):
-    """The state of an episode that a plan depends on.
+    """The state of an episode that a plan depends on."""
 
-    Attributes:
-        step: steps carried out.
-        pose: the true pose (x, y, θ).
-        arc: arc length at which the robot is on the path.
-        way: distance along the path since reset; the shorter way round if the robot was carried.
-    """
-
-    step: int
-    pose: Pose
-    arc: float
-    way: float
+    step: int  # steps carried out
+    pose: Pose  # the true pose (x, y, θ)
+    arc: float  # arc length at which the robot is on the path
+    way: float  # distance along the path since reset; the shorter way if it was carried
 
 
 @dataclass(frozen=True)
 class FixedPlan:
     """A plan made beforehand, which does not depend on what happens.
 
-    Attributes:
-        actions: (distance, turn), (T, 2) float32; action t is that of step t + 1 after ``begun``.
-        horizon: h, actions shown ahead.
-        begun: step of the episode after which it begins.
+    Action t is that of step t + 1 after ``begun``.
     """
 
-    actions: RoomActions
-    horizon: int
-    begun: int = 0
+    actions: RoomActions  # (distance, turn), (T, 2) float32
+    horizon: int  # h, actions shown ahead
+    begun: int = 0  # step of the episode after which it begins
 
     @cached_property
     def limit(self) -> int:
@@ -105,34 +94,19 @@ class GuidedPlan:
     that the robot has, but at most half the route's clearance, for noise. If there is none, the
     driver goes straight back to the route first; if that is not free either, he does what takes the
     robot farthest.
-
-    Attributes:
-        world: in which it drives.
-        course: the path to follow.
-        rules: as :func:`deqmcl_gym.world.path_kernels.drive_along` takes them.
-        horizon: h, actions shown ahead.
-        limit: the most steps of an episode.
     """
 
     world: World
     course: Course
-    rules: tuple[float, float, float, float, float, float]
-    horizon: int
-    limit: int
+    rules: tuple[float, float, float, float, float, float]  # as ``drive_along`` takes them
+    horizon: int  # h, actions shown ahead
+    limit: int  # the most steps of an episode
 
     @classmethod
     def of(
         cls, world: World, driver: Driver, course: Course, horizon: int | None, begun: int = 0
     ) -> "GuidedPlan":
-        """Let ``driver`` drive the course; without a horizon, all of the way is shown.
-
-        Args:
-            world: in which it drives.
-            driver: who follows the path.
-            course: the path.
-            horizon: actions shown ahead.
-            begun: step of the episode after which it begins.
-        """
+        """Let ``driver`` drive the course after step ``begun``; without a horizon, all is shown."""
         lap, limit = world.lap, min(begun + _LAPS * len(course.actions), MAX_STEPS)
         end, near = once_round(course.path.length, world.robot.radius), -1.0
         if world.route is not None:

@@ -11,7 +11,7 @@ import pymunk
 
 from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.maps.polygons import oriented_edges
-from deqmcl_gym.numerics.types import Floats, Point, Pose
+from deqmcl_gym.numerics.types import Floats, Point, Pose, Singles
 from deqmcl_gym.world.config import Route, World
 from deqmcl_gym.world.driver import GuidedPlan, Underway
 from deqmcl_gym.world.path_kernels import judged_step, noisy_drive
@@ -42,14 +42,11 @@ class CellContacts:
 
 
 class WallContacts:
-    """The walls of a floor plan in a pymunk space.
+    """The walls of a floor plan in a pymunk space, as static segments.
 
     Each wall is grown by the disc's radius, so that its centre touches the grown wall where the
     disc touches the wall (the configuration space of Lozano-Pérez, 1983). pymunk can also sweep a
     disc, but then searches for walls along its centre line only and misses those beside it.
-
-    Attributes:
-        space: all walls as static segments; nothing is ever inside an obstacle.
     """
 
     def __init__(self, floor_plan: PolygonMap, radius: float) -> None:
@@ -87,54 +84,6 @@ def contacts_of(world: World) -> Contacts:
     return WallContacts(world.floor_plan, world.body)
 
 
-class Physics:
-    """The robot's disc among the walls.
-
-    Attributes:
-        position: of the disc's centre; :meth:`place` sets it.
-        reach: as of ``World``.
-    """
-
-    def __init__(self, walls: Contacts, world: World, position: Point) -> None:
-        """Put the robot of a world somewhere among its walls."""
-        self._walls, self._skin, self.reach = walls, world.skin, world.reach
-        self.place(position)
-
-    def place(self, position: Point) -> None:
-        """Put the robot somewhere, whatever lies between."""
-        self.position = position
-        self._gap = 0.0  # least distance that it can drive without touching a wall
-
-    def drive(self, way: float, dx: float, dy: float) -> bool:
-        """Drive along (dx, dy), of length ``way``; stop just before the first contact.
-
-        Return whether there was one.
-
-        A gap of 40 to the nearest wall allows 40 of driving in any direction: the gap is measured
-        only when that is used up, and a contact is computed only if a wall is within reach. A robot
-        that overlaps a wall stays there.
-        """
-        if way == 0.0:
-            return False
-        if way >= self._gap - self._skin:
-            self._gap = self._walls.gap(self.position)
-            if self._gap < 0.0:
-                return True
-        x, y = start = self.position
-        end = (x + dx, y + dy)
-        if way < self._gap - self._skin:
-            self.position = end
-            self._gap -= way
-            return False
-        first = self._walls.first_contact(start, end)
-        if first is None:
-            self.place(end)
-            return False
-        share = max(first - self._skin / way, 0.0)
-        self.place((x + share * dx, y + share * dy))
-        return True
-
-
 def _corners_into_the_room(edges: Floats) -> list[Point]:
     """Where a wall with free space to its left turns right."""
     along = edges[:, 2:] - edges[:, :2]
@@ -144,63 +93,78 @@ def _corners_into_the_room(edges: Floats) -> list[Point]:
 
 
 class Body:
-    """A robot in a world: it moves with noise, stops at walls, and takes scans.
+    """A robot in a world: it moves with noise, stops at walls, and takes scans."""
 
-    Attributes:
-        pose: the true one (x, y, θ).
-        scan: the last one, (B,).
-    """
+    pose: Pose  # the true one (x, y, θ)
+    scan: Singles  # the last one, (B,)
 
     def __init__(
         self,
         pose: Pose,
-        physics: Physics,
+        walls: Contacts,
+        world: World,
         sensor: LidarSensor,
-        noise: tuple[float, float, float],
         motion: np.random.Generator,
     ) -> None:
-        """Put the robot at a pose, and take its first scan.
+        """Put the robot of a world at a pose among its walls, and take its first scan.
 
-        Args:
-            pose: (x, y, θ), θ in [-π, π).
-            physics: its disc, placed there.
-            sensor: its lidar.
-            noise: σ_dd, σ_φφ and σ_φd of the motion.
-            motion: two normal numbers per move are drawn from it.
+        Two normal numbers per move are drawn from ``motion``.
         """
-        self.pose, self._physics, self._sensor = pose, physics, sensor
-        self._noise, self._motion = noise, motion
+        self._walls, self._skin, self._reach = walls, world.skin, world.reach
+        self._noise, self._sensor, self._motion = world.noise.sds, sensor, motion
+        self._put(pose)
         self.look()
 
     def move(self, distance: float, turn: float) -> bool:
         """Turn, then drive, with noise; return whether a wall stopped the robot."""
-        physics, heading = self._physics, self.pose[2]
         of_drive, of_turn = self._motion.standard_normal(2).tolist()
         heading, *drive = noisy_drive(
-            heading, distance, turn, (of_drive, of_turn), self._noise, physics.reach
+            self.pose[2], distance, turn, (of_drive, of_turn), self._noise, self._reach
         )
-        collided = physics.drive(*drive)
-        self.pose = (*physics.position, heading)
+        position, collided = self._driven(*drive)
+        self.pose = (*position, heading)
         return collided
 
     def look(self) -> None:
         """Take a scan."""
         self.scan = self._sensor.scan(self.pose)
 
+    def _put(self, pose: Pose) -> None:
+        """Put the robot somewhere, whatever lies between."""
+        self.pose = pose
+        self._gap = 0.0  # least distance that it can drive without touching a wall
+
+    def _driven(self, way: float, dx: float, dy: float) -> tuple[Point, bool]:
+        """Return where a drive along (dx, dy), of length ``way``, ends, and whether at a contact.
+
+        A gap of 40 to the nearest wall allows 40 of driving in any direction: the gap is measured
+        only when that is used up, and a contact is computed only if a wall is within reach. A robot
+        that overlaps a wall stays there.
+        """
+        x, y, _ = self.pose
+        start, end = (x, y), (x + dx, y + dy)
+        if way == 0.0:
+            return start, False
+        if way >= self._gap - self._skin:
+            self._gap = self._walls.gap(start)
+            if self._gap < 0.0:
+                return start, True
+        if way < self._gap - self._skin:
+            self._gap -= way
+            return end, False
+        first = self._walls.first_contact(start, end)
+        self._gap = 0.0
+        if first is None:
+            return end, False
+        share = max(first - self._skin / way, 0.0)
+        return (x + share * dx, y + share * dy), True
+
 
 class Episode(Body):
     """All state that changes between two resets.
 
-    Attributes:
-        there: the rules, in the world as it is in this episode.
-        course: the path, and the actions planned for it.
-        plan: the actions to come.
-        step: steps carried out.
-        arc: arc length at which the robot is on the path.
-        way: distance along the path since reset, jumps included.
-        progress: the same without jumps.
-        done: whether the task is done.
-        ended: whether the episode has ended.
+    ``there`` are the rules in the world as it is, ``arc`` where the robot is on the path, ``way``
+    how far along it since reset, jumps included, ``progress`` the same without jumps.
     """
 
     def __init__(self, rules: RoomRules, walls: Contacts, *, seed: int, number: int) -> None:
@@ -218,9 +182,7 @@ class Episode(Body):
         solid = walls if self.there is rules else contacts_of(world)
         if self._crowd is not None:
             solid = Crowded(solid, self._crowd, world.body)
-        motion = self.stream(Stream.MOTION)
-        physics = Physics(solid, world, self.pose[:2])
-        super().__init__(self.pose, physics, sensor, rules.noise, motion)
+        super().__init__(self.pose, solid, world, sensor, self.stream(Stream.MOTION))
         self.arc = begun.arc
         self.way = self.progress = 0.0
         self.step, self.done, self.ended = 0, False, False
@@ -241,9 +203,7 @@ class Episode(Body):
     def place(self, pose: Pose, noticed: bool = True) -> None:
         """Put the robot at a pose; this does not count as progress.
 
-        Args:
-            pose: (x, y, θ).
-            noticed: whether a driver notices and replans; otherwise its plan stays as it is.
+        Unless it is ``noticed``, a driver does not replan: its plan stays as it is.
         """
         journeys, goal, onwards = self.there.journeys, self.course.goal, None
         if isinstance(self.plan, GuidedPlan):
@@ -251,8 +211,7 @@ class Episode(Body):
                 self.plan = self.plan.left_as_it_is(self.underway)
             elif journeys is not None and goal is not None:
                 onwards = journeys.onwards(goal, pose)
-        self.pose = pose
-        self._physics.place(pose[:2])
+        self._put(pose)
         if onwards is not None:
             self.course = onwards
             self.plan = self.there.plan_for(self.course, self.step)
@@ -263,11 +222,7 @@ class Episode(Body):
         self.way += path.advance(before, self.arc)
 
     def advance(self, distance: float, turn: float) -> tuple[float, bool]:
-        """Turn, drive, take a scan: one step of noisy motion.
-
-        Returns:
-            The reward; whether a wall stopped the robot.
-        """
+        """Turn, drive, take a scan; return the reward, and whether a wall stopped the robot."""
         rules, path = self._rules, self.course.path
         before = self.pose[:2]
         collided = self.move(distance, turn)
@@ -282,7 +237,7 @@ class Episode(Body):
             reward, self.done = reward + rules.rewards[1], True
         if self._crowd is not None:
             self._crowd.walk(self.pose[:2])
-            self._physics.place(self.pose[:2])  # who walks may be in the way now
+            self._put(self.pose)  # who walks may be in the way now
         self.look()
         return reward, collided
 

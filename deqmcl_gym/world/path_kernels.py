@@ -1,11 +1,15 @@
-"""The compiled rules of a drive: its noise, the geometry of a path, the task on it, in float64.
+"""The compiled rules of a drive: its noise, the path and the task on it, the driver; in float64.
 
 A path is given by its edges, rows (x, y, dx, dy, length, arc length of the corner), (k, 6), and its
-period: its length if it is closed, else ∞.
+period: its length if it is closed, else ∞. Single rooms and rooms run together call the same
+kernels, so their plans cannot differ; ``driver.GuidedPlan`` says what the driver does.
 """
+
+from typing import Any
 
 import numpy as np
 
+from deqmcl_gym.maps.grid_kernels import distances, feasible_in_cells
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import TURN, atan2_64, centred64, cos64, sin64
 from deqmcl_gym.numerics.types import Floats, RoomActions
@@ -22,12 +26,8 @@ def noisy_drive(
 ) -> tuple[float, float, float, float]:
     """Return the heading, and the drive's length and vector, that a command brings about.
 
-    Args:
-        heading: before, in [-π, π).
-        distance, turn: the command.
-        normals: N(0, 1) for the drive and the turn.
-        noise: σ_dd, σ_φφ, σ_φd.
-        reach: a length that no drive can have without contact; a longer one would lose precision.
+    Normals are N(0, 1) for the drive and the turn, noise σ_dd, σ_φφ, σ_φd. No drive without contact
+    is as long as ``reach``; a longer one would lose precision.
     """
     of_drive, of_turn, of_drift = noise
     sd_turn = of_turn * abs(turn) + of_drift * distance
@@ -103,21 +103,15 @@ def drive_along(
     rules: tuple[float, float, float, float, float, float],
     actions: RoomActions,
 ) -> int:
-    """Fill in the actions of a driver from ``pose`` without noise, until it is done.
+    """Fill in the actions (n, 2) of a driver without noise until it is done; return their number.
 
     Args:
-        pose: of the robot.
-        arc: arc length at which it is on the path.
-        way: distance along the path so far.
-        edges: of the path.
-        period: of the path.
+        pose, arc, way: where the robot is, on the path, and how far along it so far.
+        edges, period: of the path.
         rules: look-ahead distance; heading error beyond which it turns on the spot; step; largest
             turn of a step; distance along the path at which it is done; distance from the end of
             the path at which it is done.
-        actions: distance, turn, (n, 2).
-
-    Returns:
-        The number of actions, at most n.
+        actions: distance, turn.
     """
     x, y, heading = pose
     look_ahead, on_the_spot, step, most, end, near = rules
@@ -162,10 +156,6 @@ def once_round(length: float, radius: float) -> float:
     """Return the progress at which a robot, once round, touches the line that it started from.
 
     At least half the lap, however large the robot is.
-
-    Args:
-        length: of the lap.
-        radius: of the robot.
     """
     return length - min(length / 2, radius)
 
@@ -185,14 +175,8 @@ def judged_step(
     Progress beyond the goal does not count: the return of an episode is goal + bonus if it reaches
     the goal without contact, and less otherwise.
 
-    Args:
-        drive: from (x, y) to (x, y).
-        before: arc length before it.
-        progress: since reset, until then.
-        collided: whether a wall stopped the robot.
-        edges, period: of the path.
-        rewards: progress at which the task is done, inf if it never is; the reward for that; the
-            penalty for a contact.
+    A drive is from (x, y) to (x, y), ``before`` the arc length before it. Rewards are the progress
+    at which the task is done, inf if it never is; the reward for that; the penalty for a contact.
     """
     from_x, from_y, x, y = drive
     arc, gained = follow(from_x, from_y, x, y, before, edges, period)
@@ -202,3 +186,120 @@ def judged_step(
     if progress < goal:
         return arc, gained, reward, False
     return arc, gained, reward - (progress - goal) + bonus, True
+
+
+NEARER = (1.0, 0.7, 0.5, 0.35, 0.25)  # shares of the look-ahead that are tried on a route
+_BLOCK = 64  # steps looked at together: the first blocked one ends the search
+
+
+@compiled
+def room_for_noise(pose: tuple[float, float, float], cells: Any, size: float, most: float) -> float:
+    """Radius of a robot of radius ``size``, and half its room to a wall, at most half of ``most``.
+
+    ``cells`` is a ``grid_kernels.CellGrid``, as a plain tuple.
+    """
+    reach, up, down, frame = cells
+    at, gap = np.array(((pose[0],), (pose[1],))), np.empty(1, np.float32)
+    distances(at, reach, up, down, frame, gap)
+    return size + max(0.0, min(np.float64(gap[0]) - size, most)) / 2
+
+
+@compiled
+def steer(
+    pose: tuple[float, float, float],
+    arc: float,
+    way: float,
+    edges: Floats,
+    length: float,
+    goal: tuple[float, float],
+    rules: tuple[float, float, float, float, float, float],
+    cells: Any,
+    body: float,
+    actions: RoomActions,
+) -> int:
+    """Fill in what a driver does from ``pose`` on a route, and return the number of actions.
+
+    As ``drive_along``, with the longest look-ahead in ``rules``. ``length`` of the route is as
+    ``Path.length`` adds it up, ``goal`` its last corner, ``cells`` a ``grid_kernels.CellGrid`` as a
+    plain tuple, ``body`` the radius of the disc for which the way must be free.
+    """
+    tried = np.empty_like(actions)
+    clear, count = -1, 0
+    onto, begin = edges, arc
+    for back in range(2):
+        if back:
+            onto, begin = back_onto(pose, arc, edges, length, goal), 0.0
+        for share in NEARER:
+            own = (share * rules[0], rules[1], rules[2], rules[3], rules[4], rules[5])
+            steps = drive_along(pose, begin, way, onto, np.inf, own, tried)
+            blocked = _first_blocked(pose, tried[:steps], cells, body)
+            if blocked < 0 or blocked > clear:
+                clear, count = blocked, steps
+                actions[:steps] = tried[:steps]
+            if blocked < 0:
+                return count
+    return count
+
+
+@compiled
+def back_onto(
+    pose: tuple[float, float, float],
+    arc: float,
+    edges: Floats,
+    length: float,
+    goal: tuple[float, float],
+) -> Floats:
+    """Return the edges of the rest of a route, and before it the straight way there."""
+    after = 0  # corners that are behind
+    while after < len(edges) and edges[after, 5] <= arc:
+        after += 1
+    clipped, edge = min(max(arc, 0.0), length), len(edges) - 1
+    while edges[edge, 5] > clipped:
+        edge -= 1
+    share = (clipped - edges[edge, 5]) / edges[edge, 4]
+    out = np.empty((len(edges) - after + 2, 6))
+    rows, x, y, begun = 0, pose[0], pose[1], 0.0
+    for corner in range(after - 1, len(edges) + 1):
+        if corner < after:
+            to_x = edges[edge, 0] + share * edges[edge, 2]
+            to_y = edges[edge, 1] + share * edges[edge, 3]
+        elif corner < len(edges):
+            to_x, to_y = edges[corner, 0], edges[corner, 1]
+        else:
+            to_x, to_y = goal
+        dx, dy = to_x - x, to_y - y
+        if dx != 0.0 or dy != 0.0:
+            along = np.sqrt(dx * dx + dy * dy)
+            row = out[rows]
+            row[0], row[1], row[2], row[3], row[4], row[5] = x, y, dx, dy, along, begun
+            rows, begun = rows + 1, begun + along
+        x, y = to_x, to_y
+    return out[:rows]
+
+
+@compiled
+def _first_blocked(
+    pose: tuple[float, float, float], actions: RoomActions, cells: Any, body: float
+) -> int:
+    """Return the first step without noise in which a disc would touch a solid cell; -1: none."""
+    reach, _, _, frame = cells
+    starts, ends = np.empty((2, _BLOCK)), np.empty((2, _BLOCK))
+    clear = np.empty(_BLOCK, np.bool_)
+    x, y, turned = pose[0], pose[1], 0.0
+    for first in range(0, len(actions), _BLOCK):
+        count = min(_BLOCK, len(actions) - first)
+        for step in range(count):
+            distance = np.float64(actions[first + step, 0])
+            turned += np.float64(actions[first + step, 1])
+            heading = pose[2] + turned
+            starts[0, step], starts[1, step] = x, y
+            x, y = x + distance * cos64(heading), y + distance * sin64(heading)
+            ends[0, step], ends[1, step] = x, y
+        for step in range(count, _BLOCK):  # stays, and blocks no step before it
+            starts[0, step] = ends[0, step] = x
+            starts[1, step] = ends[1, step] = y
+        feasible_in_cells(starts, ends, reach, frame, body, clear)
+        for step in range(count):
+            if not clear[step]:
+                return first + step
+    return -1

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from deqmcl_gym.maps.contact_kernels import enters_circle
+from deqmcl_gym.maps.grid_kernels import enters_circle
 from deqmcl_gym.maps.map import LENGTH, Caster, Map, pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.compiling import compiled
@@ -27,19 +27,14 @@ class People:
     """People who walk straight from one random place to another in sight of it, and back.
 
     They pass through each other, but not through the robot: who would come too near turns round,
-    and who would either way walks elsewhere, away from it.
-
-    Attributes:
-        number: how many.
-        radius: of each.
-        speed: least and greatest speed, length per s.
-        seconds: duration of a step of the robot.
+    and who would either way walks elsewhere, away from it. ``speed`` is the least and the greatest,
+    per s.
     """
 
     number: int = 10
     radius: float = field(default=15.0, metadata=LENGTH)
     speed: tuple[float, float] = field(default=(25.0, 75.0), metadata=LENGTH)
-    seconds: float = 0.4
+    seconds: float = 0.4  #: duration of a step of the robot
 
     def __post_init__(self) -> None:
         keep_plain(self)
@@ -50,12 +45,7 @@ class People:
 
 
 class Crowd:
-    """The people of an episode.
-
-    Attributes:
-        places: where they are, (n, 2).
-        radius: of each.
-    """
+    """The people of an episode, at ``places``, (n, 2)."""
 
     def __init__(
         self, people: People, floor_plan: Map, robot: Point, body: float, rng: np.random.Generator
@@ -126,17 +116,11 @@ class Crowded:
 
 @dataclass(frozen=True, eq=False)
 class AmongPeople:
-    """A caster of walls, and of the people before them.
-
-    Attributes:
-        walls: a caster.
-        crowd: the people.
-        datum: of its map.
-    """
+    """A caster of walls, and of the people before them."""
 
     walls: Caster
     crowd: Crowd
-    datum: Point
+    datum: Point  # of its map
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """See ``deqmcl_gym.maps.map.Caster``."""
@@ -173,10 +157,7 @@ def _next(
     away: Point | None,
     rng: np.random.Generator,
 ) -> Floats:
-    """Draw the next place of each person in sight, (n, 2); who finds none stays.
-
-    If there is a place to go away from, the way leads farther from it all along.
-    """
+    """Draw the next place of each person in sight, (n, 2), away from one; who finds none stays."""
     n = len(starts)
     bearings = rng.uniform(-math.pi, math.pi, n * _LOOKS)
     shares = rng.random(n * _LOOKS)
@@ -205,18 +186,7 @@ def _walk(
     robot_y: float,
     places: Floats,
 ) -> None:
-    """Walk one step along each path, to and fro; turn round instead of coming near the robot.
-
-    Args:
-        corners: of each path, (n, k + 1, 2).
-        ends: arc length of each corner, (n, k + 1).
-        steps: arc length of a step, negative on the way back, (n,); updated.
-        arcs: arc length at which each person is, (n,); updated.
-        waits: steps in a row that each has not taken, (n,); updated.
-        apart: distance of each from the robot, (n,).
-        robot_x, robot_y: where the robot is.
-        places: where each is, (n, 2); updated.
-    """
+    """Walk one step along each path, to and fro; turn round instead of coming near the robot."""
     for i in range(steps.size):
         length = ends[i, -1]
         if length == 0.0:
@@ -268,15 +238,7 @@ def _first_contact(
 
 @compiled
 def _cast(poses: Singles, bearings: Singles, places: Floats, radius: float, out: Singles) -> None:
-    """Shorten beams to where they enter discs: t = b - √(b² - |c|² + r²), b = c · u, if real.
-
-    Args:
-        poses: rows x, y, θ, (3, n).
-        bearings: (B,).
-        places: centres c of the discs, (k, 2).
-        radius: r.
-        out: ranges so far, (B, n); updated.
-    """
+    """Shorten beams to where they enter discs: t = b - √(b² - |c|² + r²), b = c · u, if real."""
     for i in range(poses.shape[1]):
         x, y = np.float64(poses[0, i]), np.float64(poses[1, i])
         for beam in range(bearings.size):

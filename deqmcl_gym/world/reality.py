@@ -29,31 +29,17 @@ _CLOSEST = 0.05  # px: walls nearer than this to each other are one to a beam
 
 @dataclass(frozen=True, eq=False)
 class Reality:
-    """A world as it is in one episode.
-
-    Attributes:
-        mapped: the map.
-        world: the world with what is there as its floor plan.
-        keeps_route: whether nothing is on the way planned on the map.
-        glass: walls that are glass, (k, 4, 2).
-        behind_glass: what is there without them.
-    """
+    """A world as it is in one episode."""
 
     mapped: Map
-    world: World
-    keeps_route: bool
-    glass: Floats
-    behind_glass: Map
+    world: World  # the world with what is there as its floor plan
+    keeps_route: bool  # whether nothing is on the way planned on the map
+    glass: Floats  # walls that are glass, (k, 4, 2)
+    behind_glass: Map  # what is there without them
 
     @classmethod
     def drawn(cls, world: World, course: Course, plan: Plan, streams: Streams) -> "Reality":
-        """Draw what differs from the map in an episode.
-
-        Args:
-            world: as configured.
-            course, plan: made on the map.
-            streams: of the episode.
-        """
+        """Draw what differs from the map in an episode, on which its course and plan are made."""
         ground, clutter, walls = world.floor_plan, world.clutter, world.changed_walls
         changes, things = WallChanges(np.empty((0, 4, 2)), []), list[Floats]()
         kept = [part.keep_route for part in (clutter, walls) if part is not None]
@@ -102,21 +88,13 @@ class Reality:
 
 @dataclass(frozen=True, eq=False)
 class Beginning:
-    """What is drawn for an episode before its first step.
+    """What is drawn for an episode before its first step."""
 
-    Attributes:
-        there: the rules, in the world as it is in this episode.
-        course: the path, and the actions planned for it.
-        plan: the actions to come.
-        reality: what is there.
-        start: the true pose (x, y, θ).
-    """
-
-    there: RoomRules
-    course: Course
+    there: RoomRules  # the rules, in the world as it is in this episode
+    course: Course  # the path, and the actions planned for it
     plan: Plan
     reality: Reality
-    start: Pose
+    start: Pose  # the true pose (x, y, θ)
 
     @classmethod
     def drawn(cls, rules: RoomRules, seed: int, number: int) -> "Beginning":

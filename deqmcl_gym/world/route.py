@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.maps.map import Map, pixel
+from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Point, Pose
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world import route_kernels
 from deqmcl_gym.world.config import Route, World
 from deqmcl_gym.world.course import Course, Path
 from deqmcl_gym.world.sensor import Stream, episode_stream
@@ -27,24 +27,19 @@ class Routes:
 
     Cells where the robot does not fit are left out. Those nearer to a wall than ``comfort`` cost up
     to five times their length, so that routes keep to the middle of doors and corridors.
-
-    Attributes:
-        floor_plan: the map.
-        radius: least distance to walls: the robot's radius, with a margin for motion noise.
-        comfort: distance to walls from which on there is no extra cost.
     """
 
     floor_plan: Map
-    radius: float
-    comfort: float
+    radius: float  # least distance to walls: the robot's radius, with a margin for motion noise
+    comfort: float  # distance to walls from which on there is no extra cost
 
     def to(self, goal: Point) -> "RoutesTo":
         """Return the routes from anywhere to a goal."""
         self.check("goal", goal)
         costs = np.full(len(self.centres), np.inf)
         following = np.empty(len(costs), np.intp)
-        route_kernels.fill_costs(*self._dear, self._cell, self.cell(goal), costs)
-        route_kernels.fill_following(*self._dear, costs, following)
+        fill_costs(*self._dear, self._cell, self.cell(goal), costs)
+        fill_following(*self._dear, costs, following)
         return RoutesTo(self, goal, costs, following)
 
     def check(self, what: str, at: Point) -> None:
@@ -130,19 +125,12 @@ class Routes:
 
 @dataclass(frozen=True, eq=False)
 class RoutesTo:
-    """The routes from anywhere to one goal.
+    """The routes from anywhere to one goal."""
 
-    Attributes:
-        routes: of the map.
-        goal: where they end.
-        costs: least weighted length from each free cell to the goal, ∞ without a route, (n,).
-        following: the next cell of the route from each cell, -1 without one, (n,).
-    """
-
-    routes: Routes
-    goal: Point
-    costs: Floats
-    following: Indices
+    routes: Routes  # of the map
+    goal: Point  # where they end
+    costs: Floats  # least weighted length from each free cell to the goal, ∞ without a route, (n,)
+    following: Indices  # the next cell of the route from each cell, -1 without one, (n,)
 
     def cost_from(self, start: Point) -> float:
         """Weighted length of the route from a place; ∞ if there is none."""
@@ -190,11 +178,7 @@ _DRAWS = 100_000  # tries of a free place
 
 @dataclass(frozen=True)
 class Journeys:
-    """The courses of a world with a route.
-
-    Attributes:
-        world: the world.
-    """
+    """The courses of a world with a route."""
 
     world: World
 
@@ -317,3 +301,96 @@ def _drawn(journeys: Journeys, seed: int, number: int) -> Course:
 def _routes_to(routes: Routes, goal: Point) -> RoutesTo:
     """Return the routes to a goal; the last four are cached, for drivers that replan."""
     return routes.to(goal)
+
+
+Numbers = NDArray[np.int64]
+_RING = 16  # buckets: a step costs less than 5 √2 + 1 of them
+_DIAGONAL = np.sqrt(2.0)
+
+
+@compiled
+def fill_costs(dear: Floats, numbers: Numbers, cell: float, goal: int, out: Floats) -> None:
+    """Fill in the least cost from each free cell to the goal, ∞ without a way.
+
+    Dijkstra's algorithm with buckets of width ``cell`` (Dial, 1969). A step from a to b costs its
+    length times the mean of what a and b cost. Sums of floats grow with either term, so the least
+    one over all ways is the same in any order of the search.
+
+    ``dear`` is the cost per step of each cell, from ``cell`` to 5 ``cell``, ``numbers`` those of
+    free cells, -1 elsewhere, with a ring of -1 around them, (rows, columns); ``out`` begins with ∞.
+    """
+    rows, columns = numbers.shape
+    places = np.empty(out.size, np.int64)
+    for row in range(rows):
+        for column in range(columns):
+            if numbers[row, column] >= 0:
+                places[numbers[row, column]] = row * columns + column
+    worth, number = dear.ravel(), numbers.ravel()
+    away = np.array([1, -1, columns, -columns, columns + 1, -columns - 1, columns - 1, 1 - columns])
+    first = np.full(_RING, -1, np.int64)  # entry of each bucket, and of each the next one
+    after, held = np.empty(8 * out.size + 1, np.int64), np.empty(8 * out.size + 1, np.int64)
+    unused, used, waiting = np.int64(-1), 0, 0
+    done = np.zeros(out.size, np.bool_)
+    out[goal] = 0.0
+    held[0], after[0], first[0], used, waiting = goal, -1, 0, 1, 1
+    bucket = 0
+    while waiting > 0:
+        ring = bucket % _RING
+        while first[ring] >= 0:
+            entry = first[ring]
+            first[ring] = after[entry]
+            after[entry], unused = unused, entry
+            waiting -= 1
+            here = held[entry]
+            if done[here]:  # at less cost
+                continue
+            done[here] = True
+            at = places[here]
+            for way in range(8):
+                there = number[at + away[way]]
+                if there < 0:
+                    continue
+                cost = out[here] + _step(worth[at], worth[at + away[way]], way)
+                if cost < out[there]:
+                    out[there], done[there] = cost, False
+                    if unused >= 0:
+                        entry, unused = unused, after[unused]
+                    else:
+                        entry, used = np.int64(used), used + 1
+                    into = int(cost / cell) % _RING
+                    held[entry], after[entry], first[into] = there, first[into], entry
+                    waiting += 1
+        bucket += 1
+
+
+@compiled
+def fill_following(dear: Floats, numbers: Numbers, costs: Floats, out: Indices) -> None:
+    """Fill in the next cell of the way from each cell to the goal; -1 at it, or without one.
+
+    Of those that lead there at equal cost it is the nearest to the goal, and of these the last.
+    """
+    columns = numbers.shape[1]
+    worth, number = dear.ravel(), numbers.ravel()
+    away = np.array([1, -1, columns, -columns, columns + 1, -columns - 1, columns - 1, 1 - columns])
+    for at in range(number.size):
+        here = number[at]
+        if here < 0:
+            continue
+        out[here], least = -1, np.inf
+        if costs[here] == np.inf:
+            continue
+        for way in range(8):
+            there = number[at + away[way]]
+            if there < 0:
+                continue
+            if costs[there] + _step(worth[at], worth[at + away[way]], way) != costs[here]:
+                continue
+            nearer = costs[there] < least or (costs[there] == least and there > out[here])
+            if nearer:
+                out[here], least = there, costs[there]
+
+
+@compiled
+def _step(here: float, there: float, way: int) -> float:
+    """Cost of a step between two cells; the first four ways are along the axes."""
+    return (1.0 if way < 4 else _DIAGONAL) * (here + there) / 2

@@ -17,7 +17,7 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.types import Bools, Floats, Pose, RoomActions, Singles
 from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of, shown
 from deqmcl_gym.world.config import Robot, World, extent_of, offices_of
-from deqmcl_gym.world.course import MAX_STEPS, Course, wrapped
+from deqmcl_gym.world.course import MAX_STEPS, Course, centred_heading
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan
 from deqmcl_gym.world.path_kernels import COLLISION_PENALTY, GOAL_BONUS, once_round
 from deqmcl_gym.world.presets import WORLDS
@@ -36,11 +36,7 @@ _ARGUMENTS += ("observation", "render_mode")
 
 
 class Commands:
-    """The actions (distance, turn, *heads) that a robot can carry out.
-
-    Attributes:
-        space: the Box of all commands, float32.
-    """
+    """The actions (distance, turn, *heads) that a robot can carry out, in the Box ``space``."""
 
     def __init__(self, robot: Robot, unit: str, heads: tuple[str, ...] = ()) -> None:
         """Allow distances in [0, max_distance], turns in [-max_turn, max_turn], heads in [0, 1]."""
@@ -124,31 +120,18 @@ StepResult = tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]  # as Gymnasi
 class RoomInfo(TypedDict):
     """The ``info`` channel: fresh arrays of fixed shape and NumPy numbers, which libraries stack.
 
-    No observation has one of the keys.
-
-    Attributes:
-        planned_actions: the actions planned after this step, zero-padded, (h, 2) float32:
-            distance, turn.
-        planned_count: number of rows of ``planned_actions`` that are actions, int64.
-        command: what was carried out in this step, before motion noise and contact, (2,) float32;
-            zeros at reset. Inside wrappers of actions, and heads, so not the learner's action.
-        collided: whether the step was stopped by a wall, 1 or 0, float64.
-        is_success: whether the step ended the lap or route at its goal, 1 or 0, float64.
-        truth: the true pose (x, y, θ), (3,) float64. For scoring only: estimators must not read
-            it.
-        goal: the end of the route (x, y), (2,) float64; only in a world with a route, and not if
-            the observation has it.
-        building: seed of the office, int64; only where each episode draws one.
+    No observation has one of the keys. Inside wrappers of actions, and heads, ``command`` is not
+    the learner's action.
     """
 
-    planned_actions: Singles
-    planned_count: np.int64
-    command: Singles
-    collided: np.float64
-    is_success: np.float64
-    truth: Floats
-    goal: NotRequired[Floats]
-    building: NotRequired[np.int64]
+    planned_actions: Singles  #: after this step, zero-padded, (h, 2): distance, turn
+    planned_count: np.int64  #: rows of ``planned_actions`` that are actions
+    command: Singles  #: carried out, before noise and contact, (2,); zeros at reset
+    collided: np.float64  #: whether a wall stopped the step, 1 or 0
+    is_success: np.float64  #: whether it ended lap or route at the goal, 1 or 0
+    truth: Floats  #: pose (x, y, θ), (3,); for scoring only, not for estimators
+    goal: NotRequired[Floats]  #: (x, y), (2,); with a route, unless observed
+    building: NotRequired[np.int64]  #: seed of the office, if drawn
 
 
 def check_options(options: object) -> None:
@@ -167,23 +150,14 @@ def _lap_of(world: World) -> Course:
 
 @dataclass(frozen=True)
 class RoomRules:
-    """A world, and the rules of its episodes.
+    """A world, and the rules of its episodes."""
 
-    Attributes:
-        world: all parts of the world, as configured.
-        horizon: how many planned actions ``info`` shows; None: all.
-        ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
-        observation: "scan", or "dict" for scan, plan, progress, clock and the goal of a route.
-        offices: of which each episode draws one; None: the map is the same in all.
-        extent: (x0, y0, x1, y1) of goals, as observations have them; None: the map's.
-    """
-
-    world: World
-    horizon: int | None
-    ends_at_goal: bool
-    observation: str
-    offices: Offices | None = None
-    extent: Box | None = None
+    world: World  # as configured
+    horizon: int | None  # how many planned actions ``info`` shows; None: all
+    ends_at_goal: bool  # when lap or route is done, even if the plan has steps left
+    observation: str  # "scan", or "dict" for scan, plan, progress, clock and goal
+    offices: Offices | None = None  # of which each episode draws one
+    extent: Box | None = None  # (x0, y0, x1, y1) of goals in observations; None: the map's
 
     @classmethod
     def of(
@@ -276,12 +250,6 @@ class RoomRules:
         return Commands(self.world.robot, self.world.floor_plan.unit)
 
     @cached_property
-    def noise(self) -> tuple[float, float, float]:
-        """σ_dd, σ_φφ and σ_φd of the motion."""
-        noise = self.world.noise
-        return float(noise.drive), float(noise.turn), float(noise.drift)
-
-    @cached_property
     def rewards(self) -> tuple[float, float, float]:
         """Progress at the goal, bonus there, and penalty for a contact, all as progress."""
         px, goal = self.world.pixel, math.inf  # a route is done at its goal instead
@@ -317,12 +285,8 @@ class RoomRules:
     ) -> Any:
         """Return an observation of one room or of n, all arrays fresh.
 
-        Args:
-            scan: (B,) or (n, B).
-            planned: the actions to come, (h, 2) or (n, h, 2).
-            covered: progress since reset as a share of the path, a number or (n,).
-            elapsed: steps as a share of the plan's, a number or (n,).
-            goal: the end of the route, if there is one, (2,) or (n, 2).
+        Scans are (B,) or (n, B), planned actions (h, 2) or (n, h, 2), goals of routes (2,) or
+        (n, 2). ``covered`` and ``elapsed`` are shares of the path and of the plan's steps.
         """
         if self.observation == "scan":
             return scan.copy()
@@ -352,7 +316,7 @@ class RoomRules:
                     "smaller start.sd_position."
                 )
             x, y, heading = x + dx, y + dy, heading + turn
-        return x, y, heading if -np.pi <= heading < np.pi else wrapped(heading)
+        return x, y, heading if -np.pi <= heading < np.pi else centred_heading(heading)
 
     def elsewhere(self, course: Course, rng: np.random.Generator) -> Pose:
         """Draw a free pose: anywhere for a lap; for a route, as its start is drawn."""

@@ -37,11 +37,7 @@ class Stream(enum.IntEnum):
 def episode_stream(seed: int, episode: int, stream: Stream, twin: int = 0) -> np.random.Generator:
     """Return the generator of one source in the ``episode``-th episode (from 0) after seeding.
 
-    Args:
-        seed: of the last reset with a seed.
-        episode: number of episodes since then.
-        stream: the kind of source.
-        twin: number of sources of this kind before it.
+    ``twin`` is the number of sources of this kind before it.
     """
     key = (episode, int(stream), twin) if twin else (episode, int(stream))
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
@@ -50,11 +46,8 @@ def episode_stream(seed: int, episode: int, stream: Stream, twin: int = 0) -> np
 class NormalTable:
     """Normal numbers for many rooms, each from its own stream, drawn many rows at a time.
 
-    A kernel reads row ``at[i]`` of room i and adds one to ``at[i]``, without copies.
-
-    Attributes:
-        drawn: N(0, 1), (n, rows, width).
-        at: the next row of each room, (n,).
+    A kernel reads row ``at[i]`` of room i of ``drawn``, (n, rows, width), and adds one to
+    ``at[i]``, without copies.
     """
 
     def __init__(self, rooms: int, width: int, lap: int) -> None:
@@ -94,21 +87,13 @@ class NormalTable:
 
 @dataclass(frozen=True, eq=False)
 class ThroughGlass:
-    """A caster of walls, some of them glass, which does not reflect all beams.
+    """A caster of walls, some of them glass, which does not reflect all beams."""
 
-    Attributes:
-        walls: a caster of all walls.
-        others: a caster of those that are not glass.
-        glass: how many beams are lost, and what these measure.
-        closest: distance at which two walls count as one.
-        rng: draws which beams are lost, one number per beam and cast.
-    """
-
-    walls: Caster
-    others: Caster
-    glass: Glass
-    closest: float
-    rng: np.random.Generator
+    walls: Caster  # a caster of all walls
+    others: Caster  # a caster of those that are not glass
+    glass: Glass  # how many beams are lost, and what these measure
+    closest: float  # distance at which two walls count as one
+    rng: np.random.Generator  # draws which beams are lost, one number per beam and cast
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """See ``deqmcl_gym.maps.map.Caster``."""

@@ -15,9 +15,9 @@ import numpy as np
 
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics.arrays import cholesky
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
-from deqmcl_gym.numerics.gaussian import cholesky
 from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, number
 from localizers.api import Points, Prior, mean_pose

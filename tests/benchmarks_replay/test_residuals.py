@@ -91,7 +91,7 @@ def test_a_reading_is_short_or_long_beyond_what_all_poses_nearby_see_and_else_ex
     expected = Expected.of(known, lidar, pose)
     exact = expected.here
     np.testing.assert_array_equal(
-        exact, known.ranges(lidar.origins(pose.T).T, lidar.bearings), strict=True
+        exact, known.ranges(lidar.fans(pose.T)[0][0].T, lidar.bearings), strict=True
     )
     assert expected.fit(exact).explained[0] == 1
     # beyond what any pose 0.1 m off sees along a wall that is met head on

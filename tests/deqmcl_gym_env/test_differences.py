@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import reference
 from room_cases import SMALL, WORLD, infos_of
 
 from deqmcl_gym.envs.room import RoomEnv
@@ -192,15 +193,7 @@ def brute(walls, places, radius, pose, bearings):
     rim = radius * np.column_stack([np.cos(turns), np.sin(turns)])
     rims = [place + rim for place in places]
     walls = np.vstack([walls, *(np.hstack([r[:-1], r[1:]]) for r in rims)])
-    x, y, heading = pose
-    ux, uy = np.cos(heading + bearings)[:, None], np.sin(heading + bearings)[:, None]
-    ax, ay, bx, by = walls.T
-    across = ux * (by - ay) - uy * (bx - ax)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t = ((ax - x) * (by - ay) - (ay - y) * (bx - ax)) / across
-        s = ((ax - x) * uy - (ay - y) * ux) / across
-    hit = (t >= 0) & (s >= -1e-9) & (s <= 1 + 1e-9)
-    return np.where(hit, t, np.inf).min(axis=1)
+    return reference.ranges(walls, [pose], bearings)[0]
 
 
 @pytest.mark.parametrize("world", WORLDS)

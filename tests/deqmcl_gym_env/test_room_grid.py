@@ -5,7 +5,6 @@ import math
 import gymnasium as gym
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from room_trace import ROOM_ID
@@ -50,10 +49,6 @@ def test_a_lap_by_waypoints_is_driven_to_its_end_without_a_contact(path):
     assert not collided
     assert info["truth"][:2] == pytest.approx(env.unwrapped.course.start[:2], abs=0.2)
     assert env.unwrapped.world.robot.radius == 0.16  # metres, converted from the preset's px
-
-
-def test_the_environment_checker_has_nothing_to_say(path):
-    check_env(RoomEnv(floor_plan=path, lap={"waypoints": WAYPOINTS}), skip_render_check=True)
 
 
 def test_a_beam_through_transparent_cells_and_out_of_the_map_reads_its_limit():

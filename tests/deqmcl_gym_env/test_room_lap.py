@@ -287,16 +287,6 @@ def test_a_clockwise_lap_does_not_count(side, progress):
     assert abs(rewards_of(said).sum() - progress) < 1e-3
 
 
-def test_half_a_lap_and_back_does_not_count():
-    env = calm(robot={"max_turn": math.pi})
-    forth = lap_in_large_steps(1)[:40]
-    back = [(0, math.pi), *((distance, -turn) for distance, turn in forth[::-1])]
-    said = drive(env, [*forth, *back])
-    assert math.dist(env.pose[:2], (175, 50)) < 1e-3
-    assert not any(step[2] for step in said)
-    assert abs(rewards_of(said).sum()) < 1e-3
-
-
 def test_the_reward_ignores_a_jump():
     env = calm(ends_at_goal=False)
     env.place((175, 250, math.pi))  # half a lap on

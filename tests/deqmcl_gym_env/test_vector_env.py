@@ -160,17 +160,6 @@ def test_no_time_limit_or_one_beyond_all_counting_never_comes(steps):
     assert not any(env.step(np.zeros((1, 2), np.float32))[3][0] for _ in range(420))
 
 
-def test_render_shows_each_room_as_a_single_env_does():
-    env = rooms(2, render_mode="rgb_array")
-    single = gym.make(ROOM_ID, render_mode="rgb_array")
-    single.reset(seed=1)
-    single.step(FORWARD)
-    env.step(forward(2))
-    pictures = env.render()
-    assert len(pictures) == 2
-    np.testing.assert_array_equal(pictures[1], single.render())
-
-
 @pytest.mark.parametrize(
     ("call", "given", "text"),
     [

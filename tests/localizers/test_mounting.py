@@ -93,7 +93,7 @@ def test_the_rays_of_all_filters_start_where_the_lidar_is(place):
     lidar, poses = Lidar(mounting=place), drive()
     expected = mounted(poses, place)
     np.testing.assert_allclose([lidar.rays(pose)[0] for pose in poses], expected, atol=1e-12)
-    found = lidar.origins(poses.T.astype(np.float32)).T
+    found = lidar.fans(poses.T.astype(np.float32))[0][0].T
     np.testing.assert_allclose(found, expected, atol=3e-6)
 
 

@@ -356,22 +356,15 @@ def test_the_env_a_scenario_and_a_sweep_have_the_map_that_is_asked_for(folder, w
     )
     trials = read_sweep(folder / "sweep.toml").distinct()
     assert {Stage.of(one).room.floor_plan.unknown for one in trials} == set(WORDS)
-
-
-def test_unknown_cells_are_obstacles_unless_something_else_is_said(folder):
     assert LogEnv(log="lap.csv", map="hall.yaml").floor_plan.unknown == "obstacle"
 
 
 @pytest.mark.parametrize("given", [None, "hall.json", ((0, 0), (9, 0), (9, 9)), "a map"])
-def test_a_map_that_is_no_yaml_has_no_unknown_cells_to_speak_of(folder, given):
+def test_a_map_that_is_no_yaml_has_no_unknown_cells_and_an_unknown_word_is_refused(folder, given):
     floor_plan = GridMap.load("hall.yaml") if given == "a map" else given
     with pytest.raises(InputError, match=r"^unknown is 'free' and map is .*: give its path as map"):
         LogEnv(log="lap.csv", map=floor_plan, unknown="free")
-
-
-def test_an_unknown_word_is_refused(folder):
-    said = "unknown value of unknown 'wall': allowed values: free, obstacle, transparent"
-    with pytest.raises(InputError, match=said):
+    with refused("unknown value of unknown 'wall': allowed values: free, obstacle, transparent"):
         LogEnv(log="lap.csv", map="hall.yaml", unknown="wall")
 
 

@@ -81,24 +81,21 @@ def test_the_kind_of_image_does_not_matter(tmp_path, kind):
 
 
 @pytest.mark.parametrize("mode", ["L", "RGB", "P"])
-def test_a_transparent_colour_is_unknown_in_mode_scale(tmp_path, mode):
+def test_a_transparent_colour_or_cell_is_unknown_in_mode_scale(tmp_path, mode):
     shades = Image.fromarray(np.array([[0, 254], [100, 254]], np.uint8)).convert(mode)
     clear = shades.getpixel((0, 1))
     shades.save(tmp_path / "x.png", transparency=clear)
     grid = GridMap.load(written(tmp_path, None, "x.png", more="mode: scale\n"))
     assert grid.occupancy.tolist() == [[-1, 0], [100, 0]]
+    pixels = np.array([[[254, 255], [0, 255]], [[254, 0], [254, 255]]], np.uint8)
+    grid = GridMap.load(written(tmp_path, pixels, "map.png", more="mode: scale\n"))
+    assert grid.occupancy.tolist() == [[-1, 0], [0, 100]]
 
 
 def test_a_map_larger_than_pillow_trusts_is_read(tmp_path, monkeypatch):
     monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 2)
     monkeypatch.setattr("deqmcl_gym.maps.grid_file._BLOCK", 1)  # of one row each
     assert GridMap.load(written(tmp_path)).occupancy.tolist() == [[0, -1, 0], [100, 0, -1]]
-
-
-def test_transparent_cells_are_unknown_in_mode_scale(tmp_path):
-    pixels = np.array([[[254, 255], [0, 255]], [[254, 0], [254, 255]]], np.uint8)
-    grid = GridMap.load(written(tmp_path, pixels, "map.png", more="mode: scale\n"))
-    assert grid.occupancy.tolist() == [[-1, 0], [0, 100]]
 
 
 @settings(max_examples=60)

@@ -148,7 +148,7 @@ def test_a_step_collides_by_the_grid_iff_it_does_by_all_walls(name, radius):
     before, after = (np.ascontiguousarray(p.T, dtype=np.float32) for p in (starts, ends))
     square, windings = np.empty(n, np.float32), np.empty(n, np.int32)
     walls = plan.walls.astype(np.float32)
-    drive_kernels.sweep(before, after, walls, square)
+    drive_kernels.square_gaps(before, after, walls, square)
     drive_kernels.wind(after, walls, windings)
     expected = (square <= np.float32(radius) * np.float32(radius)) | (windings != 1)
     assert np.array_equal(plan.collides(starts, ends, radius), expected)

@@ -87,10 +87,6 @@ def test_numbers_of_any_kind_up_to_the_limits_are_returned_as_pythons(value):
     assert pose("it", (1, value, -math.pi)) == (1.0, 2.0, -math.pi)
 
 
-def test_a_refusal_is_a_value_error():
-    assert issubclass(InputError, ValueError)
-
-
 @pytest.mark.parametrize(
     "say", [lambda text: str(InputError(text)), lambda t: in_words(OSError(t))]
 )
@@ -99,6 +95,7 @@ def test_a_sentence_is_short_and_on_one_line_without_control_characters(say):
     for text in ("x" * 10**7, "\x1b" * 10**4):
         assert 1000 < len(say(text)) < 2100
     assert say("Σ w = 1, 神经").endswith("Σ w = 1, 神经")
+    assert issubclass(InputError, ValueError)  # for callers who know nothing of this package
 
 
 def test_array_returns_fresh_float64_of_the_shape_asked_for():
