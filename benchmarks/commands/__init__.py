@@ -16,13 +16,13 @@ COMMANDS = {
     "replay": "play a recorded log to localizers, and compare them",
     "tune": "search the parameters of a localizer on your logs",
     "score": "score what another stack has estimated, with the columns of replay",
-    "basin": "find how wrong the start may be, on a log or in a scenario",
     "from-nav2": "turn Nav2's AMCL parameters into a sweep file",
     "check": "check that a localizer obeys the laws the benchmarks rely on",
     "new-localizer": "write a small working localizer to start from",
     "new-map": "write a generated building as a ROS map and as polygons",
 }
 GONE = {  # said to whoever still types them
+    "basin": "deqmcl sweep basin --set world.log=LOG --set world.map=MAP.yaml asks that",
     "phase": "in a clone, docs/examples/theta_phase.py draws the queue as theta phase",
     "speed": "in a clone, python -m benchmarks.studies.speed --out DIR measures it",
     "leaderboard": "deqmcl report A B C --out DIR makes one report of folders of the same worlds",

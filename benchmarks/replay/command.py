@@ -15,6 +15,7 @@ from benchmarks.report.frames import frames_of
 from benchmarks.report.tracks import accuracy, differences_table, tables_of
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import load, no_report
+from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results
@@ -116,7 +117,7 @@ def run_replay(
         TrialsFailedError: some runs failed; what the others gave is written.
     """
     with begun(sweep, out, options, command=command) as running:
-        said = [*warnings, *warn([replay.sideways, disagreement(replay), touches(replay)])]
+        said = [*warnings, *warn([replay.sideways, disagreement(replay.scenario), touches(replay)])]
         results = running.results()
         rows = _rows(replay, sweep, results)
         said += warn([_misfit(replay, rows)])
@@ -154,9 +155,9 @@ def misfit_words(share: float, where: str, scanner: Scanner) -> str | None:
     )
 
 
-def disagreement(replay: Replay) -> str | None:
+def disagreement(played: LogScenario) -> str | None:
     """Return the warning that log and map do not fit, by the reference; None if they do."""
-    log, floor_plan = replay.scenario.recording()
+    log, floor_plan = played.recording()
     known = log.referenced
     if not known.size:
         return None

@@ -20,9 +20,11 @@ from benchmarks.report.frames import PanelFrames
 from benchmarks.tables.frames import lap_errors, profile, share_curve, whole_runs
 from benchmarks.tables.panels import disturbance_words, is_number
 from benchmarks.tables.stats import ALPHA, Estimate
-from benchmarks.tables.text import estimated
+from benchmarks.tables.text import estimated, percent
 from benchmarks.trials.scores import JOURNEY_SCORES, LEVELS, Score
 
+MOSTLY = 0.9  # share of runs from which on a cell is bold
+_ANGLE = "assumed.prior.angle"  # rad; of a start that is wrong
 _FAR = 3  # times the baseline's error: differences beyond it would hide all others
 _CURVES = {  # by score: title, what the axis of shares says, caption
     "metres_to_localize": (
@@ -204,7 +206,7 @@ def decision_chart(panel: PanelFrames) -> Chart | None:
 
 
 def swept_charts(panels: Sequence[PanelFrames]) -> list[Chart]:
-    """Charts over each number that was swept: maps if three were and runs are scored, else lines.
+    """Charts over each number that was swept: maps if two or three were and runs are scored.
 
     Where several are swept, there is a chart for every value of the others. None where methods
     stopped after as many worlds as their decisions needed.
@@ -213,8 +215,10 @@ def swept_charts(panels: Sequence[PanelFrames]) -> list[Chart]:
         return []
     places = [place_of(panel) for panel in panels]
     axes = swept_axes(places)
+    cells_apart = {tuple(place.get(key) for key in axes) for place in places}
     if (
-        len(axes) == 3
+        len(axes) in (2, 3)
+        and len(cells_apart) == len(places)
         and all(panel.aim for panel in panels)
         and (charts := _maps(panels, places, list(axes)))
     ):
@@ -321,13 +325,25 @@ def _curve(rows: pd.DataFrame, key: str, column: str) -> Any:
 def _maps(
     panels: Sequence[PanelFrames], places: Sequence[dict[str, Any]], keys: Sequence[str]
 ) -> list[Chart]:
-    """A map for every tested score of whole runs and every method beside the baseline."""
-    x, y, square = map(name_of, keys)
+    """Maps over two numbers of the share of runs, over three of what is tested.
+
+    Of the latter, one for every score of whole runs and every method beside the baseline.
+    """
+    told = {key: f"{key}, °" if key == _ANGLE else name_of(key) for key in keys}
     frame = pd.concat(
-        panel.present.assign(**dict(zip((x, y, square), map(place.get, keys), strict=True)))
+        panel.present.assign(
+            **{
+                name: np.degrees(place[key]).round(1) if key == _ANGLE else place[key]
+                for key, name in told.items()
+            }
+        )
         for panel, place in zip(panels, places, strict=True)
         if all(key in place for key in keys)
     )
+    x, y, *squares = told.values()
+    if not squares:
+        return [_share_map(frame, x, y, aim) for aim in {panel.aim for panel in panels} if aim]
+    (square,) = squares
     scores = [one for n, one in JOURNEY_SCORES.items() if one.tested and n in frame]
     charts = []
     for number, label in enumerate(frame.loc[~frame["is_baseline"], "label"].unique(), 1):
@@ -353,3 +369,24 @@ def _maps(
             title = f"Where {label} is ahead: {what}"
             charts.append(Chart(f"regimes-{file}-{number}", title, caption, drawn))
     return charts
+
+
+def _share_map(frame: pd.DataFrame, x: str, y: str, aim: Score) -> Chart:
+    """A map of the share of runs for each method."""
+    shares = frame[[aim.name, f"{aim.name}_low", f"{aim.name}_high"]].astype(float)
+    words = [
+        estimated(Estimate(*one).percent, ".0f", " %").replace(" (", "\n(")
+        for one in shares.itertuples(index=False)
+    ]
+    rows = frame.assign(
+        method=frame["label"].astype(str),
+        share=shares[aim.name],
+        words=words,
+        mostly=shares[aim.name] >= MOSTLY,
+    )
+    drawn = cells(rows, x, y, "method", "share", "words", least=1.0, bold="mostly")
+    caption = (
+        "Share of runs, and Wilson's 95 % interval, with every value of the two numbers; "
+        f"{percent(MOSTLY)} or more is bold."
+    )
+    return Chart("shares", f"Runs {aim.words}", caption, drawn)

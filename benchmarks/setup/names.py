@@ -22,7 +22,8 @@ from localizers.digests import content_digest
 from localizers.kinds import Kind, Placed, split_path
 from localizers.scan_plug_in import SCAN_MODEL, ScanPlugIn, is_code
 
-_OF_LOGS = ("log", "replay")  # loaded when asked for: a trial in a room needs no readers of logs
+# loaded when asked for: a trial in a room needs no readers of logs
+_OF_LOGS = ("log", "log-short", "replay")
 AGENT = Kind(
     word="agent",
     builtin=AGENTS,
@@ -126,9 +127,9 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
     if name.endswith(".toml"):
         found, folder = _read(Path(name), (*within, name)), Path(name).parent
     elif name in _OF_LOGS:
-        from benchmarks.setup.logs import LOG, REPLAY
+        from benchmarks.setup.logs import LOGS
 
-        return LOG if name == "log" else REPLAY
+        return LOGS[name]
     else:
         found, folder = SCENARIO.resolve(name), Path(split_path(name)[0]).parent
         if SCENARIO.is_plug_in(name):

@@ -11,6 +11,7 @@ from benchmarks.pictures import styled
 from benchmarks.report.charts import STYLE
 from benchmarks.report.panel_charts import swept_charts
 from benchmarks.setup.overrides import Overrides
+from benchmarks.tables.stats import wilson
 
 
 @pytest.fixture(autouse=True)
@@ -136,6 +137,19 @@ def test_three_numbers_give_a_map_for_each_tested_score_whose_cells_have_the_dif
     assert (points.count("+50"), points.count("−50"), points.count("+0")) == (2, 2, 4)
 
 
-def test_two_numbers_are_drawn_as_curves():
-    titles = [one.title for one in swept_charts(regimes(LENGTHS[:1]))]
-    assert titles[0].startswith("Runs localized to the end over ")  # what they are about, not e
+def test_two_numbers_give_a_map_of_shares_whose_cells_are_bold_where_most_runs_are():
+    (chart,) = swept_charts(regimes(LENGTHS[1:]))
+    assert chart.title.startswith("Runs localized to the end (")  # what they are about, not e
+    first, second = chart.figure.axes
+    assert [axes.get_title() for axes in (first, second)] == ["mcl-map", "mcl-plan"]
+    assert [axes.get_xlabel() for axes in (first, second)] == ["floor_plan.office.corridor"] * 2
+    cells = {(*map(int, t.get_position()), t.get_weight()): t.get_text() for t in second.texts}
+    low, high = (f"{100 * end:.0f}" for end in wilson(1.0, WORLDS))
+    assert cells == {
+        (x, y, "bold" if y else "normal"): f"100 %\n({low} to {high})"
+        if y
+        else cells[x, 0, "normal"]
+        for x in (0, 1)
+        for y in (0, 1)
+    }
+    assert cells[0, 0, "normal"].startswith("0 %")
