@@ -68,7 +68,7 @@ FIG_5_METHOD = "deq-mcl"
 FIG_5_STATE = 150  # the paper's
 LAP_METHODS = ("mcl", "deq-mcl")
 _SHOWN = {*FIG_4_METHODS, FIG_5_METHOD, *LAP_METHODS}
-FIGURES = {  # by how the file's name begins: heading, what is to be seen
+PAPER_FIGURES = {  # by how the file's name begins: heading, what is to be seen
     **{
         f"fig4_{method}": (
             f"Figure 4: half-way round, {method}",
@@ -110,7 +110,7 @@ def camera_of(stage: Stage, scale: float = 1.6) -> Camera:
     return Camera(view, room.radius, stage.trial.lag, ground)
 
 
-def paper_figures(shown: Sequence[Trial], folder: Path) -> list[Path]:
+def write_paper_figures(shown: Sequence[Trial], folder: Path) -> list[Path]:
     """Draw the figures of the trials that are ``chosen``."""
     return write_files(folder, figures_of(shown))
 

@@ -69,7 +69,7 @@ class Camera:
         drawing, clouds = self.scene(moment)
         marks = [("robot", GRAY), ("estimate", BLACK)]
         if moment.plan is not None and len(moment.plan):
-            drawing.path(laid(moment.truth, moment.plan), _PLAN, 2)
+            drawing.path(way_of_plan(moment.truth, moment.plan), _PLAN, 2)
             marks.append(("plan", _PLAN))
         drawing.robot(moment.truth, self.radius)
         if past is not None:
@@ -188,7 +188,7 @@ class Film:
         if whole:
             drawing.path(self._best, _BEST, 1)
         if moment.plan is not None and len(moment.plan):
-            drawing.path(laid(moment.truth, moment.plan), _PLAN, 2)
+            drawing.path(way_of_plan(moment.truth, moment.plan), _PLAN, 2)
         radius = max(camera.radius, _LEAST / camera.view.per_length)
         drawing.robot(moment.truth, radius)
         _ring(drawing, best, 1.3 * radius)
@@ -236,7 +236,7 @@ def _present(belief: Belief) -> tuple[Reals, Floats]:
     return points
 
 
-def laid(pose: Reals, plan: Reals) -> Floats:
+def way_of_plan(pose: Reals, plan: Reals) -> Floats:
     """Return the way of a plan (h, 2), or (h, 3) of a log, from a pose, no noise, (h + 1, 2)."""
     forward, left, turn = increments(plan).T
     heading = pose[2] + np.cumsum(turn)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.files import is_empty
-from benchmarks.pictures.film import laid
+from benchmarks.pictures.film import way_of_plan
 from benchmarks.tables.text import short_names
 from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Trial
@@ -93,7 +93,7 @@ class Messages:
                 self._log(f"/{name}/{kind}", self._cloud(np.asarray(points[0]), points[1]))
         if moment.plan is not None:
             start = best if truth is None else truth
-            way = laid(start, moment.plan) if len(moment.plan) else np.empty((0, 2))
+            way = way_of_plan(start, moment.plan) if len(moment.plan) else np.empty((0, 2))
             self._log(f"/{name}/plan", self._line("plan", way))
         series: dict[str, float | None] = {"step": moment.t, "quality": quality_of(belief)}
         if isinstance(belief, HedgedBelief):

@@ -12,11 +12,12 @@ import pandas as pd
 from benchmarks.console import doing
 from benchmarks.execution.engines import available_cpus
 from benchmarks.execution.processes import Processes
-from benchmarks.pictures.figures import FIGURES, camera_of
+from benchmarks.pictures.figures import PAPER_FIGURES, camera_of
 from benchmarks.pictures.film import Film, png, side_by_side, webp
 from benchmarks.pictures.messages import shown_again
-from benchmarks.report.frames import PanelFrames, frames_of
 from benchmarks.sweeps.results import Results
+from benchmarks.tables.frames import scored
+from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import file_words
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
@@ -84,7 +85,7 @@ def filmed(shown: Animation) -> Animation:
     return replace(shown, webp=webp(frames, _MILLISECONDS), png=png(frames[-1]))  # the whole way
 
 
-class Figure(NamedTuple):
+class Picture(NamedTuple):
     """A picture of ``deqmcl paper``: its file's name and content, and its words."""
 
     name: str
@@ -93,18 +94,22 @@ class Figure(NamedTuple):
     caption: str
 
 
-def paper_figures(folder: Path) -> list[Figure]:
+def pictures_of_paper(folder: Path) -> list[Picture]:
     """Return the paper's figures, if ``deqmcl paper`` has drawn them in the folder."""
     return [
-        Figure(path.name, content_of(path), *words)
+        Picture(path.name, content_of(path), *words)
         for path in sorted((folder / "figures").glob("*"))
-        if (words := next((w for start, w in FIGURES.items() if path.name.startswith(start)), None))
+        if (
+            words := next(
+                (w for start, w in PAPER_FIGURES.items() if path.name.startswith(start)), None
+            )
+        )
     ]
 
 
 @contextmanager
 def films(
-    panels: Sequence[PanelFrames], folder: Path, *, draw: bool
+    panels: Sequence[Panel], folder: Path, *, draw: bool
 ) -> Iterator[Callable[[], tuple[list[Animation], str]]]:
     """Begin to draw the films of the first panel that the folder has not, if that is asked for.
 
@@ -129,9 +134,9 @@ def films(
         yield wait
 
 
-def films_of(panel: PanelFrames) -> list[Animation]:
+def films_of(panel: Panel) -> list[Animation]:
     """Choose the best, median and worst world of what is in focus, beside its baseline."""
-    whole_log = any(record.track for own in panel.records.values() for record in own)
+    whole_log = any(record.track for records in panel.records.values() for record in records)
     rows = panel.present
     if rows.empty or whole_log:  # which is too long, and has its own pictures
         return []
@@ -139,8 +144,8 @@ def films_of(panel: PanelFrames) -> list[Animation]:
     name, what = ("error", "error")
     if _LOCALIZED in rows and pd.notna(focus[_LOCALIZED]):
         name, what = _LOCALIZED, "metres to localize"
-    own = panel.trials[(panel.trials["offset"] == 0) & (panel.trials["label"] == focus["label"])]
-    ranked = own.groupby("trial")[name].mean().dropna().sort_values(kind="stable")
+    runs = scored(panel.runs_of(focus["label"]))
+    ranked = runs.groupby("trial")[name].mean().dropna().sort_values(kind="stable")
     if ranked.empty:
         return []
     places = {"Best": 0, "Median": (len(ranked) - 1) // 2, "Worst": len(ranked) - 1}
@@ -150,7 +155,7 @@ def films_of(panel: PanelFrames) -> list[Animation]:
         first = {
             label: record
             for label in dict.fromkeys((focus["reference"], focus["label"]))
-            for record in reversed(panel.records[label])
+            for record in reversed(panel.records_by_label[label])
             if record.trial.trial == world
         }
         reached = f"{value:.1f}" if math.isfinite(value) else "never"
@@ -172,7 +177,7 @@ def films_of(panel: PanelFrames) -> list[Animation]:
 def write_laps(results: Results, folder: Path) -> str:
     """Run the trials that a report shows again, and write each as an MCAP file; say which."""
     names = []
-    for film in [film for panel in frames_of(results)[:1] for film in films_of(panel)]:
+    for film in [film for panel in results.panels[:1] for film in films_of(panel)]:
         for own, trial in zip(file_words(film.labels), film.trials, strict=True):
             path = folder / f"{film.name.rpartition('-')[0]}-{own}.mcap"  # without the world
             with doing(f"writing {path}"):

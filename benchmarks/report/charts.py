@@ -1,4 +1,4 @@
-"""Charts of frames: lines, points and cells, in matplotlib's own colours.
+"""Charts of frames, of a panel, and over what was swept, in matplotlib's own colours.
 
 A hue that is a category has the colour and mark of its place among all categories, so that a method
 looks the same in every chart of a page.
@@ -14,6 +14,11 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.pictures import styled
+from benchmarks.tables.frames import errors_by_offset, lap_errors, share_curve, whole_runs
+from benchmarks.tables.panels import Panel, disturbance_words, is_number
+from benchmarks.tables.stats import ALPHA, Interval
+from benchmarks.tables.text import estimated
+from benchmarks.trials.scores import JOURNEY_SCORES, Score
 
 if TYPE_CHECKING:  # an optional extra
     from matplotlib.axes import Axes
@@ -30,11 +35,25 @@ STYLE: Any = {  # over matplotlib's defaults
     "grid.alpha": 0.3,
 }
 INK = "0.25"
-WIDE = 20  # a ratio of values above it is drawn on a logarithmic axis
+_WIDE = 20  # a ratio of values above it is drawn on a logarithmic axis
 _MARKS = "osD^vPX<>h"
 _LETTERS = 60  # of a legend, side by side
 _TICKS = 8  # values that are named on an axis
 _MANY = 30  # worlds whose marks fit side by side
+_FAR = 3  # times the baseline's error: differences beyond it would hide all others
+_CURVES = {  # by score: title, what the axis of shares says, caption
+    "metres_to_localize": (
+        "Localized against metres driven",
+        "localized to the end, % of runs",
+        "Share of runs whose best cluster stays within 1 m and 30° of the truth from there to the "
+        "end.",
+    ),
+    "metres_to_recover": (
+        "Recovered against metres driven",
+        "recovered, % of runs",
+        "Share of runs that are recovered, against the metres driven since the kidnap.",
+    ),
+}
 
 
 class Chart(NamedTuple):
@@ -103,43 +122,6 @@ def line(
     return axes
 
 
-def points(
-    frame: pd.DataFrame,
-    x: str,
-    means: pd.DataFrame,
-    low: str,
-    high: str,
-    hue: str = "label",
-    pair: str = "trial",
-) -> "Axes":
-    """Draw every x in a row of its hue, thin lines between those of a pair, and above it the mean.
-
-    Args:
-        frame: a row per point, one for each hue and pair.
-        x: column.
-        means: a row per hue, with columns x, low and high; its order is that of the rows.
-        low, high: ends of the mean's interval.
-        hue, pair: columns.
-    """
-    table = frame.pivot_table(x, pair, hue, observed=True)[list(means[hue])]
-    spread = 0.3 if len(table) > _MANY else 0.0  # by golden steps, so that neighbours differ
-    aside = ((np.arange(len(table)) * 0.618034) % 1 - 0.5) * spread
-    names = [fill(str(label), 28) for label in means[hue]]
-    axes = canvas(4.8, 0.9 + 0.42 * len(names))
-    places = np.arange(len(names))
-    faint = min(0.35, 8 / max(len(table), 1))
-    axes.plot(table.to_numpy().T, places[:, None] + aside, color=INK, alpha=faint, lw=0.7)
-    for place, (_, number, rows) in enumerate(_hues(means, hue)):
-        style = look(number) | {"ls": "", "ms": 5 if spread == 0 else 3.5, "mew": 0, "alpha": 0.75}
-        axes.plot(table[rows[hue].iloc[0]], place + aside, **style)
-        axes.plot(rows[[low, high]].iloc[0], [place - 0.3] * 2, color=INK, lw=1.6)
-        axes.plot(rows[x], [place - 0.3], "|", color=INK, ms=8, mew=2)
-    axes.set_yticks(places, names)
-    axes.set(ylim=(len(names) - 0.5, -0.6), xlim=(0, None))
-    axes.grid(visible=False, axis="y")
-    return axes
-
-
 def cells(
     frame: pd.DataFrame,
     x: str,
@@ -185,7 +167,7 @@ def cells(
     return figure
 
 
-def scaled(axes: "Axes", values: Sequence[float]) -> None:
+def name_ticks(axes: "Axes", values: Sequence[float]) -> None:
     """Name the few values on the axis across; on a logarithmic one where they are far apart."""
     known = sorted({value for value in values if math.isfinite(value)})
     if known and known[0] > 0 and known[-1] / known[0] >= _TICKS:
@@ -193,16 +175,6 @@ def scaled(axes: "Axes", values: Sequence[float]) -> None:
     if len(known) <= _TICKS:
         axes.set_xticks(known, [f"{value:g}" for value in known])
         axes.set_xticks([], minor=True)
-
-
-def from_zero(axes: "Axes", values: pd.Series) -> None:
-    """Let the upward axis begin at 0; a logarithmic one where values are far apart."""
-    known = values[np.isfinite(values) & (values > 0)]
-    if len(known) and known.max() / known.min() > WIDE:
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter("{x:g}")
-    else:
-        axes.set_ylim(0, None)
 
 
 def _hues(frame: pd.DataFrame, hue: str) -> list[tuple[str, int, pd.DataFrame]]:
@@ -229,3 +201,262 @@ def _legend(axes: "Axes") -> None:
     if not hasattr(figure, "bare"):
         figure.bare = figure.get_figheight()
     figure.set_figheight(figure.bare + 0.2 * rows)
+
+
+def panel_charts(panel: Panel) -> list[Chart]:
+    """Return all charts of a panel for which there is something to draw."""
+    charts = [points_chart(panel), offset_chart(panel), lap_chart(panel)]
+    return journey_charts(panel) + [chart for chart in charts if chart is not None]
+
+
+def points_chart(panel: Panel) -> Chart | None:
+    """Every world's error, a row for each method, thin lines between those of a world."""
+    rows = panel.present[panel.present["error"].notna()]
+    if rows.empty:
+        return None
+    runs = panel.runs[(panel.runs["offset"] == 0) & ~panel.runs["failed"]]
+    table = runs.pivot_table("error", "trial", "label", observed=True)[list(rows["label"])]
+    spread = 0.3 if len(table) > _MANY else 0.0  # by golden steps, so that neighbours differ
+    aside = ((np.arange(len(table)) * 0.618034) % 1 - 0.5) * spread
+    places = np.arange(len(rows))
+    axes = canvas(4.8, 0.9 + 0.42 * len(rows))
+    faint = min(0.35, 8 / len(table))
+    axes.plot(table.to_numpy().T, places[:, None] + aside, color=INK, alpha=faint, lw=0.7)
+    for place, (label, number, own) in enumerate(_hues(rows, "label")):
+        style = look(number) | {"ls": "", "ms": 5 if spread == 0 else 3.5, "mew": 0, "alpha": 0.75}
+        axes.plot(table[label], place + aside, **style)
+        axes.plot(own[["error_low", "error_high"]].iloc[0], [place - 0.3] * 2, color=INK, lw=1.6)
+        axes.plot(own["error"], [place - 0.3], "|", color=INK, ms=8, mew=2)
+    axes.set_yticks(places, [fill(str(label), 28) for label in rows["label"]])
+    axes.set(ylim=(len(rows) - 0.5, -0.6), xlim=(0, None))
+    axes.set_xlabel("error e of x[t], mean over the lap")
+    axes.grid(visible=False, axis="y")
+    return Chart(
+        f"points-{panel.number}",
+        "Every world",
+        "A mark per world and method; thin lines connect the same world. Above each row: the mean "
+        "with its 95 % bootstrap interval.",
+        axes.figure,
+    )
+
+
+def lap_chart(panel: Panel) -> Chart:
+    """Error over the lap."""
+    drawn = [lap_errors(own).assign(label=label) for label, own in panel.records_by_label.items()]
+    frame = panel.labelled(pd.concat(drawn))
+    axes = line(frame, "states", "mean", "low", "high", band=True)
+    axes.set(xlabel="step of the state", ylabel="error e", xlim=(0, None), ylim=(0, None))
+    return Chart(
+        f"lap-errors-{panel.number}",
+        "Error over the lap",
+        "Line: mean over runs at x[t]; band: the middle 80 % of runs.",
+        axes.figure,
+    )
+
+
+def offset_chart(panel: Panel) -> Chart | None:
+    """Error against the offset in the queue, over the same states for every offset."""
+    profiles = {
+        label: errors_by_offset(records) for label, records in panel.records_by_label.items()
+    }
+    if all(len(own) < 2 for own in profiles.values()):
+        return None
+    lines = [(label, k, *one) for label, own in profiles.items() for k, one in own.items()]
+    frame = panel.labelled(pd.DataFrame(lines, columns=["label", "offset", *Interval._fields]))
+    axes = line(frame, "offset", "mean", "low", "high")
+    axes.axvline(0, color=INK, lw=0.8)
+    axes.set(xlabel="offset k of the state x[t+k] (past < 0 < future)", ylabel="error e")
+    axes.set_ylim(0, None)
+    axes.locator_params(axis="x", integer=True)
+    return Chart(
+        f"offsets-{panel.number}",
+        "Along the queue",
+        "Error of the belief at t about x[t+k], over the same states for every k; bars: 95 % "
+        "bootstrap intervals over worlds. A method without a queue is a single mark.",
+        axes.figure,
+    )
+
+
+def journey_charts(panel: Panel) -> list[Chart]:
+    """Shares of runs against the metres driven, for each score with censoring."""
+    charts = []
+    runs = (run for own in panel.records.values() for run in own if run.journey)
+    end = max((run.journey.curves["way"][-1] for run in runs if run.journey), default=0.0)
+    for name, (title, axis, caption) in _CURVES.items():
+        if name not in panel.rows:
+            continue
+        curves = [
+            share_curve(whole_runs(panel.runs_of(label), JOURNEY_SCORES[name])).assign(label=label)
+            for label in panel.present["label"]
+        ]
+        last = [own.tail(1).assign(metres=end) for own in curves]  # each goes on to the end
+        frame = panel.labelled(pd.concat([*curves, *last]))
+        frame[["share", "low", "high"]] *= 100
+        axes = line(frame, "metres", "share", "low", "high", band=True, drawstyle="steps-post")
+        axes.set(xlabel="driven, m", xlim=(0, end), ylabel=axis, ylim=(0, 102))
+        charts.append(
+            Chart(
+                f"{name.replace('_', '-')}-{panel.number}",
+                title,
+                f"{caption} Bands: Wilson's 95 % interval at each distance.",
+                axes.figure,
+            )
+        )
+    return charts
+
+
+def swept_charts(panels: Sequence[Panel]) -> list[Chart]:
+    """Charts over each number that was swept: maps if three were and runs are scored, else lines.
+
+    Where several are swept, there is a chart for every value of the others. None where methods
+    stopped after as many worlds as their decisions needed.
+    """
+    if any(panel.rule for panel in panels):
+        return []
+    places = [place_of(panel) for panel in panels]
+    axes = swept_axes(places)
+    if (
+        len(axes) == 3
+        and all(panel.aim for panel in panels)
+        and (charts := _maps(panels, places, list(axes)))
+    ):
+        return charts
+    charts = []
+    for key, others in axes.items():
+        groups: dict[frozenset[tuple[str, Any]], list[int]] = {}
+        for n, place in enumerate(places):
+            if is_number(place.get(key)):
+                rest = frozenset((k, v) for k, v in place.items() if k not in (key, *others))
+                groups.setdefault(rest, []).append(n)
+        shared = frozenset.intersection(*groups)
+        groups = {rest: own for rest, own in groups.items() if len(own) > 1}
+        for rest, members in groups.items():
+            where = ", ".join(
+                f"{name_of(name)} {value}" for name, value in sorted(rest - shared, key=str)
+            )
+            rows = pd.concat(
+                panels[n].ranked.assign(**{key: places[n][key]}).sort_index() for n in members
+            ).sort_values(key, kind="stable")
+            aims = {panels[n].aim for n in members}
+            charts += _lines(rows, key, others, where, aims.pop() if len(aims) == 1 else None)
+    return [chart._replace(name=f"{chart.name}-{n // 2 + 1}") for n, chart in enumerate(charts)]
+
+
+def place_of(panel: Panel) -> dict[str, Any]:
+    """Return where a panel lies: all that can be swept, by dotted name."""
+    setting = panel.setting
+    disturbed = ", ".join(map(disturbance_words, setting.disturbance)) or "undisturbed"
+    parts = {"world": setting.world, "assumed": setting.assumed, "params": panel.swept}
+    named = {f"{part}.{name}": v for part, own in parts.items() for name, v in own.items()}
+    return {
+        "scenario": setting.scenario, "disturbance": disturbed, "lag": setting.lag,
+        "seed": setting.seed, **named,
+    }  # fmt: skip
+
+
+def swept_axes(places: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
+    """Coordinates with two numbers or more, each with those that change together with it.
+
+    Of those that do, the one with the values of most: of noises in drift, drive and turn, drive.
+    """
+    keys = dict.fromkeys(key for place in places for key in place if key != "seed")
+    varying = [key for key in keys if len({p[key] for p in places if is_number(p.get(key))}) > 1]
+    found: dict[str, list[str]] = {}
+    for key in varying:
+        if any(key in others for others in found.values()):
+            continue
+        group = [key, *(k for k in varying if k != key and _together(key, k, places))]
+        values = {k: [place.get(k) for place in places] for k in group}
+        axis = max(group, key=lambda k: list(values.values()).count(values[k]))
+        found[axis] = [k for k in group if k != axis]
+    return found
+
+
+def name_of(key: str) -> str:
+    """Return what a coordinate is called: as in a sweep file, without its group."""
+    return key.removeprefix("world.").removeprefix("params.")
+
+
+def _together(one: str, other: str, places: Sequence[dict[str, Any]]) -> bool:
+    pairs = {(place[one], place[other]) for place in places if one in place and other in place}
+    return bool(pairs) and len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
+
+
+def _lines(
+    rows: pd.DataFrame, key: str, others: Sequence[str], where: str, aim: Score | None
+) -> list[Chart]:
+    """The score, and the difference to the baseline, over one number."""
+    scale, unit = (1, "error e of x[t]") if aim is None else (100, "% of runs")
+    numbers = [f"{name}{end}" for name in ("score", "apart") for end in ("", "_low", "_high")]
+    rows[numbers] = rows[numbers].astype(float) * scale
+    swept, place = name_of(key), f": {where}" if where else ""
+    of = "Error" if aim is None else f"Runs {aim.words.partition(' (')[0]}"
+    score, apart = (_curve(rows, key, column) for column in ("score", "apart"))
+    over = swept + (f" (with {', '.join(map(name_of, others))})" if others else "")
+    score.set(xlabel=over, ylabel=unit)
+    apart.set(xlabel=over, ylabel=f"{unit} - the baseline's")
+    known = rows.loc[np.isfinite(rows["score"]) & (rows["score"] > 0), "score"]
+    if aim is None and len(known) and known.max() / known.min() > _WIDE:
+        score.set_yscale("log")
+        score.yaxis.set_major_formatter("{x:g}")
+    else:
+        score.set_ylim(0, None)
+    if aim is None and rows["apart"].notna().any():
+        most = _FAR * rows.loc[rows["is_baseline"], "score"].max()
+        low, high = apart.get_ylim()
+        apart.set_ylim(max(low, -most), min(high, most))
+    everywhere = (
+        "A method without this parameter is the same everywhere. Bars: 95 % intervals over worlds."
+    )
+    outside = (
+        "On the same worlds; bars: 95 % bootstrap intervals over worlds. Differences beyond "
+        f"{_FAR} times the baseline's error are outside."
+    )
+    return [
+        Chart("curve", f"{of} over {swept}{place}", everywhere, score.figure),
+        Chart("difference", f"Difference over {swept}{place}", outside, apart.figure),
+    ]
+
+
+def _curve(rows: pd.DataFrame, key: str, column: str) -> Any:
+    axes = line(rows[rows[column].notna()], key, column, f"{column}_low", f"{column}_high")
+    name_ticks(axes, list(rows[key]))
+    axes.axhline(0, color=INK, lw=0.8)
+    return axes
+
+
+def _maps(
+    panels: Sequence[Panel], places: Sequence[dict[str, Any]], keys: Sequence[str]
+) -> list[Chart]:
+    """A map for every tested score of whole runs and every method beside the baseline."""
+    x, y, square = map(name_of, keys)
+    frame = pd.concat(
+        panel.present.assign(**dict(zip((x, y, square), map(place.get, keys), strict=True)))
+        for panel, place in zip(panels, places, strict=True)
+        if all(key in place for key in keys)
+    )
+    scores = [one for n, one in JOURNEY_SCORES.items() if one.tested and n in frame]
+    charts = []
+    for number, label in enumerate(frame.loc[~frame["is_baseline"], "label"].unique(), 1):
+        for score in scores:
+            rows = frame[frame["label"] == label].copy()
+            share, name = score.unit == "share", score.name
+            scale = 100 if share else 1
+            ends = rows[[f"{name}_diff{end}" for end in ("", "_low", "_high")]] * scale
+            form = "+.0f" if share else "+.1f"
+            clear = rows[f"{name}_p_holm"] < ALPHA
+            rows["words"] = [
+                estimated(Interval(*one), form).replace(" (", f"{' *' * sure}\n(")
+                for one, sure in zip(ends.itertuples(index=False), clear, strict=True)
+            ]
+            rows["ahead"] = (-1 if score.censored else 1) * rows[f"{name}_diff"].fillna(0)
+            file, what = name.replace("_", "-"), score.words.removesuffix(", median")
+            caption = (
+                f"Difference to the baseline in {'points' if share else 'metres'}, and its 95 % "
+                "interval. Blue: ahead; red: behind; *: p < 0.05, corrected for the tests of a "
+                "setting, not for the number of settings."
+            )
+            drawn = cells(rows, x, y, square, "ahead", "words", least=0.1 if share else 1.0)
+            title = f"Where {label} is ahead: {what}"
+            charts.append(Chart(f"regimes-{file}-{number}", title, caption, drawn))
+    return charts

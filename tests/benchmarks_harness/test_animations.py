@@ -10,7 +10,7 @@ import pytest
 from fake_episode import FakeBelief
 from report_cases import finished, panel_of
 
-from benchmarks.pictures.film import Camera, Film, laid
+from benchmarks.pictures.film import Camera, Film, way_of_plan
 from benchmarks.report.animations import Animation, drawing, films_of
 from benchmarks.trials.episode import Step
 from benchmarks.trials.plugins import key_of
@@ -70,7 +70,9 @@ def test_the_last_frame_has_the_way_and_the_place_from_where_on_it_is_localized(
 
 
 def test_a_plan_is_laid_from_a_pose_by_turning_before_each_drive():
-    way = laid(np.array([1.0, 2.0, math.pi / 2]), np.array([[2.0, 0.0], [1.0, -math.pi / 2]]))
+    way = way_of_plan(
+        np.array([1.0, 2.0, math.pi / 2]), np.array([[2.0, 0.0], [1.0, -math.pi / 2]])
+    )
     assert way == pytest.approx(np.array([[1, 2], [1, 4], [2, 4]]))
 
 
