@@ -12,7 +12,9 @@ import PIL.Image
 from benchmarks.tables.text import state_name
 from benchmarks.trials.episode import Step
 from benchmarks.trials.fixes import Fixes, driven
-from deqmcl_gym.maps.map import metre
+from benchmarks.trials.stage import Stage
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.maps.map import metre, pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals
 from deqmcl_gym.world.drawing import (
@@ -39,6 +41,8 @@ _LAYERS: tuple[tuple[int, Color, str], ...] = (  # sign of the offset, back to f
     (0, ORANGE, "present"),
 )
 _BLIND: Color = (120, 80, 190)  # the protected cloud of a hedge, which is shown no plan
+_LONGEST = 560.0  # px of the paper's room
+_LEAST_SCALE = 0.01
 _LAST = 1500  # ms that the last image stays
 
 
@@ -106,6 +110,21 @@ class Camera:
                 drawing.points(_present(moment.belief.protected)[0], _BLIND, size=size)
                 legend.insert(1, ("without plans", _BLIND))
         return drawing.number(moment.t), legend
+
+
+def camera_of(stage: Stage, scale: float = 1.6) -> Camera:
+    """Return a camera for the room of a trial, set up.
+
+    A building is drawn smaller: 560 image pixels times the scale are the most to a side.
+    """
+    room = stage.room
+    x0, y0, x1, y1 = room.floor_plan.bounds
+    longest = max(x1 - x0, y1 - y0)
+    size = scale * min(longest / pixel(room.floor_plan.unit), _LONGEST)
+    small = View(room.floor_plan, scale * _LEAST_SCALE)  # a map of cells has a scale of its own
+    view = View(room.floor_plan, small.scale * size / (longest * small.per_length))
+    ground = room.picture if isinstance(room, RoomEnv) else Drawing
+    return Camera(view, room.radius, stage.trial.lag, ground)
 
 
 def png(image: Image) -> bytes:

@@ -12,8 +12,8 @@ import pandas as pd
 from benchmarks.console import doing
 from benchmarks.execution.engines import available_cpus
 from benchmarks.execution.processes import Processes
-from benchmarks.pictures.figures import PAPER_FIGURES, camera_of
-from benchmarks.pictures.film import Film, png, side_by_side, webp
+from benchmarks.pictures.figures import PAPER_FIGURES
+from benchmarks.pictures.film import Film, camera_of, png, side_by_side, webp
 from benchmarks.pictures.messages import shown_again
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.frames import scored
