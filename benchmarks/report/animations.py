@@ -35,15 +35,12 @@ _LOCALIZED = "metres_to_localize"
 
 @dataclass(frozen=True, kw_only=True)
 class Animation:
-    """One world, shown in motion.
+    """One world in motion, a trial of each method side by side.
 
     Attributes:
-        name: file name without ending.
-        title: heading.
-        caption: what is to be seen.
-        trials: shown side by side, one of each method.
-        labels: of the methods.
-        keys: the names under which their results are kept.
+        name: of its files, without ending.
+        title, caption: what is to be seen.
+        trials, labels, keys: one of each method, and under what its result is kept.
         webp: the animation; empty until it is filmed.
         png: its end, for those who want no motion.
     """
@@ -56,16 +53,6 @@ class Animation:
     keys: tuple[str, ...]
     webp: bytes = b""
     png: bytes = b""
-
-
-Promise = Callable[[], Animation]
-
-
-@contextmanager
-def drawing() -> Iterator[Callable[[Animation], Promise]]:
-    """Start workers that draw what is given: a plug-in that hangs or exits there does no harm."""
-    with Processes(available_cpus(), timeout=_PATIENCE) as pool:
-        yield lambda shown: pool.submit(filmed, shown).result
 
 
 def filmed(shown: Animation) -> Animation:
@@ -113,19 +100,21 @@ def films(
 ) -> Iterator[Callable[[], tuple[list[Animation], str]]]:
     """Begin to draw the films of the first panel that the folder has not, if that is asked for.
 
-    What is yielded returns the films, and why there are none.
+    What is yielded returns the films, and why there are none. They are drawn by workers: a plug-in
+    that hangs or exits there does no harm.
     """
     chosen = films_of(panels[0]) if panels else []
-    there = [one for one in chosen if _of(one, folder) is not None]
-    if len(there) == len(chosen) or not draw:
-        yield lambda: ([f for one in there if (f := _of(one, folder))], _lacking(chosen, there))
+    kept = [film for one in chosen if (film := _of(one, folder)) is not None]
+    if len(kept) == len(chosen) or not draw:
+        why = "the folder has none of these worlds; `deqmcl sweep` draws them."
+        yield lambda: (kept, "" if kept or not chosen else why)
         return
-    with drawing() as promised:
-        promises = [promised(one) for one in chosen]
+    with Processes(available_cpus(), timeout=_PATIENCE) as pool:
+        promises = [pool.submit(filmed, one) for one in chosen]
 
         def wait() -> tuple[list[Animation], str]:
             try:
-                return [promise() for promise in promises], ""
+                return [promise.result() for promise in promises], ""
             except InputError as error:
                 return [], str(error)
             except Exception as error:  # a plug-in that is gone is no reason to say nothing
@@ -209,9 +198,3 @@ def _of(film: Animation, folder: Path) -> Animation | None:
     if not moving.is_file() or not still.is_file():
         return None
     return replace(film, webp=content_of(moving), png=content_of(still))
-
-
-def _lacking(chosen: Sequence[Animation], there: Sequence[Animation]) -> str:
-    if there or not chosen:
-        return ""
-    return "the folder has none of these worlds; `deqmcl sweep` draws them."

@@ -10,8 +10,10 @@ import pytest
 from fake_episode import FakeBelief
 from report_cases import finished, panel_of
 
+from benchmarks.execution.processes import Processes
 from benchmarks.pictures.film import Camera, Film, way_of_plan
-from benchmarks.report.animations import Animation, drawing, films_of
+from benchmarks.report import animations
+from benchmarks.report.animations import Animation, films_of
 from benchmarks.trials.episode import Step
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
@@ -115,8 +117,8 @@ def test_an_animation_shows_the_whole_way_of_each_method_side_by_side():
     trials = same, replace(same, localizer="dead-reckoning")
     keys = tuple(map(key_of, trials))
     lap = Animation(name="lap", title="", caption="", trials=trials, labels=("a", "b"), keys=keys)
-    with drawing() as promised:
-        drawn = promised(lap)()
+    with Processes(1) as pool:
+        drawn = pool.submit(animations.filmed, lap).result()
     animation = PIL.Image.open(io.BytesIO(drawn.webp))
     assert animation.n_frames == 204 // 8 + 1 + 1  # and the whole way
     assert animation.width > 2 * 350  # side by side
