@@ -1,6 +1,5 @@
 """Who is best: one sentence a panel, and one on all that was run."""
 
-import json
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -146,43 +145,39 @@ def _sentence(panel: Panel, ranked: pd.DataFrame) -> str:
     first, row = next(each(ranked)), _winner(ranked)
     reached = _reached(panel, row)
     if row.relation == "better":
-        aside = f"{first.label} has {_brief(panel, first)}, which is not confirmed"
-        return (
-            f"{row.label} is best: {reached}, {_ahead(panel, row)}"
-            + (f"; costs {significant(row.cost, 2)} × the time" if _is_priced(row) else "")
-            + (f" ({aside})." if first.label != row.label else ".")
-        )
+        said = f"{row.label} is best: {reached}, {_ahead(panel, row)}"
+        if row.same_driver and not math.isnan(row.cost):
+            said += f"; costs {significant(row.cost, 2)} × the time"
+        if first.label != row.label:
+            said += f" ({first.label} has {_brief(panel, first)}, which is not confirmed)"
+        return f"{said}."
     if ranked["is_baseline"].all():
         return f"{row.label} alone, nothing to compare it with: {reached}."
     if row.is_baseline:
         return f"No method is better than the baseline, {row.label}: {reached}."
-    ahead = f"first is {row.label}, {reached}, {_ahead(panel, row)}"
     if row.relation == "not compared":
         return f"Too few worlds to compare methods: first is {row.label}, {reached}."
-    reference = row.reference
+    ahead = f"first is {row.label}, {reached}, {_ahead(panel, row)}"
     if isinstance(row.decision, str):
-        return f"No method is shown to be better than {reference}: {ahead}."
-    base = next(one for one in each(panel.ranked) if one.label == reference)
+        return f"No method is shown to be better than {row.reference}: {ahead}."
+    base = next(one for one in each(panel.ranked) if one.label == row.reference)
+    doubt = f"p = {p_value(row.p)}"
+    if stats.least_p(row.paired_worlds, panel.tests) >= ALPHA:
+        doubt = (
+            f"p < {ALPHA:g} needs {stats.least_worlds(panel.tests)} worlds with the tests of this "
+            f"section ({panel.tests})"
+        )
     return (
-        f"No method is confirmed to be better than {reference}, {_brief(panel, base)}: {ahead}, "
-        f"{_doubt(row, panel.tests)}."
+        f"No method is confirmed to be better than {row.reference}, {_brief(panel, base)}: "
+        f"{ahead}, {doubt}."
     )
-
-
-def _is_priced(row: Any) -> bool:
-    return not math.isnan(row.cost) and bool(row.same_driver)
 
 
 def _brief(panel: Panel, row: Any) -> str:
     if panel.aim is None:
         return f"{significant(row.score)} {panel.unit}"
-    return f"{done(panel)} in {percent(row.score)} of runs"
-
-
-def done(panel: Panel) -> str:
-    """What a run that succeeds is, without how that is measured."""
-    assert panel.aim is not None
-    return panel.aim.words.partition(" (")[0]
+    success, _, _ = panel.aim.words.partition(" (")  # without how that is measured
+    return f"{success} in {percent(row.score)} of runs"
 
 
 def _reached(panel: Panel, row: Any) -> str:
@@ -210,16 +205,6 @@ def _ahead(panel: Panel, row: Any) -> str:
     form = ".0f" if abs(own.mean) >= 10 or panel.aim else ".1f"
     ends = f" ({within}: {interval(own, form)})" if abs(own.low) + abs(own.high) < 1e9 else ""
     return f"{own.mean:{form}}".replace("-", "−") + f" {unit} {side} {row.reference}{ends}{after}"
-
-
-def _doubt(row: Any, tests: int) -> str:
-    """Why what comes first is not confirmed."""
-    if stats.least_p(row.paired_worlds, tests) < ALPHA:
-        return f"p = {p_value(row.p)}"
-    return (
-        f"p < {ALPHA:g} needs {stats.least_worlds(tests)} worlds with the tests of this section "
-        f"({tests})"
-    )
 
 
 def _on_a_log(panel: Panel) -> str:
@@ -262,11 +247,10 @@ def _on_a_log(panel: Panel) -> str:
 
 def _unfitted(panel: Panel) -> list[str]:
     """Methods with default assumptions beside others that are fitted to the log."""
-    rows = panel.present
     waits = [
-        row.label
-        for row in each(rows)
-        if row.method == "amcl" and "alpha1" not in json.loads(row.params)
+        label
+        for method, label in panel.labels.items()
+        if method.name == "amcl" and "alpha1" not in method.params
     ]
-    fitted = "scan.power" in panel.setting.assumed and len(rows) > len(waits)
+    fitted = "scan.power" in panel.setting.assumed and len(panel.labels) > len(waits)
     return waits[:1] if fitted else []

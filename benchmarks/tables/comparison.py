@@ -244,12 +244,7 @@ def _looks(panel: Panel, rule: Rule) -> Iterator[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class LimitRuns:
-    """A limit as far as it has run.
-
-    Attributes:
-        of: localizers that are held against it; (): all that no other limit names.
-        records: its finished trials, on all settings.
-    """
+    """The finished trials of a limit, and whom it is of; (): all that no other limit names."""
 
     of: tuple[str, ...]
     records: list[Finished]
