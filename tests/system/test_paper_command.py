@@ -26,7 +26,7 @@ OFFSETS = {
 }
 # what may differ between runs: times and the command, and what tells of them
 MACHINE = re.compile(
-    r"timings|manifest\.json|trials\.jsonl|report\.html|results\.md|images/(speed|points)"
+    r"timings|manifest\.json|trials\.jsonl|report\.html|results\.md|images/points"
 )
 
 
