@@ -1,7 +1,7 @@
 """Charts of frames, of a panel, and over what was swept, in matplotlib's own colours.
 
-A hue that is a category has the colour and mark of its place among all categories, so that a method
-looks the same in every chart of a page.
+A label that is a category has the colour and mark of its place among all categories, so that a
+method looks the same in every chart of a page.
 """
 
 import io
@@ -91,24 +91,21 @@ def line(
     y: str,
     low: str = "",
     high: str = "",
-    hue: str = "label",
     *,
     axes: "Axes | None" = None,
     band: bool = False,
     **how: Any,
 ) -> "Axes":
-    """Draw y over x, a line for each hue, with intervals as bars or as a band.
+    """Draw y over x, a line for each label, with intervals as bars or as a band.
 
     Args:
-        frame: a row per point.
-        x, y, low, high: columns; no intervals without low.
-        hue: column of the labels.
+        frame: a row per point; x, y, low, high are columns, without low there are no intervals.
         axes: to draw on; None: those of a new figure.
         band: a band, and no marks.
         how: for ``Axes.plot``.
     """
     axes = canvas() if axes is None else axes
-    for label, place, rows in _hues(frame, hue):
+    for label, place, rows in _labels(frame):
         color, mark = look(place).values()
         style = {"color": color, "label": label} | ({} if band else {"marker": mark, "ms": 5}) | how
         axes.plot(rows[x], rows[y], **style)
@@ -177,20 +174,18 @@ def name_ticks(axes: "Axes", values: Sequence[float]) -> None:
         axes.set_xticks([], minor=True)
 
 
-def _hues(frame: pd.DataFrame, hue: str) -> list[tuple[str, int, pd.DataFrame]]:
+def _labels(frame: pd.DataFrame) -> list[tuple[str, int, pd.DataFrame]]:
     """Labels, their places among all, and their rows, in the order of the frame."""
-    labels = list(frame[hue].unique())
-    whole = isinstance(frame[hue].dtype, pd.CategoricalDtype)
-    every = list(frame[hue].cat.categories) if whole else labels
-    return [(str(one), every.index(one), frame[frame[hue] == one]) for one in labels]
+    labels = list(frame["label"].unique())
+    whole = isinstance(frame["label"].dtype, pd.CategoricalDtype)
+    every = list(frame["label"].cat.categories) if whole else labels
+    return [(str(one), every.index(one), frame[frame["label"] == one]) for one in labels]
 
 
 def _legend(axes: "Axes") -> None:
     """Name what is drawn below the axes."""
     figure: Any = axes.figure
     lines, labels = axes.get_legend_handles_labels()
-    for old in figure.legends:
-        old.remove()
     if not labels:
         return
     names = [fill(label, _LETTERS - 8) for label in labels]
@@ -198,9 +193,7 @@ def _legend(axes: "Axes") -> None:
     lines_of_one = 1 + max(name.count("\n") for name in names)
     rows = lines_of_one * math.ceil(len(labels) / columns)
     figure.legend(lines, names, loc="outside lower center", ncols=columns, frameon=False)
-    if not hasattr(figure, "bare"):
-        figure.bare = figure.get_figheight()
-    figure.set_figheight(figure.bare + 0.2 * rows)
+    figure.set_figheight(figure.get_figheight() + 0.2 * rows)
 
 
 def panel_charts(panel: Panel) -> list[Chart]:
@@ -222,7 +215,7 @@ def points_chart(panel: Panel) -> Chart | None:
     axes = canvas(4.8, 0.9 + 0.42 * len(rows))
     faint = min(0.35, 8 / len(table))
     axes.plot(table.to_numpy().T, places[:, None] + aside, color=INK, alpha=faint, lw=0.7)
-    for place, (label, number, own) in enumerate(_hues(rows, "label")):
+    for place, (label, number, own) in enumerate(_labels(rows)):
         style = look(number) | {"ls": "", "ms": 5 if spread == 0 else 3.5, "mew": 0, "alpha": 0.75}
         axes.plot(table[label], place + aside, **style)
         axes.plot(own[["error_low", "error_high"]].iloc[0], [place - 0.3] * 2, color=INK, lw=1.6)
@@ -314,14 +307,11 @@ def swept_charts(panels: Sequence[Panel]) -> list[Chart]:
     if any(panel.rule for panel in panels):
         return []
     places = [place_of(panel) for panel in panels]
-    axes = swept_axes(places)
-    if (
-        len(axes) == 3
-        and all(panel.aim for panel in panels)
-        and (charts := _maps(panels, places, list(axes)))
-    ):
+    axes, charts = swept_axes(places), list[Chart]()
+    if len(axes) == 3 and all(panel.aim for panel in panels):
+        charts = _maps(panels, places, list(axes))
+    if charts:
         return charts
-    charts = []
     for key, others in axes.items():
         groups: dict[frozenset[tuple[str, Any]], list[int]] = {}
         for n, place in enumerate(places):
