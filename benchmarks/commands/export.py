@@ -27,12 +27,12 @@ def run(options: argparse.Namespace) -> str:
 
     require_report()
     results = results_in(options.folder)
-    if not results.panels:
+    if not results.records:
         raise InputError(f"{options.folder} has no finished trial: run its sweep first.")
     everything = not (options.latex or options.pdf)
     out = options.out or options.folder / "export"
     load()
-    from benchmarks.report.latex import latex_files, pdf_files
+    from benchmarks.report.page import latex_files, pdf_files
 
     with doing(f"drawing the figures for {out}"):
         contents = latex_files(results) if options.latex or everything else {}

@@ -1,6 +1,6 @@
 """``deqmcl replay --residuals``: where the map is wrong, by the run that fits it best."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,9 +12,8 @@ from benchmarks.replay.map_places import HIT, LEAST_POSES, THROUGH, Place, Scans
 from benchmarks.replay.options import Replay
 from benchmarks.report.charts import INK, STYLE, Chart
 from benchmarks.report.tables import Table
-from benchmarks.report.tracks import map_axes
+from benchmarks.report.tracks import ended, map_axes
 from benchmarks.tables.text import csv_text, percent
-from benchmarks.tables.tracks import Row, TrackedRun
 from deqmcl_gym.files import utf8
 from deqmcl_gym.maps import Map
 
@@ -32,20 +31,18 @@ class Residuals:
     """Where the map is wrong, by the scans of one run, from the poses of its best clusters.
 
     Attributes:
-        label: of the localizer.
-        run: of it, the one whose scans agree best with the map.
+        run: of a localizer, the one whose scans agree best with the map.
         floor_plan: the map that it was given.
     """
 
-    label: str
-    run: TrackedRun
+    run: pd.Series
     floor_plan: Map
 
     @cached_property
     def scans(self) -> Scans:
         """Its scans, and where they were taken."""
-        log = self.run.track.log
-        return Scans(self.floor_plan, log.scanner, self.run.track.best, log.ranges)
+        track = self.run["track"]
+        return Scans(self.floor_plan, track.log.scanner, track.best, track.log.ranges)
 
     @cached_property
     def places(self) -> list[Place]:
@@ -59,7 +56,8 @@ class Residuals:
         found = f"{kinds.count(HIT)} places hit in free space, {kinds.count(THROUGH)} seen through"
         basis = (
             f"by {int(self.scans.used.sum()):,} of {len(self.scans.used):,} scans of "
-            f"{self.label}, seed {self.run.seed}, the run whose scans agree best with the map"
+            f"{self.run['label']}, seed {self.run['seed']}, the run whose scans agree best with "
+            "the map"
         )
         return f"Where the map is wrong: {found}, {basis}."
 
@@ -137,13 +135,13 @@ class Residuals:
             return HEADING, note, [self.table] if self.table else [], [self.chart]
 
 
-def residuals_of(replay: Replay, rows: Sequence[Row]) -> Residuals | None:
+def residuals_of(replay: Replay, runs: pd.DataFrame) -> Residuals | None:
     """Return where the map is wrong, by the run that fits it best; None if no run has ended."""
-    runs = [(row.label, run) for row in rows for run in row.runs]
-    if not runs:
+    done = ended(runs)
+    if done.empty:
         return None
-    label, run = max(runs, key=lambda one: one[1].scores["agreement_03"])
-    return Residuals(label, run, replay.scenario.recording()[1])
+    best = int(done["agreement_03"].argmax())
+    return Residuals(done.iloc[best], replay.scenario.recording()[1])
 
 
 def files_of(found: Residuals, *, drawn: bool) -> Mapping[str, bytes]:

@@ -8,22 +8,28 @@ Without a log it is scored at its own times, between whose poses nothing is assu
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from benchmarks.files import own_folder, write_files
 from benchmarks.replay.options import EVERY, NO_ERROR, first_referenced
-from benchmarks.report.frames import frames_of
-from benchmarks.report.tracks import accuracy, shown, tables_of
+from benchmarks.report.tracks import (
+    accuracy,
+    run_of_track,
+    tables_of,
+    tracked,
+    tracks_results_csv,
+    tracks_trials_csv,
+)
 from benchmarks.setup.logs import REPLAY, ReplayScenario, check_inside
 from benchmarks.setup.names import scenario
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.results import results_in
 from benchmarks.tables.text import percent
-from benchmarks.tables.tracks import Row, TrackedRun, tracks_results_csv, tracks_trials_csv
 from benchmarks.trials.scores import track_scores
 from benchmarks.trials.tracks import Track, calibration_of_gaussians
 from deqmcl_gym.envs.log import LogEnv
@@ -50,7 +56,7 @@ class Yardstick:
         floor_plan: the map; None: agreement is not available.
         thresholds: what counts as lost.
         judged: first record by which beliefs are judged.
-        ours: the rows of a replay on this log.
+        ours: the runs of a replay on this log, one a row.
     """
 
     reference: Trajectory | None = None
@@ -59,7 +65,7 @@ class Yardstick:
     floor_plan: Map | None = None
     thresholds: Thresholds = REPLAY.thresholds
     judged: int = 0
-    ours: Sequence[Row] = ()
+    ours: pd.DataFrame = field(default_factory=lambda: pd.DataFrame({"label": []}))
 
     @classmethod
     def of_log(
@@ -88,9 +94,9 @@ class Yardstick:
     @classmethod
     def of_replay(cls, folder: Path) -> "Yardstick":
         """Return what a folder of ``replay`` was scored by, and its rows."""
-        panel = next(iter(frames_of(results_in(folder))), None)
-        rows, floor_plan = ([], None) if panel is None else shown(panel)
-        if panel is None or not rows:
+        panel = next(iter(results_in(folder).panels), None)
+        runs, floor_plan = (None, None) if panel is None else tracked(panel)
+        if panel is None or runs is None or runs.empty:
             raise InputError(
                 f"{folder} is no folder of deqmcl replay with runs whose log and map are still "
                 "there: give one, or --reference."
@@ -103,7 +109,7 @@ class Yardstick:
             floor_plan=floor_plan,
             thresholds=replayed.thresholds,
             judged=replayed.judged,
-            ours=rows,
+            ours=runs,
         )
 
     def track(self, estimate: Trajectory) -> tuple[Track, Floats]:
@@ -131,8 +137,8 @@ class Yardstick:
         spread = unknown if estimate.covariances is None else estimate.covariances[at]
         return Track(log, best), spread
 
-    def row(self, label: str, estimate: Trajectory) -> Row:
-        """Return the row of an estimate."""
+    def run(self, label: str, estimate: Trajectory) -> pd.DataFrame:
+        """Return an estimate as a run, the only row."""
         track, spread = self.track(estimate)
         truth = (
             np.full_like(track.best, np.nan) if track.log.reference is None else track.log.reference
@@ -141,15 +147,15 @@ class Yardstick:
         found = track_scores(
             track, calibrated, self.thresholds, self.floor_plan, judged=self.judged
         )
-        return Row(label=label, runs=[TrackedRun.of_track(track, found)])
+        return run_of_track(label, track, found)
 
-    def uncovered(self, row: Row) -> str | None:
+    def uncovered(self, label: str, track: Track) -> str | None:
         """Return the warning that an estimate misses records of the log; None if few."""
-        covered = int(np.isfinite(row.runs[0].track.best[:, 0]).sum())
+        covered = int(np.isfinite(track.best[:, 0]).sum())
         if self.log is None or covered >= _ALL * len(self.log):
             return None
         return (
-            f"{row.label} covers {covered:,} of the {len(self.log):,} records, "
+            f"{label} covers {covered:,} of the {len(self.log):,} records, "
             f"{percent(covered / len(self.log))}: at the others it is not localized; errors are "
             "those of the records that it covers."
         )
@@ -182,24 +188,28 @@ def score(
 ) -> tuple[list[str], str]:
     """Score estimates, write results.csv and trials.csv; return warnings, and what to print."""
     for label in estimates:
-        if label in {row.label for row in yardstick.ours}:
+        if label in set(yardstick.ours["label"]):
             raise InputError(f"{label} is a localizer of the replay: write NAME=FILE for yours.")
-    rows = [yardstick.row(label, estimate) for label, estimate in estimates.items()]
-    every = [*yardstick.ours, *rows]
+    theirs = pd.concat(yardstick.run(label, estimate) for label, estimate in estimates.items())
+    every = theirs if yardstick.ours.empty else pd.concat([yardstick.ours, theirs])
     contents = {
         "results.csv": utf8(tracks_results_csv(every, None)),
         "trials.csv": utf8(tracks_trials_csv(every)),
     }
     files = write_files(own_folder(out, "results.csv"), contents)
     texts = [*accuracy(every), *(one.text("simple") for one in tables_of(every))]
-    texts += [_scored_at(yardstick, rows)]
+    texts += [_scored_at(yardstick, theirs)]
     texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
-    return list(filter(None, map(yardstick.uncovered, rows))), "\n\n".join(texts)
+    told = map(yardstick.uncovered, theirs["label"], theirs["track"])
+    return list(filter(None, told)), "\n\n".join(texts)
 
 
-def _scored_at(yardstick: Yardstick, rows: Sequence[Row]) -> str:
+def _scored_at(yardstick: Yardstick, runs: pd.DataFrame) -> str:
     if yardstick.log is None:
-        known = ", ".join(f"{row.label} {len(row.runs[0].track.best):,}" for row in rows)
+        known = ", ".join(
+            f"{label} {len(track.best):,}"
+            for label, track in zip(runs["label"], runs["track"], strict=True)
+        )
         return (
             f"Scored at the estimates' own times: {known} poses within the reference, which is "
             "interpolated in straight lines; give --log to follow the odometry. Metres are those "

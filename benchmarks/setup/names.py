@@ -20,6 +20,7 @@ from deqmcl_gym.validation import InputError, part
 from localizers import RobotModel, absolute_name
 from localizers.digests import content_digest
 from localizers.kinds import Kind, Placed, split_path
+from localizers.registry import LOCALIZER
 from localizers.scan_plug_in import SCAN_MODEL, ScanPlugIn, is_code
 
 # loaded when asked for: a trial in a room needs no readers of logs
@@ -103,6 +104,11 @@ def plug_ins_of(found: Scenario) -> tuple[str, ...]:
 def plug_ins_of_agent(agent: Named | None) -> tuple[str, ...]:
     """Return the name of an agent if its code is not ours."""
     return (agent.name,) if agent is not None and AGENT.is_plug_in(agent.name) else ()
+
+
+def is_plug_in(localizer: str, agent: Named | None) -> bool:
+    """Whether the code of a localizer, or of who drives, is not ours."""
+    return LOCALIZER.is_plug_in(localizer) or bool(plug_ins_of_agent(agent))
 
 
 def plug_ins_of_scan(assumed: Overrides) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from benchmarks.report.writing import load, no_report
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.settings import sweep_text
 from benchmarks.tables.frames import milliseconds_per_step
-from benchmarks.tables.stats import Estimate, estimate
+from benchmarks.tables.stats import Interval, estimate
 from benchmarks.tables.text import csv_text, estimated, fixed, percent, significant
 from benchmarks.trials.scores import TRACK_SCORES, Score
 from benchmarks.trials.scoring import Finished
@@ -113,9 +113,9 @@ def verdict(found: Found, rows: Sequence[Sequence[Any]]) -> str:
             f"{slow}No gain: no {which} was better than the default on the training segments. The "
             f"default's {goal.words} {on}: {value}."
         )
-    gain = estimate(off) if len(off) >= _LEAST else Estimate(float(off.mean()))
+    gain = estimate(off) if len(off) >= _LEAST else Interval(float(off.mean()))
     factor, form, unit = _UNITS[goal.unit]
-    scaled = Estimate(*(factor * one for one in gain))
+    scaled = Interval(*(factor * one for one in gain))
     points = " points" if goal.unit == "share" else unit
     return (
         f"{slow}{goal.words[:1].upper()}{goal.words[1:]} {on}: "
@@ -126,7 +126,7 @@ def verdict(found: Found, rows: Sequence[Sequence[Any]]) -> str:
     )
 
 
-def _conclusion(found: Found, gain: Estimate) -> str:
+def _conclusion(found: Found, gain: Interval) -> str:
     limit = found.task.max_ms
     if math.isnan(gain.low):
         return f"Fewer than {_LEAST} segments are too few for an interval: a gain is not shown."

@@ -7,14 +7,14 @@ import pandas as pd
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from report_cases import THREE, changed, finished, panel_of, trials
+from report_cases import THREE, finished, panel_of, trials
 
 from benchmarks.pictures import styled
-from benchmarks.report import panel_charts
+from benchmarks.report import charts
 from benchmarks.report.charts import STYLE, Chart, line
-from benchmarks.tables.frames import profile
+from benchmarks.tables.frames import errors_by_offset
 
-NAMES = ("points", "offset", "speed", "coverage", "lap")
+NAMES = ("points", "offset", "lap")
 
 
 @pytest.fixture(autouse=True)
@@ -29,24 +29,14 @@ def drawn_in(axes):
     return {one.get_label(): one.get_xydata().tolist() for one in axes.lines}, bars
 
 
-def told(places, rows, low, high):
-    """The bars of rows."""
-    ends = zip(places, rows[low], rows[high], strict=True)
-    return [((x, low), (x, high)) for x, low, high in ends]
-
-
 @settings(deadline=None, max_examples=15, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(st.floats(0, 1), min_size=2, max_size=40), st.sampled_from([0.0, 1e-3, 1.0, 1e6]))
 def test_every_mark_and_bar_of_every_chart_is_inside_its_axes(shares, size):
     errors = [size * (1 + share) for share in shares]
     records = [one for name, (_, k) in THREE.items() for one in trials(name, errors, offsets=k)]
-    for record in records:
-        share = shares[record.trial.trial]
-        for score in record.scores:
-            score |= {"coverage_50": share, "coverage_80": share**2, "coverage_95": 1 - share}
     panel = panel_of(records)
     for name in NAMES[:-1]:
-        (axes,) = getattr(panel_charts, f"{name}_chart")(panel).figure.axes
+        (axes,) = getattr(charts, f"{name}_chart")(panel).figure.axes
         (left, right), ends = axes.get_xlim(), sorted(axes.get_ylim())
         marked = [one for one in axes.lines if one.get_marker() not in ("None", "")]
         places = [place for one in marked for place in one.get_xydata().tolist()]
@@ -57,34 +47,22 @@ def test_every_mark_and_bar_of_every_chart_is_inside_its_axes(shares, size):
 
 @pytest.fixture(scope="module")
 def panel():
-    """Three methods on five worlds: of other errors, past errors, coverage, profiles and times."""
+    """Three methods on five worlds: of other errors, past errors and profiles."""
     records = []
     for place, (name, (_, offsets)) in enumerate(THREE.items()):
         for world in range(5):
             error = {k: 2.0 + place + world**2 + abs(k) / 10 + (k > 0) for k in offsets}
-            scores = {f"coverage_{at}": (at + world - place) / 100 for at in (50, 80, 95)}
-            one = finished(name, world, error, scores=scores)
-            records.append(changed(one, seconds=0.06 * (1 + place) * (1 + world**2)))
+            records.append(finished(name, world, error))
     return panel_of(records)
 
 
 def test_charts_of_a_panel_draw_its_numbers(panel):
     rows = panel.present
-    axes = {name: getattr(panel_charts, f"{name}_chart")(panel).figure.axes[0] for name in NAMES}
-    speed, bars = drawn_in(axes["speed"])
-    # 60 steps: the third of five times is the median
-    assert [speed[label][0][0] for label in rows["label"]] == pytest.approx([5.0, 10.0, 15.0])
-    assert bars == told(rows["ms_per_step"], rows, "error_low", "error_high")
-    coverage, _ = drawn_in(axes["coverage"])
-    assert coverage.pop("calibrated") == [[0, 0], [100, 100]]
+    axes = {name: getattr(charts, f"{name}_chart")(panel).figure.axes[0] for name in NAMES}
     for row in rows.itertuples():
-        held = profile(panel.records[row.label])
+        held = errors_by_offset(panel.records_by_label[row.label])
         offsets, _ = drawn_in(axes["offset"])
         assert offsets[row.label] == [[k, one.mean] for k, one in held.items()]
-        own = np.array(coverage[row.label])
-        shares = [100 * getattr(row, f"coverage_{at}") for at in (50, 80, 95)]
-        assert own[:, 1].tolist() == shares
-        assert own[:, 0] - own[0, 0] == pytest.approx([0, 30, 45])
         lap, _ = {one.get_label(): set(one.get_ydata()) for one in axes["lap"].lines}, None
         assert lap[row.label] == {row.error}
     low, high = np.quantile([2.0, 3.0, 6.0, 11.0, 18.0], [0.1, 0.9])
@@ -95,7 +73,7 @@ def test_charts_of_a_panel_draw_its_numbers(panel):
 def test_every_mark_of_every_world_is_where_the_line_of_its_world_is():
     rng = np.random.default_rng(0)
     records = [finished(n, w, rng.uniform(1, 9)) for n in ("mcl", "deq-mcl") for w in range(40)]
-    axes = panel_charts.points_chart(panel_of(records)).figure.axes[0]
+    axes = charts.points_chart(panel_of(records)).figure.axes[0]
     drawn = [one.get_xydata() for one in axes.lines]
     worlds, marks = np.array(drawn[:40]), [one for one in drawn[40:] if len(one) == 40]
     assert len(marks) == 2
@@ -106,7 +84,7 @@ def test_every_mark_of_every_world_is_where_the_line_of_its_world_is():
 def test_a_method_with_a_long_name_has_room_beside_its_chart():
     name = "./a/folder/with/a/long/name/localizer.py:Localizer"
     records = [one for method in ("mcl", name) for one in trials(method, [1.0, 2.0])]
-    chart = panel_charts.points_chart(panel_of(records))
+    chart = charts.points_chart(panel_of(records))
     chart.figure.draw_without_rendering()
     assert chart.figure.axes[0].get_position().width > 0.3
 
@@ -122,7 +100,7 @@ def test_a_label_looks_the_same_in_every_chart_and_others_have_another_look():
 
 def test_the_same_chart_gives_the_same_bytes(panel):
     for form in ("svg", "png", "pdf"):
-        once, again = (panel_charts.speed_chart(panel).drawn(form) for _ in range(2))
+        once, again = (charts.offset_chart(panel).drawn(form) for _ in range(2))
         assert once == again
 
 

@@ -1,17 +1,16 @@
 """The page and the Markdown tell the numbers of the tables (test_any_sweep: of results.csv)."""
 
-import math
 import re
 from html import unescape
 
 import pytest
-from report_cases import finished, frames, lines_of, paired, panel_of, parsed, results, written
+from report_cases import finished, lines_of, paired, panel_of, panels_of, parsed, results, written
 
 from benchmarks.report import tables
 from benchmarks.trials.scoring import SCORE_NAMES
 
 BASELINE = "mcl-map"  # neither the usual one nor the first
-TABLES = tables.verdict_table, tables.calibration_table, tables.offsets_table
+TABLES = tables.verdict_table, tables.calibration_table
 
 
 @pytest.fixture(scope="module")
@@ -55,16 +54,13 @@ def test_page_and_markdown_have_the_cells_of_the_tables_whose_numbers_are_those_
     assert {row["baseline"] for row in rows} == {BASELINE}
     assert {row["swept"] for row in rows} == {'{"particles":100}', '{"particles":300}'}
     found = list(tables_of((folder / name).read_text(encoding="utf-8")))
-    for panel in frames(records, baseline=BASELINE):
+    for panel in panels_of(records, baseline=BASELINE):
         for table in (made(panel) for made in TABLES):
             assert [list(table.frame), *lines_of(table)] in found
 
 
 # by header: the column of results.csv, and how it is written
 COLUMNS = {
-    "error, common states": ("error_window", 1.0, ".2f"),
-    "position RMSE, px": ("position_rmse", 1.0, ".2f"),
-    "heading RMSE, °": ("heading_rmse", 180 / math.pi, ".1f"),
     "energy score, px": ("energy_score", 1.0, ".2f"),
     "entropy, nats": ("entropy", 1.0, ".2f"),
     "NEES (3)": ("nees", 1.0, ".1f"),

@@ -4,12 +4,12 @@ from dataclasses import replace
 from itertools import product
 
 import pytest
-from report_cases import changed, frames, trials
+from report_cases import changed, panels_of, trials
 from test_journey_tables import run
 
 from benchmarks.pictures import styled
 from benchmarks.report.charts import STYLE
-from benchmarks.report.panel_charts import swept_charts
+from benchmarks.report.swept import swept_charts
 from benchmarks.setup.overrides import Overrides
 from benchmarks.tables.stats import wilson
 
@@ -22,7 +22,7 @@ def style():
 
 def curves(records):
     """The charts of the error and those of the difference."""
-    charts = swept_charts(frames(records))
+    charts = swept_charts(panels_of(records))
     return charts[::2], charts[1::2]
 
 
@@ -41,7 +41,7 @@ def test_each_localizer_has_a_curve_and_a_difference_over_the_value_that_was_swe
     ):
         (axes,) = chart.figure.axes
         drawn = {one.get_label(): one.get_xydata().tolist() for one in axes.lines}
-        rows = [panel.present.set_index("label") for panel in frames(records)]
+        rows = [panel.present.set_index("label") for panel in panels_of(records)]
         for label in labels:
             own = [float(one.loc[label, column]) for one in rows]
             assert drawn[label] == [list(point) for point in zip(values, own, strict=True)]
@@ -96,7 +96,7 @@ def test_words_seeds_and_single_values_make_no_curve():
     records = []
     for seed, kind in product((0, 1), ("systematic", "multinomial")):
         records += trials("mcl", [1.0], seed=seed, params={"resampler": kind, "particles": 10})
-    assert swept_charts(frames(records)) == []
+    assert swept_charts(panels_of(records)) == []
 
 
 BEAMS, WIDTHS, LENGTHS = (1, 4), (1.2, 3.2), ((8.0, 12.0), (40.0, 60.0))
@@ -122,7 +122,7 @@ def regimes(lengths=LENGTHS):
             for method, metres in (("mcl-map", 7.0), ("mcl-plan", 7.0 - ahead)):
                 found = run(method, world, metres, success=float(metres < 7 + (world % 2)))
                 records.append(at(found, beams, width, length))
-    return frames(records, baseline="mcl-map")
+    return panels_of(records, baseline="mcl-map")
 
 
 def test_three_numbers_give_a_map_for_each_tested_score_whose_cells_have_the_difference():
