@@ -95,12 +95,13 @@ class Yardstick:
     def of_replay(cls, folder: Path) -> "Yardstick":
         """Return what a folder of ``replay`` was scored by, and its rows."""
         panel = next(iter(results_in(folder).panels), None)
-        runs, floor_plan = (None, None) if panel is None else tracked(panel)
-        if panel is None or runs is None or runs.empty:
+        there = None if panel is None else tracked(panel)
+        if panel is None or there is None or there[0].empty:
             raise InputError(
                 f"{folder} is no folder of deqmcl replay with runs whose log and map are still "
                 "there: give one, or --reference."
             )
+        runs, floor_plan = there
         replayed = scenario(panel.setting.scenario).changed(panel.setting.world)
         assert isinstance(replayed, ReplayScenario)
         return cls(
