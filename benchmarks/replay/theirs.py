@@ -74,12 +74,13 @@ class Played:
 def played_before(folder: Path) -> Played:
     """Return what a folder of ``replay`` has played, and its runs."""
     panel = next(iter(results_in(folder).panels), None)
-    runs, floor_plan = (None, None) if panel is None else tracked(panel)
-    if panel is None or runs is None or runs.empty:
+    there = None if panel is None else tracked(panel)
+    if panel is None or there is None or there[0].empty:
         raise InputError(
             f"{folder} is no folder of deqmcl replay with runs whose log and map are still there: "
             "give one, or --reference."
         )
+    runs, floor_plan = there
     setup = scenario(panel.setting.scenario).changed(panel.setting.world)
     assert isinstance(setup, ReplayScenario)
     return Played(setup.recording()[0], setup.whole, floor_plan, setup, runs)

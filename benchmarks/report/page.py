@@ -181,9 +181,7 @@ def _markdown(
         blocks += [f"## {section.panel.number}. {plain(section.panel.title)}"]
         blocks += [plain(section.verdict)] if section.verdict else []
         blocks += _blocks(section.parts)
-    blocks += [
-        f"![{film.title}. {plain(film.caption)}]({IMAGES}/{film.name}.webp)" for film in films
-    ]
+    blocks += [_picture(f"{film.name}.webp", film.title, film.caption) for film in films]
     further = {
         "Failed trials": tables.failed_table(results),
         "Files left out": tables.left_out_table(results),
@@ -202,8 +200,12 @@ def _blocks(parts: Sequence[Part]) -> Iterator[str]:
         for table in part.tables:
             yield from (plain(table.caption), _github(table))
         for chart in part.charts:
-            words = f"{plain(chart.title)}. {plain(chart.caption)}"
-            yield f"![{words}]({IMAGES}/{chart.name}.svg)"
+            yield _picture(f"{chart.name}.svg", chart.title, chart.caption)
+
+
+def _picture(file: str, title: str, caption: str) -> str:
+    title, caption = plain(title), plain(caption)
+    return f"![{title}]({IMAGES}/{file})\n\n**{title}.** {caption}"
 
 
 def _github(table: Table) -> str:

@@ -72,9 +72,7 @@ _TESTS = (
 
 
 Writer = Callable[[pd.DataFrame], Iterable[Any]]
-Columns = Mapping[
-    str, str | Writer
-]  # by title: the column of a frame, or what its rows are told as
+Columns = Mapping[str, str | Writer]  # by title: a column of a frame, or how rows are told
 
 
 class Table(NamedTuple):

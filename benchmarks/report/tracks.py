@@ -86,7 +86,7 @@ def ended(runs: pd.DataFrame) -> pd.DataFrame:
     return runs[runs["track"].notna()]
 
 
-def summary(runs: pd.DataFrame) -> pd.DataFrame:
+def scores_by_localizer(runs: pd.DataFrame) -> pd.DataFrame:
     """Return a row for each localizer: label, seeds, failed, and its scores.
 
     Positions, headings: middle and 95 % of all records of all runs; success: share of all runs,
@@ -156,7 +156,7 @@ def tracks_results_csv(runs: pd.DataFrame, compared: pd.DataFrame | None) -> str
         for score in _COMPARED
         for end in ("diff", "diff_low", "diff_high", "p_holm")
     ]
-    table = summary(runs).rename(columns={"label": "localizer"})
+    table = scores_by_localizer(runs).rename(columns={"label": "localizer"})
     if compared is None:
         return csv_of(table.reindex(columns=[*table, *further]))
     beside = compared[(compared["panel"] == 1) & (compared["offset"] == 0)].set_index("label")
@@ -169,34 +169,33 @@ def tracks_trials_csv(runs: pd.DataFrame) -> str:
     return csv_of(table[["localizer", "seed", *_SCORES]])
 
 
-def tracked(panel: Panel) -> tuple[pd.DataFrame, Map | None]:
-    """Return the runs of each method of a panel, and the map; none if it has no tracks.
+def tracked(panel: Panel) -> tuple[pd.DataFrame, Map] | None:
+    """Return the runs of each method of a panel, and the map; None if it has no tracks.
 
     None also where log and map are not there any more, or need somebody's code: a folder is read on
     other machines, too.
     """
-    nothing = pd.DataFrame()
-    name, records = panel.setting.scenario, panel.records_by_label
-    if any(record.track is None for own in records.values() for record in own):
-        return nothing, None
+    records = panel.records_by_label
+    if any(record.track is None for finished in records.values() for record in finished):
+        return None
     try:
-        replayed = scenario(name).changed(panel.setting.world)
+        replayed = scenario(panel.setting.scenario).changed(panel.setting.world)
         if not isinstance(replayed, LogScenario):
-            return nothing, None
+            return None
         log, floor_plan = replayed.recording()
     except InputError:
-        return nothing, None
+        return None
     failed = {label: int(panel.runs_of(label)["failed"].sum()) for label in records}
     runs = runs_frame(records, failed, log)
     same = all(len(track.best) == len(log) for track in ended(runs)["track"])
-    return (runs, floor_plan) if same else (nothing, None)
+    return (runs, floor_plan) if same else None
 
 
 def track_parts(panel: Panel) -> list[Part]:
     """Return tables and charts of runs on a log; none of other runs."""
-    runs, floor_plan = tracked(panel)
-    if floor_plan is None:
+    if (there := tracked(panel)) is None:
         return []
+    runs, floor_plan = there
     note = (
         "Best clusters: the heaviest cell of a histogram of the belief (1 m × 1 m × 30°) and its "
         "neighbours, the one place that it favours. The cross is where the robot was when it was "
@@ -263,7 +262,7 @@ _STAMPS: Columns = {
 
 def tables_of(runs: pd.DataFrame) -> list[Table]:
     """Return the scores as readable tables; without a reference only the agreement."""
-    tracks, rows = list(ended(runs)["track"]), summary(runs)
+    tracks, rows = list(ended(runs)["track"]), scores_by_localizer(runs)
     if rows.empty:
         return []
     if not any(track.known.size for track in tracks):
@@ -273,20 +272,16 @@ def tables_of(runs: pd.DataFrame) -> list[Table]:
     caption = (
         "Best cluster against the reference: share of records within a distance and an angle, runs "
         f"localized to the end (at {1 - TOLERATED:.0%} of the records of the last 25 %, within 1 m "
-        "and 30°), errors over all records of all "
-        "runs. Lost: off by more than 1 m on average over the last 20 records. ms per step: the "
-        "localizer's own time for a record, median over runs."
+        "and 30°), errors over all records of all runs. Lost: off by more than 1 m on average over "
+        "the last 20 records. ms per step: own time for a record, median over runs."
     )
     of_beliefs = (
         "Share of records at the reference's own times whose reference lies in the credible region "
-        "of so many per cent, and "
-        "normalized estimation error squared, 3 if the belief is as sure as it may be, more if it "
-        "is too sure; log score: -log of the density of the reference, nats, the smaller the "
-        "better; n/a: it has no spread. Beams: with a return, within so much of the map's "
-        "range at the best cluster. APE without alignment, RPE from record to record: as evo_ape "
-        "tum and evo_rpe tum compute them from tracks/, mean over runs."
-        + " At stamps: at the reference's own times."
-        * between
+        "of so many per cent; NEES: 3 if the belief is as sure as it may be, more if too sure; log "
+        "score: -log of the density of the reference, nats, the smaller the better; n/a: it has no "
+        "spread. Beams: with a return, within so much of the map's range at the best cluster. APE "
+        "without alignment, RPE from record to record: as evo_ape tum and evo_rpe tum compute them "
+        "from tracks/, mean over runs." + " At stamps: at the reference's own times." * between
     )
     beliefs = {**_LOCALIZER, **_BELIEFS, **_FITTING, **(_STAMPS if between else {})}
     return [
@@ -301,7 +296,9 @@ def accuracy(runs: pd.DataFrame) -> list[str]:
     known = done[[bool(track.known.size) for track in done["track"]]]
     if known.empty:
         return []
-    rows = summary(runs[runs["label"].isin(known["label"])]).sort_values("position_median")
+    rows = scores_by_localizer(runs[runs["label"].isin(known["label"])]).sort_values(
+        "position_median"
+    )
     errors = ", ".join(
         f"{label} {error:.3f} m"
         for label, error in zip(rows["label"], rows["position_median"], strict=True)

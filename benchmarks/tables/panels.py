@@ -13,10 +13,9 @@ from benchmarks.setup.overrides import Overrides, spelt
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.deciding import Rule
 from benchmarks.tables.frames import (
+    METHOD,
     as_json,
-    by_method,
     by_run,
-    cell,
     ends,
     method_columns,
     scores_in,
@@ -241,22 +240,22 @@ def panels(
     rule: Rule | None = None,
 ) -> list[Panel]:
     """Split finished trials into panels, in their order; see ``baseline_of`` and ``Panel.rule``."""
-    finished = list(records)
+    failed = list(failures)
     ended: dict[tuple[Setting, Method], list[Finished]] = {}
-    for record in finished:
+    for record in records:
         ended.setdefault((record.trial.setting, record.trial.method), []).append(record)
     titles = _titles(list(dict.fromkeys(setting for setting, _ in ended)))
-    cells, every = by_method(trials_frame(finished, failures)), groups(ended)
+    every = groups(ended)
     names = [_labels(methods) for _, _, methods in every]
     categories = list(dict.fromkeys(label for labels in names for label in labels.values()))
     made = []
     for number, ((setting, swept, methods), labels) in enumerate(zip(every, names, strict=True), 1):
-        scores = scores_in(record for one in methods for record in ended[setting, one])
-        absent = [score.name for score in JOURNEY_SCORES.values() if score not in scores]
-        runs = pd.concat(
-            cell(cells, setting, method).reset_index().assign(label=label)
-            for method, label in labels.items()
-        ).drop(columns=absent, errors="ignore")
+        finished = [record for method in methods for record in ended[setting, method]]
+        runs = trials_frame(
+            finished, [one for one in failed if one.setting == setting and one.method in labels]
+        )
+        by_columns = {(*method_columns(one).values(),): label for one, label in labels.items()}
+        called = [by_columns[key] for key in zip(*(runs[name] for name in METHOD), strict=True)]
         made.append(
             Panel(
                 number=number,
@@ -266,8 +265,8 @@ def panels(
                 labels=labels,
                 baselines={one: baseline_of(one, methods, baseline) for one in methods},
                 records={one: ended[setting, one] for one in methods},
-                scores=scores,
-                runs=runs.assign(label=pd.Categorical(runs["label"], categories=categories)),
+                scores=scores_in(finished),
+                runs=runs.assign(label=pd.Categorical(called, categories=categories)),
                 rule=rule,
             )
         )

@@ -122,3 +122,13 @@ def test_an_animation_shows_the_whole_way_of_each_method_side_by_side():
     animation = PIL.Image.open(io.BytesIO(drawn.webp))
     assert animation.n_frames == 204 // 8 + 1 + 1  # and the whole way
     assert animation.width > 2 * 350  # side by side
+
+
+def test_a_hedge_is_animated_beside_a_method_that_sees_no_plan():
+    same = Trial(
+        scenario="guided", localizer="mcl", params={"particles": 20}, lag=0, seed=0, trial=0
+    )
+    trials = same, replace(same, localizer="mcl-plan-hedged")
+    keys = tuple(map(key_of, trials))
+    lap = Animation(name="lap", title="", caption="", trials=trials, labels=("a", "b"), keys=keys)
+    assert animations.filmed(lap).webp.startswith(b"RIFF")

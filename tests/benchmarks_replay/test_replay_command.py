@@ -21,7 +21,7 @@ from benchmarks.report.tracks import (
     middle_run,
     run_words,
     runs_frame,
-    summary,
+    scores_by_localizer,
     tables_of,
     worst_run,
 )
@@ -147,7 +147,7 @@ def test_coverage_and_nees_are_of_the_records_that_are_judged_and_stamps_leave_o
     off = 6.5**2 / np.square(SIDES).mean()
     assert scores["nees"] == pytest.approx(off, rel=1e-3)
     record = record_of([0.1, 0.9, 0.9, 0.2, 0.3], interpolated=between)
-    (row,) = summary(runs_frame({"mcl": [record]}, {}, drive(5, between))).itertuples()
+    (row,) = scores_by_localizer(runs_frame({"mcl": [record]}, {}, drive(5, between))).itertuples()
     assert row.position_median == pytest.approx(0.3)
     assert row.position_median_stamps == pytest.approx(0.2)
     assert (row.within_1m, row.within_05m) == (1, pytest.approx(0.6))
