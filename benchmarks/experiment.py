@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from benchmarks.console import checking
 from benchmarks.execution.engines import Where
-from benchmarks.pictures.figures import camera_of
-from benchmarks.pictures.film import Camera
+from benchmarks.pictures.film import Camera, camera_of
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import write_report
 from benchmarks.scenarios import SCENARIOS

@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.execution.processes import PATIENCE, Processes
     from benchmarks.experiment import Experiment
     from benchmarks.files import write_files
-    from benchmarks.pictures.figures import chosen, paper_figures
+    from benchmarks.pictures.figures import chosen, write_paper_figures
     from benchmarks.report.verdict import conclusion
     from benchmarks.report.writing import load, write_report
     from benchmarks.sweeps.results import summary
@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> str:
         load()  # while the workers load theirs
     with Experiment(sweep).begun(out, how, options.words) as running:
         with Processes(1, timeout=PATIENCE) as beside:  # where the kernels are loaded
-            drawing = beside.submit(paper_figures, chosen(sweep.distinct()), out / "figures")
+            drawing = beside.submit(write_paper_figures, chosen(sweep.distinct()), out / "figures")
             results = running.results()
             drawn = [] if results.failures or results.missing else drawing.result()
             # figures/lap.webp is a lap; three more would be a second of waiting

@@ -52,10 +52,10 @@ def run(options: argparse.Namespace) -> str:
 def _exported(out: Path, results: "Results", options: argparse.Namespace) -> list[Path]:
     """Write what a paper needs."""
     from benchmarks.files import own_folder, write_files
-    from benchmarks.report.latex import latex_files, pdf_files
+    from benchmarks.report.page import latex_files, pdf_files
     from deqmcl_gym.validation import InputError
 
-    if not results.panels:
+    if not results.records:
         raise InputError(f"{options.folders[0]} has no finished trial: run its sweep first.")
     contents = latex_files(results) if options.latex else {}
     if options.pdf:

@@ -27,7 +27,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.pictures.lap import run_lap
+    from benchmarks.pictures.figures import run_lap
     from benchmarks.sweeps.running import check
     from localizers.registry import LOCALIZER
 

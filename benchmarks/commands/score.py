@@ -5,6 +5,7 @@ in a bag: docs/score-your-stack.md.
 """
 
 import argparse
+from typing import Any
 
 from benchmarks.commands import shared
 from benchmarks.console import doing, log_warnings, warn
@@ -42,39 +43,34 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.replay.options import reading_among
-    from benchmarks.replay.theirs import Yardstick, estimates_of, score
+    from benchmarks.replay.theirs import estimates_of, played_before, played_by_replay, score
     from benchmarks.sweeps.settings import settings
     from deqmcl_gym.logs import read_tum
     from deqmcl_gym.validation import InputError
 
+    beside, log, reference = options.beside, options.log, options.reference
     of_log = {"--map": options.map, "--every": options.every, "--set": options.set or None}
-    given = [name for name, value in of_log.items() if value is not None]
-    if options.beside is not None:
-        given += [f"--{name}" for name in ("log", "reference") if getattr(options, name)]
-        if given:
-            raise InputError(
-                f"{given[0]} is given with --beside, whose folder says what was played: leave one "
-                "of them out."
-            )
-    elif options.log is None and given:
-        raise InputError(f"{given[0]} is given without --log: name the log that it is about.")
-    elif options.log is None and options.reference is None:
+    of_replay = {**of_log, "--log": log, "--reference": reference}
+    alone = [name for name, value in of_log.items() if value is not None]
+    if beside is not None and (given := [name for name, value in of_replay.items() if value]):
+        raise InputError(
+            f"{given[0]} is given with --beside, whose folder says what was played: leave one of "
+            "them out."
+        )
+    if beside is None and log is None and alone:
+        raise InputError(f"{alone[0]} is given without --log: name the log that it is about.")
+    if beside is None and log is None and reference is None:
         raise InputError("there is nothing to score by: give --reference, --log or --beside.")
     with doing("reading the estimates and what they are scored by"), log_warnings() as said:
-        if options.beside is not None:
-            yardstick = Yardstick.of_replay(options.beside)
-        elif options.log is not None:
-            yardstick = Yardstick.of_log(
-                options.log,
-                options.reference,
-                reading_among(settings(options.set)),
-                options.map,
-                options.every,
-            )
+        by: Any  # a log, or a reference alone
+        if beside is not None:
+            by = played_before(beside)
+        elif log is not None:
+            read = reading_among(settings(options.set))
+            by = played_by_replay(log, reference, read, options.map, options.every)
         else:
-            yardstick = Yardstick(reference=read_tum(options.reference))
-        uncovered, text = score(
-            yardstick, estimates_of(options.estimates, options.covariance), options.out
-        )
+            by = read_tum(reference)
+        estimates = estimates_of(options.estimates, options.covariance)
+        uncovered, text = score(by, estimates, options.out)
     warn([*said, *uncovered])
     return text

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import shared
-from benchmarks.console import checking, doing
+from benchmarks.console import checking, doing, log_warnings, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.sweeps.design import Sweep
@@ -73,6 +73,7 @@ def run(options: argparse.Namespace) -> str:
             f"the sweep has {sweep.combinations:,} trials, more than {MANY:,}: give --yes to run "
             "them all, or vary less."
         )
+    warn(_misfits(sweep))
     if options.dry_run:
         shards = shard_of(options.shard)[1] if options.shard else 1
         with checking():
@@ -87,6 +88,22 @@ def run(options: argparse.Namespace) -> str:
     tables_only = f"\nTables only: {why}" if (why := no_report()) else ""
     text = "\n".join(filter(None, [str(found), laps, tables_only]))
     return complete(found.results, text, part=options.shard is not None)
+
+
+def _misfits(sweep: "Sweep") -> list[str | None]:
+    """Read the logs of a sweep; return warnings of them, and that one does not fit its map."""
+    from benchmarks.replay.command import disagreement
+    from benchmarks.setup.logs import LogScenario
+    from benchmarks.setup.names import scenario
+
+    worlds = dict.fromkeys((trial.scenario, trial.world) for trial in sweep.cells())
+    named = [(scenario(name), world) for name, world in worlds]
+    played = [(own, world) for own, world in named if isinstance(own, LogScenario)]
+    if not played:
+        return []
+    with doing("reading the log and the map"), log_warnings() as said:
+        misfits = [disagreement(own.changed(world)) for own, world in played]
+    return [*said, *misfits]
 
 
 def asked(options: argparse.Namespace) -> "Sweep":

@@ -162,7 +162,7 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
             raise InputError(f"{log} has no reference, so no error is known: give --reference.")
     notes = [] if nav2 is None else nav2.notes
     sideways = [replay.sideways for replay in replays]
-    warn([*warnings, *notes, *sideways, *map(disagreement, replays)])
+    warn([*warnings, *notes, *sideways, *(disagreement(one.scenario) for one in replays)])
     if {replay.log.unit for replay in replays} != {"m"}:
         raise InputError("a log is in px, but tune takes logs in m: give another one.")
     if name != "amcl" and "scan.power" not in replays[0].assumed:

@@ -1,31 +1,36 @@
-"""The paper's figures 4 and 5 and an animation of the lap, always of world 0: no picking.
+"""The paper's figures, always of world 0: no picking; and ``deqmcl run``, a lap with its files.
 
 Curves are by matplotlib, an optional extra.
 """
 
 import io
-from collections.abc import Mapping, Sequence
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from benchmarks.files import write_files
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.files import own_folder, write_files
 from benchmarks.pictures import styled
-from benchmarks.pictures.film import Camera, png, side_by_side, webp
+from benchmarks.pictures.film import Camera, Film, camera_of, png, side_by_side, webp
+from benchmarks.pictures.messages import showing
+from benchmarks.setup.interfaces import TrialEnv
+from benchmarks.tables.text import short_name, state_name
 from benchmarks.trials.clouds import belief_moments, cloud_of, joined
 from benchmarks.trials.episode import Step
-from benchmarks.trials.metrics import state_error
+from benchmarks.trials.metrics import directions, heading_error, position_error, state_error
+from benchmarks.trials.scoring import scores
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.maps.map import pixel
+from benchmarks.trials.trace import Trace, trace_of
+from deqmcl_gym.logs import Log, Trajectory, check_writable, write
+from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.drawing import Drawing, View
 from localizers import Belief
-
-if TYPE_CHECKING:  # it may not be installed
-    from matplotlib.figure import Figure
 
 
 def require_plots() -> None:
@@ -53,13 +58,8 @@ def error_plot(curves: Mapping[str, tuple[Indices, Floats]], title: str, words: 
     axes.set(xlabel="step of the state estimated", ylabel=words, title=title, ylim=(0, None))
     axes.grid(alpha=0.3)
     axes.legend()
-    return png_of(figure)
-
-
-def png_of(figure: "Figure", **how: Any) -> bytes:
-    """Return a figure as PNG, the same bytes each time; ``how`` is for ``savefig``."""
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None}, **how)
+    figure.savefig(buffer, format="png", metadata={"Software": None})
     return buffer.getvalue()
 
 
@@ -68,7 +68,7 @@ FIG_5_METHOD = "deq-mcl"
 FIG_5_STATE = 150  # the paper's
 LAP_METHODS = ("mcl", "deq-mcl")
 _SHOWN = {*FIG_4_METHODS, FIG_5_METHOD, *LAP_METHODS}
-FIGURES = {  # by how the file's name begins: heading, what is to be seen
+PAPER_FIGURES = {  # by how the file's name begins: heading, what is to be seen
     **{
         f"fig4_{method}": (
             f"Figure 4: half-way round, {method}",
@@ -91,26 +91,13 @@ FIGURES = {  # by how the file's name begins: heading, what is to be seen
 }
 LAP_STRIDE = 4  # steps per frame
 LAP_MILLISECONDS = 120
-_LONGEST = 560.0  # px of the paper's room
-_LEAST_SCALE = 0.01
+_ERRORS = {  # drawn, by the map's unit
+    "px": (state_error, "error e (px and unitless mixed, eq. 4)"),
+    "m": (position_error, "position error, m"),
+}
 
 
-def camera_of(stage: Stage, scale: float = 1.6) -> Camera:
-    """Return a camera for the room of a trial, set up.
-
-    A building is drawn smaller: 560 image pixels times the scale are the most to a side.
-    """
-    room = stage.room
-    x0, y0, x1, y1 = room.floor_plan.bounds
-    longest = max(x1 - x0, y1 - y0)
-    size = scale * min(longest / pixel(room.floor_plan.unit), _LONGEST)
-    small = View(room.floor_plan, scale * _LEAST_SCALE)  # a map of cells has a scale of its own
-    view = View(room.floor_plan, small.scale * size / (longest * small.per_length))
-    ground = room.picture if isinstance(room, RoomEnv) else Drawing
-    return Camera(view, room.radius, stage.trial.lag, ground)
-
-
-def paper_figures(shown: Sequence[Trial], folder: Path) -> list[Path]:
+def write_paper_figures(shown: Sequence[Trial], folder: Path) -> list[Path]:
     """Draw the figures of the trials that are ``chosen``."""
     return write_files(folder, figures_of(shown))
 
@@ -166,3 +153,119 @@ def _error_and_spread(belief: Belief, offset: int, truth: Reals, unit: str) -> s
     (row,) = belief_moments(joined([cloud_of(FIG_5_STATE, offset, points)], [truth]))
     error = state_error(row[None, :4], truth[None])[0]
     return f"error {error:.1f}, SD {(row[4] + row[5]) ** 0.5:.1f} {unit}"
+
+
+def run_lap(trial: Trial, out: Path, log: Path | None, mcap: Path | None) -> str:
+    """Run one lap of one localizer; write animation, error curve, trace; return what to print.
+
+    ``log`` is where to write the lap as a log, ``mcap`` what is believed, for Foxglove.
+    """
+    require_plots()
+    if log is not None:
+        check_writable(log)
+        if os.path.lexists(log):
+            raise InputError(f"{log} exists already: give another --log.")
+    own_folder(out, "lap.webp")
+    stage = Stage.of(trial)
+    unit = stage.room.floor_plan.unit
+    title = trial.localizer
+    film = Film(camera_of(stage), title, LAP_STRIDE)
+    outside: list[int] = []
+    episode = _noting(outside, film.of(stage.moments()), stage.room.floor_plan)
+    measure, words = _ERRORS[unit]
+    heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
+    with showing(mcap, {short_name(title): episode}, stage) as rows:
+        trace = trace_of((moment for (moment,) in rows), trial.offsets, stage.task)
+    curves = {
+        state_name(offset): (kept.states, measure(kept.means, trace.truth[kept.states]))
+        for offset, kept in trace.offsets.items()
+    }
+    files = {
+        "lap.webp": webp(film.frames, LAP_MILLISECONDS),
+        "error.png": error_plot(curves, heading, words),
+        "error.csv": _curves_csv(trace).encode(),
+        "trace.npz": npz(trace),
+    } | trajectories(trace)
+    if log is not None:
+        write(_log(film.moments, stage.room), log)
+    write_files(out, files)
+    lines = [_line(row, unit) for row in scores(trace, trial.lag, stage.scenario.thresholds)]
+    if outside:
+        lines.append(
+            f"Warning: at {len(outside)} steps, the first of them {outside[0]}, more than half of "
+            "the belief is inside walls or outside the map: the localizer does not use the map's "
+            "walls in its motion, or is lost."
+        )
+    lines.append(f"Written to {out}: {', '.join(files)}.")
+    lines += [] if log is None else [f"Log: {log}"]
+    lines += [] if mcap is None else [f"MCAP: {mcap}"]
+    return "\n".join([f"{heading}: {trace.steps} steps", *lines])
+
+
+def _line(row: Mapping[str, Any], unit: str) -> str:
+    """Say the errors at an offset: on a map in metres without eq. (4)'s mixture of units."""
+    error, position = f"error {row['error']:6.2f}", f"position RMSE {row['position_rmse']:6.2f}"
+    heading = f"heading RMSE {np.degrees(row['heading_rmse']):5.1f} deg"
+    first = [error] if unit == "px" else []
+    return f"{state_name(row['offset']):>8}: " + ", ".join([*first, f"{position} {unit}", heading])
+
+
+def _noting(outside: list[int], episode: Iterable[Step], floor_plan: Map) -> Iterator[Step]:
+    """Pass an episode on; note steps at which more than half of the weight is not free.
+
+    That is inside walls or outside the map, where a filter that does not use it may end up.
+    """
+    for moment in episode:
+        if (points := moment.belief.points()) is not None:
+            poses, weights = points
+            free = floor_plan.free(np.asarray(poses, np.float64)[:, :2])
+            if np.sum(np.asarray(weights)[~free]) > 0.5:
+                outside.append(moment.t)
+        yield moment
+
+
+def _log(episode: Sequence[Step], room: TrialEnv) -> Log:
+    scans = [moment.ranges for moment in episode]
+    actions = [moment.action for moment in episode[1:] if moment.action is not None]
+    truth = [moment.truth for moment in episode]
+    return Log.of_episode(scans, actions, truth, room.lidar, unit=room.floor_plan.unit)
+
+
+def _curves_csv(trace: Trace) -> str:
+    header = "offset,state,true_x,true_y,true_heading,x,y,error,position_error,heading_error"
+    rows = [header]
+    for offset, kept in trace.offsets.items():
+        truth = trace.truth[kept.states]
+        errors = (of(kept.means, truth) for of in (state_error, position_error, heading_error))
+        for state, true, mean, *off in zip(kept.states, truth, kept.means, *errors, strict=True):
+            rows.append(",".join(map(str, (offset, state, *true, mean[0], mean[1], *off))))
+    return "\n".join(rows) + "\n"
+
+
+def trajectories(trace: Trace) -> dict[str, bytes]:
+    """TUM files by name: the truth, and the estimates at each offset (means of the beliefs).
+
+    One step is one second; px take the place of metres in a room in px.
+    """
+    steps = np.arange(float(len(trace.truth)))
+    files = {"trajectory_truth.tum": Trajectory(steps, trace.truth).tum}
+    for offset, kept in trace.offsets.items():
+        poses = np.column_stack([kept.means[:, :2], directions(kept.means)])
+        name = f"trajectory_t{offset:+d}.tum" if offset else "trajectory_t.tum"
+        files[name] = Trajectory(kept.states.astype(np.float64), poses).tum
+    return files
+
+
+def npz(trace: Trace) -> bytes:
+    """Return the trace as npz without pickles: ``truth``, ``quality``, ``t-20/means`` ….
+
+    For the arrays and their units see ``benchmarks.trials.trace``; read by ``numpy.load(path)``.
+    """
+    arrays: dict[str, NDArray[np.generic]] = {"truth": trace.truth, "quality": trace.quality}
+    for offset, kept in trace.offsets.items():
+        name = f"t{offset:+d}" if offset else "t"
+        columns = vars(kept) | kept.values
+        arrays |= {f"{name}/{key}": columns[key] for key in columns if key != "values"}
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **arrays)
+    return buffer.getvalue()

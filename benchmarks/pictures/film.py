@@ -12,7 +12,9 @@ import PIL.Image
 from benchmarks.tables.text import state_name
 from benchmarks.trials.episode import Step
 from benchmarks.trials.fixes import Fixes, driven
-from deqmcl_gym.maps.map import metre
+from benchmarks.trials.stage import Stage
+from deqmcl_gym.envs.room import RoomEnv
+from deqmcl_gym.maps.map import metre, pixel
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals
 from deqmcl_gym.world.drawing import (
@@ -39,6 +41,8 @@ _LAYERS: tuple[tuple[int, Color, str], ...] = (  # sign of the offset, back to f
     (0, ORANGE, "present"),
 )
 _BLIND: Color = (120, 80, 190)  # the protected cloud of a hedge, which is shown no plan
+_LONGEST = 560.0  # px of the paper's room
+_LEAST_SCALE = 0.01
 _LAST = 1500  # ms that the last image stays
 
 
@@ -69,7 +73,7 @@ class Camera:
         drawing, clouds = self.scene(moment)
         marks = [("robot", GRAY), ("estimate", BLACK)]
         if moment.plan is not None and len(moment.plan):
-            drawing.path(laid(moment.truth, moment.plan), _PLAN, 2)
+            drawing.path(way_of_plan(moment.truth, moment.plan), _PLAN, 2)
             marks.append(("plan", _PLAN))
         drawing.robot(moment.truth, self.radius)
         if past is not None:
@@ -108,6 +112,21 @@ class Camera:
         return drawing.number(moment.t), legend
 
 
+def camera_of(stage: Stage, scale: float = 1.6) -> Camera:
+    """Return a camera for the room of a trial, set up.
+
+    A building is drawn smaller: 560 image pixels times the scale are the most to a side.
+    """
+    room = stage.room
+    x0, y0, x1, y1 = room.floor_plan.bounds
+    longest = max(x1 - x0, y1 - y0)
+    size = scale * min(longest / pixel(room.floor_plan.unit), _LONGEST)
+    small = View(room.floor_plan, scale * _LEAST_SCALE)  # a map of cells has a scale of its own
+    view = View(room.floor_plan, small.scale * size / (longest * small.per_length))
+    ground = room.picture if isinstance(room, RoomEnv) else Drawing
+    return Camera(view, room.radius, stage.trial.lag, ground)
+
+
 def png(image: Image) -> bytes:
     """Return an RGB image as PNG."""
     done, content = cv2.imencode(".png", image[:, :, ::-1])
@@ -140,7 +159,6 @@ def side_by_side(images: Sequence[Image]) -> Image:
 _BEST: Color = (0, 114, 178)
 _PLAN: Color = (0, 158, 115)
 _LINE = 24  # image pixels per line of text
-_STRIP = 32  # image pixels: height of the curve of q
 _SIZE = 0.5  # of letters: legible where two rooms are a column wide
 _LEAST = 6.0  # image pixels: a robot's radius, that it is seen in a building
 _MARKS = (("truth", GRAY), ("best cluster", _BEST), ("mean", BLACK), ("plan", _PLAN))
@@ -166,7 +184,6 @@ class Film:
     frames: list[Image] = field(default_factory=list, init=False)
     moments: list[Step] = field(default_factory=list, init=False)
     _best: list[tuple[float, float, float]] = field(default_factory=list, init=False)
-    _trusted: list[float] = field(default_factory=list, init=False)
 
     def of(self, episode: Iterable[Step]) -> Iterator[Step]:
         """Pass the episode on; draw moments after they were looked at."""
@@ -175,8 +192,6 @@ class Film:
             unit = self.camera.view.floor_plan.unit
             self._best.append(best_cluster(*_present(moment.belief), unit=unit).mean)
             self.moments.append(moment)
-            if isinstance(moment.belief, HedgedBelief):
-                self._trusted.append(moment.belief.trusted)
             if moment.t % self.stride == 0:
                 self.frames.append(self._frame(moment))
         self.frames.append(self._frame(moment, whole=True))
@@ -188,7 +203,7 @@ class Film:
         if whole:
             drawing.path(self._best, _BEST, 1)
         if moment.plan is not None and len(moment.plan):
-            drawing.path(laid(moment.truth, moment.plan), _PLAN, 2)
+            drawing.path(way_of_plan(moment.truth, moment.plan), _PLAN, 2)
         radius = max(camera.radius, _LEAST / camera.view.per_length)
         drawing.robot(moment.truth, radius)
         _ring(drawing, best, 1.3 * radius)
@@ -199,13 +214,12 @@ class Film:
         off = (math.hypot(pose[0] - x, pose[1] - y) for pose in (best, mean))
         digits = 0 if unit == "px" else 2
         best_off, mean_off = (f"{one:.{digits}f} {unit}" for one in off)
-        words = [self.title, f"step {moment.t}: best {best_off}, mean {mean_off} off", note]
         longest = [*_MARKS, *camera.layers]
-        if not self._trusted:
-            return _captioned(drawing, words, [*_MARKS, *clouds], longest)
-        longest.append(("without plans", _BLIND))
-        image = _captioned(drawing, words, [*_MARKS, *clouds], longest)
-        return _with_trust(image, self._trusted, camera.view)
+        if isinstance(moment.belief, HedgedBelief):
+            longest.append(("without plans", _BLIND))
+            note = note or f"trust in plans {moment.belief.trusted:.2f}"
+        words = [self.title, f"step {moment.t}: best {best_off}, mean {mean_off} off", note]
+        return _captioned(drawing, words, [*_MARKS, *clouds], longest)
 
     def _localized(self, drawing: Drawing) -> str:
         """Mark the place from where on it stays localized; say how far the robot had come."""
@@ -236,7 +250,7 @@ def _present(belief: Belief) -> tuple[Reals, Floats]:
     return points
 
 
-def laid(pose: Reals, plan: Reals) -> Floats:
+def way_of_plan(pose: Reals, plan: Reals) -> Floats:
     """Return the way of a plan (h, 2), or (h, 3) of a log, from a pose, no noise, (h + 1, 2)."""
     forward, left, turn = increments(plan).T
     heading = pose[2] + np.cumsum(turn)
@@ -279,21 +293,6 @@ def _captioned(
         write_words(image, line, (left, below + place * _LINE - 6), _SIZE)
     for place, row in enumerate(rows, len(words) + 1):
         write_legend(image, row, (left, below + place * _LINE - 6), _SIZE)
-    return image
-
-
-def _with_trust(image: Image, trusted: Sequence[float], view: View) -> Image:
-    """Add a strip of q, the trust in plans, at the latest steps: 1 at the top, 0 below."""
-    below, left = image.shape[0], view.margin
-    image = with_strip(image, _STRIP + 12)
-    top, right = below + 4, image.shape[1] - left
-    write_words(image, f"trust in plans {trusted[-1]:.2f}", (left, top + _STRIP // 2 + 4), _SIZE)
-    start = left + 170
-    cv2.rectangle(image, (start, top), (right, top + _STRIP), GRAY, 1)
-    shown = np.asarray(trusted[-((right - start) // 2) :])
-    columns, rows = start + 2 * np.arange(shown.size), top + (1.0 - shown) * _STRIP
-    line = np.rint(np.column_stack([columns, rows])).astype(np.int32)
-    cv2.polylines(image, [line], isClosed=False, color=_PLAN, thickness=2, lineType=cv2.LINE_AA)
     return image
 
 

@@ -7,8 +7,9 @@ are in metres; the frames are ``map`` and ``base_link``.
 import math
 import os
 import secrets
+from collections import deque
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager, suppress
+from contextlib import closing, contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.files import is_empty
-from benchmarks.pictures.film import laid
+from benchmarks.pictures.film import way_of_plan
 from benchmarks.tables.text import short_names
 from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Trial
@@ -36,53 +37,64 @@ _MAP, _BASE = "map", "base_link"
 _WALL, _UNKNOWN, _FREE = (31, 35, 40, 255), (176, 184, 192, 255), (255, 255, 255, 255)
 _POINT = ("x", "y", "z", "heading", "weight")
 _EVEN = 1e-6  # rad between the steps of a scan's angles
-_SERIES = {  # of the topic …/series, beside the step
+_GREEN, _BLACK = (0.0, 0.62, 0.45), (0.12, 0.14, 0.16)
+_NUMBERS = {
     "quality": "confidence that it is not lost",
     "trusted": "of a hedge: q, the probability that the plans are right",
     "position_error_m": "of the best cluster",
     "heading_error_deg": "of the best cluster",
 }
+_SERIES = {
+    "type": "object",
+    "title": "deqmcl.Series",
+    "properties": {
+        "step": {"type": "integer"},
+        **{name: {"type": "number", "description": of} for name, of in _NUMBERS.items()},
+    },
+}
 
 
 class Messages:
-    """Logs moments to all that listens to a context: the map with the first."""
+    """Logs what localizers believe after each step; the map with the first."""
 
     def __init__(self, context: Any, stage: Stage, names: Sequence[str]) -> None:
-        """Log to a context of foxglove.
+        """Log to a context of foxglove with a file, of these localizers; ``stage`` of any run."""
+        from foxglove import channels, messages
 
-        Args:
-            context: with a file.
-            stage: of any of the runs.
-            names: of their localizers.
-        """
-        from foxglove import channels
-
-        room, self._context = stage.room, context
-        self._names, self._map, self._lidar = names, room.floor_plan, room.lidar
-        self._metre = metre(self._map.unit)
-        self._lag = stage.trial.lag
+        self._context, self._fox = context, messages
+        self._kinds: Mapping[str, Any] = vars(channels)
+        self._names, self._map, self._lidar = names, stage.room.floor_plan, stage.room.lidar
+        self._metre, self._lag = metre(self._map.unit), stage.trial.lag
         self._even = _is_even(self._lidar)
         self._channels: dict[str, Any] = {}
-        self._kinds: Mapping[str, Any] = vars(channels)
 
     def write(self, time: float, moments: Sequence[Step]) -> None:
         """Log what the localizers believe after a step, at a time in s; the map first."""
         self._time = round(time * 1e9)
+        self._stamp = self._fox.Timestamp(*divmod(self._time, 10**9))
         if "/map" not in self._channels:
             self._write_map()
         first = moments[0]
-        known = bool(np.isfinite(first.truth).all())
+        truth = first.truth if np.isfinite(first.truth).all() else None
         best = [self._best(moment) for moment in moments]
-        self._log("/tf", self._transform(first.truth if known else best[0]))
-        if known:
-            self._log("/truth", self._pose_in_map(first.truth))
+        position, orientation = self._placed(best[0] if truth is None else truth)
+        moved = self._fox.FrameTransform(
+            timestamp=self._stamp,
+            parent_frame_id=_MAP,
+            child_frame_id=_BASE,
+            translation=position,
+            rotation=orientation,
+        )
+        self._log("/tf", moved)
+        if truth is not None:
+            self._log("/truth", self._framed("PoseInFrame", pose=self._pose(truth)))
         self._log("/scan", self._scan(first.ranges))
         for name, moment, at in zip(self._names, moments, best, strict=True):
-            self._write_belief(name, moment, at, first.truth if known else None)
+            self._write_belief(name, moment, at, truth)
 
     def _write_belief(self, name: str, moment: Step, best: Reals, truth: Reals | None) -> None:
         belief = moment.belief
-        self._log(f"/{name}/estimate", self._pose_in_map(best))
+        self._log(f"/{name}/estimate", self._framed("PoseInFrame", pose=self._pose(best)))
         clouds = {"cloud": belief.points()}
         if self._lag:
             clouds |= {"past": belief.points(-self._lag), "future": belief.points(self._lag)}
@@ -93,8 +105,8 @@ class Messages:
                 self._log(f"/{name}/{kind}", self._cloud(np.asarray(points[0]), points[1]))
         if moment.plan is not None:
             start = best if truth is None else truth
-            way = laid(start, moment.plan) if len(moment.plan) else np.empty((0, 2))
-            self._log(f"/{name}/plan", self._line("plan", way))
+            way = way_of_plan(start, moment.plan) if len(moment.plan) else np.empty((0, 2))
+            self._log(f"/{name}/plan", self._lines("plan", way, "LineStrip", _GREEN))
         series: dict[str, float | None] = {"step": moment.t, "quality": quality_of(belief)}
         if isinstance(belief, HedgedBelief):
             series["trusted"] = belief.trusted
@@ -102,8 +114,7 @@ class Messages:
             off = (np.asarray(best) - truth) / np.array([self._metre, self._metre, 1.0])
             series["position_error_m"] = math.hypot(off[0], off[1])
             series["heading_error_deg"] = math.degrees(abs(float(arrays.wrapped(off[2:])[0])))
-        said = {key: value for key, value in series.items() if value is not None}
-        self._log_series(f"/{name}/series", said)
+        self._log(f"/{name}/series", {k: value for k, value in series.items() if value is not None})
 
     def _best(self, moment: Step) -> Reals:
         points = moment.belief.points()
@@ -113,121 +124,81 @@ class Messages:
 
     def _log(self, topic: str, message: Any) -> None:
         if topic not in self._channels:
-            kind = self._kinds[f"{type(message).__name__}Channel"]
-            self._channels[topic] = kind(topic, context=self._context)
+            from foxglove import Channel
+
+            kind = self._kinds.get(f"{type(message).__name__}Channel", Channel)
+            schema = {"schema": _SERIES} if isinstance(message, dict) else {}
+            self._channels[topic] = kind(topic, context=self._context, **schema)
         self._channels[topic].log(message, log_time=self._time)
 
-    def _log_series(self, topic: str, values: Mapping[str, float]) -> None:
-        from foxglove import Channel
+    def _framed(self, kind: str, frame: str = _MAP, **parts: Any) -> Any:
+        """A message of a kind with the time and a frame."""
+        return getattr(self._fox, kind)(timestamp=self._stamp, frame_id=frame, **parts)
 
-        if topic not in self._channels:
-            keys = {name: {"type": "number", "description": own} for name, own in _SERIES.items()}
-            schema = {
-                "type": "object",
-                "title": "deqmcl.Series",
-                "properties": {"step": {"type": "integer"}, **keys},
-            }
-            self._channels[topic] = Channel(topic, schema=schema, context=self._context)
-        self._channels[topic].log(dict(values), log_time=self._time)
-
-    @property
-    def _stamp(self) -> Any:
-        from foxglove.messages import Timestamp
-
-        return Timestamp(*divmod(self._time, 10**9))
-
-    def _pose(self, pose: Reals) -> dict[str, Any]:
-        """Position and orientation, metres."""
-        from foxglove.messages import Quaternion, Vector3
-
+    def _placed(self, pose: Sequence[float] | Reals) -> tuple[Any, Any]:
+        """Position in metres, and orientation."""
         x, y, heading = np.asarray(pose, np.float64).tolist()
-        at = Vector3(x=x / self._metre, y=y / self._metre, z=0.0)
-        turned = Quaternion(x=0.0, y=0.0, z=math.sin(heading / 2), w=math.cos(heading / 2))
-        return {"position": at, "orientation": turned}
-
-    def _pose_in_map(self, pose: Reals) -> Any:
-        from foxglove.messages import Pose, PoseInFrame
-
-        return PoseInFrame(timestamp=self._stamp, frame_id=_MAP, pose=Pose(**self._pose(pose)))
-
-    def _transform(self, pose: Reals) -> Any:
-        from foxglove.messages import FrameTransform
-
-        at = self._pose(pose)
-        return FrameTransform(
-            timestamp=self._stamp,
-            parent_frame_id=_MAP,
-            child_frame_id=_BASE,
-            translation=at["position"],
-            rotation=at["orientation"],
+        return (
+            self._fox.Vector3(x=x / self._metre, y=y / self._metre, z=0.0),
+            self._fox.Quaternion(z=math.sin(heading / 2), w=math.cos(heading / 2)),
         )
+
+    def _pose(self, pose: Sequence[float] | Reals = (0.0, 0.0, 0.0)) -> Any:
+        position, orientation = self._placed(pose)
+        return self._fox.Pose(position=position, orientation=orientation)
 
     def _scan(self, ranges: Reals) -> Any:
         """A LaserScan; the ends of the beams as a cloud if their angles are not evenly spaced."""
-        from foxglove.messages import LaserScan, Pose
-
         rays, seen = self._lidar.rays(np.zeros(3)), np.asarray(ranges, np.float64)
         seen = np.where(seen <= self._lidar.max_range, seen, np.inf)
         if self._even:
-            return LaserScan(
-                timestamp=self._stamp,
-                frame_id=_BASE,
-                pose=Pose(**self._pose(np.array([*rays[0, :2], 0.0]))),
+            return self._framed(
+                "LaserScan",
+                _BASE,
+                pose=self._pose([*rays[0, :2], 0.0]),
                 start_angle=float(rays[0, 2]),
                 end_angle=float(rays[-1, 2]),
                 ranges=(seen / self._metre).tolist(),
             )
         hit = np.isfinite(seen)
         x, y, bearings = rays[hit].T
-        ends = np.column_stack(
-            [x + seen[hit] * np.cos(bearings), y + seen[hit] * np.sin(bearings), bearings]
-        )
-        return self._cloud(ends, np.ones(len(ends)), _BASE)
+        ends = [x + seen[hit] * np.cos(bearings), y + seen[hit] * np.sin(bearings), bearings]
+        return self._cloud(np.column_stack(ends), np.ones(int(hit.sum())), _BASE)
 
     def _cloud(self, poses: Reals, weights: Reals, frame: str = _MAP) -> Any:
-        from foxglove.messages import PackedElementField, PackedElementFieldNumericType, PointCloud
-
         table = np.zeros((len(poses), len(_POINT)), "<f4")
         table[:, :2] = np.asarray(poses)[:, :2] / self._metre
         table[:, 3], table[:, 4] = np.asarray(poses)[:, 2], weights
-        single = PackedElementFieldNumericType.Float32
-        fields = [
-            PackedElementField(name=name, offset=4 * place, type=single)
-            for place, name in enumerate(_POINT)
-        ]
-        return PointCloud(
-            timestamp=self._stamp,
-            frame_id=frame,
-            pose=_identity(),
+        return self._framed(
+            "PointCloud",
+            frame,
+            pose=self._pose(),
             point_stride=4 * len(_POINT),
-            fields=fields,
+            fields=self._fields(_POINT, 4, "Float32"),
             data=table.tobytes(),
         )
 
-    def _line(self, name: str, way: Floats, *, pairs: bool = False) -> Any:
-        """A line through points (n, 2), or one between each two of them; none of no points."""
-        from foxglove.messages import (
-            Color,
-            LinePrimitive,
-            LinePrimitiveLineType,
-            Point3,
-            SceneEntity,
-            SceneUpdate,
-        )
+    def _fields(self, names: Sequence[str], size: int, kind: str) -> list[Any]:
+        """What packed numbers of so many bytes are called."""
+        number = getattr(self._fox.PackedElementFieldNumericType, kind)
+        return [
+            self._fox.PackedElementField(name=name, offset=size * place, type=number)
+            for place, name in enumerate(names)
+        ]
 
-        kind = LinePrimitiveLineType.LineList if pairs else LinePrimitiveLineType.LineStrip
-        points = (
-            [Point3(x=x, y=y, z=0.0) for x, y in (way / self._metre).tolist()] if len(way) else []
+    def _lines(self, name: str, way: Floats, kind: str, ink: tuple[float, float, float]) -> Any:
+        """A line through points (n, 2), or one between each two of them; none of no points."""
+        red, green, blue = ink
+        line = self._fox.LinePrimitive(
+            type=getattr(self._fox.LinePrimitiveLineType, kind),
+            pose=self._pose(),
+            thickness=2.0,
+            scale_invariant=True,
+            points=[self._fox.Point3(x=x, y=y, z=0.0) for x, y in (way / self._metre).tolist()],
+            color=self._fox.Color(r=red, g=green, b=blue, a=1.0),
         )
-        ink = Color(r=0.12, g=0.14, b=0.16, a=1.0) if pairs else Color(r=0.0, g=0.62, b=0.45, a=1.0)
-        line = LinePrimitive(
-            type=kind, pose=_identity(), thickness=2.0, scale_invariant=True, points=points,
-            color=ink,
-        )  # fmt: skip
-        entity = SceneEntity(
-            timestamp=self._stamp, frame_id=_MAP, id=name, lines=[line] if points else []
-        )
-        return SceneUpdate(entities=[entity])
+        entity = self._framed("SceneEntity", id=name, lines=[line] if len(way) else [])
+        return self._fox.SceneUpdate(entities=[entity])
 
     def _write_map(self) -> None:
         floor_plan: Map = self._map
@@ -236,43 +207,25 @@ class Messages:
         elif isinstance(floor_plan, PolygonMap):
             walls = [np.array(corners) for corners in (floor_plan.outer, *floor_plan.obstacles)]
             ends = np.vstack([edges_of(corners) for corners in walls]).reshape(-1, 2)
-            self._log("/map", self._line("walls", ends, pairs=True))
+            self._log("/map", self._lines("walls", ends, "LineList", _BLACK))
 
     def _grid(self, floor_plan: GridMap) -> Any:
-        from foxglove.messages import (
-            Grid,
-            PackedElementField,
-            PackedElementFieldNumericType,
-            Pose,
-            Vector2,
-        )
-
         cells = floor_plan.occupancy
         colors = np.empty((*cells.shape, 4), np.uint8)
         colors[:] = _FREE
         colors[floor_plan.solid] = _WALL
         colors[cells < 0] = _UNKNOWN
-        size, kind = floor_plan.resolution / self._metre, PackedElementFieldNumericType.Uint8
-        return Grid(
-            timestamp=self._stamp,
-            frame_id=_MAP,
-            pose=Pose(**self._pose(np.array(floor_plan.origin))),
+        size = floor_plan.resolution / self._metre
+        return self._framed(
+            "Grid",
+            pose=self._pose(floor_plan.origin),
             column_count=cells.shape[1],
-            cell_size=Vector2(x=size, y=size),
+            cell_size=self._fox.Vector2(x=size, y=size),
             row_stride=4 * cells.shape[1],
             cell_stride=4,
-            fields=[
-                PackedElementField(name=name, offset=place, type=kind)
-                for place, name in enumerate(("red", "green", "blue", "alpha"))
-            ],
+            fields=self._fields(("red", "green", "blue", "alpha"), 1, "Uint8"),
             data=colors.tobytes(),
         )
-
-
-def _identity() -> Any:
-    from foxglove.messages import Pose, Quaternion, Vector3
-
-    return Pose(position=Vector3(), orientation=Quaternion(w=1.0))
 
 
 def _is_even(lidar: Lidar) -> bool:
@@ -338,8 +291,7 @@ def shown_again(trials: Sequence[Trial], path: Path) -> None:
     short = short_names([trial.localizer for trial in trials])
     runs = {short[stage.trial.localizer]: stage.moments() for stage in stages}
     with showing(path, runs, stages[0]) as rows:
-        for _ in rows:
-            pass
+        deque(rows, maxlen=0)
 
 
 def _written(
@@ -358,8 +310,7 @@ def _written(
                 yield moments
         beside.replace(path)
     finally:
-        with suppress(FileNotFoundError):
-            beside.unlink()
+        beside.unlink(missing_ok=True)
 
 
 def _time(stage: Stage, moment: Step) -> float:

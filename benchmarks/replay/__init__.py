@@ -1,1 +1,1 @@
-"""Localizers on recorded logs: ``deqmcl replay``, ``basin`` and ``score``."""
+"""Localizers on recorded logs: ``deqmcl replay`` and ``score``."""

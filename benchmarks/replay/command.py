@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from benchmarks.console import doing, log_warnings, warn
 from benchmarks.files import write_files
@@ -14,10 +15,18 @@ from benchmarks.replay.calibration import calibrated, judged_alike, uses_scan, w
 from benchmarks.replay.nav2 import Amcl
 from benchmarks.replay.options import EVERY, NAME, OFTEN, Replay, params_among, replay_of
 from benchmarks.replay.residuals import PICTURE, TABLE, Residuals, files_of, residuals_of
-from benchmarks.report.frames import frames_of
-from benchmarks.report.tracks import accuracy, differences_table, tables_of
+from benchmarks.report.tracks import (
+    accuracy,
+    differences_table,
+    ended,
+    runs_frame,
+    tables_of,
+    tracks_results_csv,
+    tracks_trials_csv,
+)
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import load, no_report
+from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results
@@ -25,7 +34,6 @@ from benchmarks.sweeps.running import Options, begun, check, complete
 from benchmarks.sweeps.settings import sweep_text
 from benchmarks.sweeps.sweepfile import params_by_localizer
 from benchmarks.tables.text import file_words, percent
-from benchmarks.tables.tracks import Row, rows_of, tracks_results_csv, tracks_trials_csv
 from benchmarks.trials.spec import Method
 from benchmarks.trials.tracks import AGREE, agreement
 from deqmcl_gym.envs.log import spacing
@@ -204,18 +212,18 @@ def run_replay(
     """
     replay, sweep, warnings = plan.replay, plan.sweep, plan.warnings
     with begun(sweep, out, options, command=command) as running:
-        said = [*warnings, *warn([replay.sideways, disagreement(replay), touches(replay)])]
+        said = [*warnings, *warn([replay.sideways, disagreement(replay.scenario), touches(replay)])]
         results = running.results()
-        rows = _rows(replay, sweep, results)
-        said += warn([_misfit(replay, rows)])
-        wrong = residuals_of(replay, rows) if residuals else None
+        runs = _runs(replay, sweep, results)
+        said += warn([_misfit(replay, runs)])
+        wrong = residuals_of(replay, runs) if residuals else None
         with doing(f"writing the report in {out}"):
             for name in (PICTURE, TABLE):  # of a run with --residuals
                 (out / name).unlink(missing_ok=True)
-            files = write_files(out, _contents(replay, rows, results, said, wrong))
-    apart = [table for panel in frames_of(results) if (table := differences_table(panel))]
-    first, *others = tables_of(rows)
-    texts = [conclusion(results), *accuracy(rows), replay.overview]
+            files = write_files(out, _contents(replay, runs, results, said, wrong))
+    apart = [table for panel in results.panels if (table := differences_table(panel))]
+    first, *others = tables_of(runs)
+    texts = [conclusion(results), *accuracy(runs), replay.overview]
     texts += [] if wrong is None else [wrong.said]
     texts += [*(one.text("simple") for one in (first, *apart, *others)), *replay.facts]
     names = ", ".join(path.name for path in files if path.parent == out)
@@ -242,9 +250,9 @@ def misfit_words(share: float, where: str, scanner: Scanner) -> str | None:
     )
 
 
-def disagreement(replay: Replay) -> str | None:
+def disagreement(played: LogScenario) -> str | None:
     """Return the warning that log and map do not fit, by the reference; None if they do."""
-    log, floor_plan = replay.scenario.recording()
+    log, floor_plan = played.recording()
     known = log.referenced
     if not known.size:
         return None
@@ -270,44 +278,45 @@ def touches(replay: Replay) -> str | None:
     )
 
 
-def _misfit(replay: Replay, rows: Sequence[Row]) -> str | None:
+def _misfit(replay: Replay, runs: pd.DataFrame) -> str | None:
     """Return the warning that log and map do not fit, by the best run if there is no reference."""
-    shares = [run.scores["agreement_03"] for row in rows for run in row.runs]
+    shares = list(ended(runs)["agreement_03"])
     if replay.log.referenced.size or not shares:
         return None
     scanner = replay.log.scanner
     return misfit_words(max(shares), "from the poses that the best run estimates", scanner)
 
 
-def _rows(replay: Replay, sweep: Sweep, results: Results) -> list[Row]:
-    """Return a row per localizer, in the order in which they were named."""
+def _runs(replay: Replay, sweep: Sweep, results: Results) -> pd.DataFrame:
+    """Return the runs of each localizer, in the order in which they were named."""
     names = [method.name for method in sweep.localizers]
     records = {
         name: [one for one in results.records if one.trial.localizer == name] for name in names
     }
     failed = [failure.trial.localizer for failure in results.failures]
-    return rows_of(records, {name: failed.count(name) for name in names}, replay.log)
+    return runs_frame(records, {name: failed.count(name) for name in names}, replay.log)
 
 
 def _contents(
     replay: Replay,
-    rows: Sequence[Row],
+    runs: pd.DataFrame,
     results: Results,
     warnings: Sequence[str],
     wrong: Residuals | None,
 ) -> dict[str, bytes]:
     contents = {
-        "results.csv": utf8(tracks_results_csv(rows, results.table)),
-        "trials.csv": utf8(tracks_trials_csv(rows)),
-        **_tracks(replay, rows),
+        "results.csv": utf8(tracks_results_csv(runs, results.table)),
+        "trials.csv": utf8(tracks_trials_csv(runs)),
+        **_tracks(replay, runs),
     }
     if wrong is not None:
         contents |= files_of(wrong, drawn=no_report() is None)
     if no_report() is None and results.panels:
         load()
-        from benchmarks.report.page import Part, page_files
+        from benchmarks.report.page import page_files
+        from benchmarks.report.tables import Part
 
-        notes = [*accuracy(rows), replay.overview, _WORLDS]
+        notes = [*accuracy(runs), replay.overview, _WORLDS]
         more = [] if wrong is None else [Part(*wrong.part)]
         page = page_files(
             results, Path(), notes=notes, warnings=warnings, facts=replay.facts, more=more
@@ -316,15 +325,17 @@ def _contents(
     return contents
 
 
-def _tracks(replay: Replay, rows: Sequence[Row]) -> dict[str, bytes]:
+def _tracks(replay: Replay, runs: pd.DataFrame) -> dict[str, bytes]:
     """Return the trajectories of all runs, and the reference, as TUM files by name."""
     log, files = replay.log, {}
     if log.reference is not None and log.referenced.size:
         known = log.referenced
         files[f"{_TRACKS}/reference.tum"] = Trajectory(log.times[known], log.reference[known]).tum
-    for row, own in zip(rows, file_words([row.label for row in rows]), strict=True):
-        for run in row.runs:
-            files[f"{_TRACKS}/{own}-{run.seed}.tum"] = Trajectory(log.times, run.track.best).tum
+    labels = list(runs["label"].unique())
+    words = dict(zip(labels, file_words(labels), strict=True))
+    done = ended(runs)
+    for label, seed, track in zip(done["label"], done["seed"], done["track"], strict=True):
+        files[f"{_TRACKS}/{words[label]}-{seed}.tum"] = Trajectory(log.times, track.best).tum
     return files
 
 

@@ -1,91 +1,173 @@
-"""``deqmcl replay --residuals``: where the map is wrong, by the run that fits it best."""
+"""``deqmcl replay --residuals``: places at which a map is wrong, seen through or hit in free space.
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+Residuals of a robot that knows where it is concentrate on places of the map and repeat from other
+poses; those of a lost one are everywhere. So a place counts only where beams from several poses
+contradict the map, and more of them than agree with it. Unknown cells say nothing.
+"""
+
+import warnings
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from benchmarks.pictures import styled
-from benchmarks.replay.map_places import HIT, LEAST_POSES, THROUGH, Place, Scans, places_of
 from benchmarks.replay.options import Replay
 from benchmarks.report.charts import INK, STYLE, Chart
 from benchmarks.report.tables import Table
-from benchmarks.report.tracks import map_axes
-from benchmarks.tables.text import csv_text, percent
-from benchmarks.tables.tracks import Row, TrackedRun
+from benchmarks.report.tracks import ended, map_axes
+from benchmarks.tables.text import percent
+from benchmarks.trials.residuals import (
+    APART,
+    CLEAR,
+    Expected,
+    Fit,
+    Lattice,
+    Rays,
+    count,
+    known_part,
+)
 from deqmcl_gym.files import utf8
-from deqmcl_gym.maps import Map
+from deqmcl_gym.maps import GridMap, Lidar, Map
+from deqmcl_gym.maps.map import metre
+from deqmcl_gym.numerics.types import Bools, Indices, Reals
 
+HIT, THROUGH = "hit in free space", "seen through"
 HEADING = "Where is the map wrong?"
 PICTURE, TABLE = "residuals.png", "residuals.csv"
+_LEAST_POSES, _LEAST_BEAMS, _LEAST_CELLS = 3, 2, 2
+_LEAST_SHARE = 0.5  # of the beams that reach a cell, those that contradict the map
+_EXPLAINED = 0.75  # of the returns of a scan and most scans around it: the robot is not lost
+_AROUND = 10  # scans before and after
 _LISTED = 12  # places in the page; so many have their number in the picture
-_NUMBERS = ("x", "y", "width", "height")
-_COLORS = {HIT: "C3", THROUGH: "C0"}
-_MARKS = {HIT: "s", THROUGH: "D"}
+_LOOKS = {HIT: ("C3", "s"), THROUGH: ("C0", "D")}
 _WIDTH = 6.4  # inches
+
+
+class Place(NamedTuple):
+    """A place at which a map is wrong, lengths in the map's unit: centre and size of its cells.
+
+    ``beams`` contradict the map there, from ``poses`` at least 0.5 m apart: a ``share`` of those
+    that reach its cells, which are ``at``.
+    """
+
+    kind: str
+    x: float
+    y: float
+    width: float
+    height: float
+    cells: int
+    beams: int
+    poses: int
+    share: float
+    at: Indices
 
 
 @dataclass(frozen=True)
 class Residuals:
-    """Where the map is wrong, by the scans of one run, from the poses of its best clusters.
+    """Where a map is wrong, by scans from poses on it, one after the other, (n, 3) and (n, B)."""
 
-    Attributes:
-        label: of the localizer.
-        run: of it, the one whose scans agree best with the map.
-        floor_plan: the map that it was given.
-    """
-
-    label: str
-    run: TrackedRun
     floor_plan: Map
+    lidar: Lidar
+    poses: Reals
+    ranges: Reals
+    whose: str = ""
 
     @cached_property
-    def scans(self) -> Scans:
-        """Its scans, and where they were taken."""
-        log = self.run.track.log
-        return Scans(self.floor_plan, log.scanner, self.run.track.best, log.ranges)
+    def _fit(self) -> Fit:
+        known = known_part(self.floor_plan)
+        return Expected.of(known, self.lidar, self.poses).fit(self.ranges)
+
+    @cached_property
+    def used(self) -> Bools:
+        """Whether so much is explained around a scan that the robot is not lost, (n,).
+
+        By the median of 21 scans: the robot passes a place where the map is wrong, but stays lost.
+        """
+        padded = np.pad(self._fit.explained, _AROUND, constant_values=np.nan)
+        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # no return in any of them
+            return np.asarray(np.nanmedian(windows, axis=1) >= _EXPLAINED)
+
+    @cached_property
+    def lattice(self) -> Lattice:
+        """The cells that places are made of."""
+        return Lattice.over(self.floor_plan)
 
     @cached_property
     def places(self) -> list[Place]:
-        """Where the map is wrong, the largest place first."""
-        return places_of(self.scans.evidence)
+        """Where the map is wrong, the place with the most cells first."""
+        used, fit, length = self.used, self._fit, metre(self.floor_plan.unit)
+        rays = Rays.of(self.lattice, self.lidar, self.poses[used])
+        ranges, expected = self.ranges[used].astype(np.float64), fit.expected[used]
+        returned, short, long = fit.returned[used], fit.short[used], fit.long[used]
+        clear = CLEAR * length
+        ends = np.column_stack([points.ravel() for points in rays.points(ranges)])
+        hit = short & known_part(self.floor_plan).free(ends).reshape(short.shape)
+        hit[hit] = _solid_part(self.floor_plan).distance(ends[hit.ravel()]) > clear
+        walls = rays.cells(expected + 0.25 * self.lattice.cell)  # just inside the wall
+        with np.errstate(invalid="ignore"):
+            ended_there = returned & ~short & ~long & (np.abs(ranges - expected) <= clear)
+        passed = rays.passed(np.where(returned, ranges - clear, 0.0))
+        stopped = count(walls[ended_there], self.lattice)
+        numbers = _poses_apart(self.poses[used], APART * length)
+        seen = {HIT: (rays.cells(ranges), hit, passed), THROUGH: (walls, long, stopped)}
+        places = list[Place]()
+        for kind, (cells, against, agreed) in seen.items():
+            poses = numbers[np.nonzero(against)[0]]
+            places += self._places(kind, cells[against], poses, agreed)
+        return sorted(places, key=lambda place: -place.cells)
+
+    def _places(
+        self, kind: str, cells: Indices, poses: Indices, agreed: Indices
+    ) -> Iterator[Place]:
+        """Yield places by the cell and the pose of each beam against the map, and what agrees."""
+        against = count(cells, self.lattice)
+        share = against / np.maximum(against + agreed, 1)
+        labels = self.lattice.groups((against >= _LEAST_BEAMS) & (share >= _LEAST_SHARE))
+        inside = cells >= 0
+        pairs = np.unique(np.column_stack([labels[cells[inside]], poses[inside]]), axis=0)
+        for label in range(1, labels.max() + 1):
+            at = np.flatnonzero(labels == label)
+            apart = int((pairs[:, 0] == label).sum())
+            if apart < _LEAST_POSES or at.size < _LEAST_CELLS:
+                continue
+            centres = self.lattice.centres(at)
+            x, y = centres.mean(axis=0).tolist()
+            width, height = (np.ptp(centres, axis=0) + self.lattice.cell).tolist()
+            beams, others = int(against[at].sum()), int(agreed[at].sum())
+            part = beams / (beams + others)
+            yield Place(kind, x, y, width, height, at.size, beams, apart, part, at)
 
     @property
     def said(self) -> str:
         """What was found, in words."""
         kinds = [place.kind for place in self.places]
-        found = f"{kinds.count(HIT)} places hit in free space, {kinds.count(THROUGH)} seen through"
-        basis = (
-            f"by {int(self.scans.used.sum()):,} of {len(self.scans.used):,} scans of "
-            f"{self.label}, seed {self.run.seed}, the run whose scans agree best with the map"
+        return (
+            f"Where the map is wrong: {kinds.count(HIT)} places hit in free space, "
+            f"{kinds.count(THROUGH)} seen through, by {int(self.used.sum()):,} of "
+            f"{len(self.used):,} scans of {self.whose}, the run whose scans agree best with the "
+            "map."
         )
-        return f"Where the map is wrong: {found}, {basis}."
 
-    @property
     def csv(self) -> str:
-        """residuals.csv: a line per place."""
-        unit = self.floor_plan.unit
-        header = ["place", "kind", *(f"{name}_{unit}" for name in _NUMBERS)]
-        lines = (
-            [
-                *(number, place.kind),
-                *(f"{getattr(place, name):.3f}" for name in _NUMBERS),
-                *(place.cells, place.beams, place.poses, f"{place.share:.4f}"),
-            ]
-            for number, place in enumerate(self.places, 1)
-        )
-        return csv_text([*header, "cells", "beams", "poses", "share"], lines)
+        """Return residuals.csv: a line per place."""
+        frame = pd.DataFrame(self.places, columns=Place._fields).drop(columns="at")
+        lengths = ["x", "y", "width", "height"]
+        frame[lengths] = frame[lengths].astype(object).map("{:.3f}".format)
+        frame["share"] = frame["share"].astype(object).map("{:.4f}".format)
+        frame.insert(0, "place", range(1, len(frame) + 1))
+        named = {name: f"{name}_{self.floor_plan.unit}" for name in lengths}
+        return frame.rename(columns=named).to_csv(index=False, lineterminator="\n")
 
-    @property
-    def table(self) -> Table | None:
-        """The largest places; None if there is none."""
-        if not self.places:
-            return None
+    def table(self) -> Table:
+        """Return the largest places."""
         unit = self.floor_plan.unit
         header = ["place", "kind", f"x, {unit}", f"y, {unit}", f"extent, {unit}"]
-        header += ["beams", "poses", "share"]
         lines = [
             [
                 *(str(number), place.kind, f"{place.x:.1f}", f"{place.y:.1f}"),
@@ -99,21 +181,20 @@ class Residuals:
             "Share: of the beams that reach its cells, those that contradict the map. Poses: at "
             "least 0.5 m apart." + (f" The {rest} smaller places are in {TABLE}." if rest else "")
         )
-        return Table(caption, pd.DataFrame(lines, columns=header))
+        return Table(caption, pd.DataFrame(lines, columns=[*header, "beams", "poses", "share"]))
 
     @cached_property
     def chart(self) -> Chart:
         """The map in grey, with the cells of all places."""
         axes = map_axes(self.floor_plan, _WIDTH)
-        x, y = self.scans.poses[self.scans.used, :2].T
+        x, y = self.poses[self.used, :2].T
         axes.plot(x, y, ".", color=INK, alpha=0.35, ms=1.2, label="poses of the scans")
         x0, y0, x1, y1 = self.floor_plan.bounds
-        lattice = self.scans.evidence.lattice
-        size = max(lattice.cell * 72 * (_WIDTH - 0.8) / max(x1 - x0, y1 - y0), 2.2)
-        for kind, color in _COLORS.items():
+        size = max(self.lattice.cell * 72 * (_WIDTH - 0.8) / max(x1 - x0, y1 - y0), 2.2)
+        for kind, (color, mark) in _LOOKS.items():
             if cells := [place.at for place in self.places if place.kind == kind]:
-                at = lattice.centres(np.concatenate(cells)).T
-                axes.plot(*at, _MARKS[kind], color=color, ms=size, mew=0, label=kind)
+                at = self.lattice.centres(np.concatenate(cells)).T
+                axes.plot(*at, mark, color=color, ms=size, mew=0, label=kind)
         for number, place in enumerate(self.places[:_LISTED], 1):
             axes.annotate(
                 str(number), (place.x, place.y), (5, 5), textcoords="offset points", size=8
@@ -129,27 +210,51 @@ class Residuals:
     def part(self) -> tuple[str, str, list[Table], list[Chart]]:
         """What the page shows: heading, how to read it, table, picture."""
         note = (
-            f"{self.said} A place counts if beams from {LEAST_POSES} poses or more, at least "
+            f"{self.said} A place counts if beams from {_LEAST_POSES} poses or more, at least "
             "0.5 m apart, read clearly less (hit in free space) or more (seen through) than the "
             "map says, and no more beams agree with it. Unknown cells say nothing."
         )
         with styled(STYLE):
-            return HEADING, note, [self.table] if self.table else [], [self.chart]
+            return HEADING, note, [self.table()] if self.places else [], [self.chart]
 
 
-def residuals_of(replay: Replay, rows: Sequence[Row]) -> Residuals | None:
-    """Return where the map is wrong, by the run that fits it best; None if no run has ended."""
-    runs = [(row.label, run) for row in rows for run in row.runs]
-    if not runs:
+def residuals_of(replay: Replay, runs: pd.DataFrame) -> Residuals | None:
+    """Return where the map is wrong, by the run that fits it best; None if no run has ended.
+
+    From the poses of its best clusters.
+    """
+    done = ended(runs)
+    if done.empty:
         return None
-    label, run = max(runs, key=lambda one: one[1].scores["agreement_03"])
-    return Residuals(label, run, replay.scenario.recording()[1])
+    run = done.iloc[int(done["agreement_03"].argmax())]
+    track, floor_plan = run["track"], replay.scenario.recording()[1]
+    whose = f"{run['label']}, seed {run['seed']}"
+    return Residuals(floor_plan, track.log.scanner, track.best, track.log.ranges, whose)
 
 
-def files_of(found: Residuals, *, drawn: bool) -> Mapping[str, bytes]:
+def files_of(residuals: Residuals, *, drawn: bool) -> Mapping[str, bytes]:
     """Return residuals.csv and, if it can be ``drawn``, residuals.png, by name."""
-    files = {TABLE: utf8(found.csv)}
+    files = {TABLE: utf8(residuals.csv())}
     if drawn:
         with styled(STYLE):
-            files[PICTURE] = found.chart.drawn("png", dpi=200)
+            files[PICTURE] = residuals.chart.drawn("png", dpi=200)
     return files
+
+
+def _poses_apart(poses: Reals, least: float) -> Indices:
+    """Number positions (n, 2+): each has the number of the first one that is nearer than this."""
+    firsts: list[Reals] = []
+    numbers = np.empty(len(poses), np.intp)
+    for i, place in enumerate(poses[:, :2]):
+        off = np.hypot(*(np.array(firsts).reshape(-1, 2) - place).T)
+        nearest = int(off.argmin()) if firsts else 0
+        if not firsts or off[nearest] >= least:
+            nearest = len(firsts)
+            firsts.append(place)
+        numbers[i] = nearest
+    return numbers
+
+
+def _solid_part(floor_plan: Map) -> Map:
+    """Return a map whose unknown cells are free: all solid ones are known to be."""
+    return replace(floor_plan, unknown="free") if isinstance(floor_plan, GridMap) else floor_plan

@@ -12,11 +12,12 @@ import pandas as pd
 from benchmarks.console import doing
 from benchmarks.execution.engines import available_cpus
 from benchmarks.execution.processes import Processes
-from benchmarks.pictures.figures import FIGURES, camera_of
-from benchmarks.pictures.film import Film, png, side_by_side, webp
+from benchmarks.pictures.figures import PAPER_FIGURES
+from benchmarks.pictures.film import Film, camera_of, png, side_by_side, webp
 from benchmarks.pictures.messages import shown_again
-from benchmarks.report.frames import PanelFrames, frames_of
 from benchmarks.sweeps.results import Results
+from benchmarks.tables.frames import scored
+from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import file_words
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
@@ -34,15 +35,12 @@ _LOCALIZED = "metres_to_localize"
 
 @dataclass(frozen=True, kw_only=True)
 class Animation:
-    """One world, shown in motion.
+    """One world in motion, a trial of each method side by side.
 
     Attributes:
-        name: file name without ending.
-        title: heading.
-        caption: what is to be seen.
-        trials: shown side by side, one of each method.
-        labels: of the methods.
-        keys: the names under which their results are kept.
+        name: of its files, without ending.
+        title, caption: what is to be seen.
+        trials, labels, keys: one of each method, and under what its result is kept.
         webp: the animation; empty until it is filmed.
         png: its end, for those who want no motion.
     """
@@ -55,16 +53,6 @@ class Animation:
     keys: tuple[str, ...]
     webp: bytes = b""
     png: bytes = b""
-
-
-Promise = Callable[[], Animation]
-
-
-@contextmanager
-def drawing() -> Iterator[Callable[[Animation], Promise]]:
-    """Start workers that draw what is given: a plug-in that hangs or exits there does no harm."""
-    with Processes(available_cpus(), timeout=_PATIENCE) as pool:
-        yield lambda shown: pool.submit(filmed, shown).result
 
 
 def filmed(shown: Animation) -> Animation:
@@ -84,7 +72,7 @@ def filmed(shown: Animation) -> Animation:
     return replace(shown, webp=webp(frames, _MILLISECONDS), png=png(frames[-1]))  # the whole way
 
 
-class Figure(NamedTuple):
+class Picture(NamedTuple):
     """A picture of ``deqmcl paper``: its file's name and content, and its words."""
 
     name: str
@@ -93,34 +81,40 @@ class Figure(NamedTuple):
     caption: str
 
 
-def paper_figures(folder: Path) -> list[Figure]:
+def pictures_of_paper(folder: Path) -> list[Picture]:
     """Return the paper's figures, if ``deqmcl paper`` has drawn them in the folder."""
     return [
-        Figure(path.name, content_of(path), *words)
+        Picture(path.name, content_of(path), *words)
         for path in sorted((folder / "figures").glob("*"))
-        if (words := next((w for start, w in FIGURES.items() if path.name.startswith(start)), None))
+        if (
+            words := next(
+                (w for start, w in PAPER_FIGURES.items() if path.name.startswith(start)), None
+            )
+        )
     ]
 
 
 @contextmanager
 def films(
-    panels: Sequence[PanelFrames], folder: Path, *, draw: bool
+    panels: Sequence[Panel], folder: Path, *, draw: bool
 ) -> Iterator[Callable[[], tuple[list[Animation], str]]]:
     """Begin to draw the films of the first panel that the folder has not, if that is asked for.
 
-    What is yielded returns the films, and why there are none.
+    What is yielded returns the films, and why there are none. They are drawn by workers: a plug-in
+    that hangs or exits there does no harm.
     """
     chosen = films_of(panels[0]) if panels else []
-    there = [one for one in chosen if _of(one, folder) is not None]
-    if len(there) == len(chosen) or not draw:
-        yield lambda: ([f for one in there if (f := _of(one, folder))], _lacking(chosen, there))
+    kept = [film for one in chosen if (film := _of(one, folder)) is not None]
+    if len(kept) == len(chosen) or not draw:
+        why = "the folder has none of these worlds; `deqmcl sweep` draws them."
+        yield lambda: (kept, "" if kept or not chosen else why)
         return
-    with drawing() as promised:
-        promises = [promised(one) for one in chosen]
+    with Processes(available_cpus(), timeout=_PATIENCE) as pool:
+        promises = [pool.submit(filmed, one) for one in chosen]
 
         def wait() -> tuple[list[Animation], str]:
             try:
-                return [promise() for promise in promises], ""
+                return [promise.result() for promise in promises], ""
             except InputError as error:
                 return [], str(error)
             except Exception as error:  # a plug-in that is gone is no reason to say nothing
@@ -129,9 +123,9 @@ def films(
         yield wait
 
 
-def films_of(panel: PanelFrames) -> list[Animation]:
+def films_of(panel: Panel) -> list[Animation]:
     """Choose the best, median and worst world of what is in focus, beside its baseline."""
-    whole_log = any(record.track for own in panel.records.values() for record in own)
+    whole_log = any(record.track for records in panel.records.values() for record in records)
     rows = panel.present
     if rows.empty or whole_log:  # which is too long, and has its own pictures
         return []
@@ -139,8 +133,8 @@ def films_of(panel: PanelFrames) -> list[Animation]:
     name, what = ("error", "error")
     if _LOCALIZED in rows and pd.notna(focus[_LOCALIZED]):
         name, what = _LOCALIZED, "metres to localize"
-    own = panel.trials[(panel.trials["offset"] == 0) & (panel.trials["label"] == focus["label"])]
-    ranked = own.groupby("trial")[name].mean().dropna().sort_values(kind="stable")
+    runs = scored(panel.runs_of(focus["label"]))
+    ranked = runs.groupby("trial")[name].mean().dropna().sort_values(kind="stable")
     if ranked.empty:
         return []
     places = {"Best": 0, "Median": (len(ranked) - 1) // 2, "Worst": len(ranked) - 1}
@@ -150,7 +144,7 @@ def films_of(panel: PanelFrames) -> list[Animation]:
         first = {
             label: record
             for label in dict.fromkeys((focus["reference"], focus["label"]))
-            for record in reversed(panel.records[label])
+            for record in reversed(panel.records_by_label[label])
             if record.trial.trial == world
         }
         reached = f"{value:.1f}" if math.isfinite(value) else "never"
@@ -172,7 +166,7 @@ def films_of(panel: PanelFrames) -> list[Animation]:
 def write_laps(results: Results, folder: Path) -> str:
     """Run the trials that a report shows again, and write each as an MCAP file; say which."""
     names = []
-    for film in [film for panel in frames_of(results)[:1] for film in films_of(panel)]:
+    for film in [film for panel in results.panels[:1] for film in films_of(panel)]:
         for own, trial in zip(file_words(film.labels), film.trials, strict=True):
             path = folder / f"{film.name.rpartition('-')[0]}-{own}.mcap"  # without the world
             with doing(f"writing {path}"):
@@ -204,9 +198,3 @@ def _of(film: Animation, folder: Path) -> Animation | None:
     if not moving.is_file() or not still.is_file():
         return None
     return replace(film, webp=content_of(moving), png=content_of(still))
-
-
-def _lacking(chosen: Sequence[Animation], there: Sequence[Animation]) -> str:
-    if there or not chosen:
-        return ""
-    return "the folder has none of these worlds; `deqmcl sweep` draws them."

@@ -1,7 +1,7 @@
-"""Charts of frames: lines, points and cells, in matplotlib's own colours.
+"""Charts of frames, of a panel, and over what was swept, in matplotlib's own colours.
 
-A hue that is a category has the colour and mark of its place among all categories, so that a method
-looks the same in every chart of a page.
+A label that is a category has the colour and mark of its place among all categories, so that a
+method looks the same in every chart of a page.
 """
 
 import io
@@ -14,6 +14,10 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.pictures import styled
+from benchmarks.tables.frames import errors_by_offset, lap_errors, share_curve, whole_runs
+from benchmarks.tables.panels import Panel
+from benchmarks.tables.stats import Interval
+from benchmarks.trials.scores import JOURNEY_SCORES
 
 if TYPE_CHECKING:  # an optional extra
     from matplotlib.axes import Axes
@@ -30,11 +34,23 @@ STYLE: Any = {  # over matplotlib's defaults
     "grid.alpha": 0.3,
 }
 INK = "0.25"
-WIDE = 20  # a ratio of values above it is drawn on a logarithmic axis
 _MARKS = "osD^vPX<>h"
 _LETTERS = 60  # of a legend, side by side
 _TICKS = 8  # values that are named on an axis
 _MANY = 30  # worlds whose marks fit side by side
+_CURVES = {  # by score: title, what the axis of shares says, caption
+    "metres_to_localize": (
+        "Localized against metres driven",
+        "localized to the end, % of runs",
+        "Share of runs whose best cluster stays within 1 m and 30° of the truth from there to the "
+        "end.",
+    ),
+    "metres_to_recover": (
+        "Recovered against metres driven",
+        "recovered, % of runs",
+        "Share of runs that are recovered, against the metres driven since the kidnap.",
+    ),
+}
 
 
 class Chart(NamedTuple):
@@ -72,24 +88,21 @@ def line(
     y: str,
     low: str = "",
     high: str = "",
-    hue: str = "label",
     *,
     axes: "Axes | None" = None,
     band: bool = False,
     **how: Any,
 ) -> "Axes":
-    """Draw y over x, a line for each hue, with intervals as bars or as a band.
+    """Draw y over x, a line for each label, with intervals as bars or as a band.
 
     Args:
-        frame: a row per point.
-        x, y, low, high: columns; no intervals without low.
-        hue: column of the labels.
+        frame: a row per point; x, y, low, high are columns, without low there are no intervals.
         axes: to draw on; None: those of a new figure.
         band: a band, and no marks.
         how: for ``Axes.plot``.
     """
     axes = canvas() if axes is None else axes
-    for label, place, rows in _hues(frame, hue):
+    for label, place, rows in _labels(frame):
         color, mark = look(place).values()
         style = {"color": color, "label": label} | ({} if band else {"marker": mark, "ms": 5}) | how
         axes.plot(rows[x], rows[y], **style)
@@ -100,43 +113,6 @@ def line(
         elif low:
             axes.vlines(rows[x], rows[low], rows[high], color=color, lw=1)
     _legend(axes)
-    return axes
-
-
-def points(
-    frame: pd.DataFrame,
-    x: str,
-    means: pd.DataFrame,
-    low: str,
-    high: str,
-    hue: str = "label",
-    pair: str = "trial",
-) -> "Axes":
-    """Draw every x in a row of its hue, thin lines between those of a pair, and above it the mean.
-
-    Args:
-        frame: a row per point, one for each hue and pair.
-        x: column.
-        means: a row per hue, with columns x, low and high; its order is that of the rows.
-        low, high: ends of the mean's interval.
-        hue, pair: columns.
-    """
-    table = frame.pivot_table(x, pair, hue, observed=True)[list(means[hue])]
-    spread = 0.3 if len(table) > _MANY else 0.0  # by golden steps, so that neighbours differ
-    aside = ((np.arange(len(table)) * 0.618034) % 1 - 0.5) * spread
-    names = [fill(str(label), 28) for label in means[hue]]
-    axes = canvas(4.8, 0.9 + 0.42 * len(names))
-    places = np.arange(len(names))
-    faint = min(0.35, 8 / max(len(table), 1))
-    axes.plot(table.to_numpy().T, places[:, None] + aside, color=INK, alpha=faint, lw=0.7)
-    for place, (_, number, rows) in enumerate(_hues(means, hue)):
-        style = look(number) | {"ls": "", "ms": 5 if spread == 0 else 3.5, "mew": 0, "alpha": 0.75}
-        axes.plot(table[rows[hue].iloc[0]], place + aside, **style)
-        axes.plot(rows[[low, high]].iloc[0], [place - 0.3] * 2, color=INK, lw=1.6)
-        axes.plot(rows[x], [place - 0.3], "|", color=INK, ms=8, mew=2)
-    axes.set_yticks(places, names)
-    axes.set(ylim=(len(names) - 0.5, -0.6), xlim=(0, None))
-    axes.grid(visible=False, axis="y")
     return axes
 
 
@@ -185,7 +161,7 @@ def cells(
     return figure
 
 
-def scaled(axes: "Axes", values: Sequence[float]) -> None:
+def name_ticks(axes: "Axes", values: Sequence[float]) -> None:
     """Name the few values on the axis across; on a logarithmic one where they are far apart."""
     known = sorted({value for value in values if math.isfinite(value)})
     if known and known[0] > 0 and known[-1] / known[0] >= _TICKS:
@@ -195,30 +171,18 @@ def scaled(axes: "Axes", values: Sequence[float]) -> None:
         axes.set_xticks([], minor=True)
 
 
-def from_zero(axes: "Axes", values: pd.Series) -> None:
-    """Let the upward axis begin at 0; a logarithmic one where values are far apart."""
-    known = values[np.isfinite(values) & (values > 0)]
-    if len(known) and known.max() / known.min() > WIDE:
-        axes.set_yscale("log")
-        axes.yaxis.set_major_formatter("{x:g}")
-    else:
-        axes.set_ylim(0, None)
-
-
-def _hues(frame: pd.DataFrame, hue: str) -> list[tuple[str, int, pd.DataFrame]]:
+def _labels(frame: pd.DataFrame) -> list[tuple[str, int, pd.DataFrame]]:
     """Labels, their places among all, and their rows, in the order of the frame."""
-    labels = list(frame[hue].unique())
-    whole = isinstance(frame[hue].dtype, pd.CategoricalDtype)
-    every = list(frame[hue].cat.categories) if whole else labels
-    return [(str(one), every.index(one), frame[frame[hue] == one]) for one in labels]
+    labels = list(frame["label"].unique())
+    whole = isinstance(frame["label"].dtype, pd.CategoricalDtype)
+    every = list(frame["label"].cat.categories) if whole else labels
+    return [(str(one), every.index(one), frame[frame["label"] == one]) for one in labels]
 
 
 def _legend(axes: "Axes") -> None:
     """Name what is drawn below the axes."""
     figure: Any = axes.figure
     lines, labels = axes.get_legend_handles_labels()
-    for old in figure.legends:
-        old.remove()
     if not labels:
         return
     names = [fill(label, _LETTERS - 8) for label in labels]
@@ -226,6 +190,106 @@ def _legend(axes: "Axes") -> None:
     lines_of_one = 1 + max(name.count("\n") for name in names)
     rows = lines_of_one * math.ceil(len(labels) / columns)
     figure.legend(lines, names, loc="outside lower center", ncols=columns, frameon=False)
-    if not hasattr(figure, "bare"):
-        figure.bare = figure.get_figheight()
-    figure.set_figheight(figure.bare + 0.2 * rows)
+    figure.set_figheight(figure.get_figheight() + 0.2 * rows)
+
+
+def panel_charts(panel: Panel) -> list[Chart]:
+    """Return all charts of a panel for which there is something to draw."""
+    charts = [points_chart(panel), offset_chart(panel), lap_chart(panel)]
+    return journey_charts(panel) + [chart for chart in charts if chart is not None]
+
+
+def points_chart(panel: Panel) -> Chart | None:
+    """Every world's error, a row for each method, thin lines between those of a world."""
+    rows = panel.present[panel.present["error"].notna()]
+    if rows.empty:
+        return None
+    runs = panel.runs[(panel.runs["offset"] == 0) & ~panel.runs["failed"]]
+    table = runs.pivot_table("error", "trial", "label", observed=True)[list(rows["label"])]
+    spread = 0.3 if len(table) > _MANY else 0.0  # by golden steps, so that neighbours differ
+    aside = ((np.arange(len(table)) * 0.618034) % 1 - 0.5) * spread
+    places = np.arange(len(rows))
+    axes = canvas(4.8, 0.9 + 0.42 * len(rows))
+    faint = min(0.35, 8 / len(table))
+    axes.plot(table.to_numpy().T, places[:, None] + aside, color=INK, alpha=faint, lw=0.7)
+    for place, (label, number, own) in enumerate(_labels(rows)):
+        style = look(number) | {"ls": "", "ms": 5 if spread == 0 else 3.5, "mew": 0, "alpha": 0.75}
+        axes.plot(table[label], place + aside, **style)
+        axes.plot(own[["error_low", "error_high"]].iloc[0], [place - 0.3] * 2, color=INK, lw=1.6)
+        axes.plot(own["error"], [place - 0.3], "|", color=INK, ms=8, mew=2)
+    axes.set_yticks(places, [fill(str(label), 28) for label in rows["label"]])
+    axes.set(ylim=(len(rows) - 0.5, -0.6), xlim=(0, None))
+    axes.set_xlabel("error e of x[t], mean over the lap")
+    axes.grid(visible=False, axis="y")
+    return Chart(
+        f"points-{panel.number}",
+        "Every world",
+        "A mark per world and method; thin lines connect the same world. Above each row: the mean "
+        "with its 95 % bootstrap interval.",
+        axes.figure,
+    )
+
+
+def lap_chart(panel: Panel) -> Chart:
+    """Error over the lap."""
+    drawn = [lap_errors(own).assign(label=label) for label, own in panel.records_by_label.items()]
+    frame = panel.labelled(pd.concat(drawn))
+    axes = line(frame, "states", "mean", "low", "high", band=True)
+    axes.set(xlabel="step of the state", ylabel="error e", xlim=(0, None), ylim=(0, None))
+    return Chart(
+        f"lap-errors-{panel.number}",
+        "Error over the lap",
+        "Line: mean over runs at x[t]; band: the middle 80 % of runs.",
+        axes.figure,
+    )
+
+
+def offset_chart(panel: Panel) -> Chart | None:
+    """Error against the offset in the queue, over the same states for every offset."""
+    profiles = {
+        label: errors_by_offset(records) for label, records in panel.records_by_label.items()
+    }
+    if all(len(own) < 2 for own in profiles.values()):
+        return None
+    lines = [(label, k, *one) for label, own in profiles.items() for k, one in own.items()]
+    frame = panel.labelled(pd.DataFrame(lines, columns=["label", "offset", *Interval._fields]))
+    axes = line(frame, "offset", "mean", "low", "high")
+    axes.axvline(0, color=INK, lw=0.8)
+    axes.set(xlabel="offset k of the state x[t+k] (past < 0 < future)", ylabel="error e")
+    axes.set_ylim(0, None)
+    axes.locator_params(axis="x", integer=True)
+    return Chart(
+        f"offsets-{panel.number}",
+        "Along the queue",
+        "Error of the belief at t about x[t+k], over the same states for every k; bars: 95 % "
+        "bootstrap intervals over worlds. A method without a queue is a single mark.",
+        axes.figure,
+    )
+
+
+def journey_charts(panel: Panel) -> list[Chart]:
+    """Shares of runs against the metres driven, for each score with censoring."""
+    charts = []
+    runs = (run for own in panel.records.values() for run in own if run.journey)
+    end = max((run.journey.curves["way"][-1] for run in runs if run.journey), default=0.0)
+    for name, (title, axis, caption) in _CURVES.items():
+        if name not in panel.rows:
+            continue
+        curves = [
+            share_curve(whole_runs(panel.runs_of(label), JOURNEY_SCORES[name])).assign(label=label)
+            for label in panel.present["label"]
+        ]
+        last = [own.tail(1).assign(metres=end) for own in curves]  # each goes on to the end
+        frame = panel.labelled(pd.concat([*curves, *last]))
+        frame[["share", "low", "high"]] *= 100
+        axes = line(frame, "metres", "share", "low", "high", band=True, drawstyle="steps-post")
+        axes.set(xlabel="driven, m", xlim=(0, end), ylabel=axis, ylim=(0, 102))
+        charts.append(
+            Chart(
+                f"{name.replace('_', '-')}-{panel.number}",
+                title,
+                f"{caption} Bands: Wilson's 95 % interval at each distance.",
+                axes.figure,
+            )
+        )
+    return charts

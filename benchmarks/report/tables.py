@@ -8,13 +8,20 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-from benchmarks.report.frames import PanelFrames
-from benchmarks.report.verdict import WITHIN, rounded
+from benchmarks.report.verdict import AT_ALL_LOOKS, plug_in_labels
 from benchmarks.sweeps.results import Results
-from benchmarks.tables import stats
+from benchmarks.tables.panels import Panel
 from benchmarks.tables.signals import QUESTIONS, WRONG
-from benchmarks.tables.stats import Estimate
-from benchmarks.tables.text import estimated, fixed, p_value, percent, significant, state_name
+from benchmarks.tables.stats import Interval
+from benchmarks.tables.text import (
+    estimated,
+    fixed,
+    p_value,
+    percent,
+    short_name,
+    significant,
+    state_name,
+)
 from benchmarks.trials.scores import LEVELS, Group, Score
 
 _MARKED = {
@@ -26,7 +33,7 @@ _MARKED = {
     "equal": "=",
 }
 _LISTED = 100  # files left out
-WORDS = {  # by group of scores of whole runs: heading, what its columns mean
+GROUP_WORDS = {  # by group of scores of whole runs: heading, what its columns mean
     "lost": (
         "Localized",
         "Of the best cluster. Localized to the end: within that distance and angle of the truth in "
@@ -64,8 +71,8 @@ _TESTS = (
 )
 
 
-Cells = Callable[[pd.DataFrame], Iterable[Any]]
-Columns = Mapping[str, str | Cells]  # by title: the column of a frame, or what its rows are told as
+Writer = Callable[[pd.DataFrame], Iterable[Any]]
+Columns = Mapping[str, str | Writer]  # by title: a column of a frame, or how rows are told
 
 
 class Table(NamedTuple):
@@ -108,6 +115,15 @@ class Table(NamedTuple):
         return frame.to_latex(index=False, column_format="l" + "r" * (frame.shape[1] - 1))
 
 
+class Part(NamedTuple):
+    """A heading with how to read it, its tables and charts."""
+
+    heading: str
+    note: str = ""
+    tables: Sequence[Table] = ()
+    charts: Sequence[Any] = ()
+
+
 def parted(cell: str) -> tuple[str, str]:
     """Return a number and the interval or SD behind it; "" if there is none."""
     found = re.fullmatch(r"([+−\d][^()]*?) (\([^()]*\))", cell)
@@ -130,22 +146,22 @@ def of_rows(rows: pd.DataFrame, columns: Columns) -> pd.DataFrame:
     return pd.DataFrame({name: list(own) for name, own in cells.items()}, dtype=str)
 
 
-def words(write: Callable[..., str], *names: str) -> Cells:
+def words(write: Callable[..., str], *names: str) -> Writer:
     """Tell the values of columns, row by row."""
     return lambda rows: [write(*one) for one in zip(*(rows[name] for name in names), strict=True)]
 
 
-def means(name: str, form: str = ".2f", unit: str = "", scale: float = 1) -> Cells:
+def means(name: str, form: str = ".2f", unit: str = "", scale: float = 1) -> Writer:
     """Tell means with the intervals of name_low and name_high, if there are any."""
 
     def write(*ends: float) -> str:
-        return estimated(Estimate(*(scale * float(end) for end in ends)), form, unit)
+        return estimated(Interval(*(scale * float(end) for end in ends)), form, unit)
 
     ends = (name, f"{name}_low", f"{name}_high")
     return lambda rows: words(write, *(end for end in ends if end in rows))(rows)
 
 
-def apart(name: str, form: str = "+.2f", unit: str = "", scale: float = 1) -> Cells:
+def apart(name: str, form: str = "+.2f", unit: str = "", scale: float = 1) -> Writer:
     """Tell differences to the baseline in this way."""
     told = means(name, form, unit, scale)
     return lambda rows: [
@@ -159,28 +175,29 @@ def dashed(write: Callable[[float], str]) -> Callable[[float], str]:
     return lambda value: "–" if math.isnan(value) else write(value)
 
 
-def spread(mean: float, sd: float) -> str:
+def _mean_sd(mean: float, sd: float) -> str:
     """A mean and its SD."""
     return f"{fixed(mean)} ({fixed(sd)})"
 
 
-METHOD: Columns = {"method": "label", "belief about": words(state_name, "offset")}
+_METHOD: Columns = {"method": "label", "belief about": words(state_name, "offset")}
 
 
-def verdict_table(panel: PanelFrames) -> Table:
+def verdict_table(panel: Panel) -> Table:
     """The methods, the best first, and how they compare with the baseline."""
     rows, aim, unit, at = panel.ranked, panel.aim, panel.unit, panel.thresholds
+    plug_ins = plug_in_labels(panel)
     caption = "The best first and in bold, compared with the baseline on the same worlds. "
-    error: Columns = {f"error e, {unit} (SD)": words(spread, "error", "error_sd")}
+    error: Columns = {f"error e, {unit} (SD)": words(_mean_sd, "error", "error_sd")}
     relation: Columns = {"verdict": "relation"}
-    if panel.margin is not None:
+    if panel.rule:
         caption += (
             "All intervals of the sweep, at all looks, hold together with 95 %; each method's own "
             "score is of the worlds that it needed. "
         )
         decided = apart("decided", "+.1f", " %" if aim is None else " points", 100)
         numbers = {
-            f"difference to the baseline ({WITHIN})": lambda rows: [
+            f"difference to the baseline ({AT_ALL_LOOKS})": lambda rows: [
                 re.sub(r" \(.*inf.*\)", "", cell) for cell in decided(rows)
             ],
             **relation,
@@ -200,7 +217,6 @@ def verdict_table(panel: PanelFrames) -> Table:
             "wins": words(dashed(percent), "win_rate"),
             "p, Holm": words(dashed(p_value), "p_holm"),
             "lost runs (95 %)": words(_lost, "lost_rate", "runs", "lost_low", "lost_high"),
-            **_worlds_needed(panel, rows),
         }
     else:
         difference = {"difference of e (95 %)": apart("diff")}
@@ -209,7 +225,10 @@ def verdict_table(panel: PanelFrames) -> Table:
         "ms per step: the method's own time, median over runs, and its ratio to the baseline's."
     )
     columns: Columns = {
-        "method": words(_marked_label, "label", "is_baseline", "plug_in"),
+        "method": lambda rows: [
+            label + (" (baseline)" if itself else " (plug-in)" if label in plug_ins else "")
+            for label, itself in zip(rows["label"], rows["is_baseline"], strict=True)
+        ],
         **numbers,
         "ms per step (ratio)": words(_cost, "ms_per_step", "cost"),
         "worlds": "worlds",
@@ -218,27 +237,31 @@ def verdict_table(panel: PanelFrames) -> Table:
     return Table(caption, of_rows(rows, columns), [(n, column) for n in best for column in (0, 1)])
 
 
-def journey_table(panel: PanelFrames, group: Group) -> Table | None:
+def journey_table(panel: Panel, group: Group) -> Table | None:
     """Scores of whole runs; None if the panel has none of this group."""
     rows = panel.ranked
     scores = [score for score in group.scores if score.name in rows]
     if not scores:
         return None
-    columns: dict[str, str | Cells] = {"method": "label"}
+    columns: dict[str, str | Writer] = {"method": "label"}
     for score in scores:
         columns |= _score_columns(score)
     tested = any(score.tested for score in scores)
-    return Table(WORDS[group.name][1] + (_TESTS if tested else ""), of_rows(rows, columns))
+    return Table(GROUP_WORDS[group.name][1] + (_TESTS if tested else ""), of_rows(rows, columns))
 
 
-def glance_table(panels: Sequence[PanelFrames]) -> Table:
+def glance_table(panels: Sequence[Panel]) -> Table:
     """What all methods are ranked by, on all settings, with marks, the best in bold."""
     labels = list(dict.fromkeys(label for panel in panels for label in panel.present["label"]))
     lines, strong = [], []
     for n, panel in enumerate(panels):
         rows, aim = panel.ranked, panel.aim
-        told = words(_marked if aim is None else _marked_share, "score", "relation")(rows)
-        marked = dict(zip(rows["label"], told, strict=True))
+        marked = {
+            label: f"{fixed(score) if aim is None else percent(score)} {mark}".rstrip()
+            for label, score, mark in zip(
+                rows["label"], rows["score"], _marks(rows["relation"], aim), strict=True
+            )
+        }
         best = rows.loc[rows["order"] == rows["order"].iloc[0], "label"]
         strong += [(n, 1 + labels.index(label)) for label in best]
         lines.append([f"{panel.number}. {panel.where}", *(marked.get(one, "–") for one in labels)])
@@ -251,67 +274,10 @@ def glance_table(panels: Sequence[PanelFrames]) -> Table:
     return Table(caption, pd.DataFrame(lines, columns=["setting", *labels]), strong)
 
 
-def rival_tables(panel: PanelFrames) -> list[Table]:
-    """Every method compared with the paper's, run by run: at x[t], and at x[t-L]."""
-    if panel.margin is not None or panel.present["params"].str.contains('"agent"').any():
-        return []
-    rivals = {0: ("mcl", "mcl-map", "deq-mcl")}
-    if lag := panel.setting.lag:
-        rivals[-lag] = ("mcl-smoother", "mcl-map-smoother", "deq-mcl")
-    tables = []
-    for offset, names in rivals.items():
-        rows = panel.rows[panel.rows["offset"] == offset]
-        against = [label for n in names for label in rows.loc[rows["method"] == n, "label"]]
-        runs = panel.trials[panel.trials["offset"] == offset].pivot(
-            index=["trial", "filter_seed"], columns="label", values="error"
-        )
-        if not against or len(rows) < 2:
-            continue
-        columns: Columns = {
-            "method": "label",
-            f"error e of {state_name(offset)}": words(fixed, "error"),
-        }
-        frame = of_rows(rows, columns)
-        for rival in against:
-            worlds = runs.sub(runs[rival], axis=0).groupby("trial").mean()
-            frame[f"difference to {rival}"] = [
-                "–"
-                if label == rival
-                else estimated(stats.estimate(worlds[label].dropna().to_numpy()), "+.2f")
-                for label in rows["label"]
-            ]
-        caption = (
-            f"Differences of the errors of {state_name(offset)} on the same worlds, with 95 % "
-            "intervals; negative: better."
-        )
-        tables.append(Table(caption, frame))
-    return tables
-
-
-def gap_table(panel: PanelFrames) -> Table | None:
-    """The errors on the limits' worlds, each limit before its methods; None if there is none."""
-    if panel.gaps.empty:
-        return None
-    itself = panel.gaps["label"] == "limit: " + panel.gaps["limit_label"]
-    gaps = pd.Series(means("gap", "+.2f")(panel.gaps), panel.gaps.index).mask(itself, "–")
-    columns: Columns = {
-        **METHOD,
-        "error e": words(fixed, "error"),
-        "SD between runs on a world": words(fixed, "seed_sd"),
-        "gap to the limit (95 %)": "gaps",
-        "worlds": "worlds",
-    }
-    caption = (
-        "Error minus the limit's on the same worlds. Below each limit are the methods with its "
-        "target. The limit is what many more particles would give, as far as its own runs agree."
-    )
-    return Table(caption, of_rows(panel.gaps.assign(gaps=gaps), columns))
-
-
-def calibration_table(panel: PanelFrames) -> Table:
+def calibration_table(panel: Panel) -> Table:
     """Calibration of the beliefs at every offset."""
     columns: Columns = {
-        **METHOD,
+        **_METHOD,
         f"energy score, {panel.unit}": words(fixed, "energy_score"),
         **{f"inside {at} %": means(f"coverage_{at}", ".0f", " %", 100) for at in LEVELS},
         "NEES (3)": words(nees_words, "nees", "nees_low", "nees_high"),
@@ -325,11 +291,11 @@ def calibration_table(panel: PanelFrames) -> Table:
 def nees_words(*ends: float) -> str:
     """A NEES with one decimal; a large one, which is far from 3 anyhow, with three digits."""
     if not ends[0] >= 100:
-        return estimated(Estimate(*ends), ".1f")
-    return estimated(Estimate(*(float(f"{one:.3g}") for one in ends)), ",.0f")
+        return estimated(Interval(*ends), ".1f")
+    return estimated(Interval(*(float(f"{one:.3g}") for one in ends)), ",.0f")
 
 
-def detection_table(panel: PanelFrames) -> Table | None:
+def detection_table(panel: Panel) -> Table | None:
     """The AUROC of each method; None if no method gives a quality and was far off, not always."""
     rows, far = panel.present, panel.far
     if rows["auroc"].isna().all():
@@ -347,26 +313,16 @@ def detection_table(panel: PanelFrames) -> Table | None:
     return Table(caption, of_rows(rows, columns))
 
 
-def detection_glance(panels: Sequence[PanelFrames]) -> Table | None:
-    """The AUROC of the methods that give a quality, on all settings; None if there is none."""
-    every = pd.concat([panel.present.assign(number=panel.number) for panel in panels])
-    known = every[every["far_worlds"].notna()]
-    if known["auroc"].isna().all():
-        return None
-    table = known.pivot(index="number", columns="label", values="auroc")
-    frame = table.reindex([panel.number for panel in panels]).map(fixed)
-    frame.columns = pd.Index(map(str, table.columns))
-    frame.insert(0, "setting", [f"{panel.number}. {panel.where}" for panel in panels])
-    far = ", ".join(dict.fromkeys(panel.far for panel in panels))
-    caption = (
-        f"AUROC of the quality at x[t] against {far}: 1 separates all far steps from the others, "
-        "½ is chance; n/a where no step, or every one, is far off, or a method gives no quality."
-    )
-    return Table(caption, frame)
-
-
-def validity_table(signals: pd.DataFrame) -> Table | None:
+def validity_table(results: Results) -> Table | None:
     """The AUROC of what filters make of plans; None if none reads plans, or none conflicts."""
+    plans, panels = results.plans, {panel.number: panel for panel in results.panels}
+    scenarios = [
+        ", ".join(
+            [short_name(panels[n].setting.scenario) for n in members]
+            + panels[number].title.split(", ")[1:]
+        )
+        for number, members in zip(plans["panel"], plans["panels"], strict=True)
+    ]
     caption = (
         "AUROC of what a filter makes of a plan against whether the plan, laid from the true pose, "
         "collides. feasible: share of the belief from which it does not; tempering: λ; "
@@ -376,10 +332,15 @@ def validity_table(signals: pd.DataFrame) -> Table | None:
         "scans. 1: a plan in conflict always has the smaller value; ½: chance. The scenarios of a "
         "line are taken together."
     )
-    return _signal_table(signals, ["scenarios", "label"], "steps in conflict", caption)
+    return _signal_table(
+        _far(plans.assign(scenarios=scenarios), "conflict_"),
+        ["scenarios", "label"],
+        "steps in conflict",
+        caption,
+    )
 
 
-def told_apart_table(panel: PanelFrames) -> Table | None:
+def told_apart_table(panel: Panel) -> Table | None:
     """The AUROC of what may tell lost robots from wrong maps; None where none is wrong."""
     caption = (
         "AUROC of what is seen at the best cluster. lost: it is not within 1 m and 30° of the true "
@@ -392,21 +353,7 @@ def told_apart_table(panel: PanelFrames) -> Table | None:
         "beyond_random or trust, or the larger share; ½: chance; below ½: the opposite."
     )
     maps = panel.maps.replace({"question": QUESTIONS}) if len(panel.maps) else panel.maps
-    return _signal_table(maps, ["label", "question"], "steps that are", caption)
-
-
-def offsets_table(panel: PanelFrames) -> Table:
-    """The errors at every offset."""
-    columns: Columns = {
-        **METHOD,
-        "error e (SD)": words(spread, "error", "error_sd"),
-        "error, common states": words(fixed, "error_window"),
-        f"position RMSE, {panel.unit}": words(fixed, "position_rmse"),
-        "heading RMSE, °": words(lambda value: fixed(math.degrees(value), 1), "heading_rmse"),
-        "difference to the baseline's x[t] (95 %)": apart("diff"),
-    }
-    caption = "Errors of the beliefs about the present, the past and the future."
-    return Table(caption, of_rows(panel.rows, columns))
+    return _signal_table(_far(maps), ["label", "question"], "steps that are", caption)
 
 
 def failed_table(results: Results) -> Table | None:
@@ -425,25 +372,18 @@ def failed_table(results: Results) -> Table | None:
 
 def left_out_table(results: Results) -> Table | None:
     """The files of the folder that are no trials."""
-    listed = list(results.left_out.items())
-    lines = listed[:_LISTED]
-    if len(listed) > _LISTED:
-        lines.append((f"… and {len(listed) - _LISTED:,} more", ""))
+    lines = [*results.left_out.items()]
+    if len(lines) > _LISTED:
+        lines[_LISTED:] = [(f"… and {len(lines) - _LISTED:,} more", "")]
     caption = "Files in the folder that are no trials of this sweep."
     return Table(caption, pd.DataFrame(lines, columns=["file", "why"])) if lines else None
 
 
-def _marked_label(label: str, is_baseline: bool, plug_in: bool) -> str:
-    return label + (" (baseline)" if is_baseline else " (plug-in)" if plug_in else "")
-
-
-def _marked(error: float, relation: str) -> str:
-    return f"{fixed(error)} {_MARKED.get(relation, '')}".rstrip()
-
-
-def _marked_share(share: float, relation: str) -> str:
-    smaller = {"better": "worse", "worse": "better"}.get(relation, relation)
-    return f"{percent(share)} {_MARKED.get(smaller, '')}".rstrip()
+def _marks(relations: Iterable[str], aim: Score | None) -> list[str]:
+    """▼ smaller than the baseline's, ▲ larger: of shares the larger is better."""
+    if aim is not None:
+        relations = [{"better": "worse", "worse": "better"}.get(one, one) for one in relations]
+    return [_MARKED.get(one, "") for one in relations]
 
 
 def _lost(share: float, runs: int, low: float, high: float) -> str:
@@ -479,19 +419,6 @@ def _score_columns(score: Score) -> Columns:
     }
 
 
-def _worlds_needed(panel: PanelFrames, rows: pd.DataFrame) -> Columns:
-    """How many worlds would show a small difference with 80 % power; nothing if none is known."""
-    base = rows.loc[rows["is_baseline"], "error"]
-    small = stats.worth_seeing(base.iloc[0]) if len(base) else math.nan
-    if math.isnan(small) or not (rows["diff_sd"] > 0).any():
-        return {}
-
-    def needed(sd: float) -> str:
-        return rounded(stats.worlds_to_see(small, sd, panel.tests)) if sd > 0 else "–"
-
-    return {f"worlds to see {small:g} {panel.unit}": words(needed, "diff_sd")}
-
-
 def _auroc(mean: float, low: float, high: float, steps: float, worlds: float) -> str:
     """An AUROC with its interval, or why there is none."""
     if math.isnan(worlds):
@@ -500,10 +427,15 @@ def _auroc(mean: float, low: float, high: float, steps: float, worlds: float) ->
         return "n/a: no step is far off"
     if steps == 1:
         return "n/a: every step is far off"
-    return estimated(Estimate(mean, low, high)) + " (one world)" * math.isnan(low)
+    return estimated(Interval(mean, low, high)) + " (one world)" * math.isnan(low)
 
 
 AUROC = words(_auroc, "auroc", "auroc_low", "auroc_high", "far_steps", "far_worlds")
+
+
+def _far(signals: pd.DataFrame, of: str = "") -> pd.DataFrame:
+    """Return AUROC with far_steps and far_worlds, whatever they are of."""
+    return signals.rename(columns={f"{of}steps": "far_steps", f"{of}worlds": "far_worlds"})
 
 
 def _signal_table(signals: pd.DataFrame, keys: list[str], steps: str, caption: str) -> Table | None:

@@ -1,25 +1,38 @@
-"""What a report says and draws of runs on a whole log: scores, differences, tracks, errors."""
+"""What a report says and draws of runs on a whole log: scores, differences, tracks, errors.
+
+``runs`` is a frame with a row for each run of a localizer: label, seed, track (None if it failed)
+and scores. Lengths are in m, angles in rad; errors are those of best clusters.
+"""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from benchmarks.report.charts import INK, Chart, canvas, line
-from benchmarks.report.frames import PanelFrames
-from benchmarks.report.tables import Table, means, nees_words
+from benchmarks.report.tables import Columns, Part, Table, Writer, means, nees_words, of_rows, words
 from benchmarks.report.verdict import rounded
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import scenario
-from benchmarks.tables.frames import paired, whole_runs
-from benchmarks.tables.stats import ALPHA, sample_sd, worlds_to_see
+from benchmarks.tables.frames import (
+    csv_of,
+    milliseconds_per_step,
+    paired_worlds,
+    value_in,
+    whole_runs,
+)
+from benchmarks.tables.panels import Panel
+from benchmarks.tables.stats import ALPHA, sample_sd, wilson, worlds_to_see
 from benchmarks.tables.text import p_value, percent
-from benchmarks.tables.tracks import Row, TrackedRun, rows_of, worse
 from benchmarks.trials.fixes import FOUND, NEAR
-from benchmarks.trials.scores import JOURNEY_SCORES, LEVELS
-from benchmarks.trials.tracks import TOLERATED
+from benchmarks.trials.metrics import middle
+from benchmarks.trials.scores import JOURNEY_SCORES, LEVELS, TRACK_GROUPS, scores_of
+from benchmarks.trials.scoring import Finished
+from benchmarks.trials.tracks import TOLERATED, Track
+from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.drawing import PALE, Drawing, View
@@ -27,179 +40,314 @@ from deqmcl_gym.world.drawing import PALE, Drawing, View
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# by score: its title, and what tells it; None counts runs
-_Columns = dict[str, tuple[str, Callable[[float], str] | None]]
-_METRES, _DEGREES = "{:.3f} m".format, "{:.2f}°".format
-_RESULTS: _Columns = {
-    "within_1m": ("within 1 m, 30°", percent),
-    "within_05m": ("0.5 m, 10°", percent),
-    "success_1m": ("localized to the end", None),
-    "lost": ("lost", None),
-    "position_median": ("position, median", _METRES),
-    "position_p95": ("95 %", _METRES),
-    "heading_median": ("heading, median", lambda angle: _DEGREES(math.degrees(angle))),
-    "metres_to_localize": ("metres to localize", "{:.1f} m".format),
-}
-_TIMED: _Columns = {"ms_per_step": ("ms per step", "{:.2f}".format)}
-_BELIEFS: _Columns = {
-    **{f"coverage_{level}": (f"inside {level} %", percent) for level in LEVELS},
-    "nees": ("NEES (3)", nees_words),
-    "log_score": ("log score", "{:,.2f}".format),
-}
-_FITTING: _Columns = {
-    "agreement_01": ("beams within 0.1 m", percent),
-    "agreement_03": ("0.3 m", percent),
-}
-_STAMPS: _Columns = {
-    "position_median_stamps": ("position, median, at stamps", _METRES),
-    "heading_median_stamps": ("heading", lambda angle: _DEGREES(math.degrees(angle))),
-}
+_SUMMARY = (
+    "position_median", "position_p95", "heading_median", "position_median_stamps",
+    "heading_median_stamps", "success_1m", "success_1m_low", "success_1m_high", "success_05m",
+    "within_1m", "within_05m", "metres_to_localize", "lost", "coverage_50", "coverage_80",
+    "coverage_95", "nees", "log_score", "ape_rmse", "rpe_rmse", "agreement_01", "agreement_03",
+    "ms_per_step",
+)  # fmt: skip
+_SCORES = tuple(name for name in _SUMMARY if not name.endswith(("_low", "_high")))
+_OF_RUNS = [score for name, score in JOURNEY_SCORES.items() if name in _SCORES]
+_COMPARED = ("success_1m", "metres_to_localize", "position_median")
+_REACHED = f"success_{FOUND}"
 
 
-def shown(panel: PanelFrames) -> tuple[list[Row], Map | None]:
-    """Return the runs of each method of a panel, and the map; none if it has no tracks.
+def runs_frame(
+    records: Mapping[str, Sequence[Finished]], failed: Mapping[str, int], log: Log
+) -> pd.DataFrame:
+    """Return the runs of localizers on a log, by label; and how many more failed."""
+    rows = list[dict[str, Any]]()
+    for label, finished in records.items():
+        for record in finished:
+            assert record.track is not None
+            scores = dict.fromkeys(_SCORES, math.nan)  # of a record made before a score was added
+            scores |= {name: v for name, v in record.track.scores.items() if v is not None}
+            scores |= {score.name: value_in(record, score) for score in _OF_RUNS}
+            track = Track(log, np.array(record.track.best).T)
+            rows.append(
+                {"label": label, "seed": record.trial.trial, "track": track, **scores}
+                | {"ms_per_step": milliseconds_per_step([record])}
+            )
+        rows += [{"label": label, "seed": -1, "track": None}] * failed.get(label, 0)
+    return pd.DataFrame(rows, columns=["label", "seed", "track", *_SCORES])
+
+
+def run_of_track(label: str, track: Track, scores: Mapping[str, float]) -> pd.DataFrame:
+    """Return the run of somebody else's track, of which no time is known."""
+    whole = {} if not track.known.size else scores_of(track.journey(), TRACK_GROUPS)
+    row = {"label": label, "seed": 0, "track": track, **scores}
+    row |= {score.name: whole.get(score.name, math.nan) for score in _OF_RUNS}
+    return pd.DataFrame([row], columns=["label", "seed", "track", *_SCORES])
+
+
+def ended(runs: pd.DataFrame) -> pd.DataFrame:
+    """Return the runs that came to their end."""
+    return runs[runs["track"].notna()]
+
+
+def scores_by_localizer(runs: pd.DataFrame) -> pd.DataFrame:
+    """Return a row for each localizer: label, seeds, failed, and its scores.
+
+    Positions, headings: middle and 95 % of all records of all runs; success: share of all runs,
+    failed ones too; metres: median over these; else means over the runs that came to their end.
+    """
+    rows = []
+    for label, group in runs.groupby("label", sort=False):
+        done = ended(group)
+        row = {"label": label, "seeds": len(group), "failed": len(group) - len(done)}
+        rows.append(row | (_scores(done, len(group)) if len(done) else {}))
+    return pd.DataFrame(rows, columns=["label", "seeds", "failed", *_SUMMARY])
+
+
+def _scores(runs: pd.DataFrame, seeds: int) -> dict[str, float]:
+    scores = {name: float(np.mean([*runs[name]])) for name in _SCORES}
+    tracks = list(runs["track"])
+    position = np.concatenate([track.errors.translation for track in tracks])
+    heading = np.concatenate([track.errors.rotation for track in tracks])
+    near = np.concatenate([track.errors.translation[track.at_stamps] for track in tracks])
+    turned = np.concatenate([track.errors.rotation[track.at_stamps] for track in tracks])
+    shares = {f"success_{name}": scores[f"success_{name}"] * len(runs) / seeds for name in NEAR}
+    low, high = wilson(shares[_REACHED], seeds)
+    metres = [*runs["metres_to_localize"], *[math.inf] * (seeds - len(runs))]
+    return scores | {
+        "position_median": middle(position),
+        "position_p95": float(np.quantile(position, 0.95)) if position.size else math.nan,
+        "heading_median": middle(heading),
+        "position_median_stamps": middle(near),
+        "heading_median_stamps": middle(turned),
+        **shares,
+        f"{_REACHED}_low": low,
+        f"{_REACHED}_high": high,
+        "metres_to_localize": float(np.median(metres)),
+        "ms_per_step": float(runs["ms_per_step"].median()),
+    }
+
+
+def middle_run(runs: pd.DataFrame) -> pd.Series:
+    """Return a localizer's run of the median error, or without a reference of that agreement."""
+    by = "position_median" if runs["track"].iloc[0].known.size else "agreement_03"
+    return runs.sort_values(by, kind="stable").iloc[(len(runs) - 1) // 2]
+
+
+def worst_run(runs: pd.DataFrame) -> pd.Series:
+    """Return the run with the fewest records within 1 m and 30°, then the largest 95 % error.
+
+    Without a reference, the run of the least agreement.
+    """
+
+    def worse(run: pd.Series) -> tuple[float, ...]:
+        if not run["track"].known.size:
+            return (run["agreement_03"],)
+        return run[f"within_{FOUND}"], -run["position_p95"]
+
+    return min((run for _, run in runs.iterrows()), key=worse)
+
+
+def tracks_results_csv(runs: pd.DataFrame, compared: pd.DataFrame | None) -> str:
+    """Return results.csv: a line per localizer, its scores, then its differences to the first.
+
+    Args:
+        runs: of all localizers.
+        compared: their ``results_table``; None if they are not compared.
+    """
+    further = [
+        f"{score}_{end}"
+        for score in _COMPARED
+        for end in ("diff", "diff_low", "diff_high", "p_holm")
+    ]
+    table = scores_by_localizer(runs).rename(columns={"label": "localizer"})
+    if compared is None:
+        return csv_of(table.reindex(columns=[*table, *further]))
+    beside = compared[(compared["panel"] == 1) & (compared["offset"] == 0)].set_index("label")
+    return csv_of(table.join(beside.reindex(columns=further), on="localizer"))
+
+
+def tracks_trials_csv(runs: pd.DataFrame) -> str:
+    """Return trials.csv: a line per run that came to its end."""
+    table = ended(runs).rename(columns={"label": "localizer"})
+    return csv_of(table[["localizer", "seed", *_SCORES]])
+
+
+def tracked(panel: Panel) -> tuple[pd.DataFrame, Map] | None:
+    """Return the runs of each method of a panel, and the map; None if it has no tracks.
 
     None also where log and map are not there any more, or need somebody's code: a folder is read on
     other machines, too.
     """
-    name, records = panel.setting.scenario, panel.records
-    if any(record.track is None for own in records.values() for record in own):
-        return [], None
+    records = panel.records_by_label
+    if any(record.track is None for finished in records.values() for record in finished):
+        return None
     try:
-        replayed = scenario(name).changed(panel.setting.world)
+        replayed = scenario(panel.setting.scenario).changed(panel.setting.world)
         if not isinstance(replayed, LogScenario):
-            return [], None
+            return None
         log, floor_plan = replayed.recording()
     except InputError:
-        return [], None
+        return None
     failed = {label: int(panel.runs_of(label)["failed"].sum()) for label in records}
-    rows = rows_of(records, failed, log)
-    same = all(len(run.track.best) == len(log) for row in rows for run in row.runs)
-    return (rows, floor_plan) if same else ([], None)
+    runs = runs_frame(records, failed, log)
+    same = all(len(track.best) == len(log) for track in ended(runs)["track"])
+    return (runs, floor_plan) if same else None
 
 
-def parts_of(panel: PanelFrames) -> list[tuple[Any, ...]]:
-    """Return headings, notes, tables and charts of runs on a log; none of other runs."""
-    rows, floor_plan = shown(panel)
-    if floor_plan is None:
+def track_parts(panel: Panel) -> list[Part]:
+    """Return tables and charts of runs on a log; none of other runs."""
+    if (there := tracked(panel)) is None:
         return []
+    runs, floor_plan = there
+    note = (
+        "Best clusters: the heaviest cell of a histogram of the belief (1 m × 1 m × 30°) and its "
+        "neighbours, the one place that it favours. The cross is where the robot was when it was "
+        "last lost: from there on the estimate is never again within 1 m and 30°."
+    )
     return [
-        ("", "", tables_of(rows)),
-        (
-            "On the map",
-            "Best clusters: the heaviest cell of a histogram of the belief (1 m × 1 m × 30°) and "
-            "its neighbours, the one place that it favours. The cross is where the robot was when "
-            "it was last lost: from there on the estimate is never again within 1 m and 30°.",
-            [],
-            track_charts(panel, rows, floor_plan),
-        ),
-        ("Over the distance driven", "", [], error_charts(panel, rows)),
-        ("APE and RPE", "", evo_tables(rows)),
+        Part("", tables=tables_of(runs)),
+        Part("On the map", note, charts=track_charts(panel, runs, floor_plan)),
+        Part("Over the distance driven", charts=error_charts(panel, runs)),
     ]
 
 
-def tables_of(rows: Sequence[Row]) -> list[Table]:
+def _told(name: str, tell: Callable[[float], str]) -> Writer:
+    """Tell a score; metres that are infinite were never enough."""
+
+    def write(value: float) -> str:
+        if not math.isfinite(value):
+            return "n/a" if math.isnan(value) else "never"
+        return tell(value)
+
+    return words(write, name)
+
+
+def _count(rows: pd.DataFrame, name: str, runs: pd.Series) -> list[str]:
+    """Tell a share as a count of runs."""
+    shares = zip(rows[name], runs, strict=True)
+    return ["n/a" if math.isnan(share) else f"{round(share * n)} of {n}" for share, n in shares]
+
+
+def _degrees(angle: float) -> str:
+    return f"{math.degrees(angle):.2f}°"
+
+
+_METRES = "{:.3f} m".format
+_LOCALIZER: Columns = {"localizer": "label", "runs": "seeds"}
+_RESULTS: Columns = {
+    "within 1 m, 30°": _told("within_1m", percent),
+    "0.5 m, 10°": _told("within_05m", percent),
+    "localized to the end": lambda rows: _count(rows, "success_1m", rows["seeds"]),
+    # of a failed run it is not known
+    "lost": lambda rows: _count(rows, "lost", rows["seeds"] - rows["failed"]),
+    "position, median": _told("position_median", _METRES),
+    "95 %": _told("position_p95", _METRES),
+    "heading, median": _told("heading_median", _degrees),
+    "metres to localize": _told("metres_to_localize", "{:.1f} m".format),
+}
+_TIMED: Columns = {"ms per step": _told("ms_per_step", "{:.2f}".format)}
+_BELIEFS: Columns = {
+    **{f"inside {level} %": _told(f"coverage_{level}", percent) for level in LEVELS},
+    "NEES (3)": _told("nees", nees_words),
+    "log score": _told("log_score", "{:,.2f}".format),
+    "APE, rmse": _told("ape_rmse", _METRES),
+    "RPE": _told("rpe_rmse", _METRES),
+}
+_FITTING: Columns = {
+    "beams within 0.1 m": _told("agreement_01", percent),
+    "0.3 m": _told("agreement_03", percent),
+}
+_STAMPS: Columns = {
+    "position, median, at stamps": _told("position_median_stamps", _METRES),
+    "heading": _told("heading_median_stamps", _degrees),
+}
+
+
+def tables_of(runs: pd.DataFrame) -> list[Table]:
     """Return the scores as readable tables; without a reference only the agreement."""
-    tracks = [run.track for row in rows for run in row.runs]
-    if not rows:
+    tracks, rows = list(ended(runs)["track"]), scores_by_localizer(runs)
+    if rows.empty:
         return []
     if not any(track.known.size for track in tracks):
         caption = "How well the scans fit the map at the pose that each localizer estimates."
-        return [_table(rows, caption, _FITTING | _TIMED)]
+        return [Table(caption, of_rows(rows, {**_LOCALIZER, **_FITTING, **_TIMED}))]
     between = any(track.at_stamps.size < track.known.size for track in tracks)
     caption = (
         "Best cluster against the reference: share of records within a distance and an angle, runs "
         f"localized to the end (at {1 - TOLERATED:.0%} of the records of the last 25 %, within 1 m "
-        "and 30°), errors over all records of all "
-        "runs. Lost: off by more than 1 m on average over the last 20 records. ms per step: the "
-        "localizer's own time for a record, median over runs."
+        "and 30°), errors over all records of all runs. Lost: off by more than 1 m on average over "
+        "the last 20 records. ms per step: own time for a record, median over runs."
     )
     of_beliefs = (
         "Share of records at the reference's own times whose reference lies in the credible region "
-        "of so many per cent, and "
-        "normalized estimation error squared, 3 if the belief is as sure as it may be, more if it "
-        "is too sure; log score: -log of the density of the reference, nats, the smaller the "
-        "better; n/a: it has no spread. Beams: with a return, within so much of the map's "
-        "range at the best cluster." + " At stamps: at the reference's own times." * between
+        "of so many per cent; NEES: 3 if the belief is as sure as it may be, more if too sure; log "
+        "score: -log of the density of the reference, nats, the smaller the better; n/a: it has no "
+        "spread. Beams: with a return, within so much of the map's range at the best cluster. APE "
+        "without alignment, RPE from record to record: as evo_ape tum and evo_rpe tum compute them "
+        "from tracks/, mean over runs." + " At stamps: at the reference's own times." * between
     )
-    beliefs = _BELIEFS | _FITTING | (_STAMPS if between else {})
-    return [_table(rows, caption, _RESULTS | _TIMED), _table(rows, of_beliefs, beliefs)]
+    beliefs = {**_LOCALIZER, **_BELIEFS, **_FITTING, **(_STAMPS if between else {})}
+    return [
+        Table(caption, of_rows(rows, {**_LOCALIZER, **_RESULTS, **_TIMED})),
+        Table(of_beliefs, of_rows(rows, beliefs)),
+    ]
 
 
-def evo_tables(rows: Sequence[Row]) -> list[Table]:
-    """APE and RPE of each localizer's median run, as evo computes them."""
-    lines = []
-    for row in rows:
-        run = row.middle
-        for name, errors in {"APE": run.track.errors, "RPE": run.track.relative}.items():
-            if (moved := errors.translation).size:
-                numbers = (errors.rmse, moved.mean(), float(np.median(moved)), moved.max())
-                turned = f"{math.degrees(errors.rotation.mean()):.2f}°"
-                metres = (f"{value:.3f} m" for value in numbers)
-                lines.append([f"{row.label} {name}", str(run.seed), *metres, turned])
-    header = ["median run", "seed", "rmse", "mean", "median", "max", "rotation, mean"]
-    caption = (
-        "APE without alignment, RPE from record to record, as evo_ape tum and evo_rpe tum compute "
-        "them from the trajectories in tracks/."
-    )
-    return [Table(caption, pd.DataFrame(lines, columns=header))] if lines else []
-
-
-def accuracy(rows: Sequence[Row]) -> list[str]:
+def accuracy(runs: pd.DataFrame) -> list[str]:
     """Say how exact the localizers are, the best first, and what the worst run of all was."""
-    known = [row for row in rows if any(run.track.known.size for run in row.runs)]
-    if not known:
+    done = ended(runs)
+    known = done[[bool(track.known.size) for track in done["track"]]]
+    if known.empty:
         return []
-    ranked = sorted(known, key=lambda row: row.scores["position_median"])
-    errors = ", ".join(f"{row.label} {row.scores['position_median']:.3f} m" for row in ranked)
-    worst = min(known, key=lambda row: worse(row.worst))
-    said = f"Worst run: {worst.label}, seed {worst.worst.seed}: {told(worst.worst)}"
-    runs = [(row, run) for row in known for run in row.runs if run.track.known.size]
-    row, run = max(runs, key=lambda one: largest(one[1]))
-    if run is not worst.worst:
+    rows = scores_by_localizer(runs[runs["label"].isin(known["label"])]).sort_values(
+        "position_median"
+    )
+    errors = ", ".join(
+        f"{label} {error:.3f} m"
+        for label, error in zip(rows["label"], rows["position_median"], strict=True)
+    )
+    worst = worst_run(known)
+    said = f"Worst run: {worst['label']}, seed {worst['seed']}: {run_words(worst)}"
+    farthest = max((run for _, run in known.iterrows()), key=_largest)
+    if farthest["track"] is not worst["track"]:
         said += (
-            f" The largest error of all is {largest(run):.2f} m, of {row.label}, seed {run.seed}."
+            f" The largest error of all is {_largest(farthest):.2f} m, of {farthest['label']}, "
+            f"seed {farthest['seed']}."
         )
     return [f"Position error, median over all records: {errors}. {said}"]
 
 
-def largest(run: TrackedRun) -> float:
+def _largest(run: pd.Series) -> float:
     """The largest position error of a run, m."""
-    return float(run.track.errors.translation.max())
+    return float(run["track"].errors.translation.max())
 
 
-def differences_table(panel: PanelFrames) -> Table | None:
+def differences_table(panel: Panel) -> Table | None:
     """How methods differ from the baseline, and what it takes to show it; None of one method."""
     scores = {"success_1m": ("localized to the end, points", "+.0f", 100, "points")}
     scores["position_median"] = ("position error, median, m", "+.3f", 1, "m")
     rows = panel.present[~panel.present["is_baseline"]]
     if rows.empty or not scores.keys() <= set(rows):
         return None
-    columns: dict[str, Sequence[str]] = {
-        "localizer": list(rows["label"]),
-        "pairs": [str(n) for n in rows["paired_worlds"]],
-    }
-    for name, (words, form, scale, unit) in scores.items():
-        columns[words] = list(means(f"{name}_diff", form, scale=scale)(rows))
-        columns[f"p, Holm ({unit})"] = [p_value(p) for p in rows[f"{name}_p_holm"]]
-        columns[f"runs needed ({unit})"] = [_needed(panel, row, name) for _, row in rows.iterrows()]
+    columns: dict[str, str | Writer] = {"localizer": "label", "pairs": "paired_worlds"}
+    for name, (title, form, scale, unit) in scores.items():
+        columns[title] = means(f"{name}_diff", form, scale=scale)
+        columns[f"p, Holm ({unit})"] = words(p_value, f"{name}_p_holm")
+        columns[f"runs needed ({unit})"] = partial(_needed, panel, name)
     caption = (
         f"Difference to {rows['reference'].iloc[0]}, over runs of the same seed, with 95 % "
         f"bootstrap intervals. p is corrected by Holm's method for {panel.tests} tests. Runs "
         "needed: would show a difference of this size with 80 % power."
     )
-    return Table(caption, pd.DataFrame(columns))
+    return Table(caption, of_rows(rows, columns))
 
 
-def told(run: TrackedRun) -> str:
+def run_words(run: pd.Series) -> str:
     """Say how a run ended: where it was lost, or how far off it was at most."""
-    track, scores = run.track, run.scores
+    track = run["track"]
     if not track.known.size:
-        return f"{percent(scores['agreement_03'])} of the beams within 0.3 m of the map."
-    within = f"{percent(scores[f'within_{FOUND}'])} of its records are within 1 m and 30°"
-    most = f"its largest error is {largest(run):.2f} m"
+        return f"{percent(run['agreement_03'])} of the beams within 0.3 m of the map."
+    within = f"{percent(run[f'within_{FOUND}'])} of its records are within 1 m and 30°"
+    most = f"its largest error is {_largest(run):.2f} m"
     if track.lost is None:
-        end = "to" if scores[f"success_{FOUND}"] else "at"  # of the last quarter, or but lately
+        end = "to" if run[_REACHED] else "at"  # of the last quarter, or but lately
         return f"localized {end} the end; {within}, {most}."
     record, way = track.lost
     if record == track.known[0]:
@@ -211,40 +359,19 @@ def told(run: TrackedRun) -> str:
     )
 
 
-def _needed(panel: PanelFrames, row: pd.Series, score: str) -> str:
-    """How many runs would show a difference; – where it is shown, or there is none."""
-    runs = [panel.runs_of(row[one]) for one in ("label", "reference")]
-    apart = paired(*(whole_runs(own, JOURNEY_SCORES[score]) for own in runs))["apart"].to_numpy()
-    mean, sd = abs(float(apart.mean())) if apart.size else 0.0, sample_sd(apart)
-    low, high = row[f"{score}_diff_low"], row[f"{score}_diff_high"]
-    shown_already = (low > 0 or high < 0) and row[f"{score}_p_holm"] < ALPHA
-    if shown_already or not mean > 0 or math.isnan(sd):
-        return "–"
-    needed = worlds_to_see(mean, sd, panel.tests)
-    return "–" if needed <= len(apart) else f"about {rounded(needed)}"
-
-
-def _table(rows: Sequence[Row], caption: str, columns: _Columns) -> Table:
-    lines = [
-        [
-            row.label,
-            str(row.seeds),
-            *(_cell(row, name, tell) for name, (_, tell) in columns.items()),
-        ]
-        for row in rows
-    ]
-    header = ["localizer", "runs", *(title for title, _ in columns.values())]
-    return Table(caption, pd.DataFrame(lines, columns=header))
-
-
-def _cell(row: Row, name: str, tell: Callable[[float], str] | None) -> str:
-    value = row.scores.get(name, math.nan)
-    if not math.isfinite(value):
-        return "n/a" if math.isnan(value) else "never"
-    if tell is not None:
-        return tell(value)
-    runs = len(row.runs) if name == "lost" else row.seeds  # of a failed run it is not known
-    return f"{round(value * runs)} of {runs}"
+def _needed(panel: Panel, score: str, rows: pd.DataFrame) -> list[str]:
+    """How many runs would show each difference; – where it is shown, or there is none."""
+    cells = []
+    for _, row in rows.iterrows():
+        runs = [panel.runs_of(row[one]) for one in ("label", "reference")]
+        pairs = paired_worlds(*(whole_runs(own, JOURNEY_SCORES[score]) for own in runs))
+        apart = pairs["apart"].to_numpy()
+        mean, sd = abs(float(apart.mean())) if apart.size else 0.0, sample_sd(apart)
+        low, high = row[f"{score}_diff_low"], row[f"{score}_diff_high"]
+        clear = (low > 0 or high < 0) and row[f"{score}_p_holm"] < ALPHA
+        needed = 0 if clear or not sd >= 0 or not mean else worlds_to_see(mean, sd, panel.tests)
+        cells.append("–" if needed <= len(apart) else f"about {rounded(needed)}")
+    return cells
 
 
 _SCALE = 1.0  # of a drawn map: 480 image pixels, about as many as the page shows
@@ -254,34 +381,37 @@ _POINTS = 300  # of a curve
 _LEAST = 0.01  # m: where the axis of errors begins
 
 
-def track_charts(panel: PanelFrames, rows: Sequence[Row], floor_plan: Map) -> list[Chart]:
+def track_charts(panel: Panel, runs: pd.DataFrame, floor_plan: Map) -> list[Chart]:
     """The median run of each localizer on the map, and its worst one if that is another."""
     charts = []
-    for number, row in enumerate(rows, 1):
+    for number, (label, group) in enumerate(runs.groupby("label", sort=False), 1):
+        if (done := ended(group)).empty:
+            continue
         name = f"trajectory-{panel.number}-{number}"
-        runs = {"median run": (row.middle, name), "worst run": (row.worst, f"{name}-worst")}
-        if row.worst is row.middle:
-            runs = {"median and worst run" if row.seeds > 1 else "the run": (row.middle, name)}
-        for which, (run, own) in runs.items():
-            frame = panel.labelled(
-                pd.DataFrame(run.track.best, columns=["x", "y", "heading"]).assign(label=row.label)
-            )
-            charts.append(_trajectory(f"{row.label}: {which}", frame, run, floor_plan, own))
+        median, worst = middle_run(done), worst_run(done)
+        drawn = {"median run": (median, name), "worst run": (worst, f"{name}-worst")}
+        if worst["track"] is median["track"]:
+            drawn = {"median and worst run" if len(group) > 1 else "the run": (median, name)}
+        for which, (run, file) in drawn.items():
+            best = pd.DataFrame(run["track"].best, columns=["x", "y", "heading"])
+            frame = panel.labelled(best.assign(label=label))
+            charts.append(_trajectory(f"{label}: {which}", frame, run, floor_plan, file))
     return charts
 
 
-def error_charts(panel: PanelFrames, rows: Sequence[Row]) -> list[Chart]:
+def error_charts(panel: Panel, runs: pd.DataFrame) -> list[Chart]:
     """Error over the distance driven."""
     drawn = []
-    for row in rows:
-        first = row.runs[0].track
+    for label, group in ended(runs).groupby("label", sort=False):
+        tracks = list(group["track"])
+        first = tracks[0]
         if (n := first.known.size) == 0:
             continue
         at = np.unique(np.linspace(0, n - 1, min(n, _POINTS)).astype(np.intp))
-        errors = np.array([run.track.errors.translation[at] for run in row.runs])
-        low, middle, high = np.maximum(np.quantile(errors, [0, 0.5, 1], axis=0), _LEAST)
-        curve = {"way": first.way[first.known][at], "low": low, "middle": middle, "high": high}
-        drawn.append(pd.DataFrame({"label": row.label, **curve}))
+        errors = np.array([track.errors.translation[at] for track in tracks])
+        low, median, high = np.maximum(np.quantile(errors, [0, 0.5, 1], axis=0), _LEAST)
+        curve = {"way": first.way[first.known][at], "low": low, "middle": median, "high": high}
+        drawn.append(pd.DataFrame({"label": label, **curve}))
     if not drawn:
         return []
     axes = line(panel.labelled(pd.concat(drawn)), "way", "middle", "low", "high", band=True, lw=1)
@@ -294,10 +424,11 @@ def error_charts(panel: PanelFrames, rows: Sequence[Row]) -> list[Chart]:
 
 
 def _trajectory(
-    title: str, best: pd.DataFrame, run: TrackedRun, floor_plan: Map, name: str
+    title: str, best: pd.DataFrame, run: pd.Series, floor_plan: Map, name: str
 ) -> Chart:
     """One run of a localizer on the map, the reference, and where it was lost for good."""
-    track, log = run.track, run.track.log
+    track = run["track"]
+    log = track.log
     axes = map_axes(floor_plan)
     if log.reference is not None and track.known.size:
         x, y, _ = log.reference[track.known].T
@@ -306,7 +437,7 @@ def _trajectory(
     if log.reference is not None and track.lost is not None:
         x, y, _ = log.reference[track.lost[0]]
         axes.plot(x, y, "X", color=INK, ms=9, mew=0)
-    return Chart(name, title, f"Seed {run.seed}: {told(run)}", axes.figure)
+    return Chart(name, title, f"Seed {run['seed']}: {run_words(run)}", axes.figure)
 
 
 def map_axes(floor_plan: Map, width: float = 4.8) -> "Axes":

@@ -10,6 +10,7 @@ from benchmarks.sweeps.manifest import NAME
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import INNER, csv_of, timings_table, trials_frame
+from benchmarks.tables.starts import starts_table
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, shown
 
@@ -84,7 +85,7 @@ def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
 def _written(out: Path, folder: Path, results: Results, *, draw: bool) -> list[Path]:
     """Write a report with the films and figures of a folder."""
     tables = _tables(results)
-    for name in ("decisions.csv", "gaps.csv", "plans.csv", "maps.csv"):
+    for name in ("decisions.csv", "gaps.csv", "plans.csv", "maps.csv", "basin.csv"):
         if name not in tables:
             (out / name).unlink(missing_ok=True)
     files = write_files(out, tables)  # the numbers, whatever keeps the pictures away
@@ -106,7 +107,8 @@ def _tables(results: Results) -> dict[str, bytes]:
         "trials.csv": csv_of(trials_frame(results.finished), INNER),
         "timings.csv": csv_of(timings_table(results.finished)),
     }
-    further = {"gaps": results.gaps, "plans": results.plans, "maps": results.maps}
+    starts = starts_table(results.records, (failure.trial for failure in results.failures))
+    further = {"gaps": results.gaps, "plans": results.plans, "maps": results.maps, "basin": starts}
     if results.rule is not None:
         tables["decisions.csv"] = csv_of(results.decisions)
     tables |= {f"{name}.csv": csv_of(own) for name, own in further.items() if len(own)}

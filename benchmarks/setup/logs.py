@@ -120,8 +120,8 @@ class LogScenario(Scenario):
         for name in ("log", "map"):
             if name not in self.env:
                 raise InputError(
-                    f"the scenario names no {name}: write {name} = … in [env] of a scenario file "
-                    'with base = "log", or in [world] of a sweep file.'
+                    f"the scenario names no {name}: give --set world.{name}=…, or write {name} = … "
+                    'in [world] of a sweep file or in [env] of a scenario file with base = "log".'
                 )
         return self.env
 
@@ -294,6 +294,11 @@ LOG = LogScenario(
     prior=Gaussian(sd_position=0.2, sd_heading=0.1),
     thresholds=Thresholds(far=1.0, lost=1.0),
 )
+SHORT = replace(
+    LOG,
+    words="as log, but segments of 20 m, and a record each 0.0625 m or 3°, as Nav2's AMCL needs",
+    env={"segment": 20.0, "every": "0.0625m,3deg", "max_beams": 60},
+)
 REPLAY = ReplayScenario(
     **{own.name: getattr(LOG, own.name) for own in fields(LOG)}
     | {
@@ -301,3 +306,4 @@ REPLAY = ReplayScenario(
         "env": {"every": "0.2m,5deg", "max_beams": 60},
     }
 )
+LOGS = {"log": LOG, "log-short": SHORT, "replay": REPLAY}

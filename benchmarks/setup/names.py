@@ -20,9 +20,10 @@ from deqmcl_gym.validation import InputError, part
 from localizers import RobotModel, absolute_name
 from localizers.digests import content_digest
 from localizers.kinds import Kind, Placed, split_path
-from localizers.registry import SCAN_MODEL, ScanPlugIn, is_code
+from localizers.registry import LOCALIZER, SCAN_MODEL, ScanPlugIn, is_code
 
-_OF_LOGS = ("log", "replay")  # loaded when asked for: a trial in a room needs no readers of logs
+# loaded when asked for: a trial in a room needs no readers of logs
+_OF_LOGS = ("log", "log-short", "replay")
 AGENT = Kind(
     word="agent",
     builtin=AGENTS,
@@ -104,6 +105,11 @@ def plug_ins_of_agent(agent: Named | None) -> tuple[str, ...]:
     return (agent.name,) if agent is not None and AGENT.is_plug_in(agent.name) else ()
 
 
+def is_plug_in(localizer: str, agent: Named | None) -> bool:
+    """Whether the code of a localizer, or of who drives, is not ours."""
+    return LOCALIZER.is_plug_in(localizer) or bool(plug_ins_of_agent(agent))
+
+
 def plug_ins_of_scan(assumed: Overrides) -> tuple[str, ...]:
     """Return the name of the scan model that is assumed, if its code is not ours."""
     kind = assumed.get(_SCAN, "")
@@ -126,9 +132,9 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
     if name.endswith(".toml"):
         found, folder = _read(Path(name), (*within, name)), Path(name).parent
     elif name in _OF_LOGS:
-        from benchmarks.setup.logs import LOG, REPLAY
+        from benchmarks.setup.logs import LOGS
 
-        return LOG if name == "log" else REPLAY
+        return LOGS[name]
     else:
         found, folder = SCENARIO.resolve(name), Path(split_path(name)[0]).parent
         if SCENARIO.is_plug_in(name):

@@ -10,7 +10,7 @@ from typing import Any
 
 from benchmarks.setup.names import absolute_agent, absolute_scenario
 from benchmarks.setup.overrides import NOTHING, Named, Overrides, jsonable
-from benchmarks.tables.panels import BASELINE
+from benchmarks.tables.text import BASELINE
 from benchmarks.trials.spec import Method, Run, Setting, Trial, changes_of
 from deqmcl_gym.validation import InputError, integer, number, one_of
 from localizers import parameters

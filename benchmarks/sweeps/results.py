@@ -24,9 +24,9 @@ from benchmarks.tables.comparison import (
     results_table,
 )
 from benchmarks.tables.deciding import Rule
-from benchmarks.tables.frames import trials_frame
-from benchmarks.tables.panels import BASELINE, Panel, panels
+from benchmarks.tables.panels import Panel, panels
 from benchmarks.tables.signals import maps_table, plans_table
+from benchmarks.tables.text import BASELINE
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.files import command_line
@@ -84,37 +84,37 @@ class Results:
     @cached_property
     def panels(self) -> list[Panel]:
         """What is compared with one another: the methods of every setting."""
-        return panels(self.records, self.baseline)
+        return [panel.with_tables(self.table, self.maps) for panel in self._compared]
+
+    @cached_property
+    def _compared(self) -> list[Panel]:
+        failed = [failure.trial for failure in self.failures]
+        return panels(self.records, self.baseline, failed, self.rule)
 
     @cached_property
     def table(self) -> pd.DataFrame:
         """A row per panel, method and offset: all intervals and tests, computed once."""
-        return results_table(self.panels, self.trials, self.rule)
+        return results_table(self._compared)
 
     @cached_property
     def decisions(self) -> pd.DataFrame:
         """A row per panel, method and look; none if the number of worlds was fixed before."""
-        return decisions_table(self.panels, self.trials, self.rule)
+        return decisions_table(self._compared)
 
     @cached_property
     def gaps(self) -> pd.DataFrame:
         """A row per panel, method and offset that has a limit."""
-        return gaps_table(self.panels, self.trials, self.limits)
+        return gaps_table(self._compared, self.limits)
 
     @cached_property
     def plans(self) -> pd.DataFrame:
         """A row per setting, method that reads plans, and signal of a plan that conflicts."""
-        return plans_table(self.panels)
+        return plans_table(self._compared)
 
     @cached_property
     def maps(self) -> pd.DataFrame:
         """A row per panel, method, question and signal of a map that is wrong."""
-        return maps_table(self.panels)
-
-    @cached_property
-    def trials(self) -> pd.DataFrame:
-        """A row per trial that is compared and offset, failed ones, too."""
-        return trials_frame(self.records, [failure.trial for failure in self.failures])
+        return maps_table(self._compared)
 
     @property
     def made_by(self) -> str:

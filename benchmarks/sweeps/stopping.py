@@ -6,8 +6,8 @@ from typing import TypeVar
 
 from benchmarks.sweeps.design import Sweep
 from benchmarks.tables.deciding import FIRST, Rule, decide
-from benchmarks.tables.frames import cell, cells_of, scores_of, trials_frame
-from benchmarks.tables.panels import Group, aim_of, groups
+from benchmarks.tables.frames import by_method, cell, scores_of_rows, trials_frame
+from benchmarks.tables.panels import MethodGroup, aim_of, groups
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method, Setting, Trial
 from deqmcl_gym.validation import InputError
@@ -44,11 +44,11 @@ def due(
     rule = rule_of(sweep)
     if rule is None:
         return dict(trials)
-    cells = cells_of(trials_frame(records, failures))
+    cells = by_method(trials_frame(records, failures))
     worlds: dict[tuple[Setting, Method], int] = {}
     for group in _groups(sweep):
         rows = {method: cell(cells, group.setting, method) for method in group.methods}
-        aim = aim_of(score for own in rows.values() for score in scores_of(own))
+        aim = aim_of(score for own in rows.values() for score in scores_of_rows(own))
         wanted = dict.fromkeys(group.methods, FIRST)
         for pair in group.pairs(sweep.baseline):
             ours, baseline = (rows[method] for method in pair)
@@ -65,6 +65,6 @@ def due(
     }
 
 
-def _groups(sweep: Sweep) -> list[Group]:
+def _groups(sweep: Sweep) -> list[MethodGroup]:
     cells = replace(sweep, limits=()).cells()
     return groups((first.setting, first.method) for first in cells)

@@ -18,23 +18,21 @@ from benchmarks.tables import stats
 from benchmarks.tables.deciding import Decision, Rule, decide
 from benchmarks.tables.frames import (
     PANEL,
-    Cells,
+    by_method,
     by_world,
     cell,
-    cells_of,
     ends,
     longest_ways,
     method_columns,
     milliseconds_per_step,
-    paired,
-    panel_columns,
+    paired_worlds,
     restricted,
     scored,
-    scores_of,
+    scores_of_rows,
     trials_frame,
     whole_runs,
 )
-from benchmarks.tables.panels import Panel
+from benchmarks.tables.panels import Panel, score_columns
 from benchmarks.tables.signals import detection
 from benchmarks.trials.scores import Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
@@ -49,7 +47,7 @@ RESULTS = (
     *(f"{name}_{end}" for name in RANGED for end in ("low", "high")), "diff_sd", *ends("relative"),
 )  # fmt: skip
 FURTHER = (
-    "panel", "label", "reference", "is_baseline", "ms_per_step", "cost", "decision",
+    "panel", "label", "reference", "is_baseline", "same_driver", "ms_per_step", "cost", "decision",
     "decided_worlds", *ends("decided"), "expected",
 )  # fmt: skip
 DECISIONS = (
@@ -61,9 +59,7 @@ GAPS = (*PANEL, "limit", "limit_params", "offset", "worlds", "error", "seed_sd",
 Members = Mapping[Method, pd.DataFrame]
 
 
-def results_table(
-    panels: Sequence[Panel], trials: pd.DataFrame, rule: Rule | None = None
-) -> pd.DataFrame:
+def results_table(panels: Sequence[Panel]) -> pd.DataFrame:
     """Return a row per panel, method and offset: the columns of results.csv, and ``FURTHER``.
 
     ``error`` is e, with its 95 % bootstrap interval and its SD over worlds; ``lost_rate`` the share
@@ -78,21 +74,20 @@ def results_table(
     of a difference but that of the last look: ``decided`` after ``decided_worlds``, which makes the
     ``decision``, and ``expected``, the error or share to be expected on all worlds of the baseline,
     as methods have run on different ones.
-
-    Args:
-        panels: what is compared.
-        trials: their ``trials_frame``, with failures.
-        rule: when comparisons are decided; None: all worlds are run, whatever they show.
     """
-    cells, rows = cells_of(trials), list[dict[str, Any]]()
+    rows = list[dict[str, Any]]()
     for panel in panels:
-        members = {method: cell(cells, panel.setting, method) for method in panel.labels}
-        found = [row for method in members for row in _method_rows(panel, method, members)]
-        rows += _decided(panel, found, members, rule) if rule else _corrected(panel, found)
+        members = _members(panel)
+        every = [row for method in members for row in _method_rows(panel, method, members)]
+        rows += _corrected(panel, every) if panel.rule is None else _decided(panel, every, members)
     scores = dict.fromkeys(score for panel in panels for score in panel.scores)
-    journeys = (name for score in scores for name in journey_columns(score))
+    journeys = (name for score in scores for name in score_columns(score))
     table = pd.DataFrame(rows, columns=[*RESULTS, *journeys, *FURTHER]).infer_objects()
     return table.astype({"decision": object})
+
+
+def _members(panel: Panel) -> Members:
+    return {method: panel.runs_of(label) for method, label in panel.labels.items()}
 
 
 def _method_rows(panel: Panel, method: Method, members: Members) -> Iterator[dict[str, Any]]:
@@ -106,7 +101,7 @@ def _method_rows(panel: Panel, method: Method, members: Members) -> Iterator[dic
         n, lost = len(worlds["error"]), float(worlds["lost"].mean())
         is_baseline = method == baseline and offset == 0
         row = {
-            **panel_columns(panel, method),
+            **panel.columns(method),
             "offset": offset,
             "worlds": n,
             "runs": len(runs),
@@ -118,17 +113,18 @@ def _method_rows(panel: Panel, method: Method, members: Members) -> Iterator[dic
             "paired_worlds": 0,
             "reference": panel.labels[baseline],
             "is_baseline": is_baseline,
+            "same_driver": method.agent == baseline.agent,
             "ms_per_step": times[0],
             "cost": times[0] / times[1] if times[1] > 0 else math.nan,
         }
         for name in RANGED:
             row |= ends(name, stats.estimate(worlds[name]))
         if not is_baseline:
-            row |= _difference(paired(runs["error"], scored(theirs)["error"]))
+            row |= _difference(paired_worlds(runs["error"], scored(theirs)["error"]))
         if offset == 0:
             row |= detection(panel.records[method]).columns("far_steps", "far_worlds")
             longest = longest_ways(members.values())
-            for score in scores_of(own):
+            for score in scores_of_rows(own):
                 row |= _journey(score, own, None if is_baseline else theirs, longest)
         yield row
 
@@ -144,13 +140,6 @@ def _difference(pairs: pd.DataFrame) -> dict[str, Any]:
         "win_rate": stats.win_rate(apart),
         "p": _six_digits(stats.wilcoxon(apart)),
     }
-
-
-def journey_columns(score: Score) -> list[str]:
-    """Name the columns of a score of whole runs: its value, and the comparison if it is tested."""
-    names = [*ends(score.name), *([f"{score.name}_restricted"] if score.censored else [])]
-    tested = [*ends(f"{score.name}_diff"), f"{score.name}_p", f"{score.name}_p_holm"]
-    return names + (tested if score.tested else [])
 
 
 def _journey(
@@ -184,7 +173,7 @@ def _journey(
         restricted(rows, score, longest) if score.censored else whole_runs(rows, score)
         for rows in (own, baseline)
     )
-    apart = paired(ours, theirs)["apart"].to_numpy()
+    apart = paired_worlds(ours, theirs)["apart"].to_numpy()
     p = stats.sign_test(apart) if score.unit == "share" else stats.wilcoxon(apart)
     return row | ends(f"{name}_diff", stats.estimate(apart)) | {f"{name}_p": p}
 
@@ -201,86 +190,75 @@ def _corrected(panel: Panel, rows: list[dict[str, Any]]) -> list[dict[str, Any]]
     return rows
 
 
-def _decided(
-    panel: Panel, rows: list[dict[str, Any]], members: Members, rule: Rule
-) -> list[dict[str, Any]]:
+def _decided(panel: Panel, rows: list[dict[str, Any]], members: Members) -> list[dict[str, Any]]:
     """Return rows with their decisions, and without what only a fixed number of worlds allows."""
-    decisions = {panel.labels[m]: own for m, own in _decisions(panel, members, rule).items()}
+    decisions = {panel.labels[m]: own for m, own in _decisions(panel, members).items()}
     present = {row["label"]: row for row in rows if row["offset"] == 0}
     score = "error" if panel.aim is None else panel.aim.name
     gone = ("_p", "diff_low", "diff_high", "relative_low", "relative_high")
-    kept = [{k: v for k, v in row.items() if k != "p" and not k.endswith(gone)} for row in rows]
-    for row in kept:
-        found = decisions.get(row["label"])
-        if row["offset"] == 0 and found is not None:
+    rows = [{k: v for k, v in row.items() if k != "p" and not k.endswith(gone)} for row in rows]
+    for row in rows:
+        decision = decisions.get(row["label"])
+        if row["offset"] == 0 and decision is not None:
             reference = present[row["reference"]].get(score, math.nan)
-            apart = found.last.interval.mean
-            row["decision"], row["decided_worlds"] = found.relation, found.last.worlds
+            apart = decision.last.interval.mean
+            row["decision"], row["decided_worlds"] = decision.relation, decision.last.worlds
             row["expected"] = reference * (1 + apart) if panel.aim is None else reference + apart
-            row.update(ends("decided", found.last.interval))
-    return kept
+            row.update(ends("decided", decision.last.interval))
+    return rows
 
 
-def _decisions(panel: Panel, members: Members, rule: Rule) -> dict[Method, Decision]:
+def _decisions(panel: Panel, members: Members) -> dict[Method, Decision]:
+    if panel.rule is None:
+        return {}
     return {
-        method: decide(members[method], members[baseline], panel.aim, rule)
+        method: decide(members[method], members[baseline], panel.aim, panel.rule)
         for method, baseline in panel.baselines.items()
         if method != baseline
     }
 
 
-def decisions_table(
-    panels: Sequence[Panel], trials: pd.DataFrame, rule: Rule | None
-) -> pd.DataFrame:
+def decisions_table(panels: Sequence[Panel]) -> pd.DataFrame:
     """Return a row per panel, method and look: the columns of decisions.csv, panel and label.
 
     Differences are shares of 1; the ``verdict`` stands at the last look. Without a rule there are
     no looks.
     """
-    cells = cells_of(trials)
-    rows = [] if rule is None else [row for panel in panels for row in _looks(panel, cells, rule)]
+    rows = [row for panel in panels if panel.rule for row in _looks(panel, panel.rule)]
     return pd.DataFrame(rows, columns=[*DECISIONS, "panel", "label"])
 
 
-def _looks(panel: Panel, cells: Cells, rule: Rule) -> Iterator[dict[str, Any]]:
-    members = {method: cell(cells, panel.setting, method) for method in panel.labels}
-    for method, found in _decisions(panel, members, rule).items():
+def _looks(panel: Panel, rule: Rule) -> Iterator[dict[str, Any]]:
+    for method, decision in _decisions(panel, _members(panel)).items():
         shared = {
-            **panel_columns(panel, method),
+            **panel.columns(method),
             **method_columns(panel.baselines[method], "baseline", "baseline_params"),
             "score": "error" if panel.aim is None else panel.aim.name,
             "margin": rule.margin,
         }
-        for look in found.looks:
+        for look in decision.looks:
             ways = dict(zip(("difference", "low", "high"), look.interval, strict=True))
-            verdict = found.relation if look is found.last else ""
+            verdict = decision.relation if look is decision.last else ""
             yield shared | {"worlds": look.worlds, **ways, "verdict": verdict}
 
 
 @dataclass(frozen=True)
 class LimitRuns:
-    """A limit as far as it has run.
-
-    Attributes:
-        of: localizers that are held against it; (): all that no other limit names.
-        records: its finished trials, on all settings.
-    """
+    """The finished trials of a limit, and whom it is of; (): all that no other limit names."""
 
     of: tuple[str, ...]
     records: list[Finished]
 
 
-def gaps_table(
-    panels: Sequence[Panel], trials: pd.DataFrame, limits: Sequence[LimitRuns]
-) -> pd.DataFrame:
+def gaps_table(panels: Sequence[Panel], limits: Sequence[LimitRuns]) -> pd.DataFrame:
     """Return a row per panel, method and offset: the columns of gaps.csv, panel and label.
 
     ``gap`` is the error over the limit's, on the worlds that both have run; ``seed_sd`` the SD of e
     between runs of the method on the same world. Each limit comes before its methods.
     """
-    cells, rows = cells_of(trials), list[dict[str, Any]]()
+    rows = list[dict[str, Any]]()
     named = {name for limit in limits for name in limit.of}
-    limiting = [(limit, cells_of(trials_frame(limit.records))) for limit in limits]
+    limiting = [(limit, by_method(trials_frame(limit.records))) for limit in limits]
     for panel, (limit, of_limit) in product(panels, limiting):
         # several methods, where the limit differs between values of what is swept
         there = dict.fromkeys(
@@ -291,9 +269,12 @@ def gaps_table(
         itself = {one: one for one in held.values() if one is not None}
         for method, against in (itself | held | itself).items():
             if against is not None:
-                ours = cell(of_limit if method in itself else cells, panel.setting, method)
-                shared = panel_columns(panel, method)
-                shared |= method_columns(against, "limit", "limit_params")
+                ours = (
+                    cell(of_limit, panel.setting, method)
+                    if method in itself
+                    else panel.runs_of(panel.labels[method])
+                )
+                shared = panel.columns(method) | method_columns(against, "limit", "limit_params")
                 reference = cell(of_limit, panel.setting, against)
                 rows += (shared | row for row in _gaps(ours, reference))
     return pd.DataFrame(rows, columns=[*GAPS, "panel", "label"])

@@ -14,12 +14,12 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 import pandas as pd
 
-from benchmarks.tables.frames import paired, scored, whole_runs
-from benchmarks.tables.stats import ALPHA, UNKNOWN, Estimate
+from benchmarks.tables.frames import paired_worlds, scored, whole_runs
+from benchmarks.tables.stats import ALPHA, NOT_KNOWN, Interval
 from benchmarks.trials.scores import Score
 from deqmcl_gym.numerics.types import Floats
 
-FIRST, BLOCK = 20, 10  # worlds before the first look, and between two looks
+FIRST, _BLOCK = 20, 10  # worlds before the first look, and between two looks
 
 Relation = Literal["better", "worse", "equivalent", "open"]
 RELATIONS: tuple[Relation, ...] = get_args(Relation)
@@ -29,7 +29,7 @@ class Look(NamedTuple):
     """What is known after so many worlds: the relative error, or the difference of shares."""
 
     worlds: int
-    interval: Estimate
+    interval: Interval
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +52,7 @@ class Rule:
     @property
     def looks(self) -> Iterator[int]:
         """The numbers of worlds after which one looks."""
-        yield from range(FIRST, self.worlds, BLOCK)
+        yield from range(FIRST, self.worlds, _BLOCK)
         yield self.worlds
 
 
@@ -74,7 +74,7 @@ class Decision:
     @property
     def last(self) -> Look:
         """The last look."""
-        return self.looks[-1] if self.looks else Look(0, UNKNOWN)
+        return self.looks[-1] if self.looks else Look(0, NOT_KNOWN)
 
 
 def decide(ours: pd.DataFrame, baseline: pd.DataFrame, aim: Score | None, rule: Rule) -> Decision:
@@ -104,15 +104,15 @@ def decide(ours: pd.DataFrame, baseline: pd.DataFrame, aim: Score | None, rule: 
 
 def _intervals(
     ours: pd.DataFrame, baseline: pd.DataFrame, aim: Score | None, alpha: float
-) -> Callable[[int], Estimate]:
+) -> Callable[[int], Interval]:
     """Return a function from a number of worlds to what is known after these."""
     mine, theirs = (
         scored(rows)["error"] if aim is None else whole_runs(rows, aim) for rows in (ours, baseline)
     )
-    found = paired(mine, theirs)
+    found = paired_worlds(mine, theirs)
     worlds, (apart, reference) = found.index.to_numpy(), found.to_numpy().T
     if aim is not None:
-        bets = [UNKNOWN, *shares(apart, alpha)]
+        bets = [NOT_KNOWN, *shares(apart, alpha)]
         return lambda most: bets[int((worlds < most).sum())]
     return lambda most: ratio(apart[worlds < most], reference[worlds < most], alpha)
 
@@ -127,7 +127,7 @@ def _ended(rows: pd.DataFrame) -> int:
     return int(whole.argmin())
 
 
-def _relation(found: Estimate, margin: float, *, least: bool) -> Relation:
+def _relation(found: Interval, margin: float, *, least: bool) -> Relation:
     """Return where an interval lies; ``least``: whether the least is the best."""
     if found.high < -margin:
         return "better" if least else "worse"
@@ -141,7 +141,7 @@ _STEP = 1e-3  # between the means that are tried for an interval of shares
 _MOST = 0.75  # of the capital that is bet at once
 
 
-def ratio(apart: Floats, reference: Floats, alpha: float) -> Estimate:
+def ratio(apart: Floats, reference: Floats, alpha: float) -> Interval:
     """Mean difference over mean reference, E[d] / E[b], from paired values of the same worlds.
 
     The ratios r for which the mixture t-test of E[d - r b] = 0 is below 1 / α, as Fieller (1954)
@@ -154,21 +154,21 @@ def ratio(apart: Floats, reference: Floats, alpha: float) -> Estimate:
         alpha: of not covering at some n.
 
     Returns:
-        Ends are infinite where no ratio can be excluded; ``UNKNOWN`` if a value is NaN, or if there
-        are fewer than two.
+        Ends are infinite where no ratio can be excluded; ``NOT_KNOWN`` if a value is NaN, or of
+        fewer than two.
     """
     n = apart.size
     if n < 2 or np.isnan(apart).any() or np.isnan(reference).any() or not reference.mean() > 0:
-        return UNKNOWN
+        return NOT_KNOWN
     d, b = float(apart.mean()), float(reference.mean())
     if not (reach := _reach(n, alpha) / n) < math.inf:
-        return Estimate(d / b, -math.inf, math.inf)
+        return Interval(d / b, -math.inf, math.inf)
     (dd, db), (_, bb) = np.cov(apart, reference)
     square, linear, constant = b * b - reach * bb, d * b - reach * db, d * d - reach * dd
     if square <= 0:
-        return Estimate(d / b, -math.inf, math.inf)
+        return Interval(d / b, -math.inf, math.inf)
     half = math.sqrt(max(0.0, linear * linear - square * constant))  # d / b is one of the ratios
-    return Estimate(d / b, (linear - half) / square, (linear + half) / square)
+    return Interval(d / b, (linear - half) / square, (linear + half) / square)
 
 
 def _reach(n: int, alpha: float) -> float:
@@ -185,7 +185,7 @@ def _reach(n: int, alpha: float) -> float:
     return (n - 1) * (bound - 1) / (1 - bound * k) if bound * k < 1 else math.inf
 
 
-def shares(apart: Floats, alpha: float) -> list[Estimate]:
+def shares(apart: Floats, alpha: float) -> list[Interval]:
     """Mean of differences of shares, from -1 to 1, after each of them: by betting.
 
     The means m at which nobody who bets against m, with a stake that depends on former values only,
@@ -203,7 +203,7 @@ def shares(apart: Floats, alpha: float) -> list[Estimate]:
     """
     n = apart.size
     if not n or np.isnan(apart).any():
-        return [UNKNOWN] * n
+        return [NOT_KNOWN] * n
     seen = (apart + 1) / 2
     count = np.arange(1, n + 1)
     guess = (0.5 + np.cumsum(seen)) / (count + 1)
@@ -220,5 +220,5 @@ def shares(apart: Floats, alpha: float) -> list[Estimate]:
         left = np.flatnonzero(held)
         ends = (left[0], left[-1] + 2) if left.size else (0, tried.size + 1)
         low, high = (round(float(end * _STEP - 1), 3) for end in ends)
-        found.append(Estimate(float(mean), low, high))
+        found.append(Interval(float(mean), low, high))
     return found

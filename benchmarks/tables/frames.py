@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.tables.panels import Panel, scores_in
-from benchmarks.tables.stats import UNKNOWN, Estimate, estimate, wilson
+from benchmarks.tables.stats import NOT_KNOWN, Interval, estimate, wilson
 from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
 from benchmarks.trials.spec import Method, Setting, Trial
@@ -98,16 +97,9 @@ def method_columns(method: Method, name: str = "method", params: str = "params")
     return {name: method.name, params: as_json(agent | method.values.json())}
 
 
-def panel_columns(panel: Panel, method: Method) -> dict[str, Any]:
-    """Return a panel and one of its methods as the columns of a row; panel is its number."""
-    swept = {"swept": as_json(panel.swept.json())}
-    named = {"panel": panel.number, "label": panel.labels.get(method, "")}
-    return setting_columns(panel.setting) | swept | method_columns(method) | named
-
-
-def ends(name: str, found: Sequence[float] = UNKNOWN, mean: str = "") -> dict[str, float]:
+def ends(name: str, interval: Sequence[float] = NOT_KNOWN, mean: str = "") -> dict[str, float]:
     """Return an estimate as columns: its mean, and its interval as name_low and name_high."""
-    return dict(zip((mean or name, f"{name}_low", f"{name}_high"), found, strict=True))
+    return dict(zip((mean or name, f"{name}_low", f"{name}_high"), interval, strict=True))
 
 
 def run_columns(trial: Trial) -> dict[str, Any]:
@@ -124,10 +116,10 @@ def as_json(value: Any) -> str:
 Cells = Mapping[tuple[Any, ...], pd.DataFrame]
 
 
-def cells_of(trials: pd.DataFrame) -> Cells:
+def by_method(trials: pd.DataFrame) -> Cells:
     """Return the rows of each method on each setting, by their columns; see ``cell``."""
-    found = trials.groupby([*SETTING, *METHOD], sort=False)
-    return {key: by_run(rows) for key, rows in found}
+    groups = trials.groupby([*SETTING, *METHOD], sort=False)
+    return {key: by_run(rows) for key, rows in groups}
 
 
 def by_run(rows: pd.DataFrame) -> pd.DataFrame:
@@ -138,8 +130,8 @@ def by_run(rows: pd.DataFrame) -> pd.DataFrame:
 def cell(cells: Cells, setting: Setting, method: Method) -> pd.DataFrame:
     """Return the rows of a method on a setting, indexed by run; none if nothing has run."""
     key = *setting_columns(setting).values(), *method_columns(method).values()
-    found = cells.get(key)
-    return by_run(trials_frame([])) if found is None else found
+    rows = cells.get(key)
+    return by_run(trials_frame([])) if rows is None else rows
 
 
 def scored(rows: pd.DataFrame, offset: int = 0) -> pd.DataFrame:
@@ -153,7 +145,7 @@ def by_world(runs: pd.Series) -> pd.Series:
     return pd.Series(np.bincount(place, runs) / np.bincount(place), worlds, "float64")
 
 
-def paired(ours: pd.Series, theirs: pd.Series) -> pd.DataFrame:
+def paired_worlds(ours: pd.Series, theirs: pd.Series) -> pd.DataFrame:
     """Return ours - theirs (apart), and theirs, over the runs in both: a row per world."""
     both = ours.index.intersection(theirs.index).sort_values()
     apart = ours[both] - theirs[both]
@@ -179,7 +171,13 @@ def longest_ways(rows: Iterable[pd.DataFrame]) -> pd.Series:
     return pd.Series(ways.groupby("trial").max().dropna())
 
 
-def scores_of(rows: pd.DataFrame) -> list[Score]:
+def scores_in(records: Iterable[Finished]) -> list[Score]:
+    """Return the scores of whole runs that any of these records has, in their order."""
+    names = {name for record in records if record.journey for name in record.journey.scores}
+    return [score for name, score in JOURNEY_SCORES.items() if name in names]
+
+
+def scores_of_rows(rows: pd.DataFrame) -> list[Score]:
     """Return the scores of whole runs that any of these rows has, in their order."""
     ended = rows[~rows["failed"]]
     return [s for s in JOURNEY_SCORES.values() if s.name in ended and ended[s.name].notna().any()]
@@ -233,7 +231,7 @@ def lap_errors(records: Sequence[Finished]) -> pd.DataFrame:
     return pd.DataFrame({"states": states, "mean": errors.mean(axis=0), "low": low, "high": high})
 
 
-def profile(records: Sequence[Finished]) -> dict[int, Estimate]:
+def errors_by_offset(records: Sequence[Finished]) -> dict[int, Interval]:
     """Return the error by offset, each over the same states, in the order of the offsets."""
     rows = [(k, *record.trial.run, e) for record in records for k, e in record.profile.items()]
     frame = by_run(pd.DataFrame(rows, columns=["offset", *RUN, "error"]))

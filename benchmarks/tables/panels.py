@@ -1,19 +1,32 @@
 """What is compared: the methods of a setting, at one value of each swept parameter."""
 
+import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from benchmarks.setup.overrides import Named, Overrides, spelt
+import numpy as np
+import pandas as pd
+
+from benchmarks.setup.overrides import Overrides, spelt
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.tables.text import short_names
+from benchmarks.tables.deciding import Rule
+from benchmarks.tables.frames import (
+    METHOD,
+    as_json,
+    by_run,
+    ends,
+    method_columns,
+    scores_in,
+    setting_columns,
+    trials_frame,
+)
+from benchmarks.tables.stats import ALPHA
+from benchmarks.tables.text import BASELINE, short_name, short_names
 from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Method, Setting
-
-BASELINE = "mcl"  # localizer that others are compared with, unless a sweep says otherwise
-BLIND = "dead-reckoning"  # uses no scan, so that it localizes nothing
+from benchmarks.trials.spec import Method, Setting, Trial
 
 # What a filter assumes of a world's numbers.
 _ASSUMED = {"lidar.sigma": "scan.sigma"} | {
@@ -23,17 +36,22 @@ _ASSUMED = {"lidar.sigma": "scan.sigma"} | {
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """Methods that are compared with one another; ``comparison`` has their numbers.
+    """Methods that are compared with one another, and all that is known of them.
+
+    In frames a method is its ``label``, of which all labels of the results are the categories.
 
     Attributes:
         number: from 1, in the order of the results.
         title: what sets it apart from the other panels.
-        setting: of the panel.
         swept: value of each parameter that is swept in the setting.
         labels: what each method is called, in the order of the results.
         baselines: what each method is compared with.
         records: finished trials by method.
         scores: of whole runs, that any of them has.
+        runs: their ``trials_frame``, with failed trials, and label.
+        rule: when comparisons are decided; None: all worlds are run, whatever they show.
+        rows: of it in ``results_table``, once that is made.
+        maps: of it in ``maps_table``.
     """
 
     number: int
@@ -44,6 +62,19 @@ class Panel:
     baselines: dict[Method, Method]
     records: dict[Method, list[Finished]]
     scores: list[Score]
+    runs: pd.DataFrame
+    rule: Rule | None = None
+    rows: pd.DataFrame = field(default_factory=pd.DataFrame)
+    maps: pd.DataFrame = field(default_factory=pd.DataFrame)
+
+    def with_tables(self, results: pd.DataFrame, maps: pd.DataFrame) -> "Panel":
+        """Return it with its rows of the tables of all panels."""
+        rows, maps = (table[table["panel"] == self.number] for table in (results, maps))
+        absent = [score for score in JOURNEY_SCORES.values() if score not in self.scores]
+        rows = rows.drop(columns=[n for one in absent for n in score_columns(one)], errors="ignore")
+        rows = self.labelled(rows.reset_index(drop=True))
+        reference = pd.Categorical(rows["reference"], categories=rows["label"].cat.categories)
+        return replace(self, rows=rows.assign(reference=reference), maps=maps)
 
     @property
     def thresholds(self) -> Thresholds:
@@ -56,21 +87,120 @@ class Panel:
         return self._first.unit
 
     @property
+    def far(self) -> str:
+        """What is far off: e > 50 px."""
+        return f"e > {self.thresholds.far:g} {self.unit}"
+
+    @property
     def aim(self) -> Score | None:
         """The share of whole runs that it is about; None if it is about the error."""
         return aim_of(self.scores)
 
     @property
-    def agents(self) -> list[Named | None]:
-        """Who drives, the scenario's agent as None; several are compared with one another."""
-        return list(dict.fromkeys(method.agent for method in self.labels))
+    def where(self) -> str:
+        """The scenario and what differs from it."""
+        return self.title.removeprefix("scenario ")
+
+    @property
+    def agents(self) -> list[str]:
+        """Who drives, in a word each; none if that is the scenario's own agent only."""
+        return list(dict.fromkeys(short_name(one.agent.name) for one in self.labels if one.agent))
+
+    @property
+    def tests(self) -> int:
+        """How many tests Holm's correction at x[t] is for."""
+        names = ["p", *(f"{score.name}_p" for score in self.scores if score.tested)]
+        return int(self.present[names].notna().to_numpy().sum())
+
+    @property
+    def records_by_label(self) -> dict[str, list[Finished]]:
+        """The finished trials of each method."""
+        return {label: self.records[method] for method, label in self.labels.items()}
+
+    @property
+    def present(self) -> pd.DataFrame:
+        """The rows about x[t]."""
+        return self.rows[self.rows["offset"] == 0]
+
+    @property
+    def ranked(self) -> pd.DataFrame:
+        """The rows about x[t], the best first; see ``judged``."""
+        return judged(self.present, self.aim)
+
+    def runs_of(self, label: str) -> pd.DataFrame:
+        """The runs of a method, by world and filter seed."""
+        return by_run(self.runs[self.runs["label"] == label])
+
+    def labelled(self, frame: pd.DataFrame) -> pd.DataFrame:
+        """Return a frame whose labels have all labels of the results as categories."""
+        categories = self.runs["label"].cat.categories
+        return frame.assign(label=pd.Categorical(frame["label"], categories=categories))
+
+    def columns(self, method: Method) -> dict[str, Any]:
+        """Return the setting and one of its methods as the columns of a row."""
+        swept = {"swept": as_json(self.swept.json())}
+        named = {"panel": self.number, "label": self.labels.get(method, "")}
+        return setting_columns(self.setting) | swept | method_columns(method) | named
+
+    @property
+    def shared_params(self) -> dict[str, Any]:
+        """The parameters in which all methods that take them agree, and which no title names."""
+        params = [(method.name, method.values.json()) for method in self.labels]
+        shared = {}
+        for name in sorted({name for _, values in params for name in values} - {*self.swept}):
+            takers = {method for method, values in params if name in values}
+            # ... differs from every value: one that was not given it has the default
+            values = [values.get(name, ...) for method, values in params if method in takers]
+            if len(values) > 1 and all(value == values[0] for value in values):
+                shared[name] = values[0]
+        return shared
 
     @property
     def _first(self) -> Finished:
         return next(iter(self.records.values()))[0]
 
 
-class Group(NamedTuple):
+def judged(present: pd.DataFrame, aim: Score | None) -> pd.DataFrame:
+    """Return rows about x[t] with what they are ranked by, and how they stand, the best first.
+
+    That is score, score_low, score_high, apart (from the baseline), apart_low, apart_high, p, and
+    relation: better, worse, equal, inconclusive, not compared or baseline; of a decided sweep
+    better, worse, equivalent or open.
+    """
+    names = ("error", "diff", "") if aim is None else (aim.name, f"{aim.name}_diff", f"{aim.name}_")
+    rows = present.copy()
+    for column, name in zip(("score", "apart"), names[:2], strict=True):
+        for end in ("", "_low", "_high"):
+            known = rows.get(f"{name}{end}", pd.Series(math.nan, rows.index))
+            rows[f"{column}{end}"] = known.astype(float)
+    rows["p"] = rows.get(f"{names[2]}p_holm", pd.Series(math.nan, rows.index))
+    smaller = aim is None
+    clear = ((rows["apart_low"] > 0) | (rows["apart_high"] < 0)) & (rows["p"] < ALPHA)
+    ahead = (rows["apart"] < 0) == smaller
+    relations = {
+        "baseline": rows["is_baseline"],
+        "decided": rows["decision"].notna(),
+        "not compared": rows["apart"].isna() | rows["apart_low"].isna(),
+        "equal": (rows["apart_low"] == 0) & (rows["apart_high"] == 0),
+        "better": clear & ahead,
+        "worse": clear,
+    }
+    relation = np.select([*relations.values()], [*relations], "inconclusive")
+    rows["relation"] = np.where(relation == "decided", rows["decision"], relation)
+    order = rows["expected"].fillna(rows["score"])
+    rows["order"] = order if smaller else -order
+    rows["other"] = ~rows["is_baseline"]
+    return rows.sort_values(["order", "other"], na_position="last").drop(columns="other")
+
+
+def score_columns(score: Score) -> list[str]:
+    """Name the columns of a score of whole runs: its value, and the comparison if it is tested."""
+    names = [*ends(score.name), *([f"{score.name}_restricted"] if score.censored else [])]
+    tested = [*ends(f"{score.name}_diff"), f"{score.name}_p", f"{score.name}_p_holm"]
+    return names + (tested if score.tested else [])
+
+
+class MethodGroup(NamedTuple):
     """What a panel is of: the methods of a setting at one value of each swept parameter."""
 
     setting: Setting
@@ -79,11 +209,11 @@ class Group(NamedTuple):
 
     def pairs(self, baseline: str) -> list[tuple[Method, Method]]:
         """Return each method that is compared, and what with; see ``baseline_of``."""
-        found = ((one, baseline_of(one, self.methods, baseline)) for one in self.methods)
-        return [(method, reference) for method, reference in found if method != reference]
+        pairs = [(method, baseline_of(method, self.methods, baseline)) for method in self.methods]
+        return [(method, reference) for method, reference in pairs if method != reference]
 
 
-def groups(cells: Iterable[tuple[Setting, Method]]) -> list[Group]:
+def groups(cells: Iterable[tuple[Setting, Method]]) -> list[MethodGroup]:
     """Split methods of settings into what is compared, in their order.
 
     A setting has a group for every value of the numbers of which one localizer has several; a
@@ -92,41 +222,55 @@ def groups(cells: Iterable[tuple[Setting, Method]]) -> list[Group]:
     settings: dict[Setting, dict[Method, None]] = {}
     for setting, method in cells:
         settings.setdefault(setting, {})[method] = None
-    found = []
+    made = []
     for setting, methods in settings.items():
         named = list(dict.fromkeys(method.name for method in methods))
         listed = sorted(methods, key=lambda method: named.index(method.name))
-        found += [
-            Group(setting, swept, [one for one in listed if agree(one.values, swept)])
+        made += [
+            MethodGroup(setting, swept, [m for m in listed if agree(m.values, swept)])
             for swept in _swept(listed)
         ]
-    return found
+    return made
 
 
-def panels(records: Iterable[Finished], baseline: str = BASELINE) -> list[Panel]:
-    """Split finished trials into panels, in their order.
-
-    Args:
-        records: the finished trials.
-        baseline: localizer or agent that the others are compared with.
-    """
+def panels(
+    records: Iterable[Finished],
+    baseline: str = BASELINE,
+    failures: Iterable[Trial] = (),
+    rule: Rule | None = None,
+) -> list[Panel]:
+    """Split finished trials into panels, in their order; see ``baseline_of`` and ``Panel.rule``."""
+    failed = list(failures)
     ended: dict[tuple[Setting, Method], list[Finished]] = {}
     for record in records:
         ended.setdefault((record.trial.setting, record.trial.method), []).append(record)
     titles = _titles(list(dict.fromkeys(setting for setting, _ in ended)))
-    return [
-        Panel(
-            number=number,
-            title=", ".join([titles[setting], *(f"{k} {v}" for k, v in swept.items())]),
-            setting=setting,
-            swept=swept,
-            labels=_labels(methods),
-            baselines={one: baseline_of(one, methods, baseline) for one in methods},
-            records={one: ended[setting, one] for one in methods},
-            scores=scores_in(record for one in methods for record in ended[setting, one]),
+    every = groups(ended)
+    names = [_labels(methods) for _, _, methods in every]
+    categories = list(dict.fromkeys(label for labels in names for label in labels.values()))
+    made = []
+    for number, ((setting, swept, methods), labels) in enumerate(zip(every, names, strict=True), 1):
+        finished = [record for method in methods for record in ended[setting, method]]
+        runs = trials_frame(
+            finished, [one for one in failed if one.setting == setting and one.method in labels]
         )
-        for number, (setting, swept, methods) in enumerate(groups(ended), 1)
-    ]
+        by_columns = {(*method_columns(one).values(),): label for one, label in labels.items()}
+        called = [by_columns[key] for key in zip(*(runs[name] for name in METHOD), strict=True)]
+        made.append(
+            Panel(
+                number=number,
+                title=", ".join([titles[setting], *(f"{k} {v}" for k, v in swept.items())]),
+                setting=setting,
+                swept=swept,
+                labels=labels,
+                baselines={one: baseline_of(one, methods, baseline) for one in methods},
+                records={one: ended[setting, one] for one in methods},
+                scores=scores_in(finished),
+                runs=runs.assign(label=pd.Categorical(called, categories=categories)),
+                rule=rule,
+            )
+        )
+    return made
 
 
 def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
@@ -148,12 +292,6 @@ def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
 def agree(some: Overrides, others: Overrides) -> bool:
     """Whether the parameters that both have are the same."""
     return all(spelt(some[name]) == spelt(others[name]) for name in some.keys() & others.keys())
-
-
-def scores_in(records: Iterable[Finished]) -> list[Score]:
-    """Return the scores of whole runs that any of these records has, in their order."""
-    names = {name for record in records if record.journey for name in record.journey.scores}
-    return [score for name, score in JOURNEY_SCORES.items() if name in names]
 
 
 def aim_of(scores: Iterable[Score]) -> Score | None:

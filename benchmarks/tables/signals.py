@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.tables.frames import PANEL, ends, panel_columns
+from benchmarks.tables.frames import PANEL, ends
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.stats import QUANTILES, UNKNOWN, Estimate, multiplicities
+from benchmarks.tables.stats import NOT_KNOWN, QUANTILES, Interval, multiplicities
 from benchmarks.trials.scoring import Finished
 from deqmcl_gym.numerics.types import Bools, Floats, Indices
 
@@ -30,10 +30,10 @@ QUESTIONS = {
     "wrong_localized": "the map is wrong here, of localized steps",
     "which": "lost, against steps that are localized where the map is wrong",
 }
-PLANS = (
+_PLANS = (
     "scenarios", *PANEL[1:], "signal", *ends("auroc"), "conflict_steps", "conflict_worlds",
 )  # fmt: skip
-MAPS = (*PANEL, "question", "signal", *ends("auroc"), "steps", "worlds")
+_MAPS = (*PANEL, "question", "signal", *ends("auroc"), "steps", "worlds")
 _RISING = ("short", "long", "repeated", "elsewhere")  # signals that are large in trouble
 
 
@@ -47,7 +47,7 @@ class Auroc:
         far_worlds: worlds with such a step; NaN if no step has the number.
     """
 
-    auroc: Estimate = UNKNOWN
+    auroc: Interval = NOT_KNOWN
     far_steps: float = math.nan
     far_worlds: float = math.nan
 
@@ -70,19 +70,19 @@ def auroc(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Auroc:
     if not values.size:
         return Auroc()
     far, others = (np.bincount(world[trouble == one], minlength=worlds) for one in (True, False))
-    wins = in_order(values, trouble, world, worlds)
+    wins = pairs_in_order(values, trouble, world, worlds)
     pairs = far.sum() * others.sum()
-    found = Estimate(float(wins.sum() / pairs) if pairs else math.nan)
+    found = Interval(float(wins.sum() / pairs) if pairs else math.nan)
     if min((far > 0).sum(), (others > 0).sum()) >= 2:
         drawn = multiplicities(worlds)
         each = (drawn @ far) * (drawn @ others)  # pairs of each resample
         # sums of halves below 2⁵³: exact, in whatever order they are added
         resampled = ((drawn @ wins) * drawn).sum(axis=1)[each > 0] / each[each > 0]
-        found = Estimate(found.mean, *map(float, np.quantile(resampled, QUANTILES)))
+        found = Interval(found.mean, *map(float, np.quantile(resampled, QUANTILES)))
     return Auroc(auroc=found, far_steps=float(trouble.mean()), far_worlds=float((far > 0).sum()))
 
 
-def in_order(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Floats:
+def pairs_in_order(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Floats:
     """Count pairs of a step in trouble of world i and another of world j in order, (W, W).
 
     In order: the former has the smaller number. Pairs of equal numbers count half.
@@ -116,14 +116,14 @@ def plans_table(panels: Iterable[Panel]) -> pd.DataFrame:
         scenarios = " ".join(panel.setting.scenario for panel in group)
         for method in dict.fromkeys(method for panel in group for method in panel.labels):
             label = next(panel.labels[method] for panel in group if method in panel.labels)
-            shared = panel_columns(group[0], method) | {"scenarios": scenarios, "label": label}
+            shared = group[0].columns(method) | {"scenarios": scenarios, "label": label}
             shared["panels"] = [panel.number for panel in group]
             own = [r for panel in group for r in panel.records.get(method, []) if r.plan]
             rows += (
                 shared | {"signal": signal} | found.columns("conflict_steps", "conflict_worlds")
                 for signal, found in _of_plans(own).items()
             )
-    return pd.DataFrame(rows, columns=[*PLANS, "panel", "panels", "label"])
+    return pd.DataFrame(rows, columns=[*_PLANS, "panel", "panels", "label"])
 
 
 def maps_table(panels: Iterable[Panel]) -> pd.DataFrame:
@@ -135,14 +135,14 @@ def maps_table(panels: Iterable[Panel]) -> pd.DataFrame:
     opposite.
     """
     rows = [
-        panel_columns(panel, method)
+        panel.columns(method)
         | {"question": question, "signal": signal}
         | found.columns("steps", "worlds")
         for panel in panels
         for method, records in panel.records.items()
         for (question, signal), found in _of_maps([r for r in records if r.against_map]).items()
     ]
-    return pd.DataFrame(rows, columns=[*MAPS, "panel", "label"])
+    return pd.DataFrame(rows, columns=[*_MAPS, "panel", "label"])
 
 
 def _of_plans(records: list[Finished]) -> dict[str, Auroc]:

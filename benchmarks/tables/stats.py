@@ -22,7 +22,7 @@ _BLOCK = 1_000  # resamples held at once
 _EXACT = 50  # signed ranks whose distribution is counted rather than approximated
 
 
-class Estimate(NamedTuple):
+class Interval(NamedTuple):
     """A mean over worlds with its 95 % interval; NaN is not available."""
 
     mean: float = math.nan
@@ -30,17 +30,17 @@ class Estimate(NamedTuple):
     high: float = math.nan
 
     @property
-    def percent(self) -> "Estimate":
+    def percent(self) -> "Interval":
         """The same, times 100."""
-        return Estimate(*(100 * value for value in self))
+        return Interval(*(100 * value for value in self))
 
 
-UNKNOWN = Estimate()
+NOT_KNOWN = Interval()
 
 
-def estimate(values: Floats) -> Estimate:
+def estimate(values: Floats) -> Interval:
     """Return the mean of one value per world with its bootstrap interval."""
-    return Estimate(float(values.mean()), *paired_bootstrap(values)) if values.size else UNKNOWN
+    return Interval(float(values.mean()), *paired_bootstrap(values)) if values.size else NOT_KNOWN
 
 
 def sample_sd(values: Floats) -> float:
@@ -60,7 +60,7 @@ def paired_bootstrap(differences: Floats) -> tuple[float, float]:
     return _middle([differences[worlds].mean(axis=1) for worlds in drawn], QUANTILES)
 
 
-def relative_change(differences: Floats, reference: Floats) -> Estimate:
+def relative_change(differences: Floats, reference: Floats) -> Interval:
     """Mean difference over mean reference; 95 % percentile bootstrap over worlds, drawn together.
 
     Args:
@@ -68,16 +68,16 @@ def relative_change(differences: Floats, reference: Floats) -> Estimate:
         reference: what they are the share of, on the same worlds, (W,).
     """
     if not differences.size or not reference.mean() > 0:
-        return UNKNOWN
+        return NOT_KNOWN
     share = float(differences.mean() / reference.mean())
     if differences.size < 2 or np.isnan(differences).any():
-        return Estimate(share)
+        return Interval(share)
     drawn = _resamples(differences.size, _RESAMPLES)
     shares = [differences[one].sum(axis=1) / reference[one].sum(axis=1) for one in drawn]
-    return Estimate(share, *_middle(shares, (0.025, 0.975)))
+    return Interval(share, *_middle(shares, (0.025, 0.975)))
 
 
-def median_estimate(values: Floats) -> Estimate:
+def median_estimate(values: Floats) -> Interval:
     """Return the median with its 95 % interval between two of the values; NaN of fewer than six.
 
     The k-th smallest and k-th largest, k the largest with P(Binomial(n, ½) < k) ≤ 2.5 %: whatever
@@ -87,7 +87,7 @@ def median_estimate(values: Floats) -> Estimate:
     middle = float(np.median(ordered))
     below = accumulate(math.comb(n, i) / 2**n for i in range(n))
     k = sum(p <= 0.025 for p in below)
-    return Estimate(middle, ordered[k - 1], ordered[n - k]) if k else Estimate(middle)
+    return Interval(middle, ordered[k - 1], ordered[n - k]) if k else Interval(middle)
 
 
 def win_rate(differences: Floats) -> float:
@@ -223,12 +223,3 @@ def worlds_to_see(difference: float, sd: float, tests: int = 1) -> int:
     reach = normal.inv_cdf(1 - ALPHA / (2 * tests))
     scaled = (reach + normal.inv_cdf(POWER)) * sd / difference
     return max(math.ceil(math.pi / 3 * scaled**2 + reach**2 / 2), least_worlds(tests))
-
-
-def worth_seeing(error: float) -> float:
-    """A round difference, 1, 2 or 5 times a power of ten, near 5 % of an error."""
-    wanted = 0.05 * error
-    if not wanted > 0:
-        return math.nan
-    power = 10.0 ** math.floor(math.log10(wanted))
-    return power * min((1, 2, 5, 10), key=lambda step: abs(math.log(step * power / wanted)))

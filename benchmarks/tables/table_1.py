@@ -6,8 +6,7 @@ import math
 import pandas as pd
 from tabulate import tabulate
 
-from benchmarks.tables.panels import BLIND
-from benchmarks.tables.text import fixed, percent, short_name, state_name
+from benchmarks.tables.text import BLIND, fixed, percent, short_name, state_name
 
 _VARIANCES = {  # score: words, digits
     "var_x": ("var x", 1),

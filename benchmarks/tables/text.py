@@ -8,8 +8,10 @@ from collections.abc import Collection, Iterable, Sequence
 from itertools import count
 from typing import Any
 
-from benchmarks.tables.stats import Estimate
+from benchmarks.tables.stats import Interval
 
+BASELINE = "mcl"  # localizer that others are compared with, unless a sweep says otherwise
+BLIND = "dead-reckoning"  # uses no scan, so that it localizes nothing
 WORDS = {  # what the names of methods mean; the first four as in the paper's Table 1
     "mcl": "MCL",
     "mcl-smoother": "MCL with smoother",
@@ -80,7 +82,7 @@ def percent(share: float, digits: int = 0) -> str:
     return "n/a" if math.isnan(share) else f"{100 * share:.{digits}f} %"
 
 
-def estimated(value: Estimate, form: str = ".2f", unit: str = "") -> str:
+def estimated(value: Interval, form: str = ".2f", unit: str = "") -> str:
     """A mean and its interval, with a true minus; or n/a.
 
     Args:
@@ -94,7 +96,7 @@ def estimated(value: Estimate, form: str = ".2f", unit: str = "") -> str:
     return f"{value.mean:{form}}{unit}".replace("-", "−") + ends
 
 
-def interval(value: Estimate, form: str = ".2f") -> str:
+def interval(value: Interval, form: str = ".2f") -> str:
     """The ends of an interval."""
     return f"{value.low:{form}} to {value.high:{form}}".replace("-", "−")
 

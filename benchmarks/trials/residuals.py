@@ -21,10 +21,8 @@ APART = 0.5  # m between poses that count as different ones
 class Fit:
     """How each beam of scans fits a map, seen from poses, (n, B) each.
 
-    Attributes:
-        expected: range by the map; ∞ where only unknown cells or nothing is met.
-        returned: whether the beam was reflected within range.
-        short, long: it was, and reads clearly less or more than from every pose nearby.
+    ``returned``: reflected within range; ``short``, ``long``: that, and it reads clearly less or
+    more than from every pose nearby. ``expected`` is ∞ where only unknown cells or nothing is met.
     """
 
     expected: Reals
@@ -44,8 +42,7 @@ class Fit:
 
     def _share(self, which: Bools) -> Floats:
         with np.errstate(invalid="ignore"):
-            found = (which & self.returned).sum(axis=1) / self.returned.sum(axis=1)
-        return np.asarray(found)
+            return np.asarray((which & self.returned).sum(axis=1) / self.returned.sum(axis=1))
 
 
 def known_part(floor_plan: Map) -> Map:
@@ -58,13 +55,9 @@ def known_part(floor_plan: Map) -> Map:
 class Expected(NamedTuple):
     """What a map says that a robot sees from poses, and from poses near them, (n, B) each.
 
-    A beam that grazes a wall, or passes its corner, reads something else from 0.1 m beside.
-
-    Attributes:
-        here: the ranges from the poses; ∞ where only unknown cells or nothing is met.
-        least, most: from all poses nearby.
-        clear: by how much a reading must be outside to contradict the map.
-        farthest: ranges from here on are no returns.
+    A beam that grazes a wall, or passes its corner, reads something else from 0.1 m beside: a
+    reading contradicts the map if it is outside of ``least`` to ``most`` by ``clear``. Ranges from
+    ``farthest`` on are no returns.
     """
 
     here: Reals
@@ -80,7 +73,7 @@ class Expected(NamedTuple):
         near, turn = _NEARBY[0] * length, _NEARBY[1]
         steps = np.vstack([np.zeros(3), *(sign * np.diag((near, near, turn)) for sign in (-1, 1))])
         around = (steps[:, None] + poses).reshape(-1, 3)  # one call: a step of a trial has one pose
-        seen = cast(floor_plan, lidar, around).reshape(len(steps), len(poses), -1)
+        seen = lidar.ranges(floor_plan, around.T).reshape(len(steps), len(poses), -1)
         clear = max(CLEAR * length, _SIGMAS * lidar.sigma)
         return cls(seen[0], seen.min(axis=0), seen.max(axis=0), clear, lidar.max_range)
 
@@ -91,25 +84,14 @@ class Expected(NamedTuple):
         return Fit(self.here, returned, short, returned & (ranges > self.most + self.clear))
 
 
-def cast(floor_plan: Map, lidar: Lidar, poses: Reals) -> Reals:
-    """Return the ranges of a robot's lidar by a map, (n, B)."""
-    return lidar.ranges(floor_plan, poses.T)
-
-
 @dataclass(frozen=True)
 class Lattice:
-    """Square cells along x and y over a map, counted row by row from the lower left.
-
-    Attributes:
-        x, y: the lower left corner.
-        cell: edge of a cell.
-        shape: rows and columns.
-    """
+    """Square cells along x and y over a map, counted row by row from its lower left corner."""
 
     x: float
     y: float
-    cell: float
-    shape: tuple[int, int]
+    cell: float  # its edge
+    shape: tuple[int, int]  # rows, columns
 
     @classmethod
     def over(cls, floor_plan: Map, metres: float = _CELL) -> "Lattice":
@@ -136,9 +118,8 @@ class Lattice:
     def centres(self, cells: Indices) -> Floats:
         """Return the centres of cells, (n, 2)."""
         row, column = np.divmod(cells, self.shape[1])
-        return np.column_stack([self.x, self.y]) + self.cell * (
-            np.column_stack([column, row]) + 0.5
-        )
+        middle = self.cell * (np.column_stack([column, row]) + 0.5)
+        return np.column_stack([self.x, self.y]) + middle
 
     def groups(self, marked: Bools) -> Ints:
         """Number groups of marked cells, at most one cell apart, from 1 on; 0: not marked."""
@@ -149,13 +130,7 @@ class Lattice:
 
 
 class Rays(NamedTuple):
-    """Rays over cells, of a scan from each of n poses.
-
-    Attributes:
-        lattice: the cells.
-        x, y: where the rays start, (n, B).
-        angles: in the map, (n, B).
-    """
+    """Rays over cells, of a scan from each of n poses: starts and angles in the map, (n, B)."""
 
     lattice: Lattice
     x: Reals
@@ -181,20 +156,19 @@ class Rays(NamedTuple):
 
     def passed(self, ranges: Floats) -> Indices:
         """Count the rays that pass each cell before they are so far, sampled at each cell."""
-        found = np.zeros(self.lattice.size, np.intp)
+        passed = np.zeros(self.lattice.size, np.intp)
         scan, beam = np.nonzero(ranges > 0)
         x, y = self.x[scan, beam], self.y[scan, beam]
         angle, far = self.angles[scan, beam], ranges[scan, beam]
         ahead = np.column_stack([np.cos(angle), np.sin(angle)]) * self.lattice.cell
         step = 0
         while far.size:
-            found += count(
-                self.lattice.cells(x + step * ahead[:, 0], y + step * ahead[:, 1]), self.lattice
-            )
+            at = self.lattice.cells(x + step * ahead[:, 0], y + step * ahead[:, 1])
+            passed += count(at, self.lattice)
             step += 1
             on = far > step * self.lattice.cell
             x, y, ahead, far = x[on], y[on], ahead[on], far[on]
-        return found
+        return passed
 
 
 def count(cells: Indices, lattice: Lattice) -> Indices:

@@ -16,7 +16,7 @@ from benchmarks.report.writing import load, no_report
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.settings import sweep_text
 from benchmarks.tables.frames import by_world, csv_of
-from benchmarks.tables.stats import Estimate, estimate
+from benchmarks.tables.stats import Interval, estimate
 from benchmarks.tables.text import estimated, fixed, percent, significant
 from benchmarks.tuning.search import RUNS, Candidate, Task, Tuning
 from benchmarks.tuning.space import Space
@@ -105,8 +105,8 @@ def gain(tuning: Tuning, table: pd.DataFrame) -> str:
             f"{slow}No gain: no {which} was better than the default on the training segments. The "
             f"default's {goal.words} {on}: {factor * before.mean():{form}}{unit}."
         )
-    change = estimate(off) if len(off) >= _LEAST else Estimate(float(off.mean()))
-    scaled = Estimate(*(factor * end for end in change))
+    change = estimate(off) if len(off) >= _LEAST else Interval(float(off.mean()))
+    scaled = Interval(*(factor * end for end in change))
     points = " points" if goal.unit == "share" else unit
     return (
         f"{slow}{goal.words[:1].upper()}{goal.words[1:]} {on}: {factor * before.mean():{form}} → "
@@ -116,7 +116,7 @@ def gain(tuning: Tuning, table: pd.DataFrame) -> str:
     )
 
 
-def _conclusion(tuning: Tuning, change: Estimate) -> str:
+def _conclusion(tuning: Tuning, change: Interval) -> str:
     limit, failed = tuning.task.max_ms, _failed(tuning)
     if math.isnan(change.low):
         return f"Fewer than {_LEAST} segments are too few for an interval: a gain is not shown."

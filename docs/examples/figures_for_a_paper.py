@@ -14,8 +14,7 @@ import pandas as pd
 
 import benchmarks
 from benchmarks.files import write_files
-from benchmarks.report.frames import frames_of
-from benchmarks.report.latex import latex_files, pdf_files
+from benchmarks.report.page import latex_files, pdf_files
 
 sweep = benchmarks.sweep(
     "guided",
@@ -42,7 +41,7 @@ print(table[table.index(r"\begin{tabular}") : table.index(r"\end{table*}")])
 # intervals over worlds.
 
 rows = pd.concat(
-    panel.present.assign(particles=panel.swept["particles"]) for panel in frames_of(results)
+    panel.present.assign(particles=panel.swept["particles"]) for panel in results.panels
 )
 plt.rcParams.update({"font.size": 8, "pdf.fonttype": 42})  # 42: text stays text
 figure, axes = plt.subplots(figsize=(3.4, 2.2), layout="constrained")

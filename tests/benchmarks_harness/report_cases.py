@@ -9,7 +9,6 @@ import pytest
 from msgspec.structs import replace as changed
 
 from benchmarks.report import animations
-from benchmarks.report.frames import frames_of
 from benchmarks.report.writing import write_report
 from benchmarks.setup.overrides import Overrides
 from benchmarks.setup.scenario import Thresholds
@@ -99,14 +98,14 @@ def trials_csv(records):
     return csv_of(trials_frame(records), INNER)
 
 
-def frames(records, **how):
-    """Panels of these records, as frames."""
-    return frames_of(results(records, **how))
+def panels_of(records, **how):
+    """Panels of these records."""
+    return results(records, **how).panels
 
 
 def panel_of(records, **how):
     """The only panel of these records."""
-    (panel,) = frames(list(records), **how)
+    (panel,) = panels_of(list(records), **how)
     return panel
 
 

@@ -8,7 +8,6 @@ from report_cases import results, trials
 
 from benchmarks.agents import AGENTS
 from benchmarks.checks import check_agent
-from benchmarks.report.frames import frames_of
 from benchmarks.report.verdict import conclusion
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.overrides import Named
@@ -54,7 +53,7 @@ def test_agents_are_compared_on_the_same_worlds_with_the_same_localizer():
         assert (row["diff"], row.paired_worlds) == (-5.0, 12)
         assert row.reference == f"still with {localizer}"
     assert conclusion(told).startswith("Seeker with mcl is best: ")
-    assert frames_of(told)[0].agents == ["still", "Seeker"]
+    assert told.panels[0].agents == ["still", "Seeker"]
     assert "/far" not in conclusion(told)
 
 
@@ -66,7 +65,7 @@ def test_the_verdict_tells_which_agent_is_best_and_the_table_what_each_is_beside
         records += driven([e + more - 5 for e in rising], "spin", localizer)
     told = results(records, baseline="still")
     assert conclusion(told).startswith("spin with mcl is best: 10.5 px, 32 % below still with mcl ")
-    rows = frames_of(told)[0].ranked.set_index("label")
+    rows = told.panels[0].ranked.set_index("label")
     assert rows.loc["spin with mcl-map", "reference"] == "still with mcl-map"
     assert rows.loc["spin with mcl-map", "relation"] == "better"
 

@@ -10,8 +10,10 @@ import pytest
 from fake_episode import FakeBelief
 from report_cases import finished, panel_of
 
-from benchmarks.pictures.film import Camera, Film, laid
-from benchmarks.report.animations import Animation, drawing, films_of
+from benchmarks.execution.processes import Processes
+from benchmarks.pictures.film import Camera, Film, way_of_plan
+from benchmarks.report import animations
+from benchmarks.report.animations import Animation, films_of
 from benchmarks.trials.episode import Step
 from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
@@ -70,7 +72,9 @@ def test_the_last_frame_has_the_way_and_the_place_from_where_on_it_is_localized(
 
 
 def test_a_plan_is_laid_from_a_pose_by_turning_before_each_drive():
-    way = laid(np.array([1.0, 2.0, math.pi / 2]), np.array([[2.0, 0.0], [1.0, -math.pi / 2]]))
+    way = way_of_plan(
+        np.array([1.0, 2.0, math.pi / 2]), np.array([[2.0, 0.0], [1.0, -math.pi / 2]])
+    )
     assert way == pytest.approx(np.array([[1, 2], [1, 4], [2, 4]]))
 
 
@@ -113,8 +117,18 @@ def test_an_animation_shows_the_whole_way_of_each_method_side_by_side():
     trials = same, replace(same, localizer="dead-reckoning")
     keys = tuple(map(key_of, trials))
     lap = Animation(name="lap", title="", caption="", trials=trials, labels=("a", "b"), keys=keys)
-    with drawing() as promised:
-        drawn = promised(lap)()
+    with Processes(1) as pool:
+        drawn = pool.submit(animations.filmed, lap).result()
     animation = PIL.Image.open(io.BytesIO(drawn.webp))
     assert animation.n_frames == 204 // 8 + 1 + 1  # and the whole way
     assert animation.width > 2 * 350  # side by side
+
+
+def test_a_hedge_is_animated_beside_a_method_that_sees_no_plan():
+    same = Trial(
+        scenario="guided", localizer="mcl", params={"particles": 20}, lag=0, seed=0, trial=0
+    )
+    trials = same, replace(same, localizer="mcl-plan-hedged")
+    keys = tuple(map(key_of, trials))
+    lap = Animation(name="lap", title="", caption="", trials=trials, labels=("a", "b"), keys=keys)
+    assert animations.filmed(lap).webp.startswith(b"RIFF")

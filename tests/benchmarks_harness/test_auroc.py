@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from report_cases import changed, finished, lines_of, panel_of, table_of
 
-from benchmarks.report.tables import detection_glance, detection_table
+from benchmarks.report.tables import detection_table
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.signals import detection
 from benchmarks.trials.scoring import ErrorCurve
@@ -156,15 +156,11 @@ def test_the_table_says_the_auroc_or_why_there_is_none():
         ["always", "n/a: every step is far off", "100.0 %", "3 of 3"],
         ["blind", "n/a: gives no quality", "n/a", "n/a"],
     ]
-    glance = detection_glance([panel])
-    assert list(glance.frame) == ["setting", "rated", "never", "always"]
-    assert lines_of(glance) == [["1. paper", "1.00", "n/a", "n/a"]]
 
 
 def test_the_report_has_no_table_where_no_method_has_an_auroc():
     panel = panel_of(reported(["never", "blind"]))
     assert detection_table(panel) is None
-    assert detection_glance([panel]) is None
 
 
 def test_other_offsets_than_the_present_have_no_auroc():

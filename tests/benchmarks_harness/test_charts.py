@@ -1,20 +1,26 @@
 """Charts of frames: what is drawn can be seen, and is what it is said to be."""
 
 import math
+from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from report_cases import THREE, changed, finished, panel_of, trials
+from report_cases import THREE, changed, finished, panel_of, panels_of, trials
+from test_journey_tables import run
 
 from benchmarks.pictures import styled
-from benchmarks.report import panel_charts
+from benchmarks.report import charts
 from benchmarks.report.charts import STYLE, Chart, line
-from benchmarks.tables.frames import profile
+from benchmarks.report.swept import swept_charts
+from benchmarks.setup.overrides import Overrides
+from benchmarks.tables.frames import errors_by_offset
+from benchmarks.tables.stats import wilson
 
-NAMES = ("points", "offset", "speed", "coverage", "lap")
+NAMES = ("points", "offset", "lap")
 
 
 @pytest.fixture(autouse=True)
@@ -29,24 +35,14 @@ def drawn_in(axes):
     return {one.get_label(): one.get_xydata().tolist() for one in axes.lines}, bars
 
 
-def told(places, rows, low, high):
-    """The bars of rows."""
-    ends = zip(places, rows[low], rows[high], strict=True)
-    return [((x, low), (x, high)) for x, low, high in ends]
-
-
 @settings(deadline=None, max_examples=15, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(st.floats(0, 1), min_size=2, max_size=40), st.sampled_from([0.0, 1e-3, 1.0, 1e6]))
 def test_every_mark_and_bar_of_every_chart_is_inside_its_axes(shares, size):
     errors = [size * (1 + share) for share in shares]
     records = [one for name, (_, k) in THREE.items() for one in trials(name, errors, offsets=k)]
-    for record in records:
-        share = shares[record.trial.trial]
-        for score in record.scores:
-            score |= {"coverage_50": share, "coverage_80": share**2, "coverage_95": 1 - share}
     panel = panel_of(records)
     for name in NAMES[:-1]:
-        (axes,) = getattr(panel_charts, f"{name}_chart")(panel).figure.axes
+        (axes,) = getattr(charts, f"{name}_chart")(panel).figure.axes
         (left, right), ends = axes.get_xlim(), sorted(axes.get_ylim())
         marked = [one for one in axes.lines if one.get_marker() not in ("None", "")]
         places = [place for one in marked for place in one.get_xydata().tolist()]
@@ -57,34 +53,22 @@ def test_every_mark_and_bar_of_every_chart_is_inside_its_axes(shares, size):
 
 @pytest.fixture(scope="module")
 def panel():
-    """Three methods on five worlds: of other errors, past errors, coverage, profiles and times."""
+    """Three methods on five worlds: of other errors, past errors and profiles."""
     records = []
     for place, (name, (_, offsets)) in enumerate(THREE.items()):
         for world in range(5):
             error = {k: 2.0 + place + world**2 + abs(k) / 10 + (k > 0) for k in offsets}
-            scores = {f"coverage_{at}": (at + world - place) / 100 for at in (50, 80, 95)}
-            one = finished(name, world, error, scores=scores)
-            records.append(changed(one, seconds=0.06 * (1 + place) * (1 + world**2)))
+            records.append(finished(name, world, error))
     return panel_of(records)
 
 
 def test_charts_of_a_panel_draw_its_numbers(panel):
     rows = panel.present
-    axes = {name: getattr(panel_charts, f"{name}_chart")(panel).figure.axes[0] for name in NAMES}
-    speed, bars = drawn_in(axes["speed"])
-    # 60 steps: the third of five times is the median
-    assert [speed[label][0][0] for label in rows["label"]] == pytest.approx([5.0, 10.0, 15.0])
-    assert bars == told(rows["ms_per_step"], rows, "error_low", "error_high")
-    coverage, _ = drawn_in(axes["coverage"])
-    assert coverage.pop("calibrated") == [[0, 0], [100, 100]]
+    axes = {name: getattr(charts, f"{name}_chart")(panel).figure.axes[0] for name in NAMES}
     for row in rows.itertuples():
-        held = profile(panel.records[row.label])
+        held = errors_by_offset(panel.records_by_label[row.label])
         offsets, _ = drawn_in(axes["offset"])
         assert offsets[row.label] == [[k, one.mean] for k, one in held.items()]
-        own = np.array(coverage[row.label])
-        shares = [100 * getattr(row, f"coverage_{at}") for at in (50, 80, 95)]
-        assert own[:, 1].tolist() == shares
-        assert own[:, 0] - own[0, 0] == pytest.approx([0, 30, 45])
         lap, _ = {one.get_label(): set(one.get_ydata()) for one in axes["lap"].lines}, None
         assert lap[row.label] == {row.error}
     low, high = np.quantile([2.0, 3.0, 6.0, 11.0, 18.0], [0.1, 0.9])
@@ -95,7 +79,7 @@ def test_charts_of_a_panel_draw_its_numbers(panel):
 def test_every_mark_of_every_world_is_where_the_line_of_its_world_is():
     rng = np.random.default_rng(0)
     records = [finished(n, w, rng.uniform(1, 9)) for n in ("mcl", "deq-mcl") for w in range(40)]
-    axes = panel_charts.points_chart(panel_of(records)).figure.axes[0]
+    axes = charts.points_chart(panel_of(records)).figure.axes[0]
     drawn = [one.get_xydata() for one in axes.lines]
     worlds, marks = np.array(drawn[:40]), [one for one in drawn[40:] if len(one) == 40]
     assert len(marks) == 2
@@ -106,7 +90,7 @@ def test_every_mark_of_every_world_is_where_the_line_of_its_world_is():
 def test_a_method_with_a_long_name_has_room_beside_its_chart():
     name = "./a/folder/with/a/long/name/localizer.py:Localizer"
     records = [one for method in ("mcl", name) for one in trials(method, [1.0, 2.0])]
-    chart = panel_charts.points_chart(panel_of(records))
+    chart = charts.points_chart(panel_of(records))
     chart.figure.draw_without_rendering()
     assert chart.figure.axes[0].get_position().width > 0.3
 
@@ -122,7 +106,7 @@ def test_a_label_looks_the_same_in_every_chart_and_others_have_another_look():
 
 def test_the_same_chart_gives_the_same_bytes(panel):
     for form in ("svg", "png", "pdf"):
-        once, again = (panel_charts.speed_chart(panel).drawn(form) for _ in range(2))
+        once, again = (charts.offset_chart(panel).drawn(form) for _ in range(2))
         assert once == again
 
 
@@ -141,3 +125,138 @@ def test_every_name_of_a_legend_is_inside_the_picture_and_below_the_axes(names, 
     assert math.ceil(shown.x0) >= 0
     assert shown.x1 <= chart.figure.bbox.width
     assert 0 <= shown.y0 < shown.y1 <= below.y0
+
+
+def curves(records):
+    """The charts of the error and those of the difference."""
+    charts = swept_charts(panels_of(records))
+    return charts[::2], charts[1::2]
+
+
+@pytest.mark.parametrize(("values", "scale"), [((10, 80), "log"), ((10, 70), "linear")])
+def test_each_localizer_has_a_curve_and_a_difference_over_the_value_that_was_swept(values, scale):
+    records = trials("dead-reckoning", [40.0, 40.0])
+    for n in values:
+        for name, error in (("mcl", 5.0), ("deq-mcl", 30.0 / n)):
+            records += trials(name, [error, error + 1], params={"particles": n})
+    (error,), (difference,) = curves(records)
+    assert (error.title, error.name) == ("Error over particles", "curve-1")
+    assert (difference.title, difference.name) == ("Difference over particles", "difference-1")
+    for chart, column, labels in (
+        (error, "error", ["mcl", "deq-mcl", "dead-reckoning"]),
+        (difference, "diff", ["deq-mcl", "dead-reckoning"]),
+    ):
+        (axes,) = chart.figure.axes
+        drawn = {one.get_label(): one.get_xydata().tolist() for one in axes.lines}
+        rows = [panel.present.set_index("label") for panel in panels_of(records)]
+        for label in labels:
+            own = [float(one.loc[label, column]) for one in rows]
+            assert drawn[label] == [list(point) for point in zip(values, own, strict=True)]
+        assert axes.get_xscale() == scale
+        assert [tick.get_text() for tick in axes.get_xticklabels()] == [f"{v:g}" for v in values]
+    # what is far worse than the baseline would hide all other differences
+    assert difference.figure.axes[0].get_ylim()[1] <= 3 * 5.5
+
+
+def test_where_two_numbers_are_swept_there_is_a_chart_for_each_value_of_the_other():
+    records = []
+    for sigma, n in product((5.0, 20.0, 50.0), (100, 300)):
+        records += trials("mcl", [1.0], params={"particles": n}, world={"lidar.sigma": sigma})
+    assert [chart.title for chart in curves(records)[0]] == [
+        "Error over lidar.sigma: particles 100",
+        "Error over lidar.sigma: particles 300",
+        "Error over particles: lidar.sigma 5.0",
+        "Error over particles: lidar.sigma 20.0",
+        "Error over particles: lidar.sigma 50.0",
+    ]
+
+
+def test_where_only_one_value_was_run_there_is_no_chart():
+    records = trials("mcl", [1.0], scenario="sharp", lag=5)
+    for lag in (5, 20):
+        records += trials("mcl", [1.0], scenario="matched", lag=lag)
+    assert [chart.title for chart in curves(records)[0]] == ["Error over lag: scenario matched"]
+
+
+def test_what_changes_together_is_one_curve_over_what_has_the_values_of_most():
+    records = []
+    for level in (0.1, 0.2, 0.4):
+        world = {"noise.drift": level / 10, "noise.drive": level, "noise.turn": level}
+        records += trials("mcl", [level], world=world, assumed={"motion.drive": 2 * level})
+    (chart,), _ = curves(records)
+    assert chart.title == "Error over noise.drive"
+    (axes,) = chart.figure.axes
+    others = "noise.drift, noise.turn, assumed.motion.drive"
+    assert axes.get_xlabel() == f"noise.drive (with {others})"
+
+
+def test_the_lag_and_the_parameter_of_that_name_are_one_curve():
+    records = []
+    for lag in (5, 20):
+        records += trials("mcl", [1.0], lag=lag)
+        records += trials("deq-mcl", [1.0], lag=lag, params={"lag": lag})
+    (chart,), _ = curves(records)
+    assert chart.title == "Error over lag"
+
+
+def test_words_seeds_and_single_values_make_no_curve():
+    records = []
+    for seed, kind in product((0, 1), ("systematic", "multinomial")):
+        records += trials("mcl", [1.0], seed=seed, params={"resampler": kind, "particles": 10})
+    assert swept_charts(panels_of(records)) == []
+
+
+BEAMS, WIDTHS, LENGTHS = (1, 4), (1.2, 3.2), ((8.0, 12.0), (40.0, 60.0))
+WORLDS = 12
+
+
+def at(record, beams, width, length):
+    world = {
+        "floor_plan.office.corridor": width,
+        "lidar.beams": beams,
+        "route.max_length": length[1],
+        "route.min_length": length[0],
+    }
+    return changed(record, trial=replace(record.trial, world=Overrides(world)))
+
+
+def regimes(lengths=LENGTHS):
+    """The plan pays with long routes and four beams, and costs with long routes and one."""
+    records = []
+    for beams, width, length in product(BEAMS, WIDTHS, lengths):
+        for world in range(WORLDS):
+            ahead = 0.0 if length == LENGTHS[0] else 6.0 if beams == 4 else -6.0
+            for method, metres in (("mcl-map", 7.0), ("mcl-plan", 7.0 - ahead)):
+                found = run(method, world, metres, success=float(metres < 7 + (world % 2)))
+                records.append(at(found, beams, width, length))
+    return panels_of(records, baseline="mcl-map")
+
+
+def test_three_numbers_give_a_map_for_each_tested_score_whose_cells_have_the_difference():
+    success, metres = charts = swept_charts(regimes())
+    assert [one.name for one in charts] == ["regimes-success-1m-1", "regimes-metres-to-localize-1"]
+    cells = [text.get_text() for axes in metres.figure.axes for text in axes.texts]
+    assert len(metres.figure.axes) == 2  # short routes, long routes
+    assert cells.count("−6.0 *\n(−6.0 to −6.0)") == 2  # four beams, long routes, both widths
+    assert cells.count("+3.0 *\n(3.0 to 3.0)") == 2  # 10 m were driven at most
+    assert cells.count("+0.0\n(0.0 to 0.0)") == 4
+    points = [text.get_text().split()[0] for axes in success.figure.axes for text in axes.texts]
+    assert (points.count("+50"), points.count("−50"), points.count("+0")) == (2, 2, 4)
+
+
+def test_two_numbers_give_a_map_of_shares_whose_cells_are_bold_where_most_runs_are():
+    (chart,) = swept_charts(regimes(LENGTHS[1:]))
+    assert chart.title.startswith("Runs localized to the end (")  # what they are about, not e
+    first, second = chart.figure.axes
+    assert [axes.get_title() for axes in (first, second)] == ["mcl-map", "mcl-plan"]
+    assert [axes.get_xlabel() for axes in (first, second)] == ["floor_plan.office.corridor"] * 2
+    cells = {(*map(int, t.get_position()), t.get_weight()): t.get_text() for t in second.texts}
+    low, high = (f"{100 * end:.0f}" for end in wilson(1.0, WORLDS))
+    assert cells == {
+        (x, y, "bold" if y else "normal"): f"100 %\n({low} to {high})"
+        if y
+        else cells[x, 0, "normal"]
+        for x in (0, 1)
+        for y in (0, 1)
+    }
+    assert cells[0, 0, "normal"].startswith("0 %")

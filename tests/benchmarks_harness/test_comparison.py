@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from report_cases import changed, finished, parsed, results, results_csv, table_of, trials
 
-from benchmarks.report.frames import judged
 from benchmarks.setup.overrides import Overrides
 from benchmarks.tables import stats
-from benchmarks.tables.panels import baseline_of, panels
+from benchmarks.tables.panels import baseline_of, judged, panels
 from benchmarks.trials.spec import Method
 
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from report_cases import THREE, paired, results, trials
 
-from benchmarks.report.latex import escaped, latex_files, pdf_files
+from benchmarks.report.page import escaped, latex_files, pdf_files
 from deqmcl_gym import __version__
 
 CITATION = yaml.safe_load((Path(__file__).parents[2] / "CITATION.cff").read_text(encoding="utf-8"))

@@ -8,9 +8,9 @@ import pytest
 from report_cases import (
     changed,
     finished,
-    frames,
     lines_of,
     panel_of,
+    panels_of,
     parsed,
     results_csv,
     table_of,
@@ -21,9 +21,9 @@ from report_cases import (
 from test_store import TRIAL, record_of
 
 from benchmarks.report.animations import films_of
-from benchmarks.report.panel_charts import journey_charts
-from benchmarks.report.tables import WORDS, glance_table, journey_table, verdict_table
-from benchmarks.report.verdict import verdict
+from benchmarks.report.charts import journey_charts
+from benchmarks.report.tables import GROUP_WORDS, glance_table, journey_table, verdict_table
+from benchmarks.report.verdict import verdict_on
 from benchmarks.sweeps.store import writing
 from benchmarks.tables.frames import share_curve
 from benchmarks.tables.stats import median_estimate, sign_test, wilson
@@ -151,7 +151,7 @@ def shown():
 def test_the_report_has_a_table_and_a_curve_of_what_was_scored():
     panel = shown()
     ((group, table),) = tables_of(panel)
-    assert WORDS[group][0] == "Localized"
+    assert GROUP_WORDS[group][0] == "Localized"
     lines = lines_of(table)
     assert [line[0] for line in lines] == ["mcl-plan", "mcl-map"]  # the largest share first
     assert lines[1][1:5] == ["50 % (15 to 85)", "baseline", "–", "never"]
@@ -188,7 +188,7 @@ def test_the_verdict_is_about_what_the_runs_are_about_not_about_the_error(score,
         round(100 * float(best[f"{score}_diff{end}"])) for end in ("_low", "", "_high")
     )
     ends = [round(100 * one) for one in wilson(11 / 12, 12)]
-    assert verdict(panel) == (
+    assert verdict_on(panel) == (
         f"mcl-plan is best: {done} in 92 % of runs (95 %: "
         f"{ends[0]} to {ends[1]}), {mean} points above mcl (95 %: {low} to {high}); costs 2.7 × "
         "the time."
@@ -219,14 +219,14 @@ NOT_CONFIRMED = {
 def test_a_share_that_is_not_confirmed_to_be_larger_is_not_called_best(expected):
     shares = NOT_CONFIRMED[expected]
     runs = [run for name in shares for run in sought(name, shares[name], score="recovered")]
-    assert verdict(panel_of(runs)) == expected
+    assert verdict_on(panel_of(runs)) == expected
 
 
 def test_a_glance_at_settings_shows_shares_beside_errors():
     plain = [
         finished(name, world, 2.0, scenario="sharp") for name in ("mcl", "amcl") for world in (0, 1)
     ]
-    glance = glance_table(frames([*sought("mcl", 2), *sought("amcl", 11), *plain]))
+    glance = glance_table(panels_of([*sought("mcl", 2), *sought("amcl", 11), *plain]))
     assert [line[1:] for line in lines_of(glance)] == [["17 %", "92 % ▲"], ["2.00", "2.00 ="]]
     assert glance.caption.startswith("Score: localized to the end (1 m, 30°); error e of x[t]; ")
     assert list(glance.strong) == [(0, 2), (1, 1), (1, 2)]

@@ -15,7 +15,7 @@ from hall import recorded_in_a_hall
 from mcap.reader import make_reader
 from refusals import refused
 
-from benchmarks.pictures.film import laid
+from benchmarks.pictures.film import way_of_plan
 from benchmarks.pictures.messages import check_file, showing, shown_again
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -160,7 +160,7 @@ def test_scans_plans_and_series_are_those_of_the_run(lap):
         np.testing.assert_allclose(ranges, seen, rtol=1e-9)
         (entity,) = decoded(topics["/H/plan"][step][2]).get(2, [b""])
         lines = decoded(entity).get(11, [])
-        way = laid(moment.truth, moment.plan) / 50 if len(moment.plan) else np.empty((0, 2))
+        way = way_of_plan(moment.truth, moment.plan) / 50 if len(moment.plan) else np.empty((0, 2))
         points = [decoded(p) for line in lines for p in decoded(line).get(5, [])]
         drawn = [(one(p, 1, 0.0), one(p, 2, 0.0)) for p in points]
         np.testing.assert_allclose(np.reshape(drawn, (-1, 2)), way, rtol=1e-9)

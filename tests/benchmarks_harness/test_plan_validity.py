@@ -8,7 +8,6 @@ import pytest
 from fake_episode import TASK
 from report_cases import changed, finished, lines_of, results
 
-from benchmarks.report.frames import validity_frame
 from benchmarks.report.tables import validity_table
 from benchmarks.tables.panels import panels
 from benchmarks.tables.signals import RECENT, plans_table
@@ -67,7 +66,7 @@ def test_steps_of_scenarios_are_taken_together_by_world():
     row = signals(records).loc["feasible"]
     assert (row.label, row.auroc, row.conflict_steps) == ("mcl-plan", 0.5, 1 / 3)
     assert (row.conflict_worlds, row.scenarios) == (2, "guided guided-stale")
-    table = validity_table(validity_frame(results(records)))
+    table = validity_table(results(records))
     assert lines_of(table)[0][:2] == ["guided, guided-stale", "mcl-plan"]
 
 
@@ -98,10 +97,8 @@ def test_recent_evidence_is_the_mean_of_the_steps_so_far_at_most_twenty():
 
 
 def test_a_sweep_without_plans_or_without_conflict_has_no_table():
-    assert validity_table(validity_frame(results([finished("mcl", 0, 1.0)]))) is None
-    assert (
-        validity_table(validity_frame(results([run(0, [0.0], [0.5], scenario="guided")]))) is None
-    )
+    assert validity_table(results([finished("mcl", 0, 1.0)])) is None
+    assert validity_table(results([run(0, [0.0], [0.5], scenario="guided")])) is None
 
 
 def test_readings_of_plans_have_all_columns_and_a_value_for_each_step():

@@ -6,13 +6,27 @@ import subprocess
 import xml.etree.ElementTree as ET
 from base64 import b64decode
 from dataclasses import replace
+from html import unescape
 from html.parser import HTMLParser
 
 import pytest
-from report_cases import THREE, paired, results, trial_of, trials, written
+from report_cases import (
+    THREE,
+    finished,
+    lines_of,
+    paired,
+    panel_of,
+    panels_of,
+    parsed,
+    results,
+    trial_of,
+    trials,
+    written,
+)
 
-from benchmarks.report import animations, writing
+from benchmarks.report import animations, tables, writing
 from benchmarks.report.animations import Animation
+from benchmarks.trials.scoring import SCORE_NAMES
 
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"
 TITLE = "Sweep <i>& more"
@@ -115,10 +129,10 @@ def test_every_word_of_others_is_escaped(page):
 
 def test_pictures_and_tables_have_words_for_those_who_do_not_see_them(page):
     pictures = [attributes for tag, attributes in page.tags if tag == "img"]
-    assert len(pictures) == 5 + 2  # charts, animation and still
+    assert len(pictures) == 3 + 2  # charts, animation and still
     assert all(len(attributes["alt"]) > 10 for attributes in pictures)
     captions = [attributes for tag, attributes in page.tags if attributes.get("class") == "table"]
-    assert page.count("table") == len(captions) == 5
+    assert page.count("table") == len(captions) == 3
     assert page.count("figcaption") == page.count("figure")
 
 
@@ -219,3 +233,74 @@ def test_ones_own_method_is_marked_and_the_best_is_bold(report):
     assert error.startswith("16.")
     assert "Mine$x$ (plug-in)" in page
     assert ">mcl (baseline)<" in page
+
+
+BASELINE = "mcl-map"  # neither the usual one nor the first
+MADE = tables.verdict_table, tables.calibration_table
+
+
+@pytest.fixture(scope="module")
+def reported(tmp_path_factory):
+    """The folder of a report, and its records."""
+    records = paired({"ekf": (18.5, (0,)), "grid": (10.0, (0,))})  # have no particles
+    for n, shift in ((300, 0.0), (100, 3.0)):
+        methods = {"mcl": (20.0 + shift, (0,)), BASELINE: (17.0 + shift, (0, -20))}
+        records = paired(methods, params={"particles": n}) + records
+    out = tmp_path_factory.mktemp("agree")
+    written(out, results(records, baseline=BASELINE))
+    return out, records
+
+
+def of_html(text):
+    """The cells of each table, line by line."""
+    for table in re.findall(
+        "<table[ >].*?</table>", re.sub("</?(span|strong)>", "", text), re.DOTALL
+    ):
+        lines = re.findall("<tr[^>]*>(.*?)</tr>", unescape(table).replace("\u00a0", " "), re.DOTALL)
+        yield [re.findall("<t[hd][^>]*>(.*?)</t[hd]>", one) for one in lines]
+
+
+def of_markdown(text):
+    """The same of the Markdown."""
+    for block in text.split("\n\n"):
+        if block.startswith("|"):
+            cells = re.sub(r"\*\*|\\", "", block).splitlines()
+            lines = [[c.strip() for c in one.strip("|").split("|")] for one in cells]
+            yield [lines[0], *lines[2:]]
+
+
+@pytest.mark.parametrize(
+    ("name", "tables_of"), [("report.html", of_html), ("results.md", of_markdown)]
+)
+def test_page_and_markdown_have_the_cells_of_the_tables_whose_numbers_are_those_of_results_csv(
+    reported, name, tables_of
+):
+    folder, records = reported
+    rows = parsed((folder / "results.csv").read_text())
+    assert {row["baseline"] for row in rows} == {BASELINE}
+    assert {row["swept"] for row in rows} == {'{"particles":100}', '{"particles":300}'}
+    found = list(tables_of((folder / name).read_text(encoding="utf-8")))
+    for panel in panels_of(records, baseline=BASELINE):
+        for table in (made(panel) for made in MADE):
+            assert [list(table.frame), *lines_of(table)] in found
+
+
+# by header: the column of results.csv, and how it is written
+COLUMNS = {
+    "energy score, px": ("energy_score", 1.0, ".2f"),
+    "entropy, nats": ("entropy", 1.0, ".2f"),
+    "NEES (3)": ("nees", 1.0, ".1f"),
+    "in walls": ("wall_share", 100.0, ".1f"),
+}
+
+
+def test_every_column_of_a_table_has_the_score_that_it_names():
+    scores = {name: place / 50 for place, name in enumerate(SCORE_NAMES, 1)}
+    records = [finished("mcl", world, 3.0, scores=scores) for world in range(2)]
+    panel = panel_of(records)
+    for table in (made(panel) for made in MADE[1:]):
+        for header, cell in table.frame.iloc[0].items():
+            if header in COLUMNS:
+                name, factor, form = COLUMNS[header]
+                mean = cell.partition(" (")[0].removesuffix(" %")
+                assert mean == f"{factor * scores[name]:{form}}", header

@@ -7,10 +7,10 @@ from report_cases import (
     STEPS,
     changed,
     finished,
-    frames,
     lines_of,
     paired,
     panel_of,
+    panels_of,
     parsed,
     results,
     trials,
@@ -20,9 +20,8 @@ from report_cases import (
 
 import localizers
 from benchmarks.report import tables
-from benchmarks.report.verdict import conclusion, verdict
+from benchmarks.report.verdict import conclusion, verdict_on
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.tables.comparison import LimitRuns
 from benchmarks.tables.panels import panels
 from benchmarks.tables.text import WORDS
 from benchmarks.trials.collecting import RecordedTrack
@@ -93,7 +92,7 @@ def test_what_is_not_available_reads_na_in_the_tables_never_nan():
     none = dict.fromkeys(("coverage_50", "coverage_80", "coverage_95", "nees", "entropy"))
     records = [finished(name, 0, 1.0, scores=none) for name in ("mcl", "dead-reckoning")]
     panel = panel_of(records)
-    made = (tables.verdict_table, tables.calibration_table, tables.offsets_table)
+    made = (tables.verdict_table, tables.calibration_table)
     cells = [cell for table in made for line in lines_of(table(panel)) for cell in line]
     assert "n/a" in cells
     assert not [cell for cell in cells if re.search("nan|None", cell)]
@@ -102,36 +101,13 @@ def test_what_is_not_available_reads_na_in_the_tables_never_nan():
 def test_at_a_glance_every_error_has_the_mark_of_its_relation():
     records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE), "b": (24.0, ONE)}, worlds=25)
     records += paired({"mcl": (20.0, ONE), "a": (16.0, ONE)}, worlds=4, scenario="sharp")
-    table = tables.glance_table(frames(records))
+    table = tables.glance_table(panels_of(records))
     lines = lines_of(table)
     assert list(table.frame) == ["setting", "mcl", "a", "b"]
     assert [line[0] for line in lines] == ["1. paper", "2. sharp"]
     assert [cell[-1] for cell in lines[0][2:]] == ["▼", "▲"]
     assert lines[0][1][-1].isdigit()  # the baseline
     assert [cell[-1] for cell in lines[1][2:]] == ["○", "–"]
-
-
-def test_the_rivals_are_the_papers_methods_at_both_offsets_and_pairs_are_of_one_world():
-    both = (0, -20)
-    records = trials("mcl", [5.0, 6.0, 7.0]) + trials("mcl-map", [4.0, 5.0, 6.0])
-    records += [finished("deq-mcl", w, {0: 3.0 + w, -20: 13.0 + w}) for w in (1, 2, 3)]
-    records += trials("mcl-pilots", [1.0, 2.0, 3.0], offsets=both)
-    now, past = tables.rival_tables(panel_of(records))
-    assert list(now.frame)[2:] == [f"difference to {n}" for n in ("mcl", "mcl-map", "deq-mcl")]
-    assert list(past.frame)[2:] == ["difference to deq-mcl"]
-    mine = {line[0]: line for line in lines_of(now)}["mcl-pilots"]
-    assert mine[2:] == [f"−{d}.00 (−{d}.00 to −{d}.00)" for d in (4, 3, 2)]
-    assert [line[0] for line in lines_of(past)] == ["deq-mcl", "mcl-pilots"]
-    assert lines_of(past)[1][2] == "−12.00 (−12.00 to −12.00)"
-
-
-def test_the_gap_table_has_a_limit_before_its_methods():
-    limits = trials("mcl-pilots", [3.0, 4.0], params={"particles": 9})
-    records = trials("mcl", [5.0, 6.0, 7.0])
-    limit, mcl = lines_of(tables.gap_table(panel_of(records, limits=[LimitRuns((), limits)])))
-    assert (limit[0], limit[-2:]) == ("limit: mcl-pilots particles=9", ["–", "2"])
-    assert (mcl[0], mcl[-2:]) == ("mcl", ["+2.00 (2.00 to 2.00)", "2"])
-    assert tables.gap_table(panel_of(records)) is None
 
 
 def test_the_first_table_says_what_lost_means_of_how_many_runs_and_has_ten_columns():
@@ -199,7 +175,7 @@ CASES = {
 @pytest.mark.parametrize("expected", CASES)
 def test_the_verdict_says_only_what_is_known(expected):
     records = [one for name, errors in CASES[expected].items() for one in trials(name, errors)]
-    assert verdict(panel_of(records)) == expected
+    assert verdict_on(panel_of(records)) == expected
 
 
 def test_of_several_settings_it_is_counted_who_is_best():
@@ -225,7 +201,7 @@ def test_a_plug_in_is_in_the_verdict_whoever_is_best():
     assert {*localizers.names(), *LOCALIZER.gone} == set(WORDS)
     own = "./file.py:Mine"
     records = paired({"mcl": (20.0, ONE), "a": (16.0, ONE), own: (24.0, ONE)})
-    assert verdict(panel_of(records)).endswith(" Plug-in Mine: 24.0 px, worse.")
+    assert verdict_on(panel_of(records)).endswith(" Plug-in Mine: 24.0 px, worse.")
     records += paired({"mcl": (20.0, ONE), own: (24.0, ONE)}, scenario="sharp")
     assert conclusion(results(records)).endswith(" Plug-in Mine: worse in 2 of 2.")
 
@@ -241,14 +217,6 @@ def test_scenarios_of_files_are_named_by_their_stems_where_these_differ():
     ]  # fmt: skip
 
 
-def test_the_table_names_a_number_of_worlds_for_every_method_that_differs():
-    records = paired({"mcl": (20.0, ONE), "a": (19.9, ONE)}) + trials("b", [20.0] * 12)
-    needed = tables.verdict_table(panel_of(records)).frame.set_index("method")["worlds to see 1 px"]
-    assert re.fullmatch(r"[\d,]+", needed["a (plug-in)"])
-    assert re.fullmatch(r"[\d,]+", needed["b (plug-in)"])
-    assert needed["mcl (baseline)"] == "–"
-
-
 def on_a_log(errors, coverage, successes=(1.0, 1.0)):
     """Twelve runs of two methods: their median errors, m, their coverage and successes."""
     records = []
@@ -259,7 +227,7 @@ def on_a_log(errors, coverage, successes=(1.0, 1.0)):
             scores = {"success_1m": successes[k], "position_median": errors[k]}
             one = whole(finished(name, world, 1.0, assumed={"scan.power": 0.1}), scores, 9.0)
             records.append(changed(one, track=track))
-    return verdict(panel_of(records))
+    return verdict_on(panel_of(records))
 
 
 def test_on_a_log_successes_then_errors_then_coverage_decide_and_who_is_not_fitted_is_named():

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from benchmarks.pictures.figures import camera_of
+from benchmarks.pictures.film import camera_of
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup.names import (
     absolute_scenario,

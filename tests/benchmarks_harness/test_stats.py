@@ -144,12 +144,6 @@ def test_so_many_worlds_find_the_difference_in_four_of_five_experiments(sd, test
     assert found(worlds * 2 // 3) < 0.72
 
 
-def test_a_round_difference_is_near_a_twentieth_of_the_error():
-    seen = [stats.worth_seeing(error) for error in (20.0, 12.0, 0.8, 0.2)]
-    assert seen == pytest.approx([1, 0.5, 0.05, 0.01])
-    assert math.isnan(stats.worth_seeing(0.0))
-
-
 def test_a_relative_change_is_a_ratio_of_means_with_an_interval_that_covers():
     rng = np.random.default_rng(1)
     inside = 0

@@ -1,28 +1,35 @@
-"""``deqmcl basin``: starts that are wrong, and how many runs are localized from there."""
+"""The suite ``basin``: starts that are wrong, and how many runs are localized from there."""
 
 import csv
-import json
 import math
-import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from deqmcl_command import exit_code, files, lose, stored
+from deqmcl_command import exit_code
 from hall import recorded_in_a_hall, write_lap
 from refusals import refused
 
-from benchmarks.replay.basin import MOSTLY, Question
 from benchmarks.setup.names import scenario
-from benchmarks.trials.collecting import WholeRun
+from benchmarks.sweeps.results import results_in
+from benchmarks.tables.starts import starts_table
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps import GridMap
 from localizers import GaussianPrior
 
-ON_LOG = ("basin", "lap.csv", "--map", "hall.yaml", "--reference", "lap.tum", "--segment", "2")
-ASKED = ("--distances", "0,0.4,1.2", "--angles", "0,90", "--trials", "3", "--every", "0.1m,5deg")
-FEW = (*ON_LOG, *ASKED, "--within", "1m", "--set", "assumed.scan.power=0.3")
+RIGHT_ANGLE = math.pi / 2
+WORLD = """world = { log = "lap.csv", map = "hall.yaml", reference = "lap.tum", segment = 2.0 }
+"""
+FEW = f"""base = "basin"
+trials = 3
+{WORLD}
+[[vary]]
+assumed.prior.distance = [0.0, 0.8, 1.2]
+
+[[vary]]
+assumed.prior.angle = [0.0, {RIGHT_ANGLE}]
+"""
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +43,13 @@ def recorded(lap, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_lap(lap, tmp_path)
     return tmp_path
+
+
+def swept(text):
+    """The exit code of a sweep with this file; it writes to out."""
+    with open("starts.toml", "w", encoding="utf-8") as file:
+        file.write(text)
+    return exit_code("sweep", "starts.toml", "--jobs", "1", "--out", "out")
 
 
 def table(path):
@@ -108,131 +122,59 @@ def test_a_direction_is_not_drawn_from_nothing():
         stage.scenario.prior_in(stage.room)
 
 
-def test_a_run_is_localized_from_where_it_stays_near_to_its_end():
-    rng = np.random.default_rng(0)
-    asked = Question.told("0,1", "0", "0.5m,15deg", "1m,30deg", "3m")
-    by_steps = replace(asked, within=6.0, unit="steps")
-    seen = []
-    for _ in range(200):
-        n = int(rng.integers(1, 12))
-        off = np.where(rng.random(n) < 0.3, 1.5, 0.2).tolist()
-        turned = np.where(rng.random(n) < 0.2, 0.6, 0.1).tolist()
-        way = np.cumsum(rng.random(n)).tolist()
-        run = WholeRun(scores={}, curves={"way": way, "distance": off, "angle": turned})
-        near = [d <= 1 and a <= math.radians(30) for d, a in zip(off, turned, strict=True)]
-        never = math.inf, math.inf
-        expected = next(((way[i], i) for i in range(n) if all(near[i:])), never)
-        assert asked.reached(run) == expected
-        assert asked.counts(expected) == (expected[0] <= 3)
-        assert by_steps.counts(expected) == (expected[1] <= 6)
-        seen.append(expected)
-    assert never in seen
-    assert len(set(seen)) > 20
-
-
 def test_dead_reckoning_is_localized_just_where_its_start_is_near_enough(recorded):
-    exact = ("--spread", "0m,0deg", "--localizers", "dead-reckoning", "--jobs", "1")
-    assert exit_code(*FEW, *exact, "--localized", "0.8m,30deg", "--out", "out") == 0
-    shares = {(row["distance_m"], row["angle_deg"]): row["share"] for row in table("out/basin.csv")}
+    exact = "{ kind = 'displaced', sd_position = 0.0, sd_heading = 0.0 }"
+    top = f"localizers = ['dead-reckoning', 'mcl']\nbaseline = 'mcl'\nassumed.prior = {exact}\n"
+    assert swept(top + FEW) == 0
+    rows = table("out/basin.csv")
+    assert rows == table_of_trials("out")
+    shares = {
+        (row["distance_m"], row["angle_deg"]): row["share"]
+        for row in rows
+        if row["localizer"] == "dead-reckoning"
+    }
     # odometry drifts by less than 0.1 m in 2 m: an error of the start stays what it is
     assert shares == {
-        (d, a): str(float(d in ("0.0", "0.4") and a == "0.0"))
-        for d in ("0.0", "0.4", "1.2")
+        (d, a): str(float(d in ("0.0", "0.8") and a == "0.0"))
+        for d in ("0.0", "0.8", "1.2")
         for a in ("0.0", "90.0")
     }
+    (chart,) = (recorded / "out/images").glob("shares*.svg")
+    assert "100 %" in chart.read_text(encoding="utf-8")
 
 
-def test_its_table_is_that_of_the_trials_on_any_number_of_workers_and_resumed(recorded, capsys):
-    particles = ("--particles", "100", "--localizers", "mcl-map,mcl")
-    assert exit_code(*FEW, *particles, "--jobs", "1", "--out", "one") == 0
-    said = capsys.readouterr().out
-    assert "mcl-map: localized in" in said
-    shutil.copytree("one", "two")
-    trials = (recorded / "two" / "trials.jsonl").read_text().splitlines()
-    lose(recorded / "two", *range(0, len(trials), 2))
-    for name in ("basin.csv", "basin.md", "basin.png"):
-        (recorded / "two" / name).unlink()
-    assert exit_code(*FEW, *particles, "--jobs", "2", "--out", "two") == 0
-    for name in ("basin.csv", "basin.md", "basin.png"):
-        assert files(recorded / "one")[name] == files(recorded / "two")[name], name
-    counts = {}
-    for kept in map(json.loads, trials):
-        curves, prior = kept["record"]["journey"]["curves"], kept["trial"]["assumed"]
-        near = [
-            d <= 1 and a <= math.radians(30)
-            for d, a in zip(curves["distance"], curves["angle"], strict=True)
-        ]
-        first = next((i for i in range(len(near)) if all(near[i:])), None)
-        place = kept["trial"]["localizer"], prior["prior.distance"], prior["prior.angle"]
-        own = counts.setdefault(place, [])
-        own.append(first is not None and curves["way"][first] <= 1)
-    rows = table("one/basin.csv")
-    assert len(rows) == len(counts) == 2 * 3 * 2
-    for row in rows:
-        place = (
-            row["localizer"], float(row["distance_m"]), math.radians(float(row["angle_deg"]))
-        )  # fmt: skip
-        assert (int(row["runs"]), int(row["localized"])) == (3, sum(counts[place])), place
-        shown = f"{100 * float(row['share']):.0f} %"
-        bold = f"**{shown}**" if float(row["share"]) >= MOSTLY else shown
-        assert f"| {bold} " in (recorded / "one/basin.md").read_text()
-
-
-def test_another_question_of_the_same_runs_runs_nothing(recorded, capsys):
-    known = (*FEW, "--localizers", "dead-reckoning", "--jobs", "1", "--out", "out")
-    assert exit_code(*known) == 0
-    before = stored(recorded / "out")
-    capsys.readouterr()
-    assert exit_code(*known, "--within", "5steps", "--localized", "9m,180deg") == 0
-    assert "running" not in capsys.readouterr().err
-    assert stored(recorded / "out") == before
-    assert {row["share"] for row in table("out/basin.csv")} == {"1.0"}
+def table_of_trials(folder):
+    """The rows of basin.csv by the stored trials, as text."""
+    records = results_in(folder).records
+    return starts_table(records).astype(object).astype(str).to_dict("records")
 
 
 @pytest.mark.parametrize("wrong", [False, True])
 def test_a_map_that_does_not_fit_the_log_is_noticed(recorded, capsys, wrong):
     if wrong:
         GridMap(occupancy=GridMap.load("hall.yaml").occupancy, resolution=0.1).save("hall.yaml")
-    right = ("--distances", "0", "--angles", "0", "--trials", "1")
-    words = (*FEW, *right, "--localizers", "dead-reckoning", "--jobs", "1", "--out", "out")
-    assert exit_code(*words) == 0
+    alone = "localizers = ['dead-reckoning']\nbaseline = 'dead-reckoning'\n"
+    once = 'base = "basin"\ntrials = 1\n' + WORLD + "vary = [{ assumed.prior.distance = [0.0] }]\n"
+    assert swept(alone + once) == 0
     said = "Warning: log and map do not fit: seen from the reference poses"
     assert (said in capsys.readouterr().err) == wrong
 
 
 BAD = [
-    ((), ["LOG", "--scenario"]),
-    (("lap.csv",), ["lap.csv", "--map"]),
-    (("lap.csv", "--scenario", "lost"), ["LOG", "--scenario"]),
-    (("--scenario", "lost", "--map", "hall.yaml"), ["--map", "--scenario"]),
-    (("--scenario", "lst"), ["'lst'", "did you mean 'lost'?"]),
-    ((*ON_LOG[1:6], "--segment", "0"), ["--segment", "0"]),
-    ((*ON_LOG[1:6], "--segment", "900"), ["900"]),
-    ((*ON_LOG[1:6], "--distances", "0,x"), ["--distances", "'0,x'"]),
-    ((*ON_LOG[1:6], "--distances", "1,0"), ["--distances", "ascending"]),
-    ((*ON_LOG[1:6], "--distances=-1,0"), ["--distances", "-1"]),
-    ((*ON_LOG[1:6], "--angles", "0,270"), ["--angles", "270", "180"]),
-    ((*ON_LOG[1:6], "--spread", "0.5m"), ["--spread", "'0.5m'", "0.5m,15deg"]),
-    ((*ON_LOG[1:6], "--localized", "1"), ["--localized", "'1'"]),
-    ((*ON_LOG[1:6], "--within", "10"), ["--within", "'10'", "50steps"]),
-    ((*ON_LOG[1:6], "--within", "0m"), ["--within", "'0m'"]),
-    ((*ON_LOG[1:6], "--trials", "0"), ["--trials", "0"]),
-    ((*ON_LOG[1:6], "--localizers", "mcl,mcl"), ["twice", "mcl"]),
-    ((*ON_LOG[1:6], "--localizers", "mlc"), ["'mlc'", "mcl"]),
-    (ON_LOG[1:], ["--segment is 2 m", "longer than --within, 10 m"]),
-    ((*ON_LOG[1:], "--within", "2m"), ["--segment is 2 m", "longer than --within, 2 m"]),
-    ((*ON_LOG[1:6], "--localizers", ","), ["no localizer is named", "mcl-map"]),
-    ((*FEW[1:], "--distances", "0,90"), ["prior.distance", "90", "nothing is free"]),
-    (ON_LOG[1:4], ["lap.csv", "reference"]),
+    ('base = "basin"\n', ["no log", "world.log"]),
+    ('base = "basin"\nworld = { log = "lap.csv" }\n', ["no map"]),
+    ('base = "basin"\nworld = { log = "lap.csv", map = "hall.yaml" }\n', ["reference"]),
+    (FEW.replace("segment = 2.0", "segment = 900.0"), ["segment", "900"]),
+    (FEW.replace("1.2]", "90.0]"), ["prior.distance", "90", "nothing is free"]),
 ]
 
 
-@pytest.mark.parametrize(("words", "named"), BAD)
-def test_bad_words_are_refused_in_one_sentence_and_nothing_is_written(
-    recorded, words, named, capsys
+@pytest.mark.parametrize(("text", "named"), BAD)
+def test_what_cannot_be_asked_is_refused_in_one_sentence_and_nothing_is_written(
+    recorded, text, named, capsys
 ):
-    assert exit_code("basin", *words, "--out", "out") == 2
+    assert swept(text) == 2
     lines = capsys.readouterr().err.splitlines()
-    (said,) = [one for one in lines if not one.endswith("…") and "Warning" not in one]
+    (said,) = [line for line in lines if not line.endswith("…") and "Warning" not in line]
     assert [word for word in named if word not in said] == [], said
     assert not (recorded / "out").exists()

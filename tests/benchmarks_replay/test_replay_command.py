@@ -16,10 +16,17 @@ from report_cases import lines_of, panel_of, table_of
 from benchmarks.cli import main
 from benchmarks.replay.command import methods_of
 from benchmarks.replay.options import replay_of
-from benchmarks.report.tracks import differences_table, tables_of, told
+from benchmarks.report.tracks import (
+    differences_table,
+    middle_run,
+    run_words,
+    runs_frame,
+    scores_by_localizer,
+    tables_of,
+    worst_run,
+)
 from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.tables.tracks import rows_of
 from benchmarks.trials.collecting import TrackLog
 from benchmarks.trials.episode import Step
 from benchmarks.trials.scoring import SCORE_NAMES, ErrorCurve, Finished
@@ -128,11 +135,10 @@ def record_of(errors, seed=0, localizer="mcl", **how):
     )
 
 
-def row_of(*errors, failed=0):
-    """The row of runs that are so far off at their records."""
+def runs_of(*errors, failed=0):
+    """Runs that are so far off at their records."""
     records = [record_of(own, seed) for seed, own in enumerate(errors)]
-    (row,) = rows_of({"mcl": records}, {"mcl": failed}, drive(len(errors[0])))
-    return row
+    return runs_frame({"mcl": records}, {"mcl": failed}, drive(len(errors[0])))
 
 
 def test_coverage_and_nees_are_of_the_records_that_are_judged_and_stamps_leave_others_out():
@@ -146,10 +152,10 @@ def test_coverage_and_nees_are_of_the_records_that_are_judged_and_stamps_leave_o
     off = 6.5**2 / np.square(SIDES).mean()
     assert scores["nees"] == pytest.approx(off, rel=1e-3)
     record = record_of([0.1, 0.9, 0.9, 0.2, 0.3], interpolated=between)
-    (row,) = rows_of({"mcl": [record]}, {}, drive(5, between))
-    assert row.scores["position_median"] == pytest.approx(0.3)
-    assert row.scores["position_median_stamps"] == pytest.approx(0.2)
-    assert (row.scores["within_1m"], row.scores["within_05m"]) == (1, pytest.approx(0.6))
+    (row,) = scores_by_localizer(runs_frame({"mcl": [record]}, {}, drive(5, between))).itertuples()
+    assert row.position_median == pytest.approx(0.3)
+    assert row.position_median_stamps == pytest.approx(0.2)
+    assert (row.within_1m, row.within_05m) == (1, pytest.approx(0.6))
 
 
 def table(path):
@@ -329,7 +335,7 @@ def test_a_plug_in_that_fails_ends_with_3_and_the_others_are_kept(recorded, caps
 
 
 def test_lost_runs_are_counted_among_those_that_ended():
-    (first, _) = tables_of([row_of([50.0] * 3, [50.0] * 3, failed=2)])
+    (first, _) = tables_of(runs_of([50.0] * 3, [50.0] * 3, failed=2))
     cells = first.frame.iloc[0]
     assert cells["lost"] == "2 of 2"
     assert cells["localized to the end"] == "0 of 4"
@@ -368,14 +374,14 @@ def test_differences_that_many_runs_show_are_confirmed_and_others_say_what_it_ta
 
 def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_where_it_was_lost():
     right, wrong = [0.1] * 8, [0.05, 3, 0.05, 0.05, 0.05, 4, 5, 6]
-    row = row_of(right, wrong, right)
-    assert row.worst.seed == 1
-    assert row.middle.seed == 2
-    assert row.worst.track.lost == (5, 5.0)
-    assert "lost after 5.0 m, 5.0 s" in told(row.worst)
-    assert "50 % of its records" in told(row.worst)
-    assert "its largest error is 6.00 m" in told(row.worst)
-    assert row.middle.track.lost is None
+    runs = runs_of(right, wrong, right)
+    worst, median = worst_run(runs), middle_run(runs)
+    assert (worst.seed, median.seed) == (1, 2)
+    assert worst.track.lost == (5, 5.0)
+    assert "lost after 5.0 m, 5.0 s" in run_words(worst)
+    assert "50 % of its records" in run_words(worst)
+    assert "its largest error is 6.00 m" in run_words(worst)
+    assert median.track.lost is None
 
 
 @pytest.mark.parametrize(

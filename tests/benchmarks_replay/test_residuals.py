@@ -9,7 +9,7 @@ import pytest
 from hall import recorded_in_a_hall
 
 from benchmarks.cli import main
-from benchmarks.replay.map_places import HIT, THROUGH, Scans, places_of
+from benchmarks.replay.residuals import HIT, THROUGH, Residuals
 from benchmarks.trials.residuals import CLEAR, Expected, known_part
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap
@@ -31,9 +31,10 @@ def wrong(lap):
     return replace(lap[0], occupancy=cells)
 
 
-def scans_of(floor_plan, log, poses=None):
-    """The scans of a log, by default from where they were taken."""
-    return Scans(floor_plan, log.scanner, log.reference if poses is None else poses, log.ranges)
+def residuals_of(floor_plan, log, poses=None):
+    """Those of a log's scans, by default from where they were taken."""
+    at = log.reference if poses is None else poses
+    return Residuals(floor_plan, log.scanner, at, log.ranges)
 
 
 def off(place, cells):
@@ -47,11 +48,11 @@ def off(place, cells):
 
 
 def test_a_map_that_is_right_has_no_wrong_place(lap):
-    assert places_of(scans_of(*lap).evidence) == []
+    assert residuals_of(*lap).places == []
 
 
 def test_a_missing_wall_is_hit_in_free_space_and_a_wall_too_many_is_seen_through(lap, wrong):
-    places = places_of(scans_of(wrong, lap[1]).evidence)
+    places = residuals_of(wrong, lap[1]).places
     assert {place.kind for place in places} == {HIT, THROUGH}
     for place in places:
         # sensor noise of 0.02 m, cells of 0.1 m
@@ -63,17 +64,17 @@ def test_a_missing_wall_is_hit_in_free_space_and_a_wall_too_many_is_seen_through
 
 def test_one_pose_is_no_evidence_however_often_it_looks(lap, wrong):
     _, log = lap
-    assert places_of(scans_of(wrong, log).evidence)
+    assert residuals_of(wrong, log).places
     still = log.of_records(np.full(200, 30))
-    assert places_of(scans_of(wrong, still).evidence) == []
+    assert residuals_of(wrong, still).places == []
 
 
 def test_scans_of_a_robot_that_is_lost_are_not_used(lap):
     hall, log = lap
     poses = np.tile([0.4, 3.0, 0.3], (len(log), 1))
-    scans = scans_of(hall, log, poses)
-    assert not scans.used.any()
-    assert places_of(scans.evidence) == []
+    residuals = residuals_of(hall, log, poses)
+    assert not residuals.used.any()
+    assert residuals.places == []
 
 
 def test_unknown_cells_stop_no_beam_and_are_no_free_space():

@@ -10,7 +10,7 @@ from hall import recorded_in_a_hall, write_lap
 from scipy.stats import chi2
 
 from benchmarks.replay.options import replay_of
-from benchmarks.replay.theirs import Yardstick
+from benchmarks.replay.theirs import played_by_replay
 from benchmarks.trials.tracks import calibration_of_gaussians
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import composed, relative
@@ -72,8 +72,8 @@ def test_between_its_poses_an_estimate_is_carried_on_by_the_odometry(here):
     rng = np.random.default_rng(0)
     at = np.arange(0, len(log), 7)
     estimate = logs.Trajectory(log.times[at] + 1e-4, rng.uniform(1, 2, (at.size, 3)))
-    yardstick = Yardstick.of_log("lap.csv", "lap.tum", {}, None, "0m,0deg")
-    track, _ = yardstick.track(estimate)
+    played = played_by_replay("lap.csv", "lap.tum", {}, None, "0m,0deg")
+    track, _ = played.track(estimate)
     told = (log.times >= estimate.times[0]) & (log.times <= estimate.times[-1])
     np.testing.assert_array_equal(np.isfinite(track.best).all(axis=1), told)
     x, y, heading = log.odometry.T
@@ -95,7 +95,7 @@ def test_a_log_is_scored_at_the_records_that_replay_plays(here, tmp_path):
         "lap.csv", "hall.yaml", reference=late, settings={"world.every": "0.1m,5deg"}
     ).log
     for floor_plan in ("hall.yaml", None):
-        scored = Yardstick.of_log("lap.csv", late, {}, floor_plan, "0.1m,5deg").log
+        scored = played_by_replay("lap.csv", late, {}, floor_plan, "0.1m,5deg").log
         for name in ("times", "odometry", "ranges", "reference"):
             np.testing.assert_array_equal(getattr(scored, name), getattr(played, name))
         assert scored.times[0] == whole.times[5]

@@ -1,0 +1,207 @@
+"""Charts over the numbers that were swept: lines over one, maps over two or three."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.report.charts import INK, Chart, cells, line, name_ticks
+from benchmarks.tables.panels import Panel, disturbance_words, is_number
+from benchmarks.tables.stats import ALPHA, Interval
+from benchmarks.tables.text import estimated, percent
+from benchmarks.trials.scores import JOURNEY_SCORES, Score
+
+_ANGLE = "assumed.prior.angle"  # rad; of a start that is wrong
+_MOSTLY = 0.9  # share of runs from which on a cell is bold
+_FAR = 3  # times the baseline's error: differences beyond it would hide all others
+_WIDE = 20  # a ratio of values above it is drawn on a logarithmic axis
+
+
+def swept_charts(panels: Sequence[Panel]) -> list[Chart]:
+    """Charts over each number that was swept: maps if two or three were and runs are scored.
+
+    Where several are swept, there is a chart for every value of the others. None where methods
+    stopped after as many worlds as their decisions needed.
+    """
+    if any(panel.rule for panel in panels):
+        return []
+    places = [place_of(panel) for panel in panels]
+    axes, charts = swept_axes(places), list[Chart]()
+    apart = {tuple(place.get(key) for key in axes) for place in places}
+    scored = all(panel.aim for panel in panels)
+    if len(axes) in (2, 3) and len(apart) == len(places) and scored:
+        charts = _maps(panels, places, list(axes))
+    if charts:
+        return charts
+    for key, others in axes.items():
+        groups: dict[frozenset[tuple[str, Any]], list[int]] = {}
+        for n, place in enumerate(places):
+            if is_number(place.get(key)):
+                rest = frozenset((k, v) for k, v in place.items() if k not in (key, *others))
+                groups.setdefault(rest, []).append(n)
+        shared = frozenset.intersection(*groups)
+        groups = {rest: own for rest, own in groups.items() if len(own) > 1}
+        for rest, members in groups.items():
+            where = ", ".join(
+                f"{name_of(name)} {value}" for name, value in sorted(rest - shared, key=str)
+            )
+            rows = pd.concat(
+                panels[n].ranked.assign(**{key: places[n][key]}).sort_index() for n in members
+            ).sort_values(key, kind="stable")
+            aims = {panels[n].aim for n in members}
+            charts += _lines(rows, key, others, where, aims.pop() if len(aims) == 1 else None)
+    return [chart._replace(name=f"{chart.name}-{n // 2 + 1}") for n, chart in enumerate(charts)]
+
+
+def place_of(panel: Panel) -> dict[str, Any]:
+    """Return where a panel lies: all that can be swept, by dotted name."""
+    setting = panel.setting
+    disturbed = ", ".join(map(disturbance_words, setting.disturbance)) or "undisturbed"
+    parts = {"world": setting.world, "assumed": setting.assumed, "params": panel.swept}
+    named = {f"{part}.{name}": v for part, own in parts.items() for name, v in own.items()}
+    return {
+        "scenario": setting.scenario, "disturbance": disturbed, "lag": setting.lag,
+        "seed": setting.seed, **named,
+    }  # fmt: skip
+
+
+def swept_axes(places: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
+    """Coordinates with two numbers or more, each with those that change together with it.
+
+    Of those that do, the one with the values of most: of noises in drift, drive and turn, drive.
+    """
+    keys = dict.fromkeys(key for place in places for key in place if key != "seed")
+    varying = [key for key in keys if len({p[key] for p in places if is_number(p.get(key))}) > 1]
+    found: dict[str, list[str]] = {}
+    for key in varying:
+        if any(key in others for others in found.values()):
+            continue
+        group = [key, *(k for k in varying if k != key and _together(key, k, places))]
+        values = {k: [place.get(k) for place in places] for k in group}
+        axis = max(group, key=lambda k: list(values.values()).count(values[k]))
+        found[axis] = [k for k in group if k != axis]
+    return found
+
+
+def name_of(key: str) -> str:
+    """Return what a coordinate is called: as in a sweep file, without its group."""
+    return key.removeprefix("world.").removeprefix("params.")
+
+
+def _together(one: str, other: str, places: Sequence[dict[str, Any]]) -> bool:
+    pairs = {(place[one], place[other]) for place in places if one in place and other in place}
+    return bool(pairs) and len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
+
+
+def _lines(
+    rows: pd.DataFrame, key: str, others: Sequence[str], where: str, aim: Score | None
+) -> list[Chart]:
+    """The score, and the difference to the baseline, over one number."""
+    scale, unit = (1, "error e of x[t]") if aim is None else (100, "% of runs")
+    numbers = [f"{name}{end}" for name in ("score", "apart") for end in ("", "_low", "_high")]
+    rows[numbers] = rows[numbers].astype(float) * scale
+    swept, place = name_of(key), f": {where}" if where else ""
+    of = "Error" if aim is None else f"Runs {aim.words.partition(' (')[0]}"
+    score, apart = (_curve(rows, key, column) for column in ("score", "apart"))
+    over = swept + (f" (with {', '.join(map(name_of, others))})" if others else "")
+    score.set(xlabel=over, ylabel=unit)
+    apart.set(xlabel=over, ylabel=f"{unit} - the baseline's")
+    known = rows.loc[np.isfinite(rows["score"]) & (rows["score"] > 0), "score"]
+    if aim is None and len(known) and known.max() / known.min() > _WIDE:
+        score.set_yscale("log")
+        score.yaxis.set_major_formatter("{x:g}")
+    else:
+        score.set_ylim(0, None)
+    if aim is None and rows["apart"].notna().any():
+        most = _FAR * rows.loc[rows["is_baseline"], "score"].max()
+        low, high = apart.get_ylim()
+        apart.set_ylim(max(low, -most), min(high, most))
+    everywhere = (
+        "A method without this parameter is the same everywhere. Bars: 95 % intervals over worlds."
+    )
+    outside = (
+        "On the same worlds; bars: 95 % bootstrap intervals over worlds. Differences beyond "
+        f"{_FAR} times the baseline's error are outside."
+    )
+    return [
+        Chart("curve", f"{of} over {swept}{place}", everywhere, score.figure),
+        Chart("difference", f"Difference over {swept}{place}", outside, apart.figure),
+    ]
+
+
+def _curve(rows: pd.DataFrame, key: str, column: str) -> Any:
+    axes = line(rows[rows[column].notna()], key, column, f"{column}_low", f"{column}_high")
+    name_ticks(axes, list(rows[key]))
+    axes.axhline(0, color=INK, lw=0.8)
+    return axes
+
+
+def _maps(
+    panels: Sequence[Panel], places: Sequence[dict[str, Any]], keys: Sequence[str]
+) -> list[Chart]:
+    """Maps over two numbers of the share of runs, over three of what is tested.
+
+    Of the latter, one for every score of whole runs and every method beside the baseline.
+    """
+    told = {key: f"{key}, °" if key == _ANGLE else name_of(key) for key in keys}
+    frame = pd.concat(
+        panel.present.assign(
+            **{
+                name: np.degrees(place[key]).round(1) if key == _ANGLE else place[key]
+                for key, name in told.items()
+            }
+        )
+        for panel, place in zip(panels, places, strict=True)
+        if all(key in place for key in keys)
+    )
+    x, y, *squares = told.values()
+    if not squares:
+        return [_share_map(frame, x, y, aim) for aim in {panel.aim for panel in panels} if aim]
+    (square,) = squares
+    scores = [one for n, one in JOURNEY_SCORES.items() if one.tested and n in frame]
+    charts = []
+    for number, label in enumerate(frame.loc[~frame["is_baseline"], "label"].unique(), 1):
+        for score in scores:
+            rows = frame[frame["label"] == label].copy()
+            share, name = score.unit == "share", score.name
+            scale = 100 if share else 1
+            ends = rows[[f"{name}_diff{end}" for end in ("", "_low", "_high")]] * scale
+            form = "+.0f" if share else "+.1f"
+            clear = rows[f"{name}_p_holm"] < ALPHA
+            rows["words"] = [
+                estimated(Interval(*one), form).replace(" (", f"{' *' * sure}\n(")
+                for one, sure in zip(ends.itertuples(index=False), clear, strict=True)
+            ]
+            rows["ahead"] = (-1 if score.censored else 1) * rows[f"{name}_diff"].fillna(0)
+            file, what = name.replace("_", "-"), score.words.removesuffix(", median")
+            caption = (
+                f"Difference to the baseline in {'points' if share else 'metres'}, and its 95 % "
+                "interval. Blue: ahead; red: behind; *: p < 0.05, corrected for the tests of a "
+                "setting, not for the number of settings."
+            )
+            drawn = cells(rows, x, y, square, "ahead", "words", least=0.1 if share else 1.0)
+            title = f"Where {label} is ahead: {what}"
+            charts.append(Chart(f"regimes-{file}-{number}", title, caption, drawn))
+    return charts
+
+
+def _share_map(frame: pd.DataFrame, x: str, y: str, aim: Score) -> Chart:
+    """A map of the share of runs for each method."""
+    shares = frame[[aim.name, f"{aim.name}_low", f"{aim.name}_high"]].astype(float)
+    words = [
+        estimated(Interval(*one).percent, ".0f", " %").replace(" (", "\n(")
+        for one in shares.itertuples(index=False)
+    ]
+    rows = frame.assign(
+        method=frame["label"].astype(str),
+        share=shares[aim.name],
+        words=words,
+        mostly=shares[aim.name] >= _MOSTLY,
+    )
+    drawn = cells(rows, x, y, "method", "share", "words", least=1.0, bold="mostly")
+    caption = (
+        "Share of runs, and Wilson's 95 % interval, with every value of the two numbers; "
+        f"{percent(_MOSTLY)} or more is bold."
+    )
+    return Chart("shares", f"Runs {aim.words}", caption, drawn)
