@@ -89,7 +89,6 @@ class Experiment:
     """A sweep that can be run.
 
     Attributes:
-        sweep: its design.
         factories: what makes the localizers that are no names, by the name they have here.
     """
 
@@ -165,7 +164,6 @@ class ExperimentResults:
     """The numbers of an experiment; in Jupyter, its verdict and its first table.
 
     Attributes:
-        sweep: what was run.
         results: all of it, for whom the tables are not enough.
         files: of its report, if one was written where it ran.
     """
@@ -193,7 +191,6 @@ class ExperimentResults:
         Args:
             over: column of the swept value, such as "particles".
             value: column with its interval in value_low and value_high.
-            offset: of the state: 0 is x[t].
 
         Raises:
             InputError: there is no such column, or it has no numbers.
@@ -260,9 +257,7 @@ def run(
 
     Args:
         scenario: as in ``sweep``.
-        localizer: a name, or what makes a localizer for a robot.
         seed, trial: the world is that of this trial of a sweep with this seed.
-        params: of the localizer.
 
     Raises:
         InputError: an unknown name, or a bad value.

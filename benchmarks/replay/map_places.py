@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.trials.residuals import (
+from benchmarks.trials.map_signals import (
     APART,
     CLEAR,
     Expected,

@@ -25,7 +25,7 @@ from benchmarks.sweeps.results import results_in
 from benchmarks.tables.text import percent
 from benchmarks.tables.tracks import Row, TrackedRun, tracks_results_csv, tracks_trials_csv
 from benchmarks.trials.scores import track_scores
-from benchmarks.trials.tracks import Track, calibration_of_gaussians
+from benchmarks.trials.tracks import EstimatedTrack, calibration_of_gaussians
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Log, Scanner, Trajectory, referenced
@@ -106,7 +106,7 @@ class Yardstick:
             ours=rows,
         )
 
-    def track(self, estimate: Trajectory) -> tuple[Track, Floats]:
+    def track(self, estimate: Trajectory) -> tuple[EstimatedTrack, Floats]:
         """Return an estimate at the records that it covers, and its covariances (n, 3, 3)."""
         if self.log is None or self.odometry is None:
             assert self.reference is not None
@@ -129,7 +129,7 @@ class Yardstick:
             best[~inside] = np.nan
         unknown = np.full((len(best), 3, 3), np.nan)
         spread = unknown if estimate.covariances is None else estimate.covariances[at]
-        return Track(log, best), spread
+        return EstimatedTrack(log, best), spread
 
     def row(self, label: str, estimate: Trajectory) -> Row:
         """Return the row of an estimate."""

@@ -18,7 +18,7 @@ from benchmarks.pictures.messages import shown_again
 from benchmarks.report.frames import PanelFrames, frames_of
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.text import file_words
-from benchmarks.trials.plugins import key_of
+from benchmarks.trials.attempt import key_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.files import content_of

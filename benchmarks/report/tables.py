@@ -15,7 +15,7 @@ from benchmarks.tables import stats
 from benchmarks.tables.signals import QUESTIONS, WRONG
 from benchmarks.tables.stats import Estimate
 from benchmarks.tables.text import estimated, fixed, p_value, percent, significant, state_name
-from benchmarks.trials.scores import LEVELS, Group, Score
+from benchmarks.trials.scores import LEVELS, Score, ScoreGroup
 
 _MARKED = {
     "better": "▼",
@@ -218,7 +218,7 @@ def verdict_table(panel: PanelFrames) -> Table:
     return Table(caption, of_rows(rows, columns), [(n, column) for n in best for column in (0, 1)])
 
 
-def journey_table(panel: PanelFrames, group: Group) -> Table | None:
+def journey_table(panel: PanelFrames, group: ScoreGroup) -> Table | None:
     """Scores of whole runs; None if the panel has none of this group."""
     rows = panel.ranked
     scores = [score for score in group.scores if score.name in rows]

@@ -127,12 +127,7 @@ NOTHING = Overrides()
 
 @dataclass(frozen=True)
 class Named:
-    """What is made by a name and parameters: a localizer, or an agent.
-
-    Attributes:
-        name: of it.
-        params: its parameters.
-    """
+    """What is made by a name and parameters: a localizer, or an agent."""
 
     name: str
     params: Overrides = NOTHING

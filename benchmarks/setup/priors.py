@@ -27,7 +27,7 @@ from localizers import (
 from localizers.models.nav2_motion import unknown_motion
 from localizers.scan_plug_in import ScanPlugIn, is_code
 
-T = TypeVar("T")
+Part = TypeVar("Part")
 _DIRECTIONS = 1024  # that are drawn to find a free one
 
 
@@ -229,12 +229,10 @@ PRIORS = MappingProxyType(
 )
 
 
-def changed(part: str, current: T, keys: Any, unit: str, kinds: Mapping[str, Any]) -> T:
+def changed(part: str, current: Part, keys: Any, unit: str, kinds: Mapping[str, Any]) -> Part:
     """Change values of a part; another kind keeps those that both kinds have.
 
     Args:
-        part: its name, for refusals.
-        current: the part.
         keys: new values, by name; ``kind`` is one of ``kinds``, or of a scan model its code.
         unit: of lengths on the map, in which those of a fresh kind are.
         kinds: classes of such parts, by name.

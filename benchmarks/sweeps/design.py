@@ -113,18 +113,10 @@ class Sweep:
     """A base, varied along axes; every combination is run by every localizer on the same worlds.
 
     Attributes:
-        title: one line, for the report.
         localizers: the methods compared, or their names.
         scenario: its name; a user's own as room.toml or file.py:NAME, the path made absolute.
         lag: the lag L; also a parameter of each localizer that has a use for it.
-        world: changes to the world.
-        assumed: changes to what the filters assume.
-        disturbance: wrappers around the world, innermost first.
         agent: who drives; None: each scenario's own agent.
-        params: parameters of each localizer that has a use for them.
-        seed: root of all randomness.
-        trials: worlds per setting.
-        filter_seeds: runs of each method on each world.
         vary: axes; the last one turns fastest.
         baseline: localizer that the report compares the others with, or agent. If it is an agent,
             agents are compared that drive on the same localizer, else localizers with the same
@@ -327,7 +319,7 @@ class Sweep:
                 yield Trial(**same, trial=world, filter_seed=filter_seed)
 
 
-def cells_of(trials: Iterable[Trial]) -> dict[tuple[Setting, Method], list[Trial]]:
+def by_cell(trials: Iterable[Trial]) -> dict[tuple[Setting, Method], list[Trial]]:
     """Sort trials by setting and method, in the order in which these come first."""
     cells: dict[tuple[Setting, Method], list[Trial]] = {}
     for trial in trials:

@@ -16,9 +16,9 @@ from benchmarks.tables.frames import csv_of, milliseconds_per_step, value_in
 from benchmarks.tables.stats import wilson
 from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.metrics import middle
-from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_GROUPS, scores_of
+from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_GROUPS, journey_scores
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.tracks import Track
+from benchmarks.trials.tracks import EstimatedTrack
 from deqmcl_gym.logs import Log
 
 RESULTS = (
@@ -44,7 +44,7 @@ class TrackedRun:
     """
 
     seed: int
-    track: Track
+    track: EstimatedTrack
     scores: Mapping[str, float]
 
     @classmethod
@@ -56,12 +56,12 @@ class TrackedRun:
         found |= {name: value for name, value in own.scores.items() if value is not None}
         found |= {score.name: value_in(record, score) for score in _OF_RUNS}
         found |= {"ms_per_step": milliseconds_per_step([record])}
-        return cls(record.trial.trial, Track(log, np.array(own.best).T), found)
+        return cls(record.trial.trial, EstimatedTrack(log, np.array(own.best).T), found)
 
     @classmethod
-    def of_track(cls, track: Track, scores: Mapping[str, float]) -> Self:
+    def of_track(cls, track: EstimatedTrack, scores: Mapping[str, float]) -> Self:
         """Return the run of somebody else's track, of which no time is known."""
-        whole = {} if not track.known.size else scores_of(track.journey(), TRACK_GROUPS)
+        whole = {} if not track.known.size else journey_scores(track.journey(), TRACK_GROUPS)
         found = {score.name: whole.get(score.name, math.nan) for score in _OF_RUNS}
         return cls(0, track, {**scores, **found, "ms_per_step": math.nan})
 

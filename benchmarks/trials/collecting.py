@@ -13,9 +13,15 @@ from msgspec import Meta, Struct
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import Surroundings, belief_moments, calibration, cloud_of, joined
 from benchmarks.trials.episode import Step
-from benchmarks.trials.fixes import Fixes, Journey, driven, half_turned, weight_near
-from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_GROUPS, Group, scores_of, track_scores
-from benchmarks.trials.tracks import Track
+from benchmarks.trials.fixes import Fixes, Journey, half_turned, way_driven, weight_near
+from benchmarks.trials.scores import (
+    JOURNEY_SCORES,
+    TRACK_GROUPS,
+    ScoreGroup,
+    journey_scores,
+    track_scores,
+)
+from benchmarks.trials.tracks import EstimatedTrack
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
@@ -73,20 +79,20 @@ def unless_nan(values: Iterable[float]) -> list[float | None]:
     return [None if math.isnan(value) else value for value in values]
 
 
-def whole_run(run: Journey, groups: Sequence[Group]) -> WholeRun:
+def whole_run(run: Journey, groups: Sequence[ScoreGroup]) -> WholeRun:
     """Return what a record has of a run; curves have four digits, as a long run is many numbers."""
     fixes = run.fixes
     curves = {"way": fixes.way, "distance": fixes.distance, "angle": fixes.angle}
     if run.masses is not None:
         curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
     rounded = {name: [float(f"{v:.4g}") for v in values] for name, values in curves.items()}
-    return WholeRun(scores=if_finite(scores_of(run, groups)), curves=rounded)
+    return WholeRun(scores=if_finite(journey_scores(run, groups)), curves=rounded)
 
 
 class JourneyLog:
     """Collects a run from its moments; the best cluster is sought once a step."""
 
-    def __init__(self, task: Surroundings, groups: Sequence[Group]) -> None:
+    def __init__(self, task: Surroundings, groups: Sequence[ScoreGroup]) -> None:
         self._task, self._groups = task, groups
         self._metre = metre(task.floor_plan.unit)
         self._turned = any(group.name == "ambiguity" for group in groups)
@@ -132,7 +138,7 @@ class JourneyLog:
         table = np.array(self._fixes, np.float64)
         steps = table[:, 0].astype(np.intp)
         off = truth[steps] - table[:, 1:4] / size
-        way = driven(self._commanded) / self._metre
+        way = way_driven(self._commanded) / self._metre
         goal = None if self._goal is None else np.asarray(self._goal, np.float64) / self._metre
         room = self._task.floor_plan.distance(np.array(self._truth, np.float64)[:, :2])
         return Journey(
@@ -180,9 +186,9 @@ class TrackLog:
         self._best.append(best_cluster(*points, unit=self._log.unit).mean)
 
     @property
-    def track(self) -> Track:
+    def track(self) -> EstimatedTrack:
         """The track so far."""
-        return Track(self._log, np.array(self._best, np.float64))
+        return EstimatedTrack(self._log, np.array(self._best, np.float64))
 
     def scores(self) -> dict[str, float]:
         """Return the scores by records that no journey has; NaN is not available."""

@@ -162,7 +162,7 @@ def settled(near: Bools, tolerated: float = 0.0) -> int | None:
     return int(good[0]) if good.size else None
 
 
-def driven(commands: Sequence[Reals]) -> Floats:
+def way_driven(commands: Sequence[Reals]) -> Floats:
     """Return the way until each step, from the commands of the steps t ≥ 1, (2,) or (3,) each."""
     if not commands:
         return np.zeros(1)

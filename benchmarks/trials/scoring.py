@@ -27,12 +27,10 @@ class ErrorCurve(Struct, frozen=True):
     error: list[Number | None]
 
 
-class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
+class TrialRecord(Struct, frozen=True, kw_only=True, omit_defaults=True):
     """What came of a trial: the shape of its file. T steps were done.
 
     Attributes:
-        unit: of lengths.
-        thresholds: of the scenario.
         scores: a row per offset: "offset" and ``SCORE_NAMES``; None is not available. Those of
             ``LATER`` are missing in records made before they were added.
         curves: by offset, for the same offsets.
@@ -92,7 +90,7 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
         return [int(row["offset"] or 0) for row in self.scores]
 
 
-class Finished(Record, frozen=True, kw_only=True):
+class Finished(TrialRecord, frozen=True, kw_only=True):
     """A finished trial: its record, the trial, its key, and its seconds (None: not known)."""
 
     trial: Trial
@@ -109,10 +107,10 @@ def scores(trace: Trace, lag: int, thresholds: Thresholds) -> list[dict[str, Any
     ]
 
 
-def record(trace: Trace, lag: int, thresholds: Thresholds) -> Record:
+def record(trace: Trace, lag: int, thresholds: Thresholds) -> TrialRecord:
     """Return a trial's result; its scores are of the states whose truth is known."""
-    quality, held = trace.quality[1:], profile(trace, lag)
-    return Record(
+    quality, held = trace.quality[1:], error_profile(trace, lag)
+    return TrialRecord(
         unit=trace.unit,
         thresholds=thresholds,
         scores=[if_finite(row) for row in scores(trace, lag, thresholds)],
@@ -136,7 +134,7 @@ def record(trace: Trace, lag: int, thresholds: Thresholds) -> Record:
     )
 
 
-def profile(trace: Trace, lag: int) -> dict[int, float]:
+def error_profile(trace: Trace, lag: int) -> dict[int, float]:
     """Mean error e by offset, each over the same states: every 5th with L ≤ s ≤ T - L."""
     held = {k: (kept.states, kept.means) for k, kept in trace.offsets.items()} | trace.profile
     errors = {}

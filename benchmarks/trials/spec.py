@@ -20,11 +20,7 @@ class Setting:
     """What trials share that may be compared.
 
     Attributes:
-        scenario: name of the world and of what the filters assume.
-        world, assumed: changes to both, by dotted name.
         disturbance: wrappers around the world, innermost first.
-        lag: the lag L.
-        seed: root of all randomness.
     """
 
     scenario: str
@@ -71,14 +67,9 @@ class Trial:
 
     Attributes:
         scenario: name of the world and of what the filters assume of it.
-        world: changes to the scenario's world: {"lidar.beams": 9}.
-        assumed: changes to what the filters assume: {"scan.sigma": 50.0}.
         disturbance: wrappers around the world, innermost first: {"kind": "kidnap", …}.
-        localizer: name of the localizer.
-        params: its parameters.
         agent: who drives; None: the scenario's agent.
         lag: L, the offsets scored are -L, 0 and L.
-        seed: root of all randomness.
         trial: number of the world; trials of the same number are paired.
         filter_seed: which of several runs of the localizer on that world.
     """

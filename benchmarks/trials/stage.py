@@ -24,7 +24,7 @@ from benchmarks.trials.collecting import JourneyLog, TrackLog
 from benchmarks.trials.episode import Step, moments
 from benchmarks.trials.fixes import is_symmetric
 from benchmarks.trials.map_signals import MapSignals, differs
-from benchmarks.trials.scores import Group, groups_named
+from benchmarks.trials.scores import ScoreGroup, groups_named
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
@@ -41,10 +41,8 @@ class Stage:
     """A trial, set up: all that it is made of, but for its agent and localizer.
 
     Attributes:
-        trial: what is set up.
         scenario: with the changes that the trial makes to it, in its building; the trial's own
             disturbances are outside the scenario's.
-        room: the world, set up to run all planned steps.
         env: the room inside its disturbances.
         robot: what the localizer and the agent are made for.
     """
@@ -86,7 +84,7 @@ class Stage:
         )
 
     @property
-    def groups(self) -> tuple[Group, ...]:
+    def groups(self) -> tuple[ScoreGroup, ...]:
         """The groups of scores that the trial is about.
 
         Where a half turn gives the same map, two places fit a robot that may be lost.

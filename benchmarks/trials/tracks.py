@@ -74,7 +74,7 @@ def agreement(log: Log, floor_plan: Map, poses: Floats) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class Track:
+class EstimatedTrack:
     """The best clusters at the first n records of a log, and their errors.
 
     Attributes:
@@ -157,15 +157,13 @@ class ScoredTrack:
     """What the scores of a track by records are of.
 
     Attributes:
-        track: of n records.
         calibrated: rank of the reference, NEES and log score at each record, (n, 3); NaN is
             unknown. Those at the reference's own times count, or all if none of them is known.
-        thresholds: what counts as lost.
         floor_plan: the map; None: agreement is not available.
         judged: first record by which beliefs are judged.
     """
 
-    track: Track
+    track: EstimatedTrack
     calibrated: Floats
     thresholds: Thresholds
     floor_plan: Map | None
@@ -207,12 +205,6 @@ def calibration_of_gaussians(
 
     The rank is P(D(X) < D(z)) in (x, y), 1 - exp(-D²/2); NEES is dᵀ P⁻¹ d in (x, y, θ), the log
     score ½ (NEES + log det 2πP). NaN where pose, covariance or truth is.
-
-    Args:
-        poses: means, (n, 3).
-        covariances: P, (n, 3, 3).
-        truth: z, (n, 3).
-        unit: of lengths.
     """
     off = truth - poses
     known = np.isfinite(off).all(axis=1) & np.isfinite(covariances).all(axis=(1, 2))

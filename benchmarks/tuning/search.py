@@ -25,7 +25,7 @@ from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
 from benchmarks.sweeps.store import Store, writing
 from benchmarks.tables.frames import milliseconds_per_step
-from benchmarks.trials.plugins import provenance_of
+from benchmarks.trials.attempt import provenance_of
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scoring import Finished
 from benchmarks.tuning.segments import DRAWS, ORDER, Segment, stream

@@ -12,8 +12,8 @@ from report_cases import finished, panel_of
 
 from benchmarks.pictures.film import Camera, Film, laid
 from benchmarks.report.animations import Animation, drawing, films_of
+from benchmarks.trials.attempt import key_of
 from benchmarks.trials.episode import Step
-from benchmarks.trials.plugins import key_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.world.drawing import View

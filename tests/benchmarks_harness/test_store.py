@@ -12,7 +12,7 @@ from refusals import refused
 from report_cases import changed, finished
 
 from benchmarks.sweeps.store import Store, named, writing
-from benchmarks.trials.scoring import Record
+from benchmarks.trials.scoring import TrialRecord
 from benchmarks.trials.spec import Trial
 
 TRIAL = Trial(scenario="paper", localizer="mcl", params=(), lag=20, seed=0, trial=0)
@@ -22,7 +22,7 @@ DONE = changed(finished("mcl", 0, 1.5), trial=TRIAL, key=KEY, seconds=2.5)
 
 def record_of(done):
     """What a store is given of a finished trial."""
-    return Record(**{name: getattr(done, name) for name in Record.__struct_fields__})
+    return TrialRecord(**{name: getattr(done, name) for name in TrialRecord.__struct_fields__})
 
 
 RECORD = record_of(DONE)

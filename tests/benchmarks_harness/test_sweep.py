@@ -22,7 +22,7 @@ from benchmarks.sweeps.store import writing
 from benchmarks.sweeps.suites import paper_suite
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials import attempt
-from benchmarks.trials.plugins import provenance_of
+from benchmarks.trials.attempt import provenance_of
 from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
 

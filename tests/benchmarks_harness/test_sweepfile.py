@@ -13,7 +13,7 @@ from benchmarks.sweeps.design import MOST_TRIALS
 from benchmarks.sweeps.running import check
 from benchmarks.sweeps.suites import SUITES, sweep_named
 from benchmarks.sweeps.sweepfile import read_sweep, with_localizers
-from benchmarks.trials.plugins import key_of, provenance_of
+from benchmarks.trials.attempt import key_of, provenance_of
 from deqmcl_gym.validation import InputError
 from localizers import absolute_name
 

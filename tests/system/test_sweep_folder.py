@@ -9,7 +9,7 @@ from sweep_command import broken, report, sweep, tables, write_small
 
 import localizers
 from benchmarks.sweeps.results import results_in
-from benchmarks.trials import plugins
+from benchmarks.trials import attempt
 
 
 def test_only_a_trial_that_is_lost_or_damaged_is_run_again_and_the_tables_come_back(
@@ -52,19 +52,6 @@ def test_a_folder_with_a_file_a_trial_is_read_verified_and_goes_on(
     assert not {"trials", "timings"} & {path.name for path in copy.iterdir()}
 
 
-def test_a_folder_whose_manifest_says_what_its_seed_once_followed_from_is_read_and_goes_on(
-    file, copy, ran, capsys
-):
-    made = json.loads((copy / "manifest.json").read_text())
-    made["identity"]["sweep"]["held_out"] = {"value": "8f3c", "origin": "a beacon"}
-    (copy / "manifest.json").write_text(json.dumps(made))
-    before = tables(copy)
-    assert exit_code("verify", copy, "--jobs", "1") == 0
-    ran.clear()
-    assert report(copy) == sweep(file, copy) == 0
-    assert (tables(copy), ran, capsys.readouterr().err) == (before, [], "")
-
-
 def test_another_sweep_in_the_folder_is_refused_with_all_differences(copy, tmp_path, refusal):
     before = files(copy)
     another = write_small(tmp_path, trials=1, particles=16, more="\n[world]\nnoise.drive = 0.5")
@@ -74,8 +61,8 @@ def test_another_sweep_in_the_folder_is_refused_with_all_differences(copy, tmp_p
 
 
 def test_changed_code_is_refused_and_named(file, copy, refusal, monkeypatch):
-    monkeypatch.setattr(plugins, "code_digest", lambda: "other")
-    monkeypatch.setattr(plugins, "versions", lambda: {"numpy": "0.1"})
+    monkeypatch.setattr(attempt, "code_digest", lambda: "other")
+    monkeypatch.setattr(attempt, "versions", lambda: {"numpy": "0.1"})
     changed = "code was", "libraries.numpy was", "libraries.numba was"
     refusal(["sweep", file, "--out", copy], *changed)
 
@@ -108,7 +95,7 @@ def test_results_of_other_code_can_be_read_and_infinity_is_a_number(tmp_path, mo
     more = "\n[[vary]]\nparams.beta = [inf, 1.0]\n"
     file, out = write_small(tmp_path, trials=1, more=more), tmp_path / "out"
     assert sweep(file, out, "--with", "mcl-map,broken") == 3
-    monkeypatch.setattr(plugins, "code_digest", lambda: "other")
+    monkeypatch.setattr(attempt, "code_digest", lambda: "other")
     found = results_in(out)
     assert (len(found.records), len(found.failures), found.missing) == (4, 2, 0)
     betas = [dict(r.trial.params).get("beta") for r in found.records]
