@@ -86,11 +86,7 @@ def sweep(
 
 @dataclass(frozen=True)
 class Experiment:
-    """A sweep that can be run.
-
-    Attributes:
-        factories: what makes the localizers that are no names, by the name they have here.
-    """
+    """A sweep that can be run, and what makes those of its localizers that are no names."""
 
     sweep: Sweep
     factories: Mapping[str, Factory] = field(default_factory=dict)
@@ -129,10 +125,8 @@ class Experiment:
         """
         where = Where(jobs=jobs, executor=executor, scheduler=scheduler, timeout=timeout)
         part = None if shard is None else shard_of(shard)
-        options = Options(
-            where=where, shard=part, retry_failed=retry_failed, fail_fast=fail_fast,
-            progress=progress
-        )  # fmt: skip
+        again = {"retry_failed": retry_failed, "fail_fast": fail_fast}
+        options = Options(where=where, shard=part, progress=progress, **again)
         where.check()
         with ExitStack() as stack:
             folder = Path(out or f"{stack.enter_context(TemporaryDirectory())}/experiment")
@@ -208,11 +202,10 @@ class ExperimentResults:
                     f"there is no column {shown(name)} of numbers: it has {', '.join(numbers)}."
                 )
         others = [name for name in self._varied if name != over and table[name].nunique() > 1]
-        named = [
-            ", ".join([row["label"], *(f"{name} = {row[name]}" for name in others)])
-            for _, row in table.iterrows()
-        ]
-        known = table.assign(label=named)[table[over].notna()].sort_values(over, kind="stable")
+        labels = table["label"].astype(str)
+        for name in others:
+            labels = labels + f", {name} = " + table[name].map(str)
+        known = table.assign(label=labels)[table[over].notna()].sort_values(over, kind="stable")
         with styled(STYLE):
             axes = line(known, over, value, f"{value}_low", f"{value}_high")
             axes.set(xlabel=over, ylabel=value)
@@ -290,7 +283,7 @@ def _base(of: str | Path | Sweep) -> Sweep:
     if name in SCENARIOS and name not in SUITES:
         return Sweep(title=name, scenario=name, localizers=tuple(map(Method, PAPER_METHODS)))
     if not name.endswith(".toml"):
-        one_of("suite or scenario", name, {**SUITES, **SCENARIOS})
+        one_of("suite or scenario", name, [*SUITES, *SCENARIOS])
     return sweep_named(name)
 
 

@@ -19,10 +19,11 @@ def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.agents import AGENTS
     from benchmarks.setup.names import scenario, scenario_names
-    from benchmarks.sweeps.suites import SUITES
+    from benchmarks.sweeps.suites import SUITES, sweep_named
     from localizers import names
 
-    suites = [(name, f"{_size(s)}: {s.title}") for name, s in SUITES.items()]
+    sweeps = {name: sweep_named(name) for name in SUITES}
+    suites = [(name, f"{_size(sweep)}: {sweep.title}") for name, sweep in sweeps.items()]
     shown = f"Suites (deqmcl sweep NAME --out DIR; --dry-run estimates the time)\n{_lines(suites)}"
     if options.suites:
         return shown

@@ -53,7 +53,7 @@ class Engine:
     Attributes:
         submit: takes a trial and its key; raises InputError if it cannot be sent.
         slots: trials in flight at a time.
-        timeout: seconds after which a trial in flight is given up; None if the engine sees to it.
+        timeout: s after which a trial in flight is given up; None if the engine sees to it.
         lost: says why nothing more will come of it; "" if it works.
     """
 

@@ -11,7 +11,7 @@ import PIL.Image
 
 from benchmarks.tables.text import state_name
 from benchmarks.trials.episode import Step
-from benchmarks.trials.fixes import Fixes, way_driven
+from benchmarks.trials.tracks import Fixes, way_driven
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.types import Floats, Reals

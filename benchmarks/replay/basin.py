@@ -33,9 +33,9 @@ from benchmarks.sweeps.settings import value_of
 from benchmarks.tables.stats import wilson
 from benchmarks.tables.text import csv_text, percent, short_names
 from benchmarks.trials.collecting import WholeRun
-from benchmarks.trials.fixes import settled
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
+from benchmarks.trials.tracks import settled
 from deqmcl_gym.files import utf8
 from deqmcl_gym.maps.clusters import Near
 from deqmcl_gym.maps.map import metre

@@ -17,9 +17,8 @@ from benchmarks.tables.frames import paired, whole_runs
 from benchmarks.tables.stats import ALPHA, sample_sd, worlds_to_see
 from benchmarks.tables.text import p_value, percent
 from benchmarks.tables.tracks import Row, TrackedRun, rows_of, worse
-from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.scores import JOURNEY_SCORES, LEVELS
-from benchmarks.trials.tracks import TOLERATED
+from benchmarks.trials.tracks import FOUND, NEAR, TOLERATED
 from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.drawing import PALE, Drawing, View

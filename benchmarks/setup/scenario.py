@@ -28,8 +28,7 @@ class Thresholds:
 
     Attributes:
         far: position error above which an estimate is far off.
-        lost: mean position error of the last steps above which a trial is lost.
-        lost_steps: how many steps these are.
+        lost: mean position error of the last ``lost_steps`` above which a trial is lost.
     """
 
     far: float = field(default=50.0, metadata=LENGTH)

@@ -304,10 +304,7 @@ def _worlds(made: Manifest, plug_ins: Collection[str]) -> dict[str, Any]:
 
 
 def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
-    """Return the sweep of a folder's manifest; nothing that it names is loaded.
-
-    What was named by a sweep file is where the manifest says, from the folder.
-    """
+    """Return the sweep of a folder's manifest; nothing that it names is loaded."""
 
     def takes(name: str) -> tuple[str, ...] | None:
         if name not in made.parameters:

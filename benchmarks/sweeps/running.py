@@ -189,11 +189,7 @@ def counted(
 
 
 def complete(results: Results, text: str, *, part: bool = False) -> str:
-    """Return what a command prints at its end.
-
-    Raises:
-        TrialsFailedError: trials failed, or are missing though all were to be run; it is printed.
-    """
+    """Return what a command prints at its end; print it and raise if a trial failed or lacks."""
     lacking = incomplete_sentence(results)
     if lacking and (results.failures or not part):
         print(text)
@@ -231,10 +227,7 @@ _USUAL = 1000  # particles, where none are named
 def dry_run(
     sweep: Sweep, jobs: int | None = None, timeout: float | None = None, shards: int = 1
 ) -> str:
-    """Return the cells (setting and method) of a sweep with the time of a trial in each.
-
-    The whole is told for so many ``jobs``, and for one of so many ``shards``.
-    """
+    """Return the cells of a sweep with the time of a trial in each, and of one of ``shards``."""
     trials = sweep.distinct()
     cells = by_cell(trials)
     asked = Where(jobs=jobs, timeout=timeout)
@@ -279,11 +272,7 @@ def dry_run(
 def _times(
     trials: Sequence[Trial], engine: Engine, made: Provenance
 ) -> list[tuple[float | None, bool]]:
-    """Return the seconds that each trial takes (None: it fails) and whether they were measured.
-
-    Every form of a localizer is measured at least once; the times of others are taken to be those
-    per particle.
-    """
+    """Return the seconds of each trial (None: it fails), and whether measured or by particles."""
 
     def measured(trial: Trial) -> float | None:
         started = time.perf_counter()

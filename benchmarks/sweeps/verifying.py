@@ -36,11 +36,7 @@ class DifferentError(RuntimeError):
 
 
 def verify(folder: Path, where: Where, share: float = SAMPLED) -> str:
-    """Run a sample of a folder's finished trials again; if all agree, its manifest says so.
-
-    Raises:
-        DifferentError: the first trial that differs, and its first score.
-    """
+    """Run a sample of a folder's finished trials again; if all agree, its manifest says so."""
     made = manifest.read_manifest(folder)
     sweep, store = recorded_sweep(folder, made), Store(folder)
     now = provenance_of(sweep.cells())
@@ -80,13 +76,9 @@ def compare_again(
     difference: Callable[[str, Outcome], str | None],
     folder: Path | None = None,
 ) -> dict[str, str]:
-    """Run trials again; return how those differ that do, by name.
+    """Run trials (by name) again; return how those differ that do.
 
-    Args:
-        trials: by name.
-        now: what their numbers depend on now.
-        difference: says of a trial's name and outcome how it differs; None or "" if it does not.
-        folder: whose name the progress shown has; None shows nothing.
+    ``difference`` says it of a trial's name and outcome; ``folder`` is named by the progress shown.
     """
     names = {now.key(trial): name for name, trial in trials.items()}
     differing: dict[str, str] = {}

@@ -14,11 +14,10 @@ import pandas as pd
 
 from benchmarks.tables.frames import csv_of, milliseconds_per_step, value_in
 from benchmarks.tables.stats import wilson
-from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.metrics import middle
 from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_GROUPS, journey_scores
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.tracks import EstimatedTrack
+from benchmarks.trials.tracks import FOUND, NEAR, EstimatedTrack
 from deqmcl_gym.logs import Log
 
 RESULTS = (

@@ -13,7 +13,6 @@ from msgspec import Meta, Struct
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import Surroundings, belief_moments, calibration, cloud_of, joined
 from benchmarks.trials.episode import Step
-from benchmarks.trials.fixes import Fixes, Journey, half_turned, way_driven, weight_near
 from benchmarks.trials.scores import (
     JOURNEY_SCORES,
     TRACK_GROUPS,
@@ -21,7 +20,14 @@ from benchmarks.trials.scores import (
     journey_scores,
     track_scores,
 )
-from benchmarks.trials.tracks import EstimatedTrack
+from benchmarks.trials.tracks import (
+    EstimatedTrack,
+    Fixes,
+    Journey,
+    half_turned,
+    way_driven,
+    weight_near,
+)
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
@@ -35,11 +41,9 @@ Number = Annotated[float, Meta(ge=-1e100, le=1e100)]  # of a record: squares are
 
 
 class WholeRun(Struct, frozen=True, kw_only=True):
-    """What a trial's record has of its whole run.
+    """What a trial's record has of its whole run; a score that is None is censored or unknown.
 
-    Attributes:
-        scores: by name; None is censored or not available.
-        curves: by name, each at the same steps; "way" is what was driven until then, m.
+    All curves are at the same steps; "way" is what was driven until then, m.
     """
 
     scores: dict[str, Number | None]
@@ -58,12 +62,7 @@ class WholeRun(Struct, frozen=True, kw_only=True):
 
 
 class RecordedTrack(Struct, frozen=True, kw_only=True):
-    """What the record of a trial on a whole log has of it; see ``TrackLog``.
-
-    Attributes:
-        best: means of the best clusters, x, y and θ at each record of the log.
-        scores: by name; None is not available.
-    """
+    """What the record of a trial on a whole log has of it: best clusters, x, y, θ; scores."""
 
     best: tuple[list[Number], list[Number], list[Number]]
     scores: dict[str, Number | None]
@@ -141,13 +140,14 @@ class JourneyLog:
         way = way_driven(self._commanded) / self._metre
         goal = None if self._goal is None else np.asarray(self._goal, np.float64) / self._metre
         room = self._task.floor_plan.distance(np.array(self._truth, np.float64)[:, :2])
+        distance, angle = np.hypot(off[:, 0], off[:, 1]), np.abs(arrays.wrapped(off[:, 2]))
         return Journey(
             fixes=Fixes(
                 steps=steps,
                 count=len(truth),
                 way=way[steps],
-                distance=np.hypot(off[:, 0], off[:, 1]),
-                angle=np.abs(arrays.wrapped(off[:, 2])),
+                distance=distance,
+                angle=angle,
                 quality=table[:, 4],
             ),
             driven=way,
@@ -161,10 +161,7 @@ class JourneyLog:
 
 
 class TrackLog:
-    """Collects the track of a run on a log, and scores it by its records.
-
-    Beside the metrics of a trial, which are of the belief's mean at the steps t ≥ 1.
-    """
+    """Collects the track of a run on a log, and scores it by its records."""
 
     def __init__(self, log: Log, floor_plan: Map, thresholds: Thresholds, judged: int) -> None:
         self._log, self._map, self._thresholds, self._judged = log, floor_plan, thresholds, judged

@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.trials.collecting import unless_nan
 from benchmarks.trials.episode import Step
-from benchmarks.trials.fixes import FOUND, NEAR
+from benchmarks.trials.tracks import FOUND, NEAR
 from deqmcl_gym.maps import GridMap, Lidar, Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Ints, Reals

@@ -70,10 +70,7 @@ def position_error(means: Floats, truth: Floats) -> Floats:
 
 
 def _root(total: Callable[..., Floats], rows: Floats) -> Floats:
-    """Root of the total of the squares of each row of (k, n), (k,).
-
-    Scaled by a power of two, which changes no bit, so that no square is too large.
-    """
+    """Root of the total of each row's squares, scaled by a power of two: none is too large."""
     _, exponents = np.frexp(np.abs(rows).max(axis=1))
     squares = np.square(np.ldexp(rows, -exponents[:, None]))
     return np.ldexp(np.sqrt(total(squares, axis=1)), exponents)

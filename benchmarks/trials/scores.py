@@ -15,7 +15,6 @@ import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import Clouds, Surroundings
-from benchmarks.trials.fixes import NEAR, RECOVERED, RECOVERED_STEPS, Journey
 from benchmarks.trials.metrics import (
     Estimates,
     entropy,
@@ -26,7 +25,15 @@ from benchmarks.trials.metrics import (
     wall_share,
     wall_step_share,
 )
-from benchmarks.trials.tracks import AGREEMENTS, EstimatedTrack, ScoredTrack
+from benchmarks.trials.tracks import (
+    AGREEMENTS,
+    NEAR,
+    RECOVERED,
+    RECOVERED_STEPS,
+    EstimatedTrack,
+    Journey,
+    ScoredTrack,
+)
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats
 

@@ -28,24 +28,17 @@ class ErrorCurve(Struct, frozen=True):
 
 
 class TrialRecord(Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What came of a trial: the shape of its file. T steps were done.
+    """What came of a trial of T steps: the shape of its line in a file.
 
     Attributes:
         scores: a row per offset: "offset" and ``SCORE_NAMES``; None is not available. Those of
             ``LATER`` are missing in records made before they were added.
-        curves: by offset, for the same offsets.
         quality: confidence that it is not lost after t = 1 …; None where the belief gives none.
         profile: mean error e by offset, each over the same states.
-        steps_done, scans_used: T, and scans with at least one beam in range.
-        events: the localizer's counts of trouble.
+        scans_used: those with at least one beam in range.
         plan: ``trace.plan_columns`` of the steps t = 1 … T; None if no plan was read.
         against_map: ``map_signals.MAP_COLUMNS`` of the steps t = 1 … T; None where the world is as
             on the map.
-        journey: of the whole run; None if the scenario asks for nothing.
-        track: on a whole log; None of any other trial.
-
-    Raises:
-        ValueError: its parts do not belong together.
     """
 
     unit: Annotated[str, Meta(pattern="^(px|m)$")]

@@ -17,11 +17,7 @@ Run = tuple[int, int]  # world, filter seed
 
 @dataclass(frozen=True)
 class Setting:
-    """What trials share that may be compared.
-
-    Attributes:
-        disturbance: wrappers around the world, innermost first.
-    """
+    """What trials share that may be compared; see ``Trial``."""
 
     scenario: str
     world: Overrides
@@ -33,11 +29,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Method(Named):
-    """What is compared: a localizer by name, with its parameters, and who drives.
-
-    Attributes:
-        agent: who drives; None: the scenario's agent.
-    """
+    """What is compared: a localizer by name, with its parameters, and who drives (None: usual)."""
 
     agent: Named | None = None
 
@@ -66,7 +58,6 @@ class Trial:
     """One localizer on one lap of one world.
 
     Attributes:
-        scenario: name of the world and of what the filters assume of it.
         disturbance: wrappers around the world, innermost first: {"kind": "kidnap", …}.
         agent: who drives; None: the scenario's agent.
         lag: L, the offsets scored are -L, 0 and L.

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.execution import engines
 from benchmarks.execution.engines import TRIES, Engine, Where, outcomes
 from benchmarks.execution.processes import TimedOutError, WorkerDiedError
-from benchmarks.sweeps.suites import paper_suite
+from benchmarks.sweeps.suites import paper_sweep
 from benchmarks.trials.attempt import Outcome
 
 DONE = Outcome(record={}, seconds=1.0)
@@ -64,7 +64,7 @@ def test_a_trial_that_keeps_ending_its_workers_fails_with_the_reason_after_three
 
 def test_a_trial_that_would_end_this_process_is_lost_like_a_dead_worker(monkeypatch):
     monkeypatch.setattr(engines, "attempt", lambda trial, key: sys.exit(7))
-    (trial,) = paper_suite(localizers=["mcl"], trials=1)
+    (trial,) = paper_sweep(localizers=["mcl"], trials=1).distinct()
     with (
         Where(jobs=1).engine([trial]) as engine,
         pytest.raises(WorkerDiedError, match=r"it called exit\(7\)"),

@@ -12,7 +12,12 @@ from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.overrides import Overrides
 from benchmarks.trials.collecting import JourneyLog
 from benchmarks.trials.episode import moments
-from benchmarks.trials.fixes import (
+from benchmarks.trials.scores import GROUPS, groups_named, journey_scores
+from benchmarks.trials.scoring import record
+from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Stage
+from benchmarks.trials.trace import trace_of
+from benchmarks.trials.tracks import (
     NEAR,
     RECOVERED_STEPS,
     Fixes,
@@ -22,11 +27,6 @@ from benchmarks.trials.fixes import (
     way_driven,
     weight_near,
 )
-from benchmarks.trials.scores import GROUPS, groups_named, journey_scores
-from benchmarks.trials.scoring import record
-from benchmarks.trials.spec import Trial
-from benchmarks.trials.stage import Stage
-from benchmarks.trials.trace import trace_of
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.map import metre
 from localizers import make

@@ -11,7 +11,7 @@ from sweep_command import report, sweep, tables
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="makes pipes and links")
 
-FEW, MANY = 30, 300  # cases by default, and with the slow tests
+FEW, MANY = 15, 300  # cases by default, and with the slow tests
 
 
 def flipped(path, dice):

@@ -11,7 +11,7 @@ from sweep_command import sweep, tables, write_small
 
 from benchmarks.report import writing
 from benchmarks.sweeps import manifest, running
-from benchmarks.sweeps.suites import SUITES
+from benchmarks.sweeps.suites import sweep_named
 from benchmarks.sweeps.sweepfile import read_sweep, sweep_of
 
 
@@ -97,7 +97,7 @@ def test_a_folder_of_fewer_worlds_goes_on_whatever_the_title_is_now(tmp_path, ra
 
 @pytest.mark.parametrize("name", ["quick", "headline", "noise", "disturbed", "plan-sensor"])
 def test_a_sweep_can_be_told_from_its_manifest(tmp_path, name):
-    sweep = SUITES[name]
+    sweep = sweep_named(name)
     text = json.dumps(manifest.manifest_of(sweep, []).sweep, allow_nan=False)
     assert sweep_of(json.loads(text), title="") == sweep
 

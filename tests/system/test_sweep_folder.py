@@ -28,30 +28,6 @@ def test_only_a_trial_that_is_lost_or_damaged_is_run_again_and_the_tables_come_b
     assert capsys.readouterr().err == f"deqmcl: {path}, line 1 {said}\n"
 
 
-def test_a_folder_with_a_file_a_trial_is_read_verified_and_goes_on(
-    file, finished, copy, ran, capsys
-):
-    before = tables(copy)
-    for name in ("trials", "timings"):
-        (copy / name).mkdir()
-    for text in (copy / "trials.jsonl").read_text().splitlines():
-        line = json.loads(text)
-        said, name = {"schema": 4, "key": line["key"], "checksum": "c0ffee"}, f"{line['key']}.json"
-        whole = said | {"trial": line["trial"]} | line["record"]
-        (copy / "trials" / name).write_text(json.dumps(whole))
-        (copy / "timings" / name).write_text(json.dumps(said | {"seconds": line["seconds"]}))
-    (copy / "trials.jsonl").unlink()
-    assert report(copy) == exit_code("verify", copy, "--jobs", "1") == 0
-    assert tables(copy) == before
-    ran.clear()
-    capsys.readouterr()
-    assert sweep(file, copy) == 0
-    said = f"deqmcl: 4 trials that had files of their own are lines of {copy}/trials.jsonl now.\n"
-    assert (ran, capsys.readouterr().err) == ([], said)
-    assert records(copy) == records(finished)
-    assert not {"trials", "timings"} & {path.name for path in copy.iterdir()}
-
-
 def test_another_sweep_in_the_folder_is_refused_with_all_differences(copy, tmp_path, refusal):
     before = files(copy)
     another = write_small(tmp_path, trials=1, particles=16, more="\n[world]\nnoise.drive = 0.5")
@@ -154,7 +130,7 @@ scenario = "../hall.toml"
 localizers = ["mcl", "../mine.py"]
 agent = "../drivers.py:Own"
 assumed.scan.kind = "../scans.py:made"
-trials = 2
+trials = 1
 params.particles = 15
 """,
 }

@@ -8,7 +8,7 @@ from sweep_command import report, sweep, write_small
 
 from benchmarks.sweeps import verifying
 from benchmarks.sweeps.results import results_in
-from benchmarks.sweeps.suites import SUITES
+from benchmarks.sweeps.suites import sweep_named
 from benchmarks.trials.scoring import LATER
 
 MINE = """
@@ -149,7 +149,7 @@ def test_a_folder_without_trials_or_with_an_edited_manifest_is_refused(copy, ref
 
 
 def test_a_sample_has_the_first_world_of_each_setting_and_method_and_one_in_a_hundred_by_digest():
-    sweep = SUITES["noise"]
+    sweep = sweep_named("noise")
     trials = {trial.key(""): trial for trial in sweep.distinct()}
     drawn = [set(verifying.sample(trials, code)) for code in ("a", "b")]
     first = {trial.key("") for trial in sweep.cells()}
