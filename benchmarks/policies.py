@@ -164,7 +164,7 @@ class LookAhead(Still):
         return self._information(path) - _CONTACT * float(blocked.mean())
 
     def _rolled_out(self, poses: Floats, turns: Floats) -> tuple[Floats, Floats]:
-        """Poses after each motion, (depth, n, 3); contacts, (n,): a motion with one only turns."""
+        """Poses after each motion, (depth, n, 3); contacts, (n,): one into a wall only turns."""
         floor_plan, radius = self._robot.floor_plan, self._robot.radius
         way, at, path = _DRIVES * _STEP * self._px, poses, []
         blocked = np.zeros(len(poses))

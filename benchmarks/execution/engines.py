@@ -111,10 +111,11 @@ class Where:
         if self.executor == "process":
             workers = max(1, min(jobs, len(trials)))
             with Processes(workers, timeout=self.timeout) as pool:
+                sender = _Sender(pool)
                 if workers == 1 and self.timeout is None:
-                    yield Engine(submit=partial(_run_here, pool), slots=1)
+                    yield Engine(submit=partial(_run_here, sender), slots=1)
                 else:  # one trial waits beside the workers, so that none waits for the store
-                    yield Engine(submit=_Sender(pool).submit, slots=workers + 1)
+                    yield Engine(submit=sender.submit, slots=workers + 1)
             return
         dask = self.executor == "dask"
         with _dask(jobs, self.scheduler) if dask else _made_by(self.executor, jobs) as engine:
@@ -123,14 +124,14 @@ class Where:
             yield replace(engine, slots=self.jobs or engine.slots, timeout=timeout)
 
 
-def _run_here(pool: Processes, trial: Trial, key: str) -> Future[Outcome]:
+def _run_here(sender: "_Sender", trial: Trial, key: str) -> Future[Outcome]:
     """Run a trial in this process, or in a process of its own if it has plug-ins.
 
     Of other people's code only what was given to ``localizers.register`` is run here: this process
     has loaded it already, and no other knows it.
     """
     if guest_of(trial):
-        return _Sender(pool).submit(trial, key)
+        return sender.submit(trial, key)
     future: Future[Outcome] = Future()
     try:
         future.set_result(attempt(trial, key))

@@ -38,12 +38,8 @@ from deqmcl_gym.registration import JOURNEY_ENV_ID as JOURNEY
 from deqmcl_gym.world.presets import PAPER_ROOM
 from localizers import GaussianPrior, GaussianUniform, OdometryMotion, Prior, RobotModel, make
 
-BEAMS, POSES, N_1K, N_10K = (
-    16,
-    20_000,
-    1_000,
-    10_000,
-)  # N_1K and N_10K particles
+BEAMS, POSES = 16, 20_000
+N_1K, N_10K = 1_000, 10_000  # particles
 LIDAR = Lidar(beams=BEAMS, field_of_view=2 * math.pi, max_range=400.0, sigma=10.0)
 BEARINGS = LIDAR.bearings.astype(np.float32)
 PLANNED = 100  # actions that a localizer is shown: the mean over a lap that counts down
@@ -75,10 +71,7 @@ class Effort(NamedTuple):
 
 @dataclass(frozen=True)
 class Ratio:
-    """A rate or a time of ours beside another's, both in a unit; each side makes its job.
-
-    A number as the other's is what was measured on another machine.
-    """
+    """A rate or time of ours beside another's; a number was measured on another machine."""
 
     name: str
     unit: str
@@ -148,10 +141,7 @@ def numpy_rays() -> Job:
 
 
 def numpy_ranges(room: PolygonMap, poses: Singles) -> Singles:
-    """Return the range of each beam at poses (3, n), (BEAMS, n) px: every ray, every wall.
-
-    In float32, in blocks of 16,384 rays that fit the cache.
-    """
+    """Return ranges at poses (3, n), (BEAMS, n) px: every ray, every wall, in blocks for caches."""
     out = np.empty((BEAMS, poses.shape[1]), np.float32)
     for first in range(0, poses.shape[1], 16_384 // BEAMS):
         block = slice(first, first + 16_384 // BEAMS)
@@ -172,10 +162,7 @@ def numpy_ranges(room: PolygonMap, poses: Singles) -> Singles:
 def numpy_mcl(
     robot: RobotModel, particles: int, prior: Prior, rng: np.random.Generator
 ) -> Callable[..., tuple[Reals, Floats]]:
-    """Return ``update`` of MCL in plain NumPy, for the robot of ``recorded_lap``: poses, weights.
-
-    Float32, one logarithm a scan, systematic resampling by ``cumsum`` and ``repeat``.
-    """
+    """Return ``update`` of MCL in plain NumPy, for the lap's robot: poses, weights."""
     motion, beam, room = robot.motion, robot.scan, robot.floor_plan
     assert isinstance(motion, OdometryMotion)
     assert isinstance(beam, GaussianUniform)
@@ -276,10 +263,7 @@ def numpy_steps(particles: int) -> Job:
 
 
 def replanned_steps(name: str, particles: int, ahead: int = 0) -> Job:
-    """Return the job of following a lap whose plan changes, over and over from its start.
-
-    At each step the state ``ahead`` is asked for: a future may be drawn only then.
-    """
+    """Return the job of a lap whose plan changes, over and over, its state ``ahead`` asked for."""
     lap = replanned_lap()
     localizer = make(name, lap.robot, particles=particles)
 
@@ -293,10 +277,7 @@ def replanned_steps(name: str, particles: int, ahead: int = 0) -> Job:
 
 
 def trials(name: str, *, localizer_only: bool) -> Job:
-    """Return the job of a trial as a sweep runs it, or of its localizer, by the wall's clock.
-
-    A sweep of many worlds less one of few, so that starting and ending it does not count.
-    """
+    """Return the job of a trial (a sweep of many worlds less one of few), or of its localizer."""
     spent = 0.0
 
     def run() -> None:
@@ -392,10 +373,7 @@ def _ratios() -> Iterator[Ratio]:
     yield Ratio("rays_vs_numpy", "rays/s", partial(rays, PAPER_ROOM), numpy_rays)
     yield Ratio("rays_office", "rays/s", partial(rays, cells), table)
     yield Ratio("rays_office_converged", "rays/s", partial(rays, cells, (0.2, 0.2, 0.1)), table)
-    deq, other = (
-        partial(filter_steps, "deq-mcl", N_10K),
-        partial(filter_steps, "mcl-map", N_10K),
-    )
+    deq, other = (partial(filter_steps, name, N_10K) for name in ("deq-mcl", "mcl-map"))
     yield Ratio("deq_vs_map_step", "µs/step", partial(deq, lag=20), other)
     yield Ratio("deq_lag80_vs_lag10", "µs/step", partial(deq, lag=80), partial(deq, lag=10))
     ours, other = partial(filter_steps, "mcl", N_10K), partial(numpy_steps, N_10K)

@@ -5,7 +5,6 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cache
 from typing import Any
 
 from benchmarks.setup.names import absolute_agent, absolute_scenario
@@ -212,11 +211,15 @@ class Sweep:
         sizes = [(self.trials, self.filter_seeds)] * (points * len(self.localizers))
         for limit in self.limits:
             sizes += [self._size(limit)] * points
-        known: dict[str, frozenset[Run]] = {}
-        for first, size in zip(self.cells(), sizes, strict=True):
-            name = json.dumps(first.canonical())
-            known[name] = known.get(name, frozenset()) | {size}
-        return sum(map(_runs_within, known.values()))
+        return len(
+            {
+                (name, world, filter_seed)
+                for first, (worlds, filter_seeds) in zip(self.cells(), sizes, strict=True)
+                for name in [json.dumps(first.canonical())]
+                for world in range(worlds)
+                for filter_seed in range(filter_seeds)
+            }
+        )
 
     @property
     def names(self) -> list[str]:
@@ -325,13 +328,6 @@ def by_cell(trials: Iterable[Trial]) -> dict[tuple[Setting, Method], list[Trial]
     for trial in trials:
         cells.setdefault((trial.setting, trial.method), []).append(trial)
     return cells
-
-
-@cache
-def _runs_within(sizes: frozenset[Run]) -> int:
-    """Count the runs within one or more numbers of worlds and filter seeds."""
-    worlds = range(max(trials for trials, _ in sizes))
-    return sum(max(seeds for trials, seeds in sizes if trials > world) for world in worlds)
 
 
 def _absolute(axis: Axis) -> Axis:

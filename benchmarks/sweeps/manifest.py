@@ -31,7 +31,7 @@ _DIGITS = 12  # of a digest
 
 
 class Verified(Provenance, frozen=True, kw_only=True):
-    """Other code, libraries or plug-ins that got the same in ``keys``, some ``of`` the trials."""
+    """Other code, libraries or plug-ins with the same results in ``keys``, of so many trials."""
 
     keys: list[str] = field(name="verified")
     of: int

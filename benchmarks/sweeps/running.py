@@ -227,7 +227,7 @@ _USUAL = 1000  # particles, where none are named
 def dry_run(
     sweep: Sweep, jobs: int | None = None, timeout: float | None = None, shards: int = 1
 ) -> str:
-    """Return the cells of a sweep with the time of a trial in each, and of one of ``shards``."""
+    """Return the cells of a sweep with the time of a trial in each, and the time of it all."""
     trials = sweep.distinct()
     cells = by_cell(trials)
     asked = Where(jobs=jobs, timeout=timeout)

@@ -1,12 +1,14 @@
 """Trials that ended, as lines of ``trials*.jsonl`` in a folder: appended, read, joined by ``cat``.
 
-A line is {"key", "trial", "record", "seconds"}, or {"key", "trial", "reason"} of a trial that
-failed. The last record of a key counts, and a reason where there is no record.
+A line is {"key", "trial", "record", "seconds", "crc"}, or {"key", "trial", "reason", "crc"} of a
+trial that failed; "crc" is that of the line without it. The last record of a key counts, and a
+reason where there is no record.
 """
 
 import json
 import os
 import sys
+import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -47,6 +49,7 @@ class _Line(Struct, frozen=True, kw_only=True):
 
 
 _DECODER = msgspec.json.Decoder(_Line)
+_CRC = b',"crc":'
 
 
 class Store:
@@ -203,6 +206,9 @@ def named(canonical: dict[str, Any]) -> str:
 
 
 def _line(text: bytes) -> _Line:
+    body, mark, crc = text.rstrip(b"\n").rpartition(_CRC)
+    if mark and b"%d}" % zlib.crc32(body) != crc:
+        raise UnreadableError("is not as it was written")
     try:
         return _DECODER.decode(text)
     except (msgspec.MsgspecError, RecursionError):  # or a name that is no UTF-8, as Python has it
@@ -217,4 +223,5 @@ def _is_line(text: bytes) -> bool:
 
 
 def _json(value: dict[str, Any]) -> bytes:
-    return json.dumps(value, allow_nan=False, separators=(",", ":")).encode() + b"\n"
+    body = json.dumps(value, allow_nan=False, separators=(",", ":")).encode()[:-1]
+    return b"%s%s%d}\n" % (body, _CRC, zlib.crc32(body))

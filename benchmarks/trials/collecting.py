@@ -36,7 +36,6 @@ from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError
 from localizers import best_cluster, quality_of
 
-_ROUNDING = 1e-6  # of shares: weights add up to 1 but for it
 Number = Annotated[float, Meta(ge=-1e100, le=1e100)]  # of a record: squares are finite
 
 
@@ -52,13 +51,6 @@ class WholeRun(Struct, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         if other := self.scores.keys() - JOURNEY_SCORES.keys():
             raise ValueError(f"has a score of the whole run named {min(other)[:20]!r}")
-        for name, value in self.scores.items():
-            if not isinstance(value, float) or JOURNEY_SCORES[name].unit != "share":
-                continue
-            if not -_ROUNDING <= value <= 1 + _ROUNDING:
-                raise ValueError(f"has {value:g} as {name}, which is a share")
-        if "way" not in self.curves or len(set(map(len, self.curves.values()))) != 1:
-            raise ValueError("has curves of the whole run of different lengths")
 
 
 class RecordedTrack(Struct, frozen=True, kw_only=True):

@@ -59,23 +59,6 @@ class TrialRecord(Struct, frozen=True, kw_only=True, omit_defaults=True):
         for name in {"offset", *SCORE_NAMES} - LATER:
             if any(name not in row for row in self.scores):
                 raise ValueError(f"has no {name} among its scores")
-        if set(self.offsets) != self.curves.keys() or 0 not in self.curves:
-            raise ValueError("has scores and curves of other offsets, or none at offset 0")
-        if any(abs((row["lost"] or 0) - 0.5) > 0.5 for row in self.scores):
-            raise ValueError("has a share of lost trials that is not from 0 to 1")
-        steps = self.steps_done
-        states = [len(curve.error) for curve in self.curves.values()]
-        states += [len(self.journey.curves["way"])] if self.journey else []
-        if not all(0 < length <= steps + 1 for length in states) or len(self.quality or ()) > steps:
-            raise ValueError(f"has a curve or qualities of another length than its {steps} steps")
-        if self.track is not None and {*map(len, self.track.best)} != {steps + 1}:
-            raise ValueError(f"has a track of another length than its {steps} steps")
-        if any(len(values) != steps for values in (self.against_map or {}).values()):
-            raise ValueError(f"has signals of the map of another length than its {steps} steps")
-        if self.plan is not None and any(
-            len(self.plan.get(name, ())) != steps for name in {"conflict", *self.plan}
-        ):
-            raise ValueError(f"has readings of the plan of another length than its {steps} steps")
 
     @property
     def offsets(self) -> list[int]:

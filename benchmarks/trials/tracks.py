@@ -22,7 +22,6 @@ from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.gaussian import fits
 from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
-from deqmcl_gym.validation import InputError, array
 
 NEAR = {"05m": Near(0.5, math.radians(10)), "1m": Near(1.0, math.radians(30))}
 FOUND = "1m"  # of NEAR: the one for metres to localize
@@ -380,14 +379,5 @@ def _errors(off: Floats) -> PoseErrors:
 
 def _pairs(estimate: Floats, reference: Floats) -> tuple[Floats, Floats]:
     """Return the poses that have a reference."""
-    given = array("the estimate", estimate, (None, 3))
-    true = np.asarray(reference, dtype=np.float64)
-    if true.shape != given.shape:
-        raise InputError(
-            f"the reference has shape {true.shape}, but must have that of the estimate, "
-            f"{given.shape}."
-        )
-    known = np.isfinite(true).all(axis=1)
-    if not known.any():
-        raise InputError("no pose has a reference, so there is no error.")
-    return given[known], true[known]
+    known = np.isfinite(reference).all(axis=1)
+    return estimate[known], reference[known]

@@ -18,13 +18,13 @@ def test_only_a_trial_that_is_lost_or_damaged_is_run_again_and_the_tables_come_b
     before = records(copy)
     lose(copy, 1)
     path = copy / "trials.jsonl"
-    path.write_text(path.read_text().replace('"steps_done":204', '"steps_done":"x"', 1))
+    path.write_text(path.read_text().replace('"steps_done":204', '"steps_done":203', 1))
     (copy / "results.csv").unlink()
     assert sweep(file, copy) == 0
     assert len(ran) == 2
     assert {**records(copy), **before} == before
     assert tables(copy) == tables(finished)
-    said = "has str instead of int at record.steps_done; it is left out."
+    said = "is not as it was written; it is left out."
     assert capsys.readouterr().err == f"deqmcl: {path}, line 1 {said}\n"
 
 
@@ -88,7 +88,7 @@ def L(robot): return dead_reckoning(robot)
 
 def test_a_report_takes_the_trials_of_the_manifests_own_code_alone_and_runs_none(tmp_path, capsys):
     plug_in, (one, two) = tmp_path / "p.py", (tmp_path / "one", tmp_path / "two")
-    file = write_small(tmp_path)
+    file = write_small(tmp_path, trials=1)
     for out, version in ((one, 1), (two, 2)):
         plug_in.write_text(PLUG_IN.format(version))
         assert sweep(file, out, "--with", f"{plug_in}:L") == 0
@@ -99,7 +99,7 @@ def test_a_report_takes_the_trials_of_the_manifests_own_code_alone_and_runs_none
     capsys.readouterr()
     assert report(one) == 0
     assert tables(one) == tables(two)
-    assert capsys.readouterr().err.count("is of other code, libraries or plug-ins") == 2
+    assert capsys.readouterr().err.count("is of other code, libraries or plug-ins") == 1
     assert (tmp_path / "ran").read_text() == before
     plug_in.unlink()
     assert report(one) == 0

@@ -86,9 +86,11 @@ def test_scores_added_since_are_not_compared_and_missing_in_tables(mine, capsys)
     plug_in, _, out = mine
     path = out / "trials.jsonl"
     held = [json.loads(text) for text in path.read_text().splitlines()]
-    for row in (row for line in held for row in line["record"]["scores"]):
-        for name in LATER:
-            del row[name]
+    for line in held:
+        del line["crc"]  # as lines of 0.2.0 are
+        for row in line["record"]["scores"]:
+            for name in LATER:
+                del row[name]
     path.write_text("".join(json.dumps(line) + "\n" for line in held))
     edit(plug_in, 0.0)
     assert verify(out) == 0
