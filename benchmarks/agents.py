@@ -55,10 +55,7 @@ class OpenLoop:
 
 
 class Stale(OpenLoop):
-    """The plan that the env shows is carried out; the localizer is shown that of another start.
-
-    That of one who had started farther on, and never anew.
-    """
+    """The plan that the env shows is carried out; the localizer is shown that of another start."""
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
         """Return the plan from the other start, all of it."""
@@ -75,25 +72,14 @@ class Stale(OpenLoop):
 class Misplaced(OpenLoop):
     """The plan that the env shows is carried out; the localizer is shown one from a wrong pose.
 
-    Its author sees the robot, shifted in one direction and turned by constant errors. In each lap
-    the direction is another one, and the turn left or right. The author plans the lap as the driver
-    of ``guided`` does, at every step, for the step after it.
-
-    Attributes:
-        sees_truth: True; see ``Agent``.
-        pose, arc: see ``Underway``.
+    Its author sees the robot, shifted (in the map's unit) in one direction and turned (rad) by
+    constant errors; in each lap the direction is another one, and the turn left or right. The lap
+    is planned as the driver of ``guided`` does, at every step, for the step after it.
     """
 
     sees_truth = True
 
     def __init__(self, robot: RobotModel, *, shift: float = 0.0, turn: float = 0.0) -> None:
-        """Make it for a robot.
-
-        Args:
-            robot: its map and size.
-            shift: distance of the position seen from the true one, in the map's unit.
-            turn: angle of the heading seen to the true one, rad.
-        """
         self._shift, self._turn = number("shift", shift, low=0), number("turn", turn, low=0)
         self._plan = _lap(robot)
 
@@ -103,14 +89,9 @@ class Misplaced(OpenLoop):
             raise InputError("the agent must see the true pose: give a world that tells it.")
         seed = np.abs(np.rint(1e6 * info["truth"])).astype(np.int64)
         direction, side = np.random.default_rng(seed).random(2)
-        angle = 2 * math.pi * direction
-        self._apart = np.array(
-            [
-                self._shift * math.cos(angle),
-                self._shift * math.sin(angle),
-                self._turn if side < 0.5 else -self._turn,
-            ]
-        )
+        angle, turn = 2 * math.pi * direction, self._turn if side < 0.5 else -self._turn
+        off = self._shift * math.cos(angle), self._shift * math.sin(angle)
+        self._apart = np.array([*off, turn])
         return self._seen_from(info["truth"])
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
@@ -119,25 +100,19 @@ class Misplaced(OpenLoop):
 
     def _seen_from(self, truth: Reals) -> Reals:
         x, y, heading = (truth + self._apart).tolist()
-        self.pose: Pose = (x, y, heading)
-        self.arc = self._plan.course.path.arc(self.pose[:2])
-        planned, count = self._plan.after(Underway(0, self.pose, self.arc, 0.0))
-        return planned[:count]
+        return _ahead_of(self._plan, (x, y, heading))
 
 
 class OldRoute(OpenLoop):
     """The plan that the env shows is carried out; the localizer is shown that of the first route.
 
-    Once there is another route, what is left of it: so the robot is driven by one who sees where it
-    is, and the dispatcher who tells the localizer does not. What is left of his plan is counted off
-    as if it were carried out.
+    Once there is another route, what is left of it, counted off as if it were carried out: who
+    drives the robot sees where it is, the dispatcher who tells the localizer does not.
     """
 
     def plan_at_reset(self, info: dict[str, Any]) -> None:
         """Return None: the plan at reset is the env's."""
-        if "route" not in info:
-            raise InputError("the agent shows the plan for a route: give a world with a route.")
-        self._route = info["route"]
+        self._route = _route_of(info)
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next action planned by the env, and what is left of the plan shown."""
@@ -148,19 +123,14 @@ class OldRoute(OpenLoop):
 
 
 class OtherRoute(Stale):
-    """The plan that the env shows is carried out; the localizer is shown that of another robot.
-
-    That robot follows a route of its own in the same building, without noise.
-    """
+    """The plan that the env shows is carried out; the localizer is shown that of another robot."""
 
     def __init__(self, robot: RobotModel) -> None:
         self._world = _in_the_building(robot)
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
         """Return the plan of the other robot; which route it has depends on the one shown only."""
-        if "route" not in info:
-            raise InputError("the agent shows the plan for a route: give a world with a route.")
-        seed = np.abs(np.rint(1e3 * np.array(info["route"]))).astype(np.int64).ravel()
+        seed = np.abs(np.rint(1e3 * np.array(_route_of(info)))).astype(np.int64).ravel()
         corners = Journeys(self._world).between(None, np.random.default_rng(seed))
         self._rest = Course.along(corners, (*corners[0].tolist(), 0.0), self._world).actions
         return self._rest
@@ -169,17 +139,13 @@ class OtherRoute(Stale):
 class OnEstimate:
     """Drives the lap, and plans it, from where the localizer believes the robot is.
 
-    The driver of ``guided``, on the mean of the belief instead of the true pose. It takes the lap
-    in mid-corridor of the robot's map. What comes at the end of the lap is left to the env: where
-    its plan is used up the episode ends.
+    The driver of ``guided``, on the mean of the belief instead of the true pose.
     """
 
     plan_author = "own"
 
     def __init__(self, robot: RobotModel) -> None:
         self._plan = _lap(robot)
-        self.pose: Pose = (0.0, 0.0, 0.0)
-        self.arc = 0.0
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
         """Return no plan: nothing is believed yet."""
@@ -189,10 +155,8 @@ class OnEstimate:
         """Return the next action of a plan from the mean pose, and the rest of that plan."""
         if (seen := _points(belief)) is None:
             return _LOOK_ROUND, None
-        self.pose = mean_pose(*seen)
-        self.arc = self._plan.course.path.arc(self.pose[:2])
-        planned, count = self._plan.after(Underway(0, self.pose, self.arc, 0.0))
-        return planned[0], planned[1 : max(count, 1)]
+        planned = _ahead_of(self._plan, mean_pose(*seen), least=1)
+        return planned[0], planned[1:]
 
 
 class ToGoal:
@@ -201,12 +165,7 @@ class ToGoal:
     It drives as the env's driver would, on the best cluster of the belief. Where it believes to be
     off its way, or behind a wall from it, it plans another one; from within a wall, by the nearest
     place with a way. After a contact it turns away, left and right in turn, and drives two steps.
-    Where it believes to be at the goal it turns on the spot: who is there is told so by the end of
-    the episode.
-
-    Attributes:
-        goal: where it drives to; None before the start.
-        pose, arc: see ``Underway``.
+    Where it believes to be at the goal it turns on the spot.
     """
 
     plan_author = "own"
@@ -275,10 +234,7 @@ class ToGoal:
 
 
 class Dispatched(ToGoal):
-    """Is driven along a route to a random place by one who sees where it is, then along another.
-
-    No policy, but what a dispatcher's route is worth: it reads the true pose.
-    """
+    """Is driven along a route to a random place by one who sees where it is, then along another."""
 
     sees_truth = True
 
@@ -308,9 +264,7 @@ class Dispatched(ToGoal):
 class OnRoute(ToGoal):
     """Follows the dispatcher's route as shown at reset, on the localizer's estimate.
 
-    Off it, it plans its own way to the goal. The localizer is reset with the plan of the
-    dispatcher, who knew where the robot was; after that it is told what the agent plans on the
-    estimate.
+    Off it, it plans its own way to the goal. After the reset the localizer is told these plans.
     """
 
     def plan_at_reset(self, info: dict[str, Any]) -> None:
@@ -324,6 +278,19 @@ def _lap(robot: RobotModel) -> GuidedPlan:
     """Plan the lap in mid-corridor of the robot's map, as the driver of ``guided`` does."""
     world = WORLDS["guided"].changed(floor_plan=robot.floor_plan, robot={"radius": robot.radius})
     return GuidedPlan.of(world, world.driver or Driver(), Course.of(world), _LAP_HORIZON)
+
+
+def _ahead_of(plan: GuidedPlan, pose: Pose, least: int = 0) -> Reals:
+    """Return the actions planned from a pose near its course."""
+    arc = plan.course.path.arc(pose[:2])
+    planned, count = plan.after(Underway(0, pose, arc, 0.0))
+    return planned[: max(count, least)]
+
+
+def _route_of(info: dict[str, Any]) -> Any:
+    if "route" not in info:
+        raise InputError("the agent shows the plan for a route: give a world with a route.")
+    return info["route"]
 
 
 def _in_the_building(robot: RobotModel) -> World:

@@ -88,12 +88,7 @@ def sweep(
 
 @dataclass(frozen=True)
 class Experiment:
-    """A sweep that can be run.
-
-    Attributes:
-        sweep: its design.
-        factories: what makes the localizers that are no names, by the name they have here.
-    """
+    """A sweep that can be run, and what makes those of its localizers that are no names."""
 
     sweep: Sweep
     factories: Mapping[str, Factory] = field(default_factory=dict)
@@ -132,10 +127,8 @@ class Experiment:
         """
         where = Where(jobs=jobs, executor=executor, scheduler=scheduler, timeout=timeout)
         part = None if shard is None else shard_of(shard)
-        options = Options(
-            where=where, shard=part, retry_failed=retry_failed, fail_fast=fail_fast,
-            progress=progress
-        )  # fmt: skip
+        again = {"retry_failed": retry_failed, "fail_fast": fail_fast}
+        options = Options(where=where, shard=part, progress=progress, **again)
         where.check()
         with ExitStack() as stack:
             folder = Path(out or f"{stack.enter_context(TemporaryDirectory())}/experiment")
@@ -167,7 +160,6 @@ class ExperimentResults:
     """The numbers of an experiment; in Jupyter, its verdict and its first table.
 
     Attributes:
-        sweep: what was run.
         results: all of it, for whom the tables are not enough.
         files: of its report, if one was written where it ran.
     """
@@ -195,7 +187,6 @@ class ExperimentResults:
         Args:
             over: column of the swept value, such as "particles".
             value: column with its interval in value_low and value_high.
-            offset: of the state: 0 is x[t].
 
         Raises:
             InputError: there is no such column, or it has no numbers.
@@ -213,11 +204,10 @@ class ExperimentResults:
                     f"there is no column {shown(name)} of numbers: it has {', '.join(numbers)}."
                 )
         others = [name for name in self._varied if name != over and table[name].nunique() > 1]
-        named = [
-            ", ".join([row["label"], *(f"{name} = {row[name]}" for name in others)])
-            for _, row in table.iterrows()
-        ]
-        known = table.assign(label=named)[table[over].notna()].sort_values(over, kind="stable")
+        labels = table["label"].astype(str)
+        for name in others:
+            labels = labels + f", {name} = " + table[name].map(str)
+        known = table.assign(label=labels)[table[over].notna()].sort_values(over, kind="stable")
         with styled(STYLE):
             axes = line(known, over, value, f"{value}_low", f"{value}_high")
             axes.set(xlabel=over, ylabel=value)
@@ -262,9 +252,7 @@ def run(
 
     Args:
         scenario: as in ``sweep``.
-        localizer: a name, or what makes a localizer for a robot.
         seed, trial: the world is that of this trial of a sweep with this seed.
-        params: of the localizer.
 
     Raises:
         InputError: an unknown name, or a bad value.
@@ -297,7 +285,7 @@ def _base(of: str | Path | Sweep) -> Sweep:
     if name in SCENARIOS and name not in SUITES:
         return Sweep(title=name, scenario=name, localizers=tuple(map(Method, PAPER_METHODS)))
     if not name.endswith(".toml"):
-        one_of("suite or scenario", name, {**SUITES, **SCENARIOS})
+        one_of("suite or scenario", name, [*SUITES, *SCENARIOS])
     return sweep_named(name)
 
 

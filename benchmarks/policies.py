@@ -164,10 +164,7 @@ class LookAhead(Still):
         return self._information(path) - _CONTACT * float(blocked.mean())
 
     def _rolled_out(self, poses: Floats, turns: Floats) -> tuple[Floats, Floats]:
-        """Return the poses after each motion, (depth, n, 3), and the contacts of each pose, (n,).
-
-        A motion that would touch a wall is not carried out, but for its turn.
-        """
+        """Poses after each motion, (depth, n, 3); contacts, (n,): one into a wall only turns."""
         floor_plan, radius = self._robot.floor_plan, self._robot.radius
         way, at, path = _DRIVES * _STEP * self._px, poses, []
         blocked = np.zeros(len(poses))
@@ -198,8 +195,7 @@ class LookAhead(Still):
 class FreeEnergy(LookAhead):
     """Minimizes expected free energy: information (epistemic) and what it prefers (pragmatic).
 
-    What it prefers: no contact, few steps, and, where there is a goal, to be near it, by 1 nat per
-    metre of the samples' mean distance.
+    It prefers no contact, few steps, and to be near a goal: 1 nat per metre of the samples' mean.
     """
 
     def __init__(self, robot: RobotModel, *, depth: int = 2) -> None:

@@ -2,12 +2,8 @@
 
 import argparse
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from benchmarks.console import doing
-
-if TYPE_CHECKING:  # --help loads nothing heavy
-    from benchmarks.sweeps.design import Sweep
 
 _KINDS = "suites", "localizers", "scenarios", "agents"
 _FEW = 6  # shown of each kind
@@ -49,9 +45,9 @@ def run(options: argparse.Namespace) -> str:
 
 
 def _suite(name: str) -> str:
-    from benchmarks.sweeps.suites import SUITES
+    from benchmarks.sweeps.suites import sweep_named
 
-    sweep: Sweep = SUITES[name]
+    sweep = sweep_named(name)
     return f"{sweep.planned:,} trials on {sweep.trials} worlds: {sweep.title}"
 
 

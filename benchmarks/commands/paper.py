@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> str:
 
     prepare()  # while this process loads what it needs
     from benchmarks.execution.engines import Where
-    from benchmarks.execution.processes import PATIENCE, Processes
+    from benchmarks.execution.processes import GUEST_SECONDS, Processes
     from benchmarks.experiment import Experiment
     from benchmarks.files import write_files
     from benchmarks.pictures.figures import chosen, write_paper_figures
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> str:
     if not (out / "report.html").exists():
         load()  # while the workers load theirs
     with Experiment(sweep).begun(out, how, options.words) as running:
-        with Processes(1, timeout=PATIENCE) as beside:  # where the kernels are loaded
+        with Processes(1, timeout=GUEST_SECONDS) as beside:  # where the kernels are loaded
             drawing = beside.submit(write_paper_figures, chosen(sweep.distinct()), out / "figures")
             results = running.results()
             drawn = [] if results.failures or results.missing else drawing.result()

@@ -75,10 +75,10 @@ def add_share(parser: Options) -> None:
 
 def share_verified(options: argparse.Namespace) -> float:
     """Return that share."""
-    from benchmarks.sweeps.verifying import SHARE
+    from benchmarks.sweeps.verifying import SAMPLED
     from deqmcl_gym.validation import number
 
-    return SHARE if options.share is None else number("--share", options.share, low=0, high=1)
+    return SAMPLED if options.share is None else number("--share", options.share, low=0, high=1)
 
 
 def add_seed(parser: Options, default: int | None = 0) -> None:

@@ -61,8 +61,7 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.pictures.messages import check_folder
     from benchmarks.report.animations import write_laps
     from benchmarks.report.writing import no_report
-    from benchmarks.sweeps.dry_run import dry_run
-    from benchmarks.sweeps.running import check, complete, shard_of
+    from benchmarks.sweeps.running import check, complete, dry_run, shard_of
     from deqmcl_gym.validation import InputError
 
     if options.mcap is not None:

@@ -1,33 +1,66 @@
 """The engines a sweep can run on, and what keeps them busy with trials.
 
-An engine gives an ``Executor`` for as long as it is needed: this process, processes of this
-machine, Dask's (a cluster that runs already, or processes), or one of the user's.
+An engine takes trials: in this process, in processes of this machine, in those of a Dask cluster
+(one that runs already, or one started here), or by an executor of the user's.
 """
 
 import contextlib
+import importlib
+import logging
 import math
 import os
+import pickle
+import signal
+import sys
+import sysconfig
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.execution import executors
-from benchmarks.execution.executors import Engine, Sending
-from benchmarks.execution.processes import PATIENCE, Processes, TimedOutError, WorkerDiedError
-from benchmarks.trials.attempt import Outcome, attempt
-from benchmarks.trials.plugins import guest_of
+from benchmarks.execution.processes import (
+    GUEST_SECONDS,
+    Processes,
+    TimedOutError,
+    WorkerDiedError,
+)
+from benchmarks.execution.starting import ONE_THREAD, sheltered
+from benchmarks.trials.attempt import Outcome, attempt, guest_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number
+from localizers.digests import OURS
+from localizers.registry import LOCALIZER
 
 TRIES = 3  # of a trial whose worker dies
+CONNECT_SECONDS = 10  # how long a scheduler may take to answer
+_CLOSE_SECONDS = 1
 _LOOK_SECONDS = 2
+_MUST = (
+    ": give module:factory, a function without arguments that returns a "
+    "concurrent.futures.Executor that runs what is submitted."
+)
 
-_InFlight = dict[Future[Outcome], tuple[str, Trial, float]]  # key, trial, when it was submitted
+
+@dataclass(frozen=True, kw_only=True)
+class Engine:
+    """What trials are submitted to.
+
+    Attributes:
+        submit: takes a trial and its key; raises InputError if it cannot be sent.
+        slots: trials in flight at a time.
+        timeout: s after which a trial in flight is given up; None if the engine sees to it.
+        lost: says why nothing more will come of it; "" if it works.
+    """
+
+    submit: Callable[[Trial, str], Future[Outcome]]
+    slots: int
+    timeout: float | None = None
+    lost: Callable[[], str] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,77 +97,204 @@ class Where:
     def check(self) -> None:
         """See whether the engine can be had, before anything is written."""
         if self.executor == "dask":
-            executors.distributed()
+            _distributed()
             if self.scheduler is not None:
-                with executors.dask(0, self.scheduler):
+                with _dask(0, self.scheduler):
                     pass
         elif self.executor != "process":
-            executors.factory(self.executor)
+            _factory(self.executor)
 
     @contextmanager
     def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
         """Start an engine for these trials, and end it with all that still runs."""
         jobs = self.jobs or available_cpus()
         if self.executor == "process":
-            place = self._processes(max(1, min(jobs, len(trials))))
-        elif self.executor == "dask":
-            place = self._elsewhere(executors.dask(jobs, self.scheduler), trials)
-        else:
-            place = self._elsewhere(executors.made_by(self.executor, jobs), trials)
-        with place as engine:
-            yield engine
-
-    @contextmanager
-    def _elsewhere(
-        self, place: AbstractContextManager[Engine], trials: Collection[Trial]
-    ) -> Iterator[Engine]:
-        """Give an engine that does not look after the time of its trials."""
-        guests = any(map(guest_of, trials))
-        timeout = PATIENCE if guests and self.timeout is None else self.timeout
-        with place as engine:
-            sending, slots = Sending(engine.executor), self.jobs or engine.slots
-            yield replace(engine, executor=sending, slots=slots, timeout=timeout)
-
-    @contextmanager
-    def _processes(self, workers: int) -> Iterator[Engine]:
-        with Processes(
-            workers, timeout=self.timeout, guest_of=lambda trial, *_: guest_of(trial)
-        ) as processes:
-            if workers == 1 and self.timeout is None:
-                yield Engine(executor=ThisProcess(processes), slots=1)
-            else:  # one trial waits beside the workers, so that none waits for the store
-                yield Engine(executor=Sending(processes), slots=workers + 1)
+            workers = max(1, min(jobs, len(trials)))
+            with Processes(workers, timeout=self.timeout) as pool:
+                sender = _Sender(pool)
+                if workers == 1 and self.timeout is None:
+                    yield Engine(submit=partial(_run_here, sender), slots=1)
+                else:  # one trial waits beside the workers, so that none waits for the store
+                    yield Engine(submit=sender.submit, slots=workers + 1)
+            return
+        dask = self.executor == "dask"
+        with _dask(jobs, self.scheduler) if dask else _made_by(self.executor, jobs) as engine:
+            patient = self.timeout is None and any(map(guest_of, trials))
+            timeout = GUEST_SECONDS if patient else self.timeout
+            yield replace(engine, slots=self.jobs or engine.slots, timeout=timeout)
 
 
-class ThisProcess(Executor):
-    """Runs each call where it is submitted, those of guests in their own processes.
+def _run_here(sender: "_Sender", trial: Trial, key: str) -> Future[Outcome]:
+    """Run a trial in this process, or in a process of its own if it has plug-ins.
 
     Of other people's code only what was given to ``localizers.register`` is run here: this process
     has loaded it already, and no other knows it.
     """
+    if guest_of(trial):
+        return sender.submit(trial, key)
+    future: Future[Outcome] = Future()
+    try:
+        future.set_result(attempt(trial, key))
+    except SystemExit as end:
+        future.set_exception(WorkerDiedError(f"it called exit({end.code!r})"))
+    except Exception as error:
+        future.set_exception(error)
+    return future
 
-    def __init__(self, guests: Processes) -> None:
-        self._guests, self._sending = guests, Sending(guests)
 
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Call ``fn``; if that would end this process, its future fails as a dead worker's."""
-        if self._guests.guest_of(*args):
-            return self._sending.submit(fn, *args, **kwargs)
-        future: Future[Any] = Future()
+class _Sender:
+    """Sends trials to an executor, each with the localizer that was registered in this process."""
+
+    def __init__(self, executor: Executor) -> None:
+        self._executor, self._packed = executor, dict[str, bytes]()
+
+    def submit(self, trial: Trial, key: str) -> Future[Outcome]:
+        """Have a trial attempted where its localizer is known."""
+        submit: Callable[..., Future[Outcome]] = self._executor.submit
+        if isinstance(self._executor, Processes):
+            submit = partial(self._executor.submit_guest, guest_of(trial))
+        if (name := trial.localizer) not in LOCALIZER.added:
+            return submit(attempt, trial, key)
+        if name not in self._packed:
+            self._packed[name] = _packed(name)
+        return submit(_attempt_sent, self._packed[name], trial, key)
+
+
+def _packed(name: str) -> bytes:
+    """Return a registered localizer as bytes, with the code of its module if that is one's own."""
+    import cloudpickle
+
+    factory: Any = LOCALIZER.resolve(name)
+    whole = factory
+    while isinstance(whole, partial):
+        whole = whole.func
+    home = sys.modules.get(getattr(whole, "__module__", ""))
+    file = getattr(home, "__file__", None)
+    installed = [*map(Path, (sys.prefix, *sysconfig.get_paths().values()))]
+    installed += [Path(__file__).parents[2] / package for package in OURS]
+    try:
+        with ExitStack() as stack:
+            if file is not None and not any(map(Path(file).is_relative_to, installed)):
+                cloudpickle.register_pickle_by_value(home)
+                stack.callback(cloudpickle.unregister_pickle_by_value, home)
+            return bytes(cloudpickle.dumps(factory))
+    except Exception as error:
+        raise InputError(
+            f"the localizer {name!r} cannot be sent to other processes ({in_words(error)}): give "
+            "jobs=1, or name it as file.py:NAME."
+        ) from None
+
+
+def _attempt_sent(packed: bytes, trial: Trial, key: str) -> Outcome:
+    if trial.localizer not in LOCALIZER.added:
+        LOCALIZER.added[trial.localizer] = pickle.loads(packed)
+        LOCALIZER.received.add(trial.localizer)
+    return attempt(trial, key)
+
+
+def _distributed() -> Any:
+    """Return the package ``distributed``."""
+    try:
+        import distributed
+    except ImportError:
+        raise InputError(
+            "Dask is not installed: run pip install 'deqmcl-gym[dask]', or leave out "
+            "--executor dask."
+        ) from None
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost, we say
+    return distributed
+
+
+@contextmanager
+def _dask(workers: int, scheduler: str | None) -> Iterator[Engine]:
+    """Connect to a cluster."""
+    package = _distributed()
+    with ExitStack() as stack:
+        address = scheduler or stack.enter_context(_local_cluster(package, workers))
         try:
-            future.set_result(fn(*args, **kwargs))
-        except SystemExit as end:
-            future.set_exception(WorkerDiedError(f"it called exit({end.code!r})"))
-        except Exception as error:
-            future.set_exception(error)
-        return future
+            client = package.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
+        except Exception as error:  # each transport has its own
+            raise InputError(
+                f"the Dask scheduler {address!r} cannot be reached ({in_words(error)}): give an "
+                "address like tcp://host:8786."
+            ) from None
+        stack.callback(_close, client)
+        if (threads := sum(client.nthreads().values())) == 0:
+            raise InputError(f"the Dask scheduler {scheduler} has no workers: start some.")
+
+        def lost() -> str:
+            gone = client.status not in ("running", "connecting")
+            return "the Dask scheduler is lost" if gone else ""
+
+        submit = _Sender(client.get_executor(retries=0)).submit
+        yield Engine(submit=submit, slots=threads, lost=lost)
+
+
+@contextmanager
+def _local_cluster(package: Any, workers: int) -> Iterator[Any]:
+    """Start worker processes of one thread each; at the end, kill them in whatever they do."""
+    with sheltered():
+        cluster = package.LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address=None,
+            env={**ONE_THREAD, "PYTHONSAFEPATH": ""},
+            silence_logs=logging.CRITICAL,
+        )
+    try:
+        yield cluster
+    finally:
+        for nanny in cluster.workers.values():  # one looks after each process, and would restart it
+            nanny.auto_restart = False
+            with contextlib.suppress(OSError, TypeError):  # it is gone
+                os.kill(nanny.pid, signal.SIGKILL)
+        _close(cluster)
+
+
+def _close(connected: Any) -> None:
+    with contextlib.suppress(TimeoutError):
+        connected.close(timeout=_CLOSE_SECONDS)
+
+
+@contextmanager
+def _made_by(name: str, slots: int) -> Iterator[Engine]:
+    """Call ``module:factory``; shut down what it returns at the end."""
+    try:
+        executor = _factory(name)()
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"the executor {name!r} cannot be made ({in_words(error)}){_MUST}"
+        ) from error
+    if not isinstance(executor, Executor) or type(executor).submit is Executor.submit:
+        kind = type(executor).__name__
+        raise InputError(f"the executor {name!r} returned an object of type {kind}{_MUST}")
+    try:
+        yield Engine(submit=_Sender(executor).submit, slots=slots)
+    finally:
+        executor.shutdown(wait=False, cancel_futures=True)
+
+
+def _factory(name: str) -> Callable[[], Executor]:
+    """Return what ``module:factory`` leads to."""
+    module, _, attribute = name.partition(":")
+    try:
+        factory = getattr(importlib.import_module(module), attribute)
+    except Exception as error:
+        raise InputError(
+            f"the executor {name!r} cannot be loaded ({in_words(error)}){_MUST}"
+        ) from None
+    if not callable(factory):
+        raise InputError(f"the executor {name!r} is of type {type(factory).__name__}{_MUST}")
+    return factory  # type: ignore[no-any-return]
 
 
 def available_cpus() -> int:
     """Return how many processors this process may use, at least 1: by affinity and by quota."""
     affinity = getattr(os, "sched_getaffinity", None)  # not everywhere
-    own = len(affinity(0)) if affinity else os.cpu_count() or 1
-    return max(1, math.ceil(min(own, _quota())))
+    cpus = len(affinity(0)) if affinity else os.cpu_count() or 1
+    return max(1, math.ceil(min(cpus, _quota())))
 
 
 def _quota(groups: Path = Path("/sys/fs/cgroup")) -> float:
@@ -145,6 +305,9 @@ def _quota(groups: Path = Path("/sys/fs/cgroup")) -> float:
             quota, period = map(int, " ".join(file.read_text() for file in files).split())
             return quota / period if quota > 0 else math.inf
     return math.inf
+
+
+_InFlight = dict[Future[Outcome], tuple[str, Trial, float]]  # key, trial, when it was submitted
 
 
 def outcomes(
@@ -162,23 +325,23 @@ def outcomes(
     waiting = deque(jobs)
     tries: Counter[str] = Counter()
     in_flight: _InFlight = {}
-    hung: list[Future[Outcome]] = []
+    hung = 0
     while waiting or in_flight:
-        if len(hung) == engine.slots:
+        if hung == engine.slots:
             raise RuntimeError(
-                f"all {len(hung)} workers hang; finished trials are kept, run the command again "
-                "for the rest."
+                f"all {hung} workers hang; finished trials are kept, run the command again for "
+                "the rest."
             )
-        while waiting and len(in_flight) + len(hung) < engine.slots:
+        while waiting and len(in_flight) + hung < engine.slots:
             key, trial = waiting.popleft()
-            future = engine.executor.submit(attempt, trial, key)
+            future = engine.submit(trial, key)
             in_flight[future] = key, trial, time.monotonic()
             if future.done():
                 break  # an engine that runs it here: take it at once
         for future in _landed(in_flight, engine):
             key, trial, _ = in_flight.pop(future)
             if not future.done():
-                hung.append(future)
+                hung += 1
                 yield key, Outcome(reason=f"no result within {engine.timeout:g} s")
                 continue
             tries[key] += 1

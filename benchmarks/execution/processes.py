@@ -27,7 +27,7 @@ from deqmcl_gym.validation import InputError, in_words
 _FAREWELL = 1.0
 _HELD = 8  # guests for whose next call a worker keeps a process
 _OOM_SCORE = "500"  # who is killed first when memory runs out: a worker, not its parent
-PATIENCE = 3600.0  # s that a call of a guest may take if nobody says otherwise
+GUEST_SECONDS = 3600.0  # that a call of a guest may take if nobody says otherwise
 _Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
 
@@ -44,34 +44,21 @@ class TimedOutError(RuntimeError):
 
 
 class Processes(Executor):
-    """``workers`` processes of one thread each, at work at a time.
+    """``workers`` processes of one thread each, at work at a time; each starts with its first call.
 
     A future fails with ``WorkerDiedError`` or ``TimedOutError`` when its process died or took more
-    than ``timeout`` seconds; a new process takes the next call. Leaving the context kills what
-    still runs, and what it started. Processes notice by themselves when this one is gone.
+    than ``timeout`` seconds (None: ``GUEST_SECONDS`` of a guest, else for ever); a new process
+    takes the next call. Leaving the context kills what still runs, and what it started. Processes
+    notice by themselves when this one is gone.
 
     Calls of different guests never share a process, so that what a plug-in does to its process
     concerns no other's trials. A process waits for the next call of its guest, unless ``_HELD``
     others were called since.
     """
 
-    def __init__(
-        self,
-        workers: int,
-        *,
-        timeout: float | None = None,
-        guest_of: Callable[..., str] = lambda *_: "",
-    ) -> None:
-        """Start nothing yet: a process starts with the first call it gets.
-
-        Args:
-            workers: calls at a time.
-            timeout: s that a call may take; None is ``PATIENCE`` for those of a guest, else for
-                ever.
-            guest_of: says of a call's arguments whose code it runs, "" if only ours.
-        """
-        self._timeout, self.guest_of = timeout, guest_of
-        self._calls: queue.SimpleQueue[tuple[Future[Any], _Call] | None] = queue.SimpleQueue()
+    def __init__(self, workers: int, *, timeout: float | None = None) -> None:
+        self._timeout = timeout
+        self._calls: queue.SimpleQueue[tuple[Future[Any], str, _Call] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()  # of what follows
         self._closed = False
         self._living: set[_Worker] = set()
@@ -86,8 +73,12 @@ class Processes(Executor):
         """Have ``fn(*args)`` run by the next free process; keyword arguments are not taken."""
         if kwargs:
             raise TypeError("keyword arguments are not passed on to worker processes")
+        return self.submit_guest("", fn, *args)
+
+    def submit_guest(self, guest: str, fn: Callable[..., Any], /, *args: Any) -> Future[Any]:
+        """As ``submit``, for a call that runs the code of a guest by this name."""
         future: Future[Any] = Future()
-        self._calls.put((future, (fn, args)))
+        self._calls.put((future, guest, (fn, args)))
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -109,13 +100,11 @@ class Processes(Executor):
     def _look_after_one(self) -> None:
         held: dict[str, _Worker] = {}  # by guest, the one called last at the end
         while (item := self._calls.get()) is not None:
-            future, call = item
+            future, guest, call = item
             if self._closed or not future.set_running_or_notify_cancel():
                 continue
-            guest = ""
             try:
-                guest = self.guest_of(*call[1])
-                patience = PATIENCE if guest and self._timeout is None else self._timeout
+                patience = GUEST_SECONDS if guest and self._timeout is None else self._timeout
                 worker = held.pop(guest) if guest in held else self._started()
                 held[guest] = worker
                 answer = worker.returned(call, patience)
@@ -156,13 +145,7 @@ class _Worker:
         self._ready = False
 
     def returned(self, call: _Call, timeout: float | None) -> Any:
-        """Return what a call returns, or raise what it raised.
-
-        Raises:
-            TimedOutError: there is no answer after ``timeout`` s.
-            WorkerDiedError: the process ended.
-            CannotStartError: it ended before it took a call.
-        """
+        """Return what a call returns, or raise what it raised, or why there is no answer."""
         try:
             if not self._ready:
                 self._line.recv()  # imports take their time, which is not the call's

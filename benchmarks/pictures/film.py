@@ -11,8 +11,8 @@ import PIL.Image
 
 from benchmarks.tables.text import state_name
 from benchmarks.trials.episode import Step
-from benchmarks.trials.fixes import Fixes, driven
 from benchmarks.trials.stage import Stage
+from benchmarks.trials.tracks import Fixes, way_driven
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps.map import metre, pixel
 from deqmcl_gym.numerics import arrays
@@ -227,7 +227,7 @@ class Film:
         unit = metre(name)
         truth = np.array([moment.truth for moment in self.moments], np.float64)
         off = np.array(self._best) - truth
-        way = driven([m.action for m in self.moments if m.action is not None]) / unit
+        way = way_driven([m.action for m in self.moments if m.action is not None]) / unit
         fixes = Fixes(
             steps=np.arange(len(truth)),
             count=len(truth),

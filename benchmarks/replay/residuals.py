@@ -20,7 +20,7 @@ from benchmarks.report.charts import INK, STYLE, Chart
 from benchmarks.report.tables import Table
 from benchmarks.report.tracks import ended, map_axes
 from benchmarks.tables.text import percent
-from benchmarks.trials.residuals import (
+from benchmarks.trials.map_signals import (
     APART,
     CLEAR,
     Expected,

@@ -30,7 +30,7 @@ from benchmarks.setup.names import scenario
 from benchmarks.sweeps.results import results_in
 from benchmarks.tables.text import percent
 from benchmarks.trials.scores import track_scores
-from benchmarks.trials.tracks import Track, calibration_of_gaussians
+from benchmarks.trials.tracks import EstimatedTrack, calibration_of_gaussians
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Log, Scanner, Trajectory, referenced
@@ -54,7 +54,7 @@ class Played:
     setup: ReplayScenario = REPLAY
     runs: pd.DataFrame | None = None
 
-    def track(self, estimate: Trajectory) -> tuple[Track, Indices]:
+    def track(self, estimate: Trajectory) -> tuple[EstimatedTrack, Indices]:
         """Return an estimate at the records that it covers, and which of its poses each has."""
         log, times = self.log, estimate.times
         inside = (log.times >= times[0]) & (log.times <= times[-1])
@@ -68,7 +68,7 @@ class Played:
         then = between(self.whole.times, self.whole.odometry, times[at])
         best = composed(estimate.poses[at], relative(then, log.odometry))
         best[~inside] = np.nan
-        return Track(log, best), at
+        return EstimatedTrack(log, best), at
 
 
 def played_before(folder: Path) -> Played:
@@ -105,7 +105,7 @@ def played_by_replay(
     return Played(played, whole, ground)
 
 
-def at_own_times(estimate: Trajectory, reference: Trajectory) -> tuple[Track, Indices]:
+def at_own_times(estimate: Trajectory, reference: Trajectory) -> tuple[EstimatedTrack, Indices]:
     """Return an estimate at those of its own times that have a reference, and which these are.
 
     The odometry of these records is the reference: it says how far the robot has driven.
@@ -117,7 +117,7 @@ def at_own_times(estimate: Trajectory, reference: Trajectory) -> tuple[Track, In
     at, poses = known.referenced, known.reference
     assert poses is not None
     log = replace(known.of_records(at), odometry=poses[at])
-    return Track(log, estimate.poses[at]), at
+    return EstimatedTrack(log, estimate.poses[at]), at
 
 
 def run_of(label: str, estimate: Trajectory, by: Played | Trajectory) -> pd.DataFrame:

@@ -19,7 +19,7 @@ from benchmarks.sweeps.results import Results
 from benchmarks.tables.frames import scored
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import file_words
-from benchmarks.trials.plugins import key_of
+from benchmarks.trials.attempt import key_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.files import content_of

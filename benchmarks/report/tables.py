@@ -22,7 +22,7 @@ from benchmarks.tables.text import (
     significant,
     state_name,
 )
-from benchmarks.trials.scores import LEVELS, Group, Score
+from benchmarks.trials.scores import LEVELS, Score, ScoreGroup
 
 _MARKED = {
     "better": "▼",
@@ -237,7 +237,7 @@ def verdict_table(panel: Panel) -> Table:
     return Table(caption, of_rows(rows, columns), [(n, column) for n in best for column in (0, 1)])
 
 
-def journey_table(panel: Panel, group: Group) -> Table | None:
+def journey_table(panel: Panel, group: ScoreGroup) -> Table | None:
     """Scores of whole runs; None if the panel has none of this group."""
     rows = panel.ranked
     scores = [score for score in group.scores if score.name in rows]

@@ -27,11 +27,10 @@ from benchmarks.tables.frames import (
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA, sample_sd, wilson, worlds_to_see
 from benchmarks.tables.text import p_value, percent
-from benchmarks.trials.fixes import FOUND, NEAR
 from benchmarks.trials.metrics import middle
-from benchmarks.trials.scores import JOURNEY_SCORES, LEVELS, TRACK_GROUPS, scores_of
+from benchmarks.trials.scores import JOURNEY_SCORES, LEVELS, TRACK_GROUPS, journey_scores
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.tracks import TOLERATED, Track
+from benchmarks.trials.tracks import FOUND, NEAR, TOLERATED, EstimatedTrack
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
@@ -64,7 +63,7 @@ def runs_frame(
             scores = dict.fromkeys(_SCORES, math.nan)  # of a record made before a score was added
             scores |= {name: v for name, v in record.track.scores.items() if v is not None}
             scores |= {score.name: value_in(record, score) for score in _OF_RUNS}
-            track = Track(log, np.array(record.track.best).T)
+            track = EstimatedTrack(log, np.array(record.track.best).T)
             rows.append(
                 {"label": label, "seed": record.trial.trial, "track": track, **scores}
                 | {"ms_per_step": milliseconds_per_step([record])}
@@ -73,9 +72,9 @@ def runs_frame(
     return pd.DataFrame(rows, columns=["label", "seed", "track", *_SCORES])
 
 
-def run_of_track(label: str, track: Track, scores: Mapping[str, float]) -> pd.DataFrame:
+def run_of_track(label: str, track: EstimatedTrack, scores: Mapping[str, float]) -> pd.DataFrame:
     """Return the run of somebody else's track, of which no time is known."""
-    whole = {} if not track.known.size else scores_of(track.journey(), TRACK_GROUPS)
+    whole = {} if not track.known.size else journey_scores(track.journey(), TRACK_GROUPS)
     row = {"label": label, "seed": 0, "track": track, **scores}
     row |= {score.name: whole.get(score.name, math.nan) for score in _OF_RUNS}
     return pd.DataFrame([row], columns=["label", "seed", "track", *_SCORES])

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from benchmarks.console import doing
 from benchmarks.files import own_folder, write_files
-from benchmarks.sweeps.manifest import NAME
+from benchmarks.sweeps.manifest import MANIFEST
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import INNER, csv_of, timings_table, trials_frame
@@ -60,7 +60,7 @@ def write_report(out: Path | str, results: Results, *, draw: bool = True) -> lis
         raise InputError(f"the results are {shown(results)}: give the folder first, then results.")
     with doing(f"writing the report in {out}"):
         folder = Path(out)
-        if not (folder / NAME).is_file():
+        if not (folder / MANIFEST).is_file():
             own_folder(folder, "results.csv")
         return _written(folder, folder, results, draw=draw)
 

@@ -43,14 +43,14 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
 
 
 @contextmanager
-def errors_name(path: Path) -> Iterator[None]:
-    """Let what is refused in here name the file."""
+def errors_name(path: Path | None) -> Iterator[None]:
+    """Let what is refused in here name the file, if there is one."""
     try:
         yield
     except RecursionError:
         raise InputError(f"{path}: its values are nested too deeply.") from None
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputError(f"{path}: {error}" if path else str(error)) from None
 
 
 def check_values(given: Mapping[str, Any], keys: Sequence[str]) -> None:

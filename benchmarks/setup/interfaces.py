@@ -50,17 +50,12 @@ class Agent(Protocol):
     """
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals | None:
-        """Return the plan that the localizer is reset with, (h, 2); None: the one the env shows.
-
-        Args:
-            info: of the env at reset, without the truth.
-        """
+        """Return the plan that the localizer is reset with, (h, 2); None: the one the env shows."""
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
         """Return the next action, and the plan after it.
 
         Args:
-            belief: what the localizer believes now.
             info: the env's latest, without the truth.
 
         Returns:

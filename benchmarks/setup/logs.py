@@ -271,7 +271,6 @@ def motion_noise(log: Log, kind: str = "differential") -> MotionModel:
 
     Args:
         log: with a reference; thinned as it will be played, as the noise is that of a step.
-        kind: of ``MOTION_MODELS``.
     """
     least, steps = unknown_motion(kind, log.unit), typical_steps(log)
     if len(steps[0]) < LEAST_STEPS:

@@ -58,9 +58,8 @@ def absolute_reference(kind: Kind, name: str, folder: Path = Path()) -> str:
 
 def absolute_scenario(name: str, folder: Path = Path()) -> str:
     """Return the ``absolute_reference`` name of a scenario."""
-    if isinstance(name, str) and name.endswith(".toml"):
-        return absolute_reference(SCENARIO, name, folder)
-    if name not in SCENARIO.builtin:
+    is_file = isinstance(name, str) and name.endswith(".toml")
+    if not is_file and name not in SCENARIO.builtin:
         SCENARIO.reference(name)
     return absolute_reference(SCENARIO, name, folder)
 
@@ -124,22 +123,22 @@ def scenario_digest(name: str) -> str:
 
 
 def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
-    """Return the scenario of an absolute_reference name that stands ``within`` files."""
+    """Return the scenario of an absolute name that stands ``within`` files."""
     if name in within:
         raise InputError(f"the scenario {name} is its own base: name another base.")
     if len(within) > _DEEPEST:
         raise InputError(f"more than {_DEEPEST} scenario files build on each other: use fewer.")
     if name.endswith(".toml"):
-        found, folder = _read(Path(name), (*within, name)), Path(name).parent
+        named, folder = _read(Path(name), (*within, name)), Path(name).parent
     elif name in _OF_LOGS:
         from benchmarks.setup.logs import LOGS
 
         return LOGS[name]
     else:
-        found, folder = SCENARIO.resolve(name), Path(split_path(name)[0]).parent
+        named, folder = SCENARIO.resolve(name), Path(split_path(name)[0]).parent
         if SCENARIO.is_plug_in(name):
-            found = replace(found, source=SCENARIO.digest(name), code=(name,))
-    return replace(found, agent=absolute_agent(found.agent, folder))
+            named = replace(named, source=SCENARIO.digest(name), code=(name,))
+    return replace(named, agent=absolute_agent(named.agent, folder))
 
 
 def _read(path: Path, within: tuple[str, ...]) -> Scenario:
@@ -150,8 +149,8 @@ def _read(path: Path, within: tuple[str, ...]) -> Scenario:
         name = documents.as_text("base", given.get("base", "paper"))
         base = _scenario(absolute_scenario(name, path.parent), within)
         prior = Overrides.told("prior", {"prior": given.get("prior", {})})
-        assumed = Overrides.told("assumed", given.get("assumed", {}))
-        assumed = absolute_assumed(assumed, path.parent) | prior
+        told = Overrides.told("assumed", given.get("assumed", {}))
+        assumed = absolute_assumed(told, path.parent) | prior
         world = Overrides.told("env", given.get("env", {})).beside(path.parent)
         changed = base.changed(world, assumed)
         own = [base.source, str(content_digest(path)), *map(digest_of_file, world.files)]

@@ -19,9 +19,8 @@ _WORDS = {"inf": math.inf, "-inf": -math.inf}  # JSON has no infinity; the text 
 class Overrides(Mapping[str, Any]):
     """An immutable mapping by dotted name, such as ``{"lidar.beams": 9}``, in the order of names.
 
-    It is made of a mapping or pairs, as a dict is, of TOML by ``told``, and by ``of_json`` of what
-    ``json`` gave. Lists in it become tuples, tables ``Overrides``. Equal are those with the same
-    JSON, which names results: 1, 1.0 and True differ.
+    Made of a mapping or pairs, of TOML by ``told``, by ``of_json`` of what ``json`` gave. Lists
+    become tuples, tables ``Overrides``. Equal are those with the same JSON: 1, 1.0, True differ.
     """
 
     __slots__ = ("_text", "_values")
@@ -127,12 +126,7 @@ NOTHING = Overrides()
 
 @dataclass(frozen=True)
 class Named:
-    """What is made by a name and parameters: a localizer, or an agent.
-
-    Attributes:
-        name: of it.
-        params: its parameters.
-    """
+    """What is made by a name and parameters: a localizer, or an agent."""
 
     name: str
     params: Overrides = NOTHING

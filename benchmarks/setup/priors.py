@@ -27,7 +27,7 @@ from localizers import (
 from localizers.models.nav2_motion import unknown_motion
 from localizers.registry import ScanPlugIn, is_code
 
-T = TypeVar("T")
+Part = TypeVar("Part")
 _DIRECTIONS = 1024  # that are drawn to find a free one
 
 
@@ -177,11 +177,7 @@ class WeightedPlace:
 
 @dataclass(frozen=True, kw_only=True)
 class Places:
-    """x_0 is at one of several places.
-
-    Attributes:
-        places: a table for each: its ``weight`` (1), and the keys of another kind of prior.
-    """
+    """x_0 is at one of several places: tables of ``weight`` (1) and the keys of another kind."""
 
     places: tuple[WeightedPlace, ...] = ()
     may_be_lost = True
@@ -229,15 +225,10 @@ PRIORS = MappingProxyType(
 )
 
 
-def changed(part: str, current: T, keys: Any, unit: str, kinds: Mapping[str, Any]) -> T:
-    """Change values of a part; another kind keeps those that both kinds have.
+def changed(part: str, current: Part, keys: Any, unit: str, kinds: Mapping[str, Any]) -> Part:
+    """Change values of a part by name; another ``kind`` keeps those that both kinds have.
 
-    Args:
-        part: its name, for refusals.
-        current: the part.
-        keys: new values, by name; ``kind`` is one of ``kinds``, or of a scan model its code.
-        unit: of lengths on the map, in which those of a fresh kind are.
-        kinds: classes of such parts, by name.
+    A kind is one of ``kinds``, or of a scan model its code; a fresh one has lengths in ``unit``.
     """
     if not isinstance(keys, Mapping):
         names = ", ".join(_names(part, current))

@@ -28,8 +28,7 @@ class Thresholds:
 
     Attributes:
         far: position error above which an estimate is far off.
-        lost: mean position error of the last steps above which a trial is lost.
-        lost_steps: how many steps these are.
+        lost: mean position error of the last ``lost_steps`` above which a trial is lost.
     """
 
     far: float = field(default=50.0, metadata=LENGTH)
@@ -56,15 +55,12 @@ class Scenario(ABC):
     """What the filters assume of a world, and who drives in it.
 
     Attributes:
-        words: what is special about it, one line.
         motion: p(x_t | x_{t-1}, a_t), as the filters assume it.
         scan: p(o | ô) of a beam, or p(o | x, m) of somebody else, as the filters assume it.
         prior: p(x_0), as the filters assume it.
-        agent: who drives, by name, with its parameters.
         disturbance: wrappers around the world, innermost first: {"kind": "kidnap", …}.
         buildings: trial k takes place in the office of seed k modulo this, if the floor plan is one
             without a seed or seeds of its own.
-        thresholds: of the scores.
         source: digest of the files that it was read from; "" if built-in.
         code: names of the plug-ins that it and its bases are.
     """

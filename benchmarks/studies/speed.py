@@ -38,12 +38,12 @@ from deqmcl_gym.registration import JOURNEY_ENV_ID as JOURNEY
 from deqmcl_gym.world.presets import PAPER_ROOM
 from localizers import GaussianPrior, GaussianUniform, OdometryMotion, Prior, RobotModel, make
 
-BEAMS, POSES, FEW, MANY = 16, 20_000, 1_000, 10_000  # FEW and MANY particles
+BEAMS, POSES = 16, 20_000
+N_1K, N_10K = 1_000, 10_000  # particles
 LIDAR = Lidar(beams=BEAMS, field_of_view=2 * math.pi, max_range=400.0, sigma=10.0)
 BEARINGS = LIDAR.bearings.astype(np.float32)
 PLANNED = 100  # actions that a localizer is shown: the mean over a lap that counts down
 FEW_WORLDS, MORE_WORLDS = 2, 20  # of a sweep, and how many more the larger one has
-CARTPOLE = "CartPole-v1"
 FAN: dict[str, Any] = {"lidar": {"beams": BEAMS}}
 PLANNERS = (  # a name, that of its figures, filters of N particles, the offset that is asked for
     ("mcl-plan", "plan", 1, 0),
@@ -55,13 +55,7 @@ SECONDS = {"µs/step": 1e6, "ms/trial": 1e3}  # units of time, in a second
 
 
 class Job(NamedTuple):
-    """Work that can be done again and again.
-
-    Attributes:
-        call: does it once.
-        amount: how many units (rays, steps) that is.
-        clock: measures seconds; CPU time by default.
-    """
+    """Work that can be done again and again: ``amount`` units a call, by a clock of seconds."""
 
     call: Callable[[], object]
     amount: float = 1.0
@@ -76,15 +70,8 @@ class Effort(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A rate or a time of ours beside another's.
-
-    Attributes:
-        name: of the figure.
-        unit: of both sides.
-        ours: makes our job.
-        other: makes the other's; a number is what was measured on another machine, in the unit.
-    """
+class Ratio:
+    """A rate or time of ours beside another's; a number was measured on another machine."""
 
     name: str
     unit: str
@@ -104,11 +91,7 @@ class Figure:
 
 
 def rates(jobs: Sequence[Job], effort: Effort) -> list[float]:
-    """Return the units per second of each job, the median of its turns.
-
-    The jobs take turns (first, second, …, first, second, …), so that what else the machine does
-    meets all of them.
-    """
+    """Return the units per second of each job: they take turns; the median of its turns."""
     calls = [_calls(job, effort.seconds) for job in jobs]
     turns = [
         [job.amount * n / _seconds(job, n) for job, n in zip(jobs, calls, strict=True)]
@@ -158,10 +141,7 @@ def numpy_rays() -> Job:
 
 
 def numpy_ranges(room: PolygonMap, poses: Singles) -> Singles:
-    """Return the range of each beam at poses (3, n), (BEAMS, n) px: every ray, every wall.
-
-    In float32, in blocks of 16,384 rays that fit the cache.
-    """
+    """Return ranges at poses (3, n), (BEAMS, n) px: every ray, every wall, in blocks for caches."""
     out = np.empty((BEAMS, poses.shape[1]), np.float32)
     for first in range(0, poses.shape[1], 16_384 // BEAMS):
         block = slice(first, first + 16_384 // BEAMS)
@@ -182,10 +162,7 @@ def numpy_ranges(room: PolygonMap, poses: Singles) -> Singles:
 def numpy_mcl(
     robot: RobotModel, particles: int, prior: Prior, rng: np.random.Generator
 ) -> Callable[..., tuple[Reals, Floats]]:
-    """Return ``update`` of MCL in plain NumPy, for the robot of ``recorded_lap``: poses, weights.
-
-    Float32, one logarithm a scan, systematic resampling by ``cumsum`` and ``repeat``.
-    """
+    """Return ``update`` of MCL in plain NumPy, for the lap's robot: poses, weights."""
     motion, beam, room = robot.motion, robot.scan, robot.floor_plan
     assert isinstance(motion, OdometryMotion)
     assert isinstance(beam, GaussianUniform)
@@ -216,13 +193,10 @@ def numpy_mcl(
     return update
 
 
-class Lap(NamedTuple):
-    """A lap as a localizer sees it.
+class RecordedLap(NamedTuple):
+    """A lap as a localizer sees it: the plan shown ``first``, (h, 2), then what each step gives.
 
-    Attributes:
-        robot, prior: what filters assume.
-        first: the plan shown at reset, (h, 2).
-        steps: scan (B,), action (2,) and the plan (h, 2) after it, of each step.
+    A step is scan (B,), action (2,) and the plan (h, 2) after it.
     """
 
     robot: RobotModel
@@ -246,7 +220,7 @@ class Lap(NamedTuple):
 
 
 @cache
-def recorded_lap() -> Lap:
+def recorded_lap() -> RecordedLap:
     """Drive a lap of the paper's room without motion noise: it ends where it starts."""
     room = RoomEnv(lidar=LIDAR, noise={"drive": 0.0, "turn": 0.0, "drift": 0.0}, ends_at_goal=False)
     room.reset(seed=0)
@@ -257,21 +231,21 @@ def recorded_lap() -> Lap:
     beam = GaussianUniform(sigma=10.0)
     robot = RobotModel(floor_plan=room.floor_plan, lidar=LIDAR, motion=motion, scan=beam)
     steps = [(scan, plan[t], laps[t + 1 : t + 1 + PLANNED]) for t, scan in enumerate(scans)]
-    return Lap(robot, GaussianPrior(mean=room.course.start), laps[:PLANNED], steps)
+    return RecordedLap(robot, GaussianPrior(mean=room.course.start), laps[:PLANNED], steps)
 
 
 @cache
-def replanned_lap() -> Lap:
+def replanned_lap() -> RecordedLap:
     """Drive a lap of scenario ``guided``, whose plan is another one at every step."""
     (trial,) = benchmarks.sweep("guided", localizers=["dead-reckoning"], trials=1).sweep.distinct()
     stage = Stage.of(trial)
     first, *rest = stage.moments()
     assert first.plan is not None, "a driver shows its plan"
     steps = [(moment.ranges, moment.action, moment.plan) for moment in rest]
-    return Lap(stage.robot, stage.prior(), first.plan, steps)
+    return RecordedLap(stage.robot, stage.prior(), first.plan, steps)
 
 
-def step(name: str, particles: int, **params: int) -> Job:
+def filter_steps(name: str, particles: int, **params: int) -> Job:
     """Return the job of a step of one of our localizers on the recorded lap, its queue full."""
     lap = recorded_lap()
     localizer = make(name, lap.robot, particles=particles, **params)
@@ -282,18 +256,14 @@ def step(name: str, particles: int, **params: int) -> Job:
     return job
 
 
-def numpy_step(particles: int) -> Job:
+def numpy_steps(particles: int) -> Job:
     """Return the job of a step of MCL in NumPy."""
     lap, rng = recorded_lap(), np.random.default_rng(1)
     return lap.following(numpy_mcl(lap.robot, particles, lap.prior, rng))
 
 
-def replanned_step(name: str, particles: int, ahead: int = 0) -> Job:
-    """Return the job of following a lap whose plan changes, over and over from its start.
-
-    A queue has to redraw its future there; on a plan that is kept, that is spared. At each step the
-    state ``ahead`` is asked for: a future may be drawn only then.
-    """
+def replanned_steps(name: str, particles: int, ahead: int = 0) -> Job:
+    """Return the job of a lap whose plan changes, over and over, its state ``ahead`` asked for."""
     lap = replanned_lap()
     localizer = make(name, lap.robot, particles=particles)
 
@@ -306,12 +276,8 @@ def replanned_step(name: str, particles: int, ahead: int = 0) -> Job:
     return lap.following(update if ahead else localizer.update, restart)
 
 
-def trial(name: str, *, localizer_only: bool) -> Job:
-    """Return the job of a trial as a sweep runs it, by the wall's clock.
-
-    A sweep of many worlds less one of few, so that starting and ending it does not count; or what
-    the localizers in it take, at their median.
-    """
+def trials(name: str, *, localizer_only: bool) -> Job:
+    """Return the job of a trial (a sweep of many worlds less one of few), or of its localizer."""
     spent = 0.0
 
     def run() -> None:
@@ -324,17 +290,17 @@ def trial(name: str, *, localizer_only: bool) -> Job:
 
 def _seconds_of_sweep(name: str, worlds: int) -> tuple[float, float]:
     """Run a sweep of ``paper``; return its seconds, and the median of its localizers'."""
-    sweep = benchmarks.sweep("paper", localizers=[name], trials=worlds, params={"particles": FEW})
+    sweep = benchmarks.sweep("paper", localizers=[name], trials=worlds, params={"particles": N_1K})
     start = time.perf_counter()
     found = sweep.run(jobs=1, progress=False)
     taken = time.perf_counter() - start
     return taken, median(one.seconds or math.nan for one in found.results.records)
 
 
-def env_steps(name: str, **how: Any) -> Job:
-    """Return the job of one env, resets included: its plan, or actions drawn beforehand."""
-    env = gym.make(name, **how)
-    actions, at = list(_actions(env)), -1
+def env_steps() -> Job:
+    """Return the job of one room along its plan, resets included."""
+    env = gym.make(ROOM, **FAN)
+    actions, at = env.reset(seed=0)[1]["planned_actions"].copy(), -1
 
     def step() -> None:
         nonlocal at
@@ -347,10 +313,10 @@ def env_steps(name: str, **how: Any) -> Job:
     return Job(step)
 
 
-def vector_steps(name: str, *, size: int, **how: Any) -> Job:
-    """Return the job of an env's own vector env, resets included."""
-    envs = gym.make_vec(name, size, "vector_entry_point", **how)
-    actions, at = _actions(gym.make(name, **how)), np.full(size, -1)
+def vector_steps(size: int) -> Job:
+    """Return the job of a vector env of rooms along their plans, resets included."""
+    envs = gym.make_vec(ROOM, size, "vector_entry_point", **FAN)
+    actions, at = gym.make(ROOM, **FAN).reset(seed=0)[1]["planned_actions"], np.full(size, -1)
     envs.reset(seed=0)
 
     def step() -> None:
@@ -362,18 +328,8 @@ def vector_steps(name: str, *, size: int, **how: Any) -> Job:
     return Job(step, size)
 
 
-def _actions(env: gym.Env[Any, Any]) -> Any:
-    """Reset an env; return a table of actions by the steps since its episode began."""
-    _, info = env.reset(seed=0)
-    drawn = np.random.default_rng(0).integers(0, 2, 1_000)
-    return np.array(info.get("planned_actions", drawn))
-
-
 def office_steps(people: int) -> Job:
-    """Return the job of a robot on planned routes through an office, without resets.
-
-    The world is that of the scenario lost without its driver.
-    """
+    """Return the job of a robot on planned routes through the office of ``lost``, no resets."""
     crowd = {"people.number": people} if people else {}
     changed = SCENARIOS["lost"].changed({"driver": "none", "horizon": 50, **crowd})
     env = changed.in_building(0).room().unwrapped
@@ -412,41 +368,37 @@ def journey_steps(mode: str, *, resets: bool, size: int = 64) -> Job:
     return Job(step, size, clock=lambda: spent)
 
 
-def _figures() -> Iterator[Figure]:
+def _ratios() -> Iterator[Ratio]:
     cells, table = Office(wings=4, corridors=4).grid, 31e6  # of range_libc
-    yield Figure("rays_vs_numpy", "rays/s", partial(rays, PAPER_ROOM), numpy_rays)
-    yield Figure("rays_office", "rays/s", partial(rays, cells), table)
-    yield Figure("rays_office_converged", "rays/s", partial(rays, cells, (0.2, 0.2, 0.1)), table)
-    deq, other = partial(step, "deq-mcl", MANY), partial(step, "mcl-map", MANY)
-    yield Figure("deq_vs_map_step", "µs/step", partial(deq, lag=20), other)
-    yield Figure("deq_lag80_vs_lag10", "µs/step", partial(deq, lag=80), partial(deq, lag=10))
-    for name, n in (("step1k", FEW), ("step10k", MANY)):
-        ours, other = partial(step, "mcl", n), partial(numpy_step, n)
-        yield Figure(f"{name}_vs_numpy", "steps/s", ours, other)
-        other = partial(replanned_step, "mcl-map", n)
-        for method, figure, filters, ahead in PLANNERS:
-            ours = partial(replanned_step, method, filters * n, ahead)
-            yield Figure(f"{figure}_vs_map_{name}", "µs/step", ours, other)
+    yield Ratio("rays_vs_numpy", "rays/s", partial(rays, PAPER_ROOM), numpy_rays)
+    yield Ratio("rays_office", "rays/s", partial(rays, cells), table)
+    yield Ratio("rays_office_converged", "rays/s", partial(rays, cells, (0.2, 0.2, 0.1)), table)
+    deq, other = (partial(filter_steps, name, N_10K) for name in ("deq-mcl", "mcl-map"))
+    yield Ratio("deq_vs_map_step", "µs/step", partial(deq, lag=20), other)
+    yield Ratio("deq_lag80_vs_lag10", "µs/step", partial(deq, lag=80), partial(deq, lag=10))
+    ours, other = partial(filter_steps, "mcl", N_10K), partial(numpy_steps, N_10K)
+    yield Ratio("step10k_vs_numpy", "steps/s", ours, other)
+    for size, n in (("1k", N_1K), ("10k", N_10K)):
+        other = partial(replanned_steps, "mcl-map", n)
+        for method, name, filters, ahead in PLANNERS:
+            ours = partial(replanned_steps, method, filters * n, ahead)
+            yield Ratio(f"{name}_vs_map_step{size}", "µs/step", ours, other)
     for method in ("mcl", "deq-mcl"):
-        ours, other = (partial(trial, method, localizer_only=only) for only in (False, True))
-        yield Figure(f"trial_{method.replace('-', '_')}", "ms/trial", ours, other)
-    single, many = partial(env_steps, ROOM, **FAN), partial(vector_steps, ROOM, **FAN)
-    yield Figure("env_vs_cartpole", "steps/s", single, partial(env_steps, CARTPOLE))
-    yield Figure("env_40_people", "µs/step", partial(office_steps, 40), partial(office_steps, 0))
-    other = partial(vector_steps, CARTPOLE, size=64)
-    yield Figure("vector64_vs_cartpole_vector64", "steps/s", partial(many, size=64), other)
-    yield Figure("vector1024_vs_single", "steps/s", partial(many, size=1024), single)
+        ours, other = (partial(trials, method, localizer_only=only) for only in (False, True))
+        yield Ratio(f"trial_{method.replace('-', '_')}", "ms/trial", ours, other)
+    yield Ratio("env_40_people", "µs/step", partial(office_steps, 40), partial(office_steps, 0))
+    yield Ratio("vector1024_vs_single", "steps/s", partial(vector_steps, 1024), env_steps)
     for name, resets in (("steps", False), ("with_resets", True)):
         modes = "vector_entry_point", "sync"
         ours, other = (partial(journey_steps, mode, resets=resets) for mode in modes)
-        yield Figure(f"journey64_{name}", "steps/s", ours, other)
+        yield Ratio(f"journey64_{name}", "steps/s", ours, other)
 
 
-FIGURES = tuple(_figures())
+RATIOS = tuple(_ratios())
 FULL, QUICK = Effort(15, seconds=0.2), Effort(11, seconds=0.06)
 
 
-def main(words: Sequence[str] | None = None) -> None:
+def measure(words: Sequence[str] | None = None) -> None:
     """Run the command."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.studies.speed")
     parser.add_argument("--quick", action="store_true", help="less exact, in under a minute")
@@ -454,9 +406,9 @@ def main(words: Sequence[str] | None = None) -> None:
     options = parser.parse_args(words)
     effort = QUICK if options.quick else FULL
     rows = []
-    for figure in tqdm(FIGURES, disable=None, leave=False):
-        seen = [f"{value:.6g}".replace("nan", "") for value in figure.measured(effort)]
-        rows.append([figure.name, *seen, figure.unit])
+    for ratio in tqdm(RATIOS, disable=None, leave=False):
+        seen = [f"{value:.6g}".replace("nan", "") for value in ratio.measured(effort)]
+        rows.append([ratio.name, *seen, ratio.unit])
     options.out.mkdir(parents=True, exist_ok=True)
     with (options.out / "speed.csv").open("w", newline="", encoding="utf-8") as file:
         written = csv.writer(file, lineterminator="\n")
@@ -466,4 +418,4 @@ def main(words: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    measure()

@@ -5,7 +5,6 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cache
 from typing import Any
 
 from benchmarks.setup.names import absolute_agent, absolute_scenario
@@ -113,18 +112,10 @@ class Sweep:
     """A base, varied along axes; every combination is run by every localizer on the same worlds.
 
     Attributes:
-        title: one line, for the report.
         localizers: the methods compared, or their names.
         scenario: its name; a user's own as room.toml or file.py:NAME, the path made absolute.
         lag: the lag L; also a parameter of each localizer that has a use for it.
-        world: changes to the world.
-        assumed: changes to what the filters assume.
-        disturbance: wrappers around the world, innermost first.
         agent: who drives; None: each scenario's own agent.
-        params: parameters of each localizer that has a use for them.
-        seed: root of all randomness.
-        trials: worlds per setting.
-        filter_seeds: runs of each method on each world.
         vary: axes; the last one turns fastest.
         baseline: localizer that the report compares the others with, or agent. If it is an agent,
             agents are compared that drive on the same localizer, else localizers with the same
@@ -220,11 +211,15 @@ class Sweep:
         sizes = [(self.trials, self.filter_seeds)] * (points * len(self.localizers))
         for limit in self.limits:
             sizes += [self._size(limit)] * points
-        known: dict[str, frozenset[Run]] = {}
-        for first, size in zip(self.cells(), sizes, strict=True):
-            name = json.dumps(first.canonical())
-            known[name] = known.get(name, frozenset()) | {size}
-        return sum(map(_runs_within, known.values()))
+        return len(
+            {
+                (name, world, filter_seed)
+                for first, (worlds, filter_seeds) in zip(self.cells(), sizes, strict=True)
+                for name in [json.dumps(first.canonical())]
+                for world in range(worlds)
+                for filter_seed in range(filter_seeds)
+            }
+        )
 
     @property
     def names(self) -> list[str]:
@@ -327,19 +322,12 @@ class Sweep:
                 yield Trial(**same, trial=world, filter_seed=filter_seed)
 
 
-def cells_of(trials: Iterable[Trial]) -> dict[tuple[Setting, Method], list[Trial]]:
+def by_cell(trials: Iterable[Trial]) -> dict[tuple[Setting, Method], list[Trial]]:
     """Sort trials by setting and method, in the order in which these come first."""
     cells: dict[tuple[Setting, Method], list[Trial]] = {}
     for trial in trials:
         cells.setdefault((trial.setting, trial.method), []).append(trial)
     return cells
-
-
-@cache
-def _runs_within(sizes: frozenset[Run]) -> int:
-    """Count the runs within one or more numbers of worlds and filter seeds."""
-    worlds = range(max(trials for trials, _ in sizes))
-    return sum(max(seeds for trials, seeds in sizes if trials > world) for world in worlds)
 
 
 def _absolute(axis: Axis) -> Axis:

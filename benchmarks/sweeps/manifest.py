@@ -1,10 +1,11 @@
 """manifest.json: which sweep a folder belongs to. A sweep resumes only in its own folder."""
 
-import itertools
 import json
 import os
 import platform
+import re
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -14,30 +15,23 @@ from msgspec.structs import replace
 from benchmarks.files import is_empty
 from benchmarks.setup.overrides import renamed, spelt
 from benchmarks.sweeps.design import Sweep
-from benchmarks.trials.plugins import provenance_of
+from benchmarks.trials.attempt import provenance_of
 from benchmarks.trials.provenance import Environment, Provenance, environment
 from deqmcl_gym.files import UnreadableError, content_of, json_of, typed, write_text
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, shown
 from localizers.digests import UNREAD
 from localizers.kinds import Placed
 
-NAME = "manifest.json"
+MANIFEST = "manifest.json"
 SCHEMA = 4
 
 _FREE = ("title", "until_decided")  # parts of a sweep on which no trial depends
 _ABSENT = object()
 _DIGITS = 12  # of a digest
-_SHOWN, _BEFORE = 60, 20  # letters of a long value, and how many of them are the same
 
 
 class Verified(Provenance, frozen=True, kw_only=True):
-    """Other code, libraries or plug-ins that got the same results; see ``verifying``.
-
-    Attributes:
-        keys: trials that were run again.
-        of: how many were finished then.
-        environment: see ``provenance.environment``.
-    """
+    """Other code, libraries or plug-ins with the same results in ``keys``, of so many trials."""
 
     keys: list[str] = field(name="verified")
     of: int
@@ -60,12 +54,8 @@ class Manifest(Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Which sweep a folder belongs to; read as data: nothing that it names is loaded.
 
     Attributes:
-        schema: of the folder.
-        identity: the sweep, and the code, libraries and plug-ins of its trials.
         parameters: those that each localizer takes; None: any.
         command: the words that started the sweep.
-        environment: see ``provenance.environment``.
-        cpu: name of the processor.
         places: where the files are that a sweep file named, by the names that it has for them.
         margin: by which comparisons were looked at until they were decided; None: none was.
         verified: what else may go on with its trials, under their keys.
@@ -93,23 +83,19 @@ class Manifest(Struct, frozen=True, kw_only=True, omit_defaults=True):
         return renamed(self.sweep, names)  # type: ignore[no-any-return]
 
 
-def of_sweep(sweep: Sweep, command: Sequence[str]) -> Manifest:
+def manifest_of(sweep: Sweep, command: Sequence[str]) -> Manifest:
     """Return the manifest that a sweep has if it is run now."""
     now, taken = provenance_of(sweep.cells()), {name: sweep.takes(name) for name in sweep.names}
     return Manifest(
         schema=SCHEMA,
-        identity=_identity(sweep.canonical(), now),
-        parameters={str(n): None if own is None else list(own) for n, own in taken.items()},
+        identity=Identity(now.code, now.libraries, now.plug_ins, sweep=sweep.canonical()),
+        parameters={str(n): None if names is None else list(names) for n, names in taken.items()},
         command=list(command),
         environment=environment(),
         cpu=_cpu_model(),
         places=places(sweep),
         margin=None if sweep.until_decided is None else sweep.until_decided.margin,
     )
-
-
-def _identity(sweep: dict[str, Any], made: Provenance) -> Identity:
-    return Identity(made.code, made.libraries, made.plug_ins, sweep=sweep)
 
 
 def places(sweep: Sweep) -> dict[str, str]:
@@ -126,9 +112,10 @@ def taken_over(folder: Path, ours: Manifest) -> Manifest:
     """
     if is_empty(folder):
         return ours
-    held, made = _compared(folder, ours)
-    if apart := list(differences(_plain(held), _plain(made.identity))):
-        same = not any(differences(held.sweep, made.sweep))
+    theirs = read_manifest(folder)
+    grown, made = _compared(theirs, ours)
+    if apart := list(differences(_plain(grown), _plain(made.identity))):
+        same = not any(differences(grown.sweep, made.sweep))
         others = f", or see by deqmcl verify {folder} whether any number differs" if same else ""
         raise InputError(
             f"{folder} holds results of something else ({'; '.join(apart)}): give a new --out, or "
@@ -140,7 +127,7 @@ def taken_over(folder: Path, ours: Manifest) -> Manifest:
             f"that is chosen after a look, {100 * ours.margin:g}%, decides nothing: give that of "
             "before, or a new --out."
         )
-    for name, digest in read(folder).identity.plug_ins.items():
+    for name, digest in theirs.identity.plug_ins.items():
         if UNREAD in digest:
             raise InputError(
                 f"{folder} holds results of {name!r}, whose code cannot be read, so nobody knows "
@@ -153,18 +140,17 @@ def is_of_other_code(folder: Path, ours: Manifest) -> bool:
     """Whether a folder is of this sweep, but of code, libraries or plug-ins not known to agree."""
     if is_empty(folder):
         return False
-    held, made = _compared(folder, ours)
-    return not any(differences(held.sweep, made.sweep)) and held != made.identity
+    grown, made = _compared(read_manifest(folder), ours)
+    return not any(differences(grown.sweep, made.sweep)) and grown != made.identity
 
 
-def _compared(folder: Path, ours: Manifest) -> tuple[Identity, Manifest]:
-    """Return what a folder is of, as far as ours may not grow from it, and ours as it goes on."""
-    theirs = read(folder)
+def _compared(theirs: Manifest, ours: Manifest) -> tuple[Identity, Manifest]:
+    """Return what a folder is of, as far as ours may grow from it, and ours as it goes on."""
     made, now, before = ours, ours.identity, theirs.identity
-    for one in theirs.verified:
-        known = {**before.plug_ins, **one.plug_ins}
-        same = all(now.plug_ins.get(name) == digest for name, digest in known.items())
-        if same and (one.code, one.libraries) == (now.code, now.libraries):
+    for checked in theirs.verified:
+        plug_ins = {**before.plug_ins, **checked.plug_ins}
+        same = plug_ins.items() <= now.plug_ins.items()
+        if same and (checked.code, checked.libraries) == (now.code, now.libraries):
             plug_ins = {**now.plug_ins, **before.plug_ins}
             identity = replace(before, plug_ins=plug_ins, sweep=ours.sweep)
             made = replace(ours, identity=identity, environment=theirs.environment)
@@ -178,23 +164,21 @@ def _grown(theirs: Identity, ours: Identity) -> Identity:
     """Return an identity as if it had been asked for our worlds, runs, localizers and title."""
     held, asked = theirs.sweep, ours.sweep
     try:
-        more = {
-            name: asked[name] for name in ("trials", "filter_seeds") if asked[name] > held[name]
-        }
+        more = {name: max(asked[name], held[name]) for name in ("trials", "filter_seeds")}
         if {*map(spelt, held["localizers"])} <= {*map(spelt, asked["localizers"])}:
             more["localizers"] = asked["localizers"]
             theirs = replace(theirs, plug_ins={**ours.plug_ins, **theirs.plug_ins})
     except (KeyError, TypeError):  # it is not as we write it
         return theirs
-    free = {name: own for name, own in asked.items() if name in _FREE}
-    kept = {name: own for name, own in held.items() if name not in _FREE}
-    return replace(theirs, sweep=kept | free | more)
+    free = {name: value for name, value in asked.items() if name in _FREE}
+    bound = {name: value for name, value in held.items() if name not in _FREE}
+    return replace(theirs, sweep=bound | free | more)
 
 
 def begin(folder: Path, ours: Manifest) -> Manifest:
     """Write the manifest of a new folder, or of one that grows, and return it."""
     made = taken_over(folder, ours)
-    held = None if is_empty(folder) else read(folder)
+    held = None if is_empty(folder) else read_manifest(folder)
     if held is None or (held.identity, held.places) != (made.identity, made.places):
         _write(folder, made)
     return made
@@ -202,45 +186,43 @@ def begin(folder: Path, ours: Manifest) -> Manifest:
 
 def append(folder: Path, checked: Verified) -> None:
     """Add to a folder's manifest what was verified."""
-    held = read(folder)
+    held = read_manifest(folder)
     _write(folder, replace(held, verified=[*held.verified, checked]))
 
 
 def _write(folder: Path, made: Manifest) -> None:
     here = {name: os.path.relpath(place, folder) for name, place in made.places.items()}
     content = _plain(replace(made, places=here))
-    write_text(folder / NAME, json.dumps(content, indent=2) + "\n")
+    write_text(folder / MANIFEST, json.dumps(content, indent=2) + "\n")
 
 
 def _plain(value: Struct) -> dict[str, Any]:
     return to_builtins(value, enc_hook=str)  # type: ignore[no-any-return]  # ``Placed``
 
 
-def read(folder: Path) -> Manifest:
+def read_manifest(folder: Path) -> Manifest:
     """Return a folder's manifest."""
-    path = folder / NAME
+    path, again = folder / MANIFEST, "give a new --out"
     try:
         content = json_of(content_of(path))
     except FileNotFoundError:
         raise InputError(
-            f"{folder} holds no {NAME} of a sweep: give the folder of a sweep, or a new one."
+            f"{folder} holds no {MANIFEST} of a sweep: give the folder of a sweep, or a new one."
         ) from None
     except UnreadableError as error:
-        raise InputError(f"{path} {error}: restore it, or give a new --out.") from None
+        raise InputError(f"{path} {error}: restore it, or {again}.") from None
     schema = content.get("schema")
     if isinstance(schema, int) and schema != SCHEMA:
         raise InputError(
             f"{folder} was written by {'an older' if schema < SCHEMA else 'a newer'} version of "
-            f"deqmcl-gym (schema {schema}, this one has {SCHEMA}): use that version, or give a new "
-            "--out."
+            f"deqmcl-gym (schema {schema}, this one has {SCHEMA}): use that version, or {again}."
         )
     try:
         held = typed(content, Manifest)
     except UnreadableError as error:
         raise InputError(
-            f"{path} {error}: it is not of a sweep, or was changed; give a new --out."
+            f"{path} {error}: it is not of a sweep, or was changed; {again}."
         ) from None
-    held.sweep.pop("held_out", None)  # where a seed came from, once; it is ``seed`` itself
     until = held.sweep.get("until_decided")
     return replace(
         held,
@@ -251,12 +233,10 @@ def read(folder: Path) -> Manifest:
 
 def _cpu_model() -> str:
     """Return the name of this machine's processor."""
-    try:
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    except OSError:
-        pass
+    with suppress(OSError):
+        text = Path("/proc/cpuinfo").read_text()
+        if model := re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE):
+            return model[1]
     return platform.processor() or platform.machine()
 
 
@@ -270,19 +250,5 @@ def differences(theirs: Any, ours: Any, at: str = "") -> Iterator[str]:
         for number, pair in enumerate(zip(theirs, ours, strict=True), 1):
             yield from differences(*pair, f"{at}[{number}]")
     elif spelt(theirs) != spelt(ours):
-        was, now = _shown(theirs, ours)
+        was, now = ("not set" if one is _ABSENT else shown(one) for one in (theirs, ours))
         yield f"{at.removeprefix('sweep.')} was {was} and is {now}"
-
-
-def _shown(*values: Any) -> list[str]:
-    """Return unequal JSON values as texts; long ones from shortly before they first differ."""
-    texts = [
-        "not set" if value is _ABSENT else json.dumps(value, ensure_ascii=False) for value in values
-    ]
-    same = itertools.takewhile(lambda letters: len(set(letters)) == 1, zip(*texts, strict=False))
-    first = max(0, sum(1 for _ in same) - _BEFORE)
-    last, before = first + _SHOWN, "…" * (first > 0)
-    return [
-        text if len(text) <= _SHOWN else f"{before}{text[first:last]}{'…' * (last < len(text))}"
-        for text in texts
-    ]

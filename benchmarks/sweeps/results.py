@@ -1,20 +1,19 @@
-"""How far a sweep has come: what a store holds of it, and the same in words."""
+"""How far a sweep has come: what a store holds of it, which trials it still needs, in words."""
 
 import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pandas as pd
 
 from benchmarks.files import is_empty
 from benchmarks.setup import documents, overrides
 from benchmarks.sweeps import manifest
-from benchmarks.sweeps.design import Sweep, cells_of
+from benchmarks.sweeps.design import Sweep, by_cell
 from benchmarks.sweeps.manifest import Manifest, differences
-from benchmarks.sweeps.stopping import due, rule_of
 from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.tables.comparison import (
@@ -23,12 +22,13 @@ from benchmarks.tables.comparison import (
     gaps_table,
     results_table,
 )
-from benchmarks.tables.deciding import Rule
-from benchmarks.tables.panels import Panel, panels
+from benchmarks.tables.deciding import FIRST, Rule, decide
+from benchmarks.tables.frames import by_method, cell, scores_of_rows, trials_frame
+from benchmarks.tables.panels import MethodGroup, Panel, aim_of, groups, panels
 from benchmarks.tables.signals import maps_table, plans_table
 from benchmarks.tables.text import BASELINE
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Trial
+from benchmarks.trials.spec import Method, Setting, Trial
 from deqmcl_gym.files import command_line
 from deqmcl_gym.validation import InputError, one_line
 
@@ -49,15 +49,11 @@ class Results:
     number are paired over methods (localizer, params).
 
     Attributes:
-        title: of the sweep.
-        records: finished trials in the sweep's order.
+        records, failures: trials that ended, in the sweep's order.
         limits: those of the sweep's limits, which are only what gaps are measured from.
-        baseline: localizer that the others are compared with.
-        failures: trials that failed, in the sweep's order.
         missing: trials that neither finished nor failed yet.
         planned: distinct trials asked for, as far as the results tell.
         command: the words that started the sweep.
-        environment: versions and code, see ``provenance.environment``.
         verified: what other code got the same results, in words.
         left_out: files of the folder that are in no table, and why.
         rule: when its comparisons are decided; None: the number of worlds was fixed before.
@@ -129,6 +125,7 @@ class Results:
         return list({id(record): record for record in (*self.records, *limits)}.values())
 
 
+K = TypeVar("K")
 _SHOWN = 20  # lines of a kind
 _COMPARED = ("title", "localizers", "agent")  # what pooled folders may differ in
 
@@ -156,10 +153,10 @@ def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Man
         verified=[one.words() for one in made.verified],
         left_out=store.rejected | dict(store.left_out(trials.keys(), asked)),
     )
-    return of_sweep(sweep, results)
+    return limits_apart(sweep, results)
 
 
-def of_sweep(sweep: Sweep, results: Results) -> Results:
+def limits_apart(sweep: Sweep, results: Results) -> Results:
     """Return the results with the trials of limits set apart, and with the sweep's baseline."""
     by_name = [(named(record.trial.canonical()), record) for record in results.records]
 
@@ -176,14 +173,68 @@ def of_sweep(sweep: Sweep, results: Results) -> Results:
     )
 
 
-def results_in(folder: Path | str) -> Results:
-    """Return what a folder holds of its own sweep; nothing that it names is loaded or run.
+def rule_of(sweep: Sweep) -> Rule | None:
+    """Return when comparisons of a sweep are decided; None if it runs all its worlds."""
+    if sweep.until_decided is None:
+        return None
+    family = sum(len(group.pairs(sweep.baseline)) for group in _groups(sweep))
+    if family == 0:
+        raise InputError(
+            "--until-decided has nothing to decide, as no method has a baseline to be compared "
+            "with: name a second localizer, or leave it out."
+        )
+    if sweep.trials < FIRST:
+        raise InputError(
+            f"--max-worlds is {sweep.trials}, but nothing is decided before {FIRST} worlds: give "
+            f"{FIRST} or more."
+        )
+    return Rule(margin=sweep.until_decided.margin, family=family, worlds=sweep.trials)
 
-    Its trials are those that the code, libraries and plug-ins of its manifest have made, whatever
-    is installed here.
+
+def due(
+    sweep: Sweep, trials: Mapping[K, Trial], records: Iterable[Finished], failures: Iterable[Trial]
+) -> dict[K, Trial]:
+    """Return those of a sweep's trials that it needs, as far as its results tell; all without rule.
+
+    A method needs the worlds up to its decision, or to its next look; a baseline those of all that
+    are compared with it; a limit all of its own. It depends on nothing but the results.
+    """
+    rule = rule_of(sweep)
+    if rule is None:
+        return dict(trials)
+    cells = by_method(trials_frame(records, failures))
+    worlds: dict[tuple[Setting, Method], int] = {}
+    for group in _groups(sweep):
+        rows = {method: cell(cells, group.setting, method) for method in group.methods}
+        aim = aim_of(score for own in rows.values() for score in scores_of_rows(own))
+        wanted = dict.fromkeys(group.methods, FIRST)
+        for pair in group.pairs(sweep.baseline):
+            ours, baseline = (rows[method] for method in pair)
+            needed = decide(ours, baseline, aim, rule).wanted
+            wanted |= {method: max(needed, wanted[method]) for method in pair}
+        for method, needed in wanted.items():
+            own = group.setting, method
+            worlds[own] = max(needed, worlds.get(own, 0))
+    limits = {trial for limit in sweep.limits for trial in sweep.limiting(limit)}
+    return {
+        key: trial
+        for key, trial in trials.items()
+        if trial.trial < worlds.get((trial.setting, trial.method), 0) or trial in limits
+    }
+
+
+def _groups(sweep: Sweep) -> list[MethodGroup]:
+    cells = replace(sweep, limits=()).cells()
+    return groups((first.setting, first.method) for first in cells)
+
+
+def results_in(folder: Path | str) -> Results:
+    """Return what a folder holds of its own sweep, by its manifest's code and plug-ins.
+
+    Nothing that it names is loaded or run.
     """
     folder = Path(folder)
-    made = manifest.read(folder)
+    made = manifest.read_manifest(folder)
     sweep = recorded_sweep(folder, made)
     trials = {made.identity.key(trial): trial for trial in sweep.distinct()}
     results = collected(sweep, trials, Store(folder), made)
@@ -198,7 +249,10 @@ def results_in(folder: Path | str) -> Results:
 
 def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
     """Return what folders of the same worlds hold; a trial that several have counts once."""
-    each, made = [results_in(one) for one in folders], [manifest.read(one) for one in folders]
+    each, made = (
+        [results_in(one) for one in folders],
+        [manifest.read_manifest(one) for one in folders],
+    )
     told: dict[str, Any] = {"code": made[0].identity.code}
     failures: dict[str, Failure] = {}
     left_out: dict[str, str] = {}
@@ -251,10 +305,7 @@ def _worlds(made: Manifest, plug_ins: Collection[str]) -> dict[str, Any]:
 
 
 def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
-    """Return the sweep of a folder's manifest; nothing that it names is loaded.
-
-    What was named by a sweep file is where the manifest says, from the folder.
-    """
+    """Return the sweep of a folder's manifest; nothing that it names is loaded."""
 
     def takes(name: str) -> tuple[str, ...] | None:
         if name not in made.parameters:
@@ -262,14 +313,14 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
         known = made.parameters[name]
         return None if known is None else tuple(known)
 
-    with documents.errors_name(folder / manifest.NAME):
+    with documents.errors_name(folder / manifest.MANIFEST):
         return sweep_of(overrides.of_json(made.placed), title="", takes=takes)
 
 
 def named_as_in(folder: Path, sweep: Sweep) -> Sweep:
     """Return a sweep with absolute paths, if a folder that was made so before is to go on."""
     places = manifest.places(sweep)
-    before = "" if is_empty(folder) else json.dumps(manifest.read(folder).sweep)
+    before = "" if is_empty(folder) else json.dumps(manifest.read_manifest(folder).sweep)
     if not any(json.dumps(place) in before for place in places.values()):
         return sweep
     said = overrides.renamed(overrides.of_json(sweep.canonical()), places)
@@ -306,7 +357,7 @@ def _incomplete(sweep: Sweep, results: Results) -> list[str]:
         return []
     there = {named(record.trial.canonical()) for record in results.finished}
     lines = []
-    for own in cells_of(sweep.distinct()).values():
+    for own in by_cell(sweep.distinct()).values():
         done = sum(named(trial.canonical()) in there for trial in own)
         if done < len(own):
             lines.append(f"  {done} of {len(own)}: {' '.join(own[0].words())}")

@@ -1,4 +1,4 @@
-"""Run sweeps: only what is missing, anywhere, each trial stored when it is done."""
+"""Run sweeps: only what is missing, anywhere, each trial stored when it is done; dry runs."""
 
 import contextlib
 import io
@@ -6,30 +6,35 @@ import math
 import re
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from statistics import fmean
 from typing import Any
 
+from tabulate import tabulate
 from tqdm.auto import tqdm
 
 from benchmarks.console import FailedWarning, beside, doing
-from benchmarks.execution.engines import Where, outcomes
+from benchmarks.execution.engines import Engine, Where, available_cpus, outcomes
+from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps import manifest
-from benchmarks.sweeps.design import Sweep
+from benchmarks.sweeps.design import Sweep, by_cell
 from benchmarks.sweeps.manifest import Manifest
 from benchmarks.sweeps.results import (
     Results,
     collected,
+    due,
     incomplete_sentence,
     left_out_lines,
     named_as_in,
+    rule_of,
 )
-from benchmarks.sweeps.stopping import due, rule_of
 from benchmarks.sweeps.store import Store, writing
-from benchmarks.trials.attempt import Outcome
+from benchmarks.trials.attempt import Outcome, provenance_of
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
@@ -46,15 +51,7 @@ class TrialsFailedError(RuntimeError):
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """How a sweep is run; no result depends on it.
-
-    Attributes:
-        where: the engine.
-        shard: (i, n): every n-th trial, from the i-th; None runs all.
-        retry_failed: run trials again that failed before.
-        fail_fast: stop at the first trial that fails.
-        progress: show a bar on a terminal.
-    """
+    """How a sweep is run; no result depends on it. Shard (i, n): each n-th trial, from the i-th."""
 
     where: Where = field(default_factory=Where)
     shard: tuple[int, int] | None = None
@@ -100,9 +97,9 @@ class Running:
             if not new or not run_missing(new, self.store, self.options, self.now):
                 return
             asked |= new
-            found = {key: self.store.get(key, trial) for key, trial in new.items()}
-            records += filter(None, found.values())
-            failures += [new[key] for key, record in found.items() if record is None]
+            ended = {key: self.store.get(key, trial) for key, trial in new.items()}
+            records += filter(None, ended.values())
+            failures += [new[key] for key, record in ended.items() if record is None]
 
 
 @contextmanager
@@ -112,7 +109,7 @@ def begun(
     """Open the folder of a sweep at which ``check`` has looked; nothing is run yet."""
     out = Path(out)
     sweep = named_as_in(out, sweep)
-    ours = manifest.of_sweep(sweep, command)
+    ours = manifest.manifest_of(sweep, command)
     manifest.taken_over(out, ours)
     with writing(out, options.shard) as store:
         made = manifest.begin(out, ours)
@@ -131,11 +128,9 @@ def run_missing(
 ) -> bool:
     """Run the trials (by key) that the store lacks, and store what comes of them.
 
-    Returns whether all have ended; a failure may stop it before.
-
-    All methods run on one world before any runs on the next, so that whenever this is stopped,
-    what is there can be compared. ``now`` is what workers must have loaded: the keys may be those
-    of code before it.
+    Returns whether all have ended; a failure may stop it before. All methods run on one world
+    before any runs on the next, so that what is there can always be compared. ``now`` is what
+    workers must have loaded: the keys may be those of code before it.
     """
     missing = {
         key: trial
@@ -194,11 +189,7 @@ def counted(
 
 
 def complete(results: Results, text: str, *, part: bool = False) -> str:
-    """Return what a command prints at its end.
-
-    Raises:
-        TrialsFailedError: trials failed, or are missing though all were to be run; it is printed.
-    """
+    """Return what a command prints at its end; print it and raise if a trial failed or lacks."""
     lacking = incomplete_sentence(results)
     if lacking and (results.failures or not part):
         print(text)
@@ -226,3 +217,93 @@ def shard_of(text: str) -> tuple[int, int]:
         if 1 <= number <= of <= 100_000:
             return number, of
     raise InputError(f"--shard is {shown(text)}, but must be i/n with i from 1 to n, like 2/8.")
+
+
+BUDGET = 20.0  # seconds that a dry run spends on measuring
+_CELLS_SHOWN = 60
+_USUAL = 1000  # particles, where none are named
+
+
+def dry_run(
+    sweep: Sweep, jobs: int | None = None, timeout: float | None = None, shards: int = 1
+) -> str:
+    """Return the cells of a sweep with the time of a trial in each, and the time of it all."""
+    trials = sweep.distinct()
+    cells = by_cell(trials)
+    asked = Where(jobs=jobs, timeout=timeout)
+    with replace(asked, jobs=1).engine(trials) as engine:
+        times = _times([own[0] for own in cells.values()], engine, provenance_of(sweep.cells()))
+    words = [own[0].words() for own in cells.values()]
+    alike = [part for part in words[0] if len(words) > 1 and all(part in own for own in words)]
+    rows = [
+        [
+            len(own),
+            "failed" if s is None else f"{s:.2f} s" if measured else f"≈ {s:.2f} s",
+            " ".join(part for part in name if part not in alike),
+        ]
+        for name, own, (s, measured) in zip(words, cells.values(), times, strict=True)
+    ]
+    total = sum((s or 0.0) * len(own) for own, (s, _) in zip(cells.values(), times, strict=True))
+    jobs = min(jobs or available_cpus(), len(trials))
+    count = sum(measured for _, measured in times)
+    most = "at most " if sweep.until_decided else ""
+    lines = [f"{sweep.title}: {most}{len(trials):,} trials in {len(cells):,} cells"]
+    if equal := sweep.combinations - len(trials):
+        lines.append(f"{equal:,} combinations equal others and are run once")
+    if alike:
+        lines.append(f"in all cells: {' '.join(alike)}")
+    lines.append(
+        tabulate(rows[:_CELLS_SHOWN], ["trials", "one trial", "cell"], disable_numparse=True)
+    )
+    if len(rows) > _CELLS_SHOWN:
+        lines.append(f"… and {len(rows) - _CELLS_SHOWN:,} more cells")
+    part = "" if shards == 1 else f" for this shard of {shards}"
+    s = total / jobs / shards
+    needed = f"{s:.0f} s" if s < 90 else f"{s / 60:.0f} min" if s < 5400 else f"{s / 3600:.1f} h"
+    working = f"{jobs} job{'' if jobs == 1 else 's'}"
+    lines.append(
+        f"{'At most about' if most else 'About'} {needed} with {working}{part}: estimated from "
+        f"one measured trial in {count} of {len(cells):,} cells; ≈ is by the localizer's mean "
+        "time per particle. Nothing was written."
+    )
+    return "\n\n".join(lines)
+
+
+def _times(
+    trials: Sequence[Trial], engine: Engine, made: Provenance
+) -> list[tuple[float | None, bool]]:
+    """Return the seconds of each trial (None: it fails), and whether measured or by particles."""
+
+    def measured(trial: Trial) -> float | None:
+        started = time.perf_counter()
+        ((_, outcome),) = outcomes([(made.key(trial), trial)], engine)
+        return None if outcome.record is None else time.perf_counter() - started
+
+    began = time.perf_counter()
+    measured(trials[0])  # compile first
+    known: dict[int, float | None] = {}
+    rates: dict[tuple[str, Overrides], list[float]] = {}  # seconds per particle
+    first = {_form(trial): index for index, trial in reversed([*enumerate(trials)])}
+    for index in sorted(range(len(trials)), key=lambda i: i not in first.values()):
+        trial = trials[index]
+        own = rates.setdefault(_form(trial), [])
+        if index in first.values() or time.perf_counter() - began < BUDGET:
+            known[index] = took = measured(trial)
+            own += [] if took is None else [took / _particles(trial)]
+
+    def scaled(trial: Trial) -> float | None:
+        own = rates[_form(trial)]
+        return fmean(own) * _particles(trial) if own else None
+
+    return [
+        (known[index], True) if index in known else (scaled(trial), False)
+        for index, trial in enumerate(trials)
+    ]
+
+
+def _form(trial: Trial) -> tuple[str, Overrides]:
+    return trial.localizer, trial.params | {"particles": _USUAL}
+
+
+def _particles(trial: Trial) -> int:
+    return int(trial.params.get("particles", _USUAL))

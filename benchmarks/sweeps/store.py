@@ -1,21 +1,23 @@
 """Trials that ended, as lines of ``trials*.jsonl`` in a folder: appended, read, joined by ``cat``.
 
-A line is {"key", "trial", "record", "seconds"}, or {"key", "trial", "reason"} of a trial that
-failed. The last record of a key counts, and a reason where there is no record.
+A line is {"key", "trial", "record", "seconds", "crc"}, or {"key", "trial", "reason", "crc"} of a
+trial that failed; "crc" is that of the line without it. The last record of a key counts, and a
+reason where there is no record.
 """
 
 import json
 import os
 import sys
+import zlib
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Annotated, Any
 
 import msgspec
 from msgspec import Meta, Struct
 
-from benchmarks.trials.scoring import Finished, Record
+from benchmarks.trials.scoring import Finished, TrialRecord
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.files import (
     MOST_BYTES,
@@ -37,7 +39,7 @@ except ImportError:  # Windows has no such locks: there, users must avoid two sw
 class _Line(Struct, frozen=True, kw_only=True):
     key: str
     trial: dict[str, Any]
-    record: Record | None = None
+    record: TrialRecord | None = None
     seconds: Annotated[float, Meta(ge=0, le=1e9)] | None = None
     reason: str | None = None
 
@@ -47,22 +49,20 @@ class _Line(Struct, frozen=True, kw_only=True):
 
 
 _DECODER = msgspec.json.Decoder(_Line)
+_CRC = b',"crc":'
 
 
 class Store:
-    """The trials in a folder, by key; a line that is no trial is none.
+    """The trials in a folder, by key; ``rejected`` are lines that are none, and why.
 
-    Attributes:
-        out: the folder.
-        rejected: lines that were not taken, and why.
+    What is put goes into ``file``.
     """
 
     def __init__(self, out: Path, file: IO[bytes] | None = None) -> None:
-        """Read what is there; ``file`` takes what is put."""
         self.out, self._file = out, file
         self.rejected: dict[str, str] = {}
         self._lines: dict[str, tuple[_Line, str]] = {}
-        for name, text in _former(out):
+        for name, text in _former(out).items():
             self._take(name, text)
         for path in sorted(out.glob("trials*.jsonl")):
             try:
@@ -86,32 +86,27 @@ class Store:
         line, _ = self._lines.get(key, (None, ""))
         return None if line is None or line.record is not None else line.reason
 
-    def put(self, key: str, trial: Trial, record: Record, seconds: float) -> None:
-        """Keep a finished trial.
-
-        Raises:
-            ValueError: it is no record, or holds a number that is not finite.
-        """
+    def put(self, key: str, trial: Trial, record: TrialRecord, seconds: float) -> None:
+        """Keep a finished trial; ValueError: it is no record, or a number is not finite."""
         content = msgspec.to_builtins(record, str_keys=True, enc_hook=float)  # NumPy's numbers
-        self._append(
-            {"key": key, "trial": trial.canonical(), "record": content, "seconds": seconds}
-        )
+        self._append(key, trial, {"record": content, "seconds": seconds})
 
     def put_failure(self, key: str, trial: Trial, reason: str) -> None:
         """Keep the reason why a trial failed."""
-        self._append({"key": key, "trial": trial.canonical(), "reason": reason})
+        self._append(key, trial, {"reason": reason})
 
     def left_out(self, keys: Collection[str], asked: Collection[str]) -> Iterator[tuple[str, str]]:
         """Yield the lines that belong to none of these keys, and why."""
         for key, (line, name) in self._lines.items():
             if key not in keys:
                 same = named(line.trial) in asked
-                yield name, f"is of {'other code, libraries or plug-ins' if same else NOT_ASKED}"
+                other = "a trial that this sweep does not have"
+                yield name, f"is of {'other code, libraries or plug-ins' if same else other}"
 
-    def _append(self, content: dict[str, Any]) -> None:
+    def _append(self, key: str, trial: Trial, parts: dict[str, Any]) -> None:
         if self._file is None:
             raise RuntimeError("the store is only read")
-        text = _json(content)
+        text = _json({"key": key, "trial": trial.canonical()} | parts)
         line = _line(text)
         self._file.write(text)
         self._file.flush()
@@ -165,50 +160,44 @@ def _mend(file: IO[bytes]) -> None:
         file.truncate(end - len(last))
 
 
-def _former(out: Path) -> Iterator[tuple[str, bytes]]:
-    """Yield what 0.2.0 kept in a file a trial, by the file's name, as lines."""
+def _former(out: Path) -> dict[str, bytes]:
+    """Return what 0.2.0 kept in a file a trial, by the file's name, as lines."""
+    lines = {}
     for path in sorted([*(out / "trials").glob("*.json"), *(out / "failed").glob("*.json")]):
+        name = f"{path.parent.name}/{path.name}"
         try:
             held = json_of(content_of(path))
-            line = {"key": held.pop("key"), "trial": held.pop("trial")}
+            line = {own: held.pop(own) for own in ("key", "trial")}
             if path.parent.name == "failed":
-                line |= {"reason": held.get("reason")}
+                line["reason"] = held.get("reason")
             else:
-                record = {name: held[name] for name in held if name not in ("schema", "checksum")}
-                line |= {"record": record, "seconds": _seconds(out / "timings" / path.name)}
-            text = _json(line)
+                held = {own: held[own] for own in held if own not in ("schema", "checksum")}
+                line["record"] = held
+                with suppress(UnreadableError, FileNotFoundError):
+                    timing = json_of(content_of(out / "timings" / path.name))
+                    line["seconds"] = timing.get("seconds")
+            lines[name] = _json(line)
         except (KeyError, ValueError, FileNotFoundError):
-            text = b""
-        yield f"{path.parent.name}/{path.name}", text
-
-
-def _seconds(path: Path) -> Any:
-    try:
-        return json_of(content_of(path)).get("seconds")
-    except (UnreadableError, FileNotFoundError):
-        return None
+            lines[name] = b""
+    return lines
 
 
 def _convert(out: Path, file: IO[bytes]) -> None:
     """Make lines of the files of 0.2.0, and remove these."""
-    lines = {name: text for name, text in _former(out) if _is_line(text)}
+    lines = {name: text for name, text in _former(out).items() if _is_line(text)}
     if not lines:
         return
     file.writelines(lines.values())
     file.flush()
     os.fsync(file.fileno())
     for name in lines:
-        (out / name).unlink(missing_ok=True)
-        (out / "timings" / Path(name).name).unlink(missing_ok=True)
-    (out / "written.json").unlink(missing_ok=True)
+        for former in (name, f"timings/{Path(name).name}", "written.json"):
+            (out / former).unlink(missing_ok=True)
     for folder in ("trials", "timings", "failed"):
-        if (out / folder).is_dir() and not any((out / folder).iterdir()):
+        with suppress(OSError):  # there is none, or something else is in it
             (out / folder).rmdir()
     words = f"{len(lines):,} trials that had files of their own are lines of {file.name} now"
     print(f"deqmcl: {words}.", file=sys.stderr)
-
-
-NOT_ASKED = "a trial that this sweep does not have"
 
 
 def named(canonical: dict[str, Any]) -> str:
@@ -217,6 +206,9 @@ def named(canonical: dict[str, Any]) -> str:
 
 
 def _line(text: bytes) -> _Line:
+    body, mark, crc = text.rstrip(b"\n").rpartition(_CRC)
+    if mark and b"%d}" % zlib.crc32(body) != crc:
+        raise UnreadableError("is not as it was written")
     try:
         return _DECODER.decode(text)
     except (msgspec.MsgspecError, RecursionError):  # or a name that is no UTF-8, as Python has it
@@ -231,4 +223,5 @@ def _is_line(text: bytes) -> bool:
 
 
 def _json(value: dict[str, Any]) -> bytes:
-    return json.dumps(value, allow_nan=False, separators=(",", ":")).encode() + b"\n"
+    body = json.dumps(value, allow_nan=False, separators=(",", ":")).encode()[:-1]
+    return b"%s%s%d}\n" % (body, _CRC, zlib.crc32(body))

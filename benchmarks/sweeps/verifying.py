@@ -20,14 +20,13 @@ from benchmarks.sweeps.manifest import Verified, differences
 from benchmarks.sweeps.results import named_as_in, recorded_sweep
 from benchmarks.sweeps.running import counted
 from benchmarks.sweeps.store import Store
-from benchmarks.trials.attempt import Outcome
-from benchmarks.trials.plugins import provenance_of
+from benchmarks.trials.attempt import Outcome, provenance_of
 from benchmarks.trials.provenance import Provenance, environment
-from benchmarks.trials.scoring import LATER, SCORE_NAMES, Finished, Record
+from benchmarks.trials.scoring import LATER, SCORE_NAMES, Finished, TrialRecord
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
-SHARE = 0.01  # of the trials beside the first of each setting and method
+SAMPLED = 0.01  # of the trials beside the first of each setting and method
 
 
 class DifferentError(RuntimeError):
@@ -36,13 +35,9 @@ class DifferentError(RuntimeError):
     exit_code = 1
 
 
-def verify(folder: Path, where: Where, share: float = SHARE) -> str:
-    """Run a sample of a folder's finished trials again; if all agree, its manifest says so.
-
-    Raises:
-        DifferentError: the first trial that differs, and its first score.
-    """
-    made = manifest.read(folder)
+def verify(folder: Path, where: Where, share: float = SAMPLED) -> str:
+    """Run a sample of a folder's finished trials again; if all agree, its manifest says so."""
+    made = manifest.read_manifest(folder)
     sweep, store = recorded_sweep(folder, made), Store(folder)
     now = provenance_of(sweep.cells())
     trials = {made.identity.key(trial): trial for trial in sweep.distinct()}
@@ -81,14 +76,9 @@ def compare_again(
     difference: Callable[[str, Outcome], str | None],
     folder: Path | None = None,
 ) -> dict[str, str]:
-    """Run trials again; return how those differ that do, by name.
+    """Run trials (by name) again; return how those differ that do.
 
-    Args:
-        trials: by name.
-        now: what their numbers depend on now.
-        where: the engine.
-        difference: says of a trial's name and outcome how it differs; None or "" if it does not.
-        folder: whose name the progress shown has; None shows nothing.
+    ``difference`` says it of a trial's name and outcome; ``folder`` is named by the progress shown.
     """
     names = {now.key(trial): name for name, trial in trials.items()}
     differing: dict[str, str] = {}
@@ -106,11 +96,11 @@ def compare_again(
 
 def adopted(folder: Path, sweep: Sweep, where: Where) -> str:
     """Verify a folder of our sweep that is of other code; return what was found, if it is one."""
-    ours = manifest.of_sweep(named_as_in(folder, sweep), [])
+    ours = manifest.manifest_of(named_as_in(folder, sweep), [])
     return verify(folder, where) if manifest.is_of_other_code(folder, ours) else ""
 
 
-def sample(trials: Mapping[str, Trial], code: str, share: float = SHARE) -> dict[str, Trial]:
+def sample(trials: Mapping[str, Trial], code: str, share: float = SAMPLED) -> dict[str, Trial]:
     """Return the first trial of each setting and method, and a share of the others: 1 %.
 
     Nobody picks those: they are drawn by the digest of the code that is to be verified.
@@ -135,7 +125,7 @@ def _difference(before: Finished, now: Outcome) -> str | None:
     return next(differences(record_parts(before), record_parts(now.record, lacking)), None)
 
 
-def record_parts(record: Record, without: Collection[str] = ()) -> dict[str, Any]:
+def record_parts(record: TrialRecord, without: Collection[str] = ()) -> dict[str, Any]:
     """Return all that is in a record by name, its scores first but those ``without``; no times."""
     scores = {
         f"{name} at offset {row['offset']}": row[name]
@@ -143,6 +133,8 @@ def record_parts(record: Record, without: Collection[str] = ()) -> dict[str, Any
         for name in SCORE_NAMES
         if name in row and name not in without
     }
-    parts = {name: getattr(record, name) for name in Record.__struct_fields__ if name != "scores"}
+    parts = {
+        name: getattr(record, name) for name in TrialRecord.__struct_fields__ if name != "scores"
+    }
     others: dict[str, Any] = msgspec.to_builtins(parts, str_keys=True)
     return scores | others

@@ -10,9 +10,9 @@ import pandas as pd
 
 from benchmarks.tables.stats import wilson
 from benchmarks.tables.text import short_names
-from benchmarks.trials.fixes import FOUND, NEAR, settled
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.tracks import FOUND, NEAR, settled
 from deqmcl_gym.maps.map import metre
 
 WITHIN = 10.0  # m, or half of a log's segment if that is less

@@ -1,25 +1,70 @@
-"""One trial, run to its record or to the reason why there is none."""
+"""One trial under the name of its result: run to its record, or to the reason why there is none."""
 
 import contextlib
 import multiprocessing
 import os
 import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 
-from benchmarks.trials.plugins import key_of
-from benchmarks.trials.scoring import Record, record
+from benchmarks.setup.documents import digest_of_file
+from benchmarks.setup.names import (
+    AGENT,
+    plug_ins_of,
+    plug_ins_of_agent,
+    plug_ins_of_scan,
+    scenario,
+    scenario_digest,
+)
+from benchmarks.trials.provenance import Provenance, code_digest, versions
+from benchmarks.trials.scoring import TrialRecord, record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from deqmcl_gym.validation import LogWarning
+from deqmcl_gym.validation import InputError, LogWarning
+from localizers import absolute_name
 from localizers.kinds import is_ctrl_c, reason_of
-from localizers.registry import LOCALIZER
+from localizers.registry import LOCALIZER, SCAN_MODEL
+
+
+def provenance_of(trials: Iterable[Trial]) -> Provenance:
+    """Return what the numbers of these trials depend on, as it is now."""
+    localizer, setup = cache(LOCALIZER.digest), cache(scenario_digest)  # a file is read once
+    digests: dict[str, str] = {}
+    for trial in trials:
+        parts = [(trial.localizer, localizer(absolute_name(trial.localizer)))]
+        parts.append((trial.scenario, setup(absolute_name(trial.scenario))))
+        if trial.agent is not None:
+            parts.append((trial.agent.name, AGENT.digest(trial.agent.name)))
+        parts += [(name, SCAN_MODEL.digest(name)) for name in plug_ins_of_scan(trial.assumed)]
+        parts += [(path, digest_of_file(path)) for path in trial.files]
+        for name, digest in parts:
+            if digests.setdefault(name, digest) != digest:
+                raise InputError(
+                    f"two files are called {name}, one from the folder of the sweep file and one "
+                    "from another folder: give the path of one of them from /."
+                )
+    plug_ins = {str(name): digest for name, digest in digests.items() if digest}
+    return Provenance(code_digest(), versions(), plug_ins)
+
+
+def key_of(trial: Trial) -> str:
+    """Return the name under which a trial's result is kept."""
+    return provenance_of([trial]).key(trial)
+
+
+def guest_of(trial: Trial) -> str:
+    """Return the names of a trial's plug-ins: all that are not ours; "" if none is."""
+    localizer = (trial.localizer,) if LOCALIZER.is_plug_in(trial.localizer) else ()
+    parts = (*plug_ins_of_agent(trial.agent), *plug_ins_of_scan(trial.assumed))
+    return " ".join((*localizer, *plug_ins_of(scenario(trial.scenario)), *parts))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
     """What came of a trial: a record with the seconds it took, or a reason."""
 
-    record: Record | None = None
+    record: TrialRecord | None = None
     seconds: float = 0.0
     reason: str | None = None
 

@@ -13,9 +13,21 @@ from msgspec import Meta, Struct
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import Surroundings, belief_moments, calibration, cloud_of, joined
 from benchmarks.trials.episode import Step
-from benchmarks.trials.fixes import Fixes, Journey, driven, half_turned, weight_near
-from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_GROUPS, Group, scores_of, track_scores
-from benchmarks.trials.tracks import Track
+from benchmarks.trials.scores import (
+    JOURNEY_SCORES,
+    TRACK_GROUPS,
+    ScoreGroup,
+    journey_scores,
+    track_scores,
+)
+from benchmarks.trials.tracks import (
+    EstimatedTrack,
+    Fixes,
+    Journey,
+    half_turned,
+    way_driven,
+    weight_near,
+)
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
@@ -24,16 +36,13 @@ from deqmcl_gym.numerics.types import Reals
 from deqmcl_gym.validation import InputError
 from localizers import best_cluster, quality_of
 
-_ROUNDING = 1e-6  # of shares: weights add up to 1 but for it
 Number = Annotated[float, Meta(ge=-1e100, le=1e100)]  # of a record: squares are finite
 
 
 class WholeRun(Struct, frozen=True, kw_only=True):
-    """What a trial's record has of its whole run.
+    """What a trial's record has of its whole run; a score that is None is censored or unknown.
 
-    Attributes:
-        scores: by name; None is censored or not available.
-        curves: by name, each at the same steps; "way" is what was driven until then, m.
+    All curves are at the same steps; "way" is what was driven until then, m.
     """
 
     scores: dict[str, Number | None]
@@ -42,22 +51,10 @@ class WholeRun(Struct, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         if other := self.scores.keys() - JOURNEY_SCORES.keys():
             raise ValueError(f"has a score of the whole run named {min(other)[:20]!r}")
-        for name, value in self.scores.items():
-            if not isinstance(value, float) or JOURNEY_SCORES[name].unit != "share":
-                continue
-            if not -_ROUNDING <= value <= 1 + _ROUNDING:
-                raise ValueError(f"has {value:g} as {name}, which is a share")
-        if "way" not in self.curves or len(set(map(len, self.curves.values()))) != 1:
-            raise ValueError("has curves of the whole run of different lengths")
 
 
 class RecordedTrack(Struct, frozen=True, kw_only=True):
-    """What the record of a trial on a whole log has of it; see ``TrackLog``.
-
-    Attributes:
-        best: means of the best clusters, x, y and θ at each record of the log.
-        scores: by name; None is not available.
-    """
+    """What the record of a trial on a whole log has of it: best clusters, x, y, θ; scores."""
 
     best: tuple[list[Number], list[Number], list[Number]]
     scores: dict[str, Number | None]
@@ -73,20 +70,20 @@ def unless_nan(values: Iterable[float]) -> list[float | None]:
     return [None if math.isnan(value) else value for value in values]
 
 
-def whole_run(run: Journey, groups: Sequence[Group]) -> WholeRun:
+def whole_run(run: Journey, groups: Sequence[ScoreGroup]) -> WholeRun:
     """Return what a record has of a run; curves have four digits, as a long run is many numbers."""
     fixes = run.fixes
     curves = {"way": fixes.way, "distance": fixes.distance, "angle": fixes.angle}
     if run.masses is not None:
         curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
     rounded = {name: [float(f"{v:.4g}") for v in values] for name, values in curves.items()}
-    return WholeRun(scores=if_finite(scores_of(run, groups)), curves=rounded)
+    return WholeRun(scores=if_finite(journey_scores(run, groups)), curves=rounded)
 
 
 class JourneyLog:
     """Collects a run from its moments; the best cluster is sought once a step."""
 
-    def __init__(self, task: Surroundings, groups: Sequence[Group]) -> None:
+    def __init__(self, task: Surroundings, groups: Sequence[ScoreGroup]) -> None:
         self._task, self._groups = task, groups
         self._metre = metre(task.floor_plan.unit)
         self._turned = any(group.name == "ambiguity" for group in groups)
@@ -132,16 +129,17 @@ class JourneyLog:
         table = np.array(self._fixes, np.float64)
         steps = table[:, 0].astype(np.intp)
         off = truth[steps] - table[:, 1:4] / size
-        way = driven(self._commanded) / self._metre
+        way = way_driven(self._commanded) / self._metre
         goal = None if self._goal is None else np.asarray(self._goal, np.float64) / self._metre
         room = self._task.floor_plan.distance(np.array(self._truth, np.float64)[:, :2])
+        distance, angle = np.hypot(off[:, 0], off[:, 1]), np.abs(arrays.wrapped(off[:, 2]))
         return Journey(
             fixes=Fixes(
                 steps=steps,
                 count=len(truth),
                 way=way[steps],
-                distance=np.hypot(off[:, 0], off[:, 1]),
-                angle=np.abs(arrays.wrapped(off[:, 2])),
+                distance=distance,
+                angle=angle,
                 quality=table[:, 4],
             ),
             driven=way,
@@ -155,10 +153,7 @@ class JourneyLog:
 
 
 class TrackLog:
-    """Collects the track of a run on a log, and scores it by its records.
-
-    Beside the metrics of a trial, which are of the belief's mean at the steps t ≥ 1.
-    """
+    """Collects the track of a run on a log, and scores it by its records."""
 
     def __init__(self, log: Log, floor_plan: Map, thresholds: Thresholds, judged: int) -> None:
         self._log, self._map, self._thresholds, self._judged = log, floor_plan, thresholds, judged
@@ -180,9 +175,9 @@ class TrackLog:
         self._best.append(best_cluster(*points, unit=self._log.unit).mean)
 
     @property
-    def track(self) -> Track:
+    def track(self) -> EstimatedTrack:
         """The track so far."""
-        return Track(self._log, np.array(self._best, np.float64))
+        return EstimatedTrack(self._log, np.array(self._best, np.float64))
 
     def scores(self) -> dict[str, float]:
         """Return the scores by records that no journey has; NaN is not available."""

@@ -1,22 +1,189 @@
-"""Is the robot lost, or is the map wrong here? What can be seen of either, and what is true.
+"""How scans fit a map; and whether a robot is lost, or the map wrong here: what tells of either.
 
-Only where the world differs from the map. All of it is seen at the best cluster of a belief, but
-for the two columns of the truth.
+Fits are seen from poses on the map; the signals, where the world differs from it, at the best
+cluster of a belief, but for the two columns of the truth.
 """
 
 import math
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
+import cv2
 import numpy as np
 
 from benchmarks.trials.collecting import unless_nan
 from benchmarks.trials.episode import Step
-from benchmarks.trials.fixes import FOUND, NEAR
-from benchmarks.trials.residuals import APART, Expected, Lattice, Rays, known_part
-from deqmcl_gym.maps import Lidar, Map
+from benchmarks.trials.tracks import FOUND, NEAR
+from deqmcl_gym.maps import GridMap, Lidar, Map
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Ints, Reals
 from localizers import best_cluster, quality_of
+
+CLEAR = 0.2  # m by which a reading differs from all that the map says from poses nearby
+_SIGMAS = 3.0  # of the lidar's noise, if that is more
+_NEARBY = (0.1, np.radians(2.0))  # m, rad: how far off a pose of a robot that is localized may be
+_CELL = 0.1  # m, or a cell of the map if that is larger
+APART = 0.5  # m between poses that count as different ones
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How each beam of scans fits a map, seen from poses, (n, B) each.
+
+    ``returned``: reflected within range; ``short``, ``long``: that, and it reads clearly less or
+    more than from every pose nearby. ``expected`` is ∞ where only unknown cells or nothing is met.
+    """
+
+    expected: Reals
+    returned: Bools
+    short: Bools
+    long: Bools
+
+    @property
+    def explained(self) -> Floats:
+        """Share of the returns of each scan that are neither short nor long, (n,); NaN of none."""
+        return self._share(~(self.short | self.long))
+
+    @property
+    def shares(self) -> tuple[Floats, Floats]:
+        """Share of the returns of each scan that are short, and that are long, (n,) each."""
+        return self._share(self.short), self._share(self.long)
+
+    def _share(self, which: Bools) -> Floats:
+        with np.errstate(invalid="ignore"):
+            return np.asarray((which & self.returned).sum(axis=1) / self.returned.sum(axis=1))
+
+
+def known_part(floor_plan: Map) -> Map:
+    """Return a map whose unknown cells stop no beam and are no free space either."""
+    if isinstance(floor_plan, GridMap):
+        return replace(floor_plan, unknown="transparent")
+    return floor_plan
+
+
+class Expected(NamedTuple):
+    """What a map says that a robot sees from poses, and from poses near them, (n, B) each.
+
+    A beam that grazes a wall, or passes its corner, reads something else from 0.1 m beside: a
+    reading contradicts the map if it is outside of ``least`` to ``most`` by ``clear``. Ranges from
+    ``farthest`` on are no returns.
+    """
+
+    here: Reals
+    least: Reals
+    most: Reals
+    clear: float
+    farthest: float
+
+    @classmethod
+    def of(cls, floor_plan: Map, lidar: Lidar, poses: Reals) -> "Expected":
+        """Return what is expected at poses (n, 3) on a map, as of ``known_part``."""
+        length = metre(floor_plan.unit)
+        near, turn = _NEARBY[0] * length, _NEARBY[1]
+        steps = np.vstack([np.zeros(3), *(sign * np.diag((near, near, turn)) for sign in (-1, 1))])
+        around = (steps[:, None] + poses).reshape(-1, 3)  # one call: a step of a trial has one pose
+        seen = lidar.ranges(floor_plan, around.T).reshape(len(steps), len(poses), -1)
+        clear = max(CLEAR * length, _SIGMAS * lidar.sigma)
+        return cls(seen[0], seen.min(axis=0), seen.max(axis=0), clear, lidar.max_range)
+
+    def fit(self, ranges: Reals) -> Fit:
+        """Return how scans, (n, B) or one, (B,), fit; readings without a number are no returns."""
+        returned = np.broadcast_to(np.isfinite(ranges) & (ranges < self.farthest), self.here.shape)
+        short = returned & (ranges < self.least - self.clear)
+        return Fit(self.here, returned, short, returned & (ranges > self.most + self.clear))
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Square cells along x and y over a map, counted row by row from its lower left corner."""
+
+    x: float
+    y: float
+    cell: float  # its edge
+    shape: tuple[int, int]  # rows, columns
+
+    @classmethod
+    def over(cls, floor_plan: Map, metres: float = _CELL) -> "Lattice":
+        """Return cells of so many m, or of the map's resolution if that is coarser."""
+        cell = metres * metre(floor_plan.unit)
+        if isinstance(floor_plan, GridMap):
+            cell = max(cell, floor_plan.resolution)
+        x0, y0, x1, y1 = floor_plan.bounds
+        rows, columns = (int(np.ceil(side / cell)) + 1 for side in (y1 - y0, x1 - x0))
+        return cls(x0, y0, cell, (rows, columns))
+
+    @property
+    def size(self) -> int:
+        """Number of cells."""
+        return self.shape[0] * self.shape[1]
+
+    def cells(self, x: Floats, y: Floats) -> Indices:
+        """Return the cell of each point, -1 outside."""
+        with np.errstate(invalid="ignore"):
+            column, row = np.floor((x - self.x) / self.cell), np.floor((y - self.y) / self.cell)
+            inside = (row >= 0) & (row < self.shape[0]) & (column >= 0) & (column < self.shape[1])
+        return np.where(inside, row * self.shape[1] + column, -1).astype(np.intp)
+
+    def centres(self, cells: Indices) -> Floats:
+        """Return the centres of cells, (n, 2)."""
+        row, column = np.divmod(cells, self.shape[1])
+        middle = self.cell * (np.column_stack([column, row]) + 0.5)
+        return np.column_stack([self.x, self.y]) + middle
+
+    def groups(self, marked: Bools) -> Ints:
+        """Number groups of marked cells, at most one cell apart, from 1 on; 0: not marked."""
+        image = marked.reshape(self.shape).astype(np.uint8)
+        wide = cv2.dilate(image, np.ones((3, 3), np.uint8))
+        labels = cv2.connectedComponents(wide, connectivity=8)[1]
+        return np.where(marked, labels.ravel(), 0).astype(np.int32)
+
+
+class Rays(NamedTuple):
+    """Rays over cells, of a scan from each of n poses: starts and angles in the map, (n, B)."""
+
+    lattice: Lattice
+    x: Reals
+    y: Reals
+    angles: Floats
+
+    @classmethod
+    def of(cls, lattice: Lattice, lidar: Lidar, poses: Reals) -> "Rays":
+        """Return the rays of a robot's lidar at poses (n, 3)."""
+        x, y, angles = np.empty((3, len(poses), lidar.beams))
+        for origins, rows in lidar.fans(poses.T):
+            x[:, rows], y[:, rows], angles[:, rows] = origins[:, :, None]
+        return cls(lattice, x, y, angles + lidar.bearings)
+
+    def points(self, ranges: Reals) -> tuple[Floats, Floats]:
+        """Return the point on each ray so far away, (n, B) each; NaN for ∞."""
+        far = np.where(np.isfinite(ranges), ranges, np.nan)
+        return self.x + far * np.cos(self.angles), self.y + far * np.sin(self.angles)
+
+    def cells(self, ranges: Reals) -> Indices:
+        """Return the cell of the point on each ray so far away, (n, B); -1 outside."""
+        return self.lattice.cells(*self.points(ranges))
+
+    def passed(self, ranges: Floats) -> Indices:
+        """Count the rays that pass each cell before they are so far, sampled at each cell."""
+        passed = np.zeros(self.lattice.size, np.intp)
+        scan, beam = np.nonzero(ranges > 0)
+        x, y = self.x[scan, beam], self.y[scan, beam]
+        angle, far = self.angles[scan, beam], ranges[scan, beam]
+        ahead = np.column_stack([np.cos(angle), np.sin(angle)]) * self.lattice.cell
+        step = 0
+        while far.size:
+            at = self.lattice.cells(x + step * ahead[:, 0], y + step * ahead[:, 1])
+            passed += count(at, self.lattice)
+            step += 1
+            on = far > step * self.lattice.cell
+            x, y, ahead, far = x[on], y[on], ahead[on], far[on]
+        return passed
+
+
+def count(cells: Indices, lattice: Lattice) -> Indices:
+    """Count the points in each cell of a lattice, (k,); -1 is none."""
+    return np.bincount(cells[cells >= 0], minlength=lattice.size)
+
 
 TRUTH = ("off", "wrong")
 SIGNALS = ("quality", "explained", "beyond_random", "short", "long", "repeated", "elsewhere")
@@ -100,9 +267,9 @@ class MapSignals:
 
 def _anywhere(floor_plan: Map) -> Floats:
     """Return random poses in free space, (n, 3)."""
-    rng, found = np.random.default_rng(_ROOT), np.empty((0, 3))
+    rng, free = np.random.default_rng(_ROOT), np.empty((0, 3))
     x0, y0, x1, y1 = floor_plan.bounds
-    while len(found) < _RANDOM:
+    while len(free) < _RANDOM:
         drawn = rng.uniform((x0, y0, -math.pi), (x1, y1, math.pi), (4 * _RANDOM, 3))
-        found = np.vstack([found, drawn[floor_plan.free(drawn)]])
-    return found[:_RANDOM]
+        free = np.vstack([free, drawn[floor_plan.free(drawn)]])
+    return free[:_RANDOM]

@@ -28,12 +28,9 @@ class Estimates:
     """What beliefs at one offset say of the states s ≥ 1, and the truth: what ``METRICS`` are of.
 
     Attributes:
-        truth: true poses, (k, 3).
         means, variances: of (x, y, cos θ, sin θ), (k, 4).
         values: further numbers of each state, (k,); see ``trace.OffsetTrace``.
         common: whether L ≤ s ≤ T - L, the states that every offset estimates, (k,).
-        thresholds: of the scenario.
-        unit: of lengths.
     """
 
     truth: Floats
@@ -61,12 +58,7 @@ class Estimates:
 
 
 def state_error(means: Floats, truth: Reals) -> Floats:
-    """e_t, the norm of (estimate - truth) over (x, y, cos θ, sin θ); the paper's eq. (4), (k,).
-
-    Args:
-        means: estimates of (x, y, cos θ, sin θ), (k, 4).
-        truth: true poses, (k, 3).
-    """
+    """e_t, the norm of (estimate - truth) over (x, y, cos θ, sin θ); the paper's eq. (4), (k,)."""
     x, y, heading = np.asarray(truth, dtype=np.float64).T
     true = np.column_stack([x, y, arrays.cos(heading), arrays.sin(heading)])
     return _root(np.sum, means - true)
@@ -78,10 +70,7 @@ def position_error(means: Floats, truth: Floats) -> Floats:
 
 
 def _root(total: Callable[..., Floats], rows: Floats) -> Floats:
-    """Root of the total of the squares of each row of (k, n), (k,).
-
-    Scaled by a power of two, which changes no bit, so that no square is too large.
-    """
+    """Root of the total of each row's squares, scaled by a power of two: none is too large."""
     _, exponents = np.frexp(np.abs(rows).max(axis=1))
     squares = np.square(np.ldexp(rows, -exponents[:, None]))
     return np.ldexp(np.sqrt(total(squares, axis=1)), exponents)

@@ -29,11 +29,8 @@ Environment = dict[str, str | dict[str, str]]
 class Provenance(Struct, frozen=True, dict=True):
     """Everything but the configuration that a trial's numbers depend on; read, or of what runs.
 
-    Attributes:
-        code: see ``code_digest``.
-        libraries: versions by name.
-        plug_ins: digests by name of localizers, scenarios, agents and scan models that are not
-            ours, and of the files of worlds and localizers.
+    ``plug_ins`` are digests by name of localizers, scenarios, agents and scan models that are not
+    ours, and of the files of worlds and localizers.
     """
 
     code: str

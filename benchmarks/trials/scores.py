@@ -15,7 +15,6 @@ import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import Clouds, Surroundings
-from benchmarks.trials.fixes import NEAR, RECOVERED, RECOVERED_STEPS, Journey
 from benchmarks.trials.metrics import (
     Estimates,
     entropy,
@@ -26,7 +25,15 @@ from benchmarks.trials.metrics import (
     wall_share,
     wall_step_share,
 )
-from benchmarks.trials.tracks import AGREEMENTS, ScoredTrack, Track
+from benchmarks.trials.tracks import (
+    AGREEMENTS,
+    NEAR,
+    RECOVERED,
+    RECOVERED_STEPS,
+    EstimatedTrack,
+    Journey,
+    ScoredTrack,
+)
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics.types import Floats
 
@@ -39,7 +46,6 @@ class Score:
     """A number that says how good something is.
 
     Attributes:
-        name: in records and tables.
         unit: "length" (the map's unit), "length²", "m", "rad", "steps", "nats", "share" (of a whole
             run: 0 or 1) or "" (a number).
         better: "low", "high", or "" if neither is.
@@ -134,7 +140,7 @@ METRICS: tuple[Score, ...] = (
 
 
 @dataclass(frozen=True)
-class Group:
+class ScoreGroup:
     """Scores of a whole run that belong together."""
 
     name: str
@@ -218,21 +224,21 @@ _DRIVING = (
     Score("time", "steps", "low", "steps", lambda run: float(len(run.truth) - 1)),
 )
 GROUPS = (
-    Group("lost", _LOST),
-    Group("ambiguity", _AMBIGUITY),
-    Group("recovery", _RECOVERY),
-    Group("log", (_MEDIAN,)),
-    Group("driving", _DRIVING),
+    ScoreGroup("lost", _LOST),
+    ScoreGroup("ambiguity", _AMBIGUITY),
+    ScoreGroup("recovery", _RECOVERY),
+    ScoreGroup("log", (_MEDIAN,)),
+    ScoreGroup("driving", _DRIVING),
 )
 JOURNEY_SCORES = {score.name: score for group in GROUPS for score in group.scores}
 
 
-def groups_named(names: Collection[str]) -> tuple[Group, ...]:
+def groups_named(names: Collection[str]) -> tuple[ScoreGroup, ...]:
     """Return groups by name, in the order of ``GROUPS``."""
     return tuple(group for group in GROUPS if group.name in names)
 
 
-def scores_of(run: Journey, groups: Sequence[Group]) -> dict[str, float]:
+def journey_scores(run: Journey, groups: Sequence[ScoreGroup]) -> dict[str, float]:
     """Return the scores of a run by name."""
     return {score.name: score.of(run) for score in chain.from_iterable(g.scores for g in groups)}
 
@@ -296,7 +302,7 @@ TRACK_SCORES = {score.name: score for score in _OF_TRACKS}
 
 
 def track_scores(
-    track: Track,
+    track: EstimatedTrack,
     calibrated: Floats,
     thresholds: Thresholds,
     floor_plan: Map | None,

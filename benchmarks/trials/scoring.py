@@ -27,27 +27,18 @@ class ErrorCurve(Struct, frozen=True):
     error: list[Number | None]
 
 
-class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What came of a trial: the shape of its file. T steps were done.
+class TrialRecord(Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """What came of a trial of T steps: the shape of its line in a file.
 
     Attributes:
-        unit: of lengths.
-        thresholds: of the scenario.
         scores: a row per offset: "offset" and ``SCORE_NAMES``; None is not available. Those of
             ``LATER`` are missing in records made before they were added.
-        curves: by offset, for the same offsets.
         quality: confidence that it is not lost after t = 1 …; None where the belief gives none.
         profile: mean error e by offset, each over the same states.
-        steps_done, scans_used: T, and scans with at least one beam in range.
-        events: the localizer's counts of trouble.
+        scans_used: those with at least one beam in range.
         plan: ``trace.plan_columns`` of the steps t = 1 … T; None if no plan was read.
         against_map: ``map_signals.MAP_COLUMNS`` of the steps t = 1 … T; None where the world is as
             on the map.
-        journey: of the whole run; None if the scenario asks for nothing.
-        track: on a whole log; None of any other trial.
-
-    Raises:
-        ValueError: its parts do not belong together.
     """
 
     unit: Annotated[str, Meta(pattern="^(px|m)$")]
@@ -68,23 +59,6 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
         for name in {"offset", *SCORE_NAMES} - LATER:
             if any(name not in row for row in self.scores):
                 raise ValueError(f"has no {name} among its scores")
-        if set(self.offsets) != self.curves.keys() or 0 not in self.curves:
-            raise ValueError("has scores and curves of other offsets, or none at offset 0")
-        if any(abs((row["lost"] or 0) - 0.5) > 0.5 for row in self.scores):
-            raise ValueError("has a share of lost trials that is not from 0 to 1")
-        steps = self.steps_done
-        states = [len(curve.error) for curve in self.curves.values()]
-        states += [len(self.journey.curves["way"])] if self.journey else []
-        if not all(0 < length <= steps + 1 for length in states) or len(self.quality or ()) > steps:
-            raise ValueError(f"has a curve or qualities of another length than its {steps} steps")
-        if self.track is not None and {*map(len, self.track.best)} != {steps + 1}:
-            raise ValueError(f"has a track of another length than its {steps} steps")
-        if any(len(values) != steps for values in (self.against_map or {}).values()):
-            raise ValueError(f"has signals of the map of another length than its {steps} steps")
-        if self.plan is not None and any(
-            len(self.plan.get(name, ())) != steps for name in {"conflict", *self.plan}
-        ):
-            raise ValueError(f"has readings of the plan of another length than its {steps} steps")
 
     @property
     def offsets(self) -> list[int]:
@@ -92,7 +66,7 @@ class Record(Struct, frozen=True, kw_only=True, omit_defaults=True):
         return [int(row["offset"] or 0) for row in self.scores]
 
 
-class Finished(Record, frozen=True, kw_only=True):
+class Finished(TrialRecord, frozen=True, kw_only=True):
     """A finished trial: its record, the trial, its key, and its seconds (None: not known)."""
 
     trial: Trial
@@ -109,10 +83,10 @@ def scores(trace: Trace, lag: int, thresholds: Thresholds) -> list[dict[str, Any
     ]
 
 
-def record(trace: Trace, lag: int, thresholds: Thresholds) -> Record:
+def record(trace: Trace, lag: int, thresholds: Thresholds) -> TrialRecord:
     """Return a trial's result; its scores are of the states whose truth is known."""
-    quality, held = trace.quality[1:], profile(trace, lag)
-    return Record(
+    quality, held = trace.quality[1:], error_profile(trace, lag)
+    return TrialRecord(
         unit=trace.unit,
         thresholds=thresholds,
         scores=[if_finite(row) for row in scores(trace, lag, thresholds)],
@@ -136,7 +110,7 @@ def record(trace: Trace, lag: int, thresholds: Thresholds) -> Record:
     )
 
 
-def profile(trace: Trace, lag: int) -> dict[int, float]:
+def error_profile(trace: Trace, lag: int) -> dict[int, float]:
     """Mean error e by offset, each over the same states: every 5th with L ≤ s ≤ T - L."""
     held = {k: (kept.states, kept.means) for k, kept in trace.offsets.items()} | trace.profile
     errors = {}

@@ -17,15 +17,7 @@ Run = tuple[int, int]  # world, filter seed
 
 @dataclass(frozen=True)
 class Setting:
-    """What trials share that may be compared.
-
-    Attributes:
-        scenario: name of the world and of what the filters assume.
-        world, assumed: changes to both, by dotted name.
-        disturbance: wrappers around the world, innermost first.
-        lag: the lag L.
-        seed: root of all randomness.
-    """
+    """What trials share that may be compared; see ``Trial``."""
 
     scenario: str
     world: Overrides
@@ -37,11 +29,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Method(Named):
-    """What is compared: a localizer by name, with its parameters, and who drives.
-
-    Attributes:
-        agent: who drives; None: the scenario's agent.
-    """
+    """What is compared: a localizer by name, with its parameters, and who drives (None: usual)."""
 
     agent: Named | None = None
 
@@ -70,15 +58,9 @@ class Trial:
     """One localizer on one lap of one world.
 
     Attributes:
-        scenario: name of the world and of what the filters assume of it.
-        world: changes to the scenario's world: {"lidar.beams": 9}.
-        assumed: changes to what the filters assume: {"scan.sigma": 50.0}.
         disturbance: wrappers around the world, innermost first: {"kind": "kidnap", …}.
-        localizer: name of the localizer.
-        params: its parameters.
         agent: who drives; None: the scenario's agent.
         lag: L, the offsets scored are -L, 0 and L.
-        seed: root of all randomness.
         trial: number of the world; trials of the same number are paired.
         filter_seed: which of several runs of the localizer on that world.
     """

@@ -1,6 +1,5 @@
 """Stage: a trial, set up, in its disturbances."""
 
-import contextlib
 import inspect
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager
@@ -22,11 +21,11 @@ from benchmarks.setup.scenario import Scenario
 from benchmarks.trials.clouds import Surroundings
 from benchmarks.trials.collecting import JourneyLog, TrackLog
 from benchmarks.trials.episode import Step, moments
-from benchmarks.trials.fixes import is_symmetric
 from benchmarks.trials.map_signals import MapSignals, differs
-from benchmarks.trials.scores import Group, groups_named
+from benchmarks.trials.scores import ScoreGroup, groups_named
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
+from benchmarks.trials.tracks import is_symmetric
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 from deqmcl_gym.validation import InputError, one_of
 from localizers import Prior, RobotModel, make
@@ -41,10 +40,8 @@ class Stage:
     """A trial, set up: all that it is made of, but for its agent and localizer.
 
     Attributes:
-        trial: what is set up.
         scenario: with the changes that the trial makes to it, in its building; the trial's own
             disturbances are outside the scenario's.
-        room: the world, set up to run all planned steps.
         env: the room inside its disturbances.
         robot: what the localizer and the agent are made for.
     """
@@ -59,21 +56,13 @@ class Stage:
     def of(cls, trial: Trial) -> Self:
         """Set a trial up; nothing is run."""
         changed = scenario(trial.scenario).changed(trial.world, trial.assumed)
-        found = changed.in_building(trial.trial)
-        found = replace(
-            found,
-            agent=trial.agent or found.agent,
-            disturbance=(*found.disturbance, *trial.disturbance),
-        )
+        setup = changed.in_building(trial.trial)
+        disturbance = *setup.disturbance, *trial.disturbance
+        setup = replace(setup, agent=trial.agent or setup.agent, disturbance=disturbance)
         with _errors_name(trial.scenario):
-            room = found.room()
-        return cls(
-            trial=trial,
-            scenario=found,
-            room=room,
-            env=disturbed(room.unwrapped, found.disturbance),
-            robot=found.robot_model(room),
-        )
+            room = setup.room()
+        env, robot = disturbed(room.unwrapped, disturbance), setup.robot_model(room)
+        return cls(trial=trial, scenario=setup, room=room, env=env, robot=robot)
 
     @property
     def task(self) -> Surroundings:
@@ -86,7 +75,7 @@ class Stage:
         )
 
     @property
-    def groups(self) -> tuple[Group, ...]:
+    def groups(self) -> tuple[ScoreGroup, ...]:
         """The groups of scores that the trial is about.
 
         Where a half turn gives the same map, two places fit a robot that may be lost.
@@ -108,8 +97,7 @@ class Stage:
     def collector(self) -> JourneyLog | TrackLog | None:
         """Return what keeps its journey, or its track on a whole log; None if nothing is asked."""
         if self.scenario.judged is None:
-            groups = self.groups
-            return JourneyLog(self.task, groups) if groups else None
+            return JourneyLog(self.task, self.groups) if self.groups else None
         from deqmcl_gym.envs.log import LogEnv  # a trial in a room needs none
 
         assert isinstance(self.room, LogEnv)
@@ -127,14 +115,8 @@ class Stage:
         params = located(self.trial.params)
         localizer = make(self.trial.localizer, deepcopy(self.robot, copies), **params)
 
-        yield from moments(
-            self.env,
-            agent,
-            localizer,
-            lambda: deepcopy(self.prior(), copies),
-            self.stream,
-            seed=self.trial.world_seed,
-        )
+        prior, seed = (lambda: deepcopy(self.prior(), copies)), self.trial.world_seed
+        yield from moments(self.env, agent, localizer, prior, self.stream, seed=seed)
 
     def trace(self) -> Trace:
         """Run the trial and return its trace."""
@@ -180,9 +162,7 @@ def _setting_of(trial: Trial) -> tuple[object, ...]:
 
 
 def _errors_name(scenario_name: str) -> AbstractContextManager[None]:
-    """Let what is refused in here name the scenario's file, if it has one."""
-    is_file = scenario_name.endswith(".toml")
-    return errors_name(Path(scenario_name)) if is_file else contextlib.nullcontext()
+    return errors_name(Path(scenario_name) if scenario_name.endswith(".toml") else None)
 
 
 def disturbed(env: gym.Env[Any, Any], wrappers: Iterable[Mapping[str, Any]]) -> gym.Env[Any, Any]:

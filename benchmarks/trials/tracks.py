@@ -1,28 +1,192 @@
-"""What a localizer estimated at each record of a log, how far off it was, and how that is scored.
+"""Where a localizer places the robot, against where it is: of a run in a world or on a log.
 
-Errors are those of the best cluster, as evo computes them: absolute (APE) and relative (RPE). All
-lengths of scores are in m.
+When is a lost robot localized, and how far off is it, by its best cluster; errors of tracks are as
+evo computes them, absolute (APE) and relative (RPE). All lengths of scores are in m.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import covariance_floor
-from benchmarks.trials.fixes import Fixes, Journey
 from benchmarks.trials.metrics import mean
 from deqmcl_gym.logs import Log
-from deqmcl_gym.logs.motion import relative
+from deqmcl_gym.logs.motion import lengths_of, relative
 from deqmcl_gym.maps import Map
+from deqmcl_gym.maps.clusters import Near
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.numerics.arrays import fits
-from deqmcl_gym.numerics.types import Floats, Indices
-from deqmcl_gym.validation import InputError, array
+from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
+
+NEAR = {"05m": Near(0.5, math.radians(10)), "1m": Near(1.0, math.radians(30))}
+FOUND = "1m"  # of NEAR: the one for metres to localize
+LAST = 0.25  # share of a run's steps in which a success is localized throughout
+COMMITTED, FAR = 0.5, 2.0  # a belief of a larger quality commits itself; m: off by more, falsely
+RECOVERED, RECOVERED_STEPS = 0.45, 20  # m; 10 s, of two scans each (Fox, Burgard & Thrun 1999)
+ARRIVED = 0.5  # m from the goal
+_SAMPLE = 4096  # points at which a map is compared with itself
+_ALIKE = 0.998  # of them: a point on a line between cells may fall to either side
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fixes:
+    """How far off the best cluster of a belief is at the k ``steps`` whose true pose is known.
+
+    Attributes:
+        count: how many steps the run has, the one at t = 0 included.
+        way: driven until each by the commands, m.
+        distance, angle: of the best cluster's mean to the truth, m and rad.
+        quality: confidence that it is not lost; NaN where the belief gives none.
+        tolerated: share of steps at which a localized robot may seem off: 0 where truth is exact.
+    """
+
+    steps: Indices
+    count: int
+    way: Floats
+    distance: Floats
+    angle: Floats
+    quality: Floats
+    tolerated: float = 0.0
+
+    def localized(self, near: str) -> Bools:
+        """Whether the best cluster is as near to the truth as ``NEAR`` says, (k,)."""
+        return NEAR[near].holds(self.distance, self.angle)
+
+    @property
+    def last(self) -> Bools:
+        """Whether a step is one of the last 25 %, (k,)."""
+        return self.steps >= math.floor((1 - LAST) * self.count)
+
+    def success(self, near: str) -> float:
+        """1 if localized in the last quarter but those ``tolerated``, else 0; NaN: unknown."""
+        if not self.last.any():
+            return math.nan
+        return float((~self.localized(near)[self.last]).mean() <= self.tolerated)
+
+    @property
+    def lost_at(self) -> int | None:
+        """Index of the first step from which on it is never again localized; None: it is."""
+        near = np.flatnonzero(self.localized(FOUND))
+        first = int(near[-1]) + 1 if near.size else 0
+        ended_well = first == self.steps.size or (near.size and self.success(FOUND) == 1.0)
+        return None if ended_well else first
+
+    @property
+    def metres_to_localize(self) -> float:
+        """Metres until it is localized at all later steps but those ``tolerated``; inf: never."""
+        if not self.steps.size:
+            return math.nan
+        first = settled(self.localized(FOUND), self.tolerated)
+        return math.inf if first is None else float(self.way[first])
+
+    @property
+    def rated(self) -> Bools:
+        """Whether a step t ≥ 1 has a quality, (k,)."""
+        return np.isfinite(self.quality) & (self.steps >= 1)
+
+    @property
+    def false(self) -> Bools:
+        """Whether the belief commits itself, quality > 0.5, while more than 2 m off, (k,)."""
+        return (self.quality > COMMITTED) & (self.distance > FAR)
+
+    def metres_to_recover(self, carried: int) -> float:
+        """Metres from the first step after a kidnap to 20 within 0.45 m on end; inf: never."""
+        after = np.flatnonzero(self.steps >= carried)
+        near = self.distance[after] <= RECOVERED
+        runs = np.convolve(near, np.ones(RECOVERED_STEPS), "valid") if near.size else near
+        whole = np.flatnonzero(runs > RECOVERED_STEPS - 0.5)
+        if near.size < RECOVERED_STEPS or not whole.size:
+            return math.inf
+        return float(self.way[after[whole[0]]] - self.way[after[0]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Journey:
+    """A run from its start to its end, n = T + 1 states.
+
+    Attributes:
+        driven: by the commands until each state, (n,).
+        truth: true poses, (n, 3).
+        collided: whether the step to each state was stopped by a wall, (n,).
+        clearance: least distance of the robot's rim to a wall.
+        goal: where it was to arrive, (2,).
+        planned: length of the route from the start to the goal.
+        masses: weight within 1 m and 30° of the truth and of its twin under a half turn of the
+            map, (k, 2), at the steps of ``fixes``; None if that was not asked for.
+    """
+
+    fixes: Fixes
+    driven: Floats
+    truth: Floats
+    collided: Bools = field(default_factory=lambda: np.zeros(0, np.bool_))
+    clearance: float = math.nan
+    goal: Floats | None = None
+    planned: float = math.nan
+    masses: Floats | None = None
+
+    @property
+    def carried(self) -> int:
+        """The first state after the robot was carried off: where it moved farthest uncommanded."""
+        moved = np.hypot(*np.diff(self.truth[:, :2], axis=0).T)
+        return 1 + int(np.argmax(moved - np.diff(self.driven)))
+
+    @property
+    def arrived(self) -> bool:
+        """Whether it ends within 0.5 m of the goal, without having touched a wall."""
+        assert self.goal is not None
+        off = math.hypot(*(self.truth[-1, :2] - self.goal))
+        return off <= ARRIVED and not self.collided.any()
+
+    @property
+    def spl(self) -> float:
+        """Success weighted by path length: S · planned / max(driven, planned).
+
+        Anderson et al. 2018, "On evaluation of embodied navigation agents"; the shortest way is
+        the route's.
+        """
+        path = float(np.hypot(*np.diff(self.truth[:, :2], axis=0).T).sum())
+        longer = max(path, self.planned)
+        return float(self.arrived) * (self.planned / longer if longer > 0 else 1.0)
+
+
+def settled(near: Bools, tolerated: float = 0.0) -> int | None:
+    """Return the first step from which on all are near, but for a share; None: there is none."""
+    off = np.cumsum(~near[::-1])[::-1] / np.arange(near.size, 0, -1)
+    good = np.flatnonzero(near & (off <= tolerated))
+    return int(good[0]) if good.size else None
+
+
+def way_driven(commands: Sequence[Reals]) -> Floats:
+    """Return the way until each step, from the commands of the steps t ≥ 1, (2,) or (3,) each."""
+    if not commands:
+        return np.zeros(1)
+    return np.concatenate([[0.0], np.cumsum(lengths_of(np.array(commands, np.float64)))])
+
+
+def half_turned(floor_plan: Map, poses: Floats) -> Floats:
+    """Return poses (n, 3) turned by 180° about the middle of a map."""
+    x0, y0, x1, y1 = floor_plan.bounds
+    return np.array([x0 + x1, y0 + y1, math.pi]) + np.array([-1.0, -1.0, 1.0]) * poses
+
+
+def is_symmetric(floor_plan: Map) -> bool:
+    """Whether a half turn about its middle gives the same map; asked at 4,096 points."""
+    x0, y0, x1, y1 = floor_plan.bounds
+    points = np.random.default_rng(0).uniform((x0, y0), (x1, y1), (_SAMPLE, 2))
+    turned = np.array([x0 + x1, y0 + y1]) - points
+    same = floor_plan.free(points) == floor_plan.free(turned)
+    return float(same.mean()) >= _ALIKE
+
+
+def weight_near(poses: Reals, weights: Floats, pose: Floats, unit: str) -> float:
+    """Return the weight within 1 m and 30° of a pose."""
+    return float(weights[NEAR[FOUND](poses, pose, unit=unit)].sum())
+
 
 AGREE = (0.1, 0.3)  # m that a beam may be off
 AGREEMENTS = ("agreement_01", "agreement_03")
@@ -31,12 +195,7 @@ TOLERATED = 0.05  # share of records at which a localized robot may seem off: re
 
 @dataclass(frozen=True, kw_only=True)
 class PoseErrors:
-    """Errors of poses, in position and heading.
-
-    Attributes:
-        translation: lengths, (n,): evo's ``trans_part``.
-        rotation: rad in [0, π], (n,): evo's ``angle_rad``.
-    """
+    """Errors of n poses: lengths, evo's ``trans_part``; rad in [0, π], its ``angle_rad``."""
 
     translation: Floats
     rotation: Floats
@@ -74,13 +233,8 @@ def agreement(log: Log, floor_plan: Map, poses: Floats) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class Track:
-    """The best clusters at the first n records of a log, and their errors.
-
-    Attributes:
-        log: with its reference, if it has one.
-        best: means of the best clusters, (x, y, θ), (n, 3); NaN where there is no estimate.
-    """
+class EstimatedTrack:
+    """Best clusters at the first n records of a log, (n, 3), NaN for no estimate; their errors."""
 
     log: Log
     best: Floats
@@ -157,15 +311,13 @@ class ScoredTrack:
     """What the scores of a track by records are of.
 
     Attributes:
-        track: of n records.
         calibrated: rank of the reference, NEES and log score at each record, (n, 3); NaN is
             unknown. Those at the reference's own times count, or all if none of them is known.
-        thresholds: what counts as lost.
         floor_plan: the map; None: agreement is not available.
         judged: first record by which beliefs are judged.
     """
 
-    track: Track
+    track: EstimatedTrack
     calibrated: Floats
     thresholds: Thresholds
     floor_plan: Map | None
@@ -207,12 +359,6 @@ def calibration_of_gaussians(
 
     The rank is P(D(X) < D(z)) in (x, y), 1 - exp(-D²/2); NEES is dᵀ P⁻¹ d in (x, y, θ), the log
     score ½ (NEES + log det 2πP). NaN where pose, covariance or truth is.
-
-    Args:
-        poses: means, (n, 3).
-        covariances: P, (n, 3, 3).
-        truth: z, (n, 3).
-        unit: of lengths.
     """
     off = truth - poses
     known = np.isfinite(off).all(axis=1) & np.isfinite(covariances).all(axis=(1, 2))
@@ -233,14 +379,5 @@ def _errors(off: Floats) -> PoseErrors:
 
 def _pairs(estimate: Floats, reference: Floats) -> tuple[Floats, Floats]:
     """Return the poses that have a reference."""
-    given = array("the estimate", estimate, (None, 3))
-    true = np.asarray(reference, dtype=np.float64)
-    if true.shape != given.shape:
-        raise InputError(
-            f"the reference has shape {true.shape}, but must have that of the estimate, "
-            f"{given.shape}."
-        )
-    known = np.isfinite(true).all(axis=1)
-    if not known.any():
-        raise InputError("no pose has a reference, so there is no error.")
-    return given[known], true[known]
+    known = np.isfinite(reference).all(axis=1)
+    return estimate[known], reference[known]

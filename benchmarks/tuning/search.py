@@ -25,11 +25,10 @@ from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
 from benchmarks.sweeps.store import Store, writing
 from benchmarks.tables.frames import RUN, milliseconds_per_step
-from benchmarks.trials.attempt import attempt
-from benchmarks.trials.plugins import key_of, provenance_of
+from benchmarks.trials.attempt import attempt, key_of, provenance_of
 from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_SCORES, Score
-from benchmarks.trials.scoring import Finished, Record
+from benchmarks.trials.scoring import Finished, TrialRecord
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage, check_trials
 from benchmarks.tuning.space import ASSUMED, Space, latin_hypercube, neighbour
@@ -266,7 +265,7 @@ class Tuning:
     held_out: pd.DataFrame
 
 
-def _scores(record: Record | None) -> dict[str, float]:
+def _scores(record: TrialRecord | None) -> dict[str, float]:
     """Return the scores of a run on a log; nothing if it failed."""
     if record is None:
         return {}

@@ -34,10 +34,9 @@ from benchmarks.sweeps.verifying import compare_again, record_parts, sample
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import csv_text
-from benchmarks.trials.attempt import Outcome
-from benchmarks.trials.plugins import provenance_of
+from benchmarks.trials.attempt import Outcome, provenance_of
 from benchmarks.trials.provenance import code_digest
-from benchmarks.trials.scoring import Record
+from benchmarks.trials.scoring import TrialRecord
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.files import write_text
 from deqmcl_gym.validation import InputError
@@ -191,7 +190,7 @@ def _made(name: str, report: Report, where: Where) -> Report | None:
         print(f"{name}: its command failed; run make reports again.")
         return None
     took = (time.monotonic() - begun) / 60 * (where.jobs or available_cpus()) / CORES
-    results, by = results_in(folder), manifest.read(folder).identity
+    results, by = results_in(folder), manifest.read_manifest(folder).identity
     for target, source in report.files.items():
         text = (folder / source).read_text(encoding="utf-8")
         write_text(made.REPORTS / target, with_costs(results) if source == "results.csv" else text)
@@ -225,7 +224,7 @@ def sampled(results: Results, code: str) -> str:
     return csv_text(_SAMPLED, rows)
 
 
-def fingerprint(record: Record) -> str:
+def fingerprint(record: TrialRecord) -> str:
     """Return a digest of all that is in a record, times left out: equal only if it is.
 
     Parts that a record does not have are left out, so that new ones change no other digest.

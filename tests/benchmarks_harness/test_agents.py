@@ -13,7 +13,7 @@ from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.overrides import Named
 from benchmarks.sweeps.sweepfile import read_sweep, sweep_of
 from benchmarks.tables.panels import baseline_of, panels
-from benchmarks.trials.plugins import key_of
+from benchmarks.trials.attempt import key_of
 from benchmarks.trials.spec import Method, Trial
 from benchmarks.trials.stage import Stage
 

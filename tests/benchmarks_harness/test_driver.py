@@ -2,28 +2,28 @@
 
 import sys
 from collections import Counter
-from concurrent.futures import BrokenExecutor, Executor, Future
+from concurrent.futures import BrokenExecutor, Future
 from dataclasses import dataclass, field
 
 import pytest
 
 from benchmarks.execution import engines
-from benchmarks.execution.engines import TRIES, ThisProcess, outcomes
-from benchmarks.execution.executors import Engine
-from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
+from benchmarks.execution.engines import TRIES, Engine, Where, outcomes
+from benchmarks.execution.processes import TimedOutError, WorkerDiedError
+from benchmarks.sweeps.suites import paper_sweep
 from benchmarks.trials.attempt import Outcome
 
 DONE = Outcome(record={}, seconds=1.0)
 
 
 @dataclass
-class Scripted(Executor):
+class Scripted:
     """Answers each trial with the next entry of its script; ``None`` never answers."""
 
     scripts: dict = field(default_factory=dict)
     submitted: list = field(default_factory=list)
 
-    def submit(self, function, trial, key):
+    def submit(self, trial, key):
         self.submitted.append(key)
         script = self.scripts.get(key, [DONE])
         answer = script[min(Counter(self.submitted)[key], len(script)) - 1]
@@ -37,7 +37,7 @@ class Scripted(Executor):
 
 def run(scripts, keys="abc", slots=2, timeout=None):
     executor = Scripted(scripts)
-    engine = Engine(executor=executor, slots=slots, timeout=timeout)
+    engine = Engine(submit=executor.submit, slots=slots, timeout=timeout)
     return dict(outcomes([(key, f"trial {key}") for key in keys], engine)), executor
 
 
@@ -62,9 +62,14 @@ def test_a_trial_that_keeps_ending_its_workers_fails_with_the_reason_after_three
     assert found["a"] == found["c"] == DONE
 
 
-def test_a_call_that_would_end_this_process_is_lost_like_a_dead_worker():
-    with Processes(1) as guests, pytest.raises(WorkerDiedError, match=r"it called exit\(7\)"):
-        ThisProcess(guests).submit(sys.exit, 7).result()
+def test_a_trial_that_would_end_this_process_is_lost_like_a_dead_worker(monkeypatch):
+    monkeypatch.setattr(engines, "attempt", lambda trial, key: sys.exit(7))
+    (trial,) = paper_sweep(localizers=["mcl"], trials=1).distinct()
+    with (
+        Where(jobs=1).engine([trial]) as engine,
+        pytest.raises(WorkerDiedError, match=r"it called exit\(7\)"),
+    ):
+        engine.submit(trial, "a").result()
 
 
 def test_a_trial_that_timed_out_is_not_tried_again():
@@ -81,7 +86,7 @@ def test_an_engine_that_never_answers_is_given_up_after_the_timeout_and_the_rest
 
 def test_a_hung_trial_keeps_its_slot_and_an_engine_that_hangs_in_all_ends_the_sweep():
     executor = Scripted({"a": [None], "b": [None]})
-    engine = Engine(executor=executor, slots=2, timeout=0.05)
+    engine = Engine(submit=executor.submit, slots=2, timeout=0.05)
     found = []
     with pytest.raises(RuntimeError, match="all 2 workers hang"):
         found += outcomes([(key, key) for key in "abcd"], engine)
@@ -95,14 +100,14 @@ def test_a_broken_engine_ends_the_sweep():
 
 def test_an_engine_that_is_lost_without_a_word_ends_the_sweep(monkeypatch):
     monkeypatch.setattr(engines, "_LOOK_SECONDS", 0.01)
-    engine = Engine(executor=Scripted({"a": [None]}), slots=2, lost=lambda: "it is gone")
+    engine = Engine(submit=Scripted({"a": [None]}).submit, slots=2, lost=lambda: "it is gone")
     with pytest.raises(RuntimeError, match="it is gone; finished trials are kept"):
         list(outcomes([("a", "a")], engine))
 
 
 def test_no_more_trials_are_in_flight_than_there_are_slots():
     executor = Scripted({key: [None] for key in "abcdef"})
-    engine = Engine(executor=executor, slots=3, timeout=0.05)
+    engine = Engine(submit=executor.submit, slots=3, timeout=0.05)
     running = outcomes([(key, key) for key in "abcdef"], engine)
     next(running)
     assert executor.submitted == ["a", "b", "c"]

@@ -11,7 +11,7 @@ import localizers
 from benchmarks.setup.names import make_agent, scenario, scenario_names
 from benchmarks.setup.overrides import Named
 from benchmarks.setup.priors import Uniform
-from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
+from benchmarks.sweeps.suites import PAPER_METHODS, paper_sweep
 from benchmarks.trials.episode import moments
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.wrappers import PlanChange
@@ -55,9 +55,9 @@ def fitting(localizers, name):
 
 
 def trials(localizers, scenario="paper", count=1):
-    return paper_suite(
+    return paper_sweep(
         scenario=scenario, localizers=localizers, trials=count, seed=5, lag=LAG, particles=PARTICLES
-    )
+    ).distinct()
 
 
 def beliefs(env, name):

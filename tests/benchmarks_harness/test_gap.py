@@ -10,7 +10,7 @@ from report_cases import changed, finished, parsed, results, trials
 
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.sweeps.design import Limit, Sweep
-from benchmarks.sweeps.results import of_sweep
+from benchmarks.sweeps.results import limits_apart
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.tables.comparison import LimitRuns, limit_of
 from benchmarks.tables.frames import csv_of
@@ -122,7 +122,7 @@ def test_the_limit_runs_on_the_first_worlds_and_is_not_compared():
     limits = list(SWEEP.limiting(*SWEEP.limits))
     assert {(t.trial, t.filter_seed) for t in limits} == {(w, s) for w in (0, 1) for s in range(4)}
     assert {t.params for t in limits} == {Overrides(MANY)}
-    apart = of_sweep(SWEEP, results(ran(SWEEP)))
+    apart = limits_apart(SWEEP, results(ran(SWEEP)))
     (limit,) = apart.limits
     assert [len(apart.records), len(limit.records), len(apart.finished)] == [30, 8, 38]
 
@@ -143,7 +143,7 @@ def test_an_axis_over_what_the_limit_fixes_runs_it_once():
 
 def test_a_trial_that_is_the_limits_and_a_methods_counts_in_both():
     sweep = replace(SWEEP, limits=(Limit(method=Method(name="mcl"), trials=2, filter_seeds=1),))
-    apart = of_sweep(sweep, results(ran(sweep)))
+    apart = limits_apart(sweep, results(ran(sweep)))
     assert sweep.planned == len(sweep.distinct())
     (limit,) = apart.limits
     assert [len(apart.records), len(limit.records), len(apart.finished)] == [30, 2, 30]

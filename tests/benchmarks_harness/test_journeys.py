@@ -12,21 +12,21 @@ from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.overrides import Overrides
 from benchmarks.trials.collecting import JourneyLog
 from benchmarks.trials.episode import moments
-from benchmarks.trials.fixes import (
-    NEAR,
-    RECOVERED_STEPS,
-    Fixes,
-    Journey,
-    driven,
-    half_turned,
-    is_symmetric,
-    weight_near,
-)
-from benchmarks.trials.scores import GROUPS, groups_named, scores_of
+from benchmarks.trials.scores import GROUPS, groups_named, journey_scores
 from benchmarks.trials.scoring import record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import trace_of
+from benchmarks.trials.tracks import (
+    NEAR,
+    RECOVERED_STEPS,
+    Fixes,
+    Journey,
+    half_turned,
+    is_symmetric,
+    way_driven,
+    weight_near,
+)
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.map import metre
 from localizers import make
@@ -101,8 +101,8 @@ def test_a_kidnapped_robot_is_found_where_twenty_good_steps_on_end_begin():
 
 
 def test_the_way_is_what_was_commanded_and_a_metre_is_fifty_pixels():
-    assert driven([[1.0, 9.0], [-2.0, 0.0]]).tolist() == [0, 1, 3]
-    assert driven([[-2.0, 0.0, 9.0], [0.3, 0.4, 7.0]]).tolist() == [0, 2, 2.5]
+    assert way_driven([[1.0, 9.0], [-2.0, 0.0]]).tolist() == [0, 1, 3]
+    assert way_driven([[-2.0, 0.0, 9.0], [0.3, 0.4, 7.0]]).tolist() == [0, 2, 2.5]
     assert (metre("px"), metre("m")) == (50.0, 1.0)
 
 
@@ -133,7 +133,7 @@ def journey(truth=STRAIGHT, goal=(3.0, 3.2), planned=5.0, contacts=0, **parts):
 
 
 def driving(run):
-    return scores_of(run, groups_named(["driving"]))
+    return journey_scores(run, groups_named(["driving"]))
 
 
 def test_spl_is_the_planned_way_over_the_driven_one_of_a_success_and_0_of_a_failure():
@@ -161,7 +161,7 @@ def test_the_split_is_the_smaller_share_of_what_is_near_either_place():
     def split(*masses):
         late = np.array([[9.0, 9.0]] * 6 + [masses] * 2)
         run = Journey(**vars(journey(np.zeros((8, 3)))) | {"masses": late})
-        return scores_of(run, groups_named(["ambiguity"]))["mass_split"]
+        return journey_scores(run, groups_named(["ambiguity"]))["mass_split"]
 
     assert split(0.4, 0.4) == 0.5
     assert split(0.1, 0.3) == split(0.3, 0.1) == pytest.approx(0.25)

@@ -12,7 +12,7 @@ from refusals import refused
 from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.names import scenario, scenario_digest
 from benchmarks.sweeps.sweepfile import read_sweep
-from benchmarks.trials.plugins import key_of
+from benchmarks.trials.attempt import key_of
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.logs.motion import increments_of, lengths_of
 from localizers import OdometryMotion

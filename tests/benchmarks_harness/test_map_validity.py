@@ -123,11 +123,6 @@ def test_a_sweep_on_worlds_that_are_their_map_has_no_table():
     assert told_apart_table(panel_of([finished("mcl", 0, 1.0)])) is None
 
 
-def test_signals_have_a_value_for_each_step():
-    with pytest.raises(ValueError, match="signals of the map of another length"):
-        changed(finished("mcl", 0, 1.0), against_map={"off": [1.0]})
-
-
 def test_only_a_trial_whose_world_differs_from_the_map_keeps_signals():
     def record_of(**world):
         trial = Trial(

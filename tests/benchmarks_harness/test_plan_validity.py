@@ -4,7 +4,6 @@ import math
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 from fake_episode import TASK
 from report_cases import changed, finished, lines_of, results
 
@@ -99,11 +98,3 @@ def test_recent_evidence_is_the_mean_of_the_steps_so_far_at_most_twenty():
 def test_a_sweep_without_plans_or_without_conflict_has_no_table():
     assert validity_table(results([finished("mcl", 0, 1.0)])) is None
     assert validity_table(results([run(0, [0.0], [0.5], scenario="guided")])) is None
-
-
-def test_readings_of_plans_have_all_columns_and_a_value_for_each_step():
-    record, plan = finished("mcl", 0, 1.0), {name: [0.5, None] for name in PLAN_COLUMNS}
-    assert planned(record, plan).plan == plan
-    for other in (plan | {"trusted": [0.5]}, {"feasible": [0.5, 0.5]}, plan | {"more": []}):
-        with pytest.raises(ValueError, match="readings of the plan of another length"):
-            planned(record, other)

@@ -21,7 +21,7 @@ from benchmarks.execution.processes import (
     WorkerDiedError,
 )
 from benchmarks.execution.starting import ONE_THREAD, sheltered
-from benchmarks.sweeps.suites import paper_suite
+from benchmarks.sweeps.suites import paper_sweep
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
@@ -106,7 +106,9 @@ def test_a_call_that_takes_too_long_is_given_up_by_name_and_its_process_killed()
     [(2, 10, 3), (64, 2, 3), (1, 10, 1)],  # no more workers than trials; here nothing can wait
 )
 def test_one_call_waits_beside_the_workers_so_that_none_waits_for_the_store(jobs, trials, slots):
-    with Where(jobs=jobs).engine(paper_suite(localizers=["mcl"], trials=trials)) as engine:
+    with Where(jobs=jobs).engine(
+        paper_sweep(localizers=["mcl"], trials=trials).distinct()
+    ) as engine:
         assert engine.slots == slots
 
 

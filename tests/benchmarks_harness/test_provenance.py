@@ -14,7 +14,7 @@ RUN = """
 import sys
 import benchmarks.setup.logs, benchmarks.trials.tracks  # of trials on a log
 from benchmarks.trials.attempt import attempt
-from benchmarks.trials.plugins import key_of
+from benchmarks.trials.attempt import key_of
 from benchmarks.trials.spec import Trial
 from pathlib import Path
 executed = set()

@@ -19,7 +19,7 @@ from benchmarks.setup.names import (
 )
 from benchmarks.setup.priors import Places
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.plugins import key_of
+from benchmarks.trials.attempt import key_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import Driver

@@ -10,7 +10,7 @@ from refusals import refused
 
 from benchmarks.setup.overrides import Named, Overrides, of_json
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.suites import PAPER_METHODS, paper_suite
+from benchmarks.sweeps.suites import PAPER_METHODS, paper_sweep
 from benchmarks.trials.spec import Method, Trial
 
 PARAMS = {"lag": 20, "particles": 1000}
@@ -66,7 +66,7 @@ def test_the_present_and_the_lag_to_both_sides_are_scored(lag, offsets):
 
 
 def test_a_method_gets_only_the_parameters_it_has_a_use_for():
-    suite = paper_suite(localizers=PAPER_METHODS, trials=1, lag=5, particles=10)
+    suite = paper_sweep(localizers=PAPER_METHODS, trials=1, lag=5, particles=10).distinct()
     given = {trial.localizer: dict(trial.params) for trial in suite}
     both = {"lag": 5, "particles": 10}
     assert given == {

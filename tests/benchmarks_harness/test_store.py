@@ -12,7 +12,7 @@ from refusals import refused
 from report_cases import changed, finished
 
 from benchmarks.sweeps.store import Store, named, writing
-from benchmarks.trials.scoring import Record
+from benchmarks.trials.scoring import TrialRecord
 from benchmarks.trials.spec import Trial
 
 TRIAL = Trial(scenario="paper", localizer="mcl", params=(), lag=20, seed=0, trial=0)
@@ -22,7 +22,7 @@ DONE = changed(finished("mcl", 0, 1.5), trial=TRIAL, key=KEY, seconds=2.5)
 
 def record_of(done):
     """What a store is given of a finished trial."""
-    return Record(**{name: getattr(done, name) for name in Record.__struct_fields__})
+    return TrialRecord(**{name: getattr(done, name) for name in TrialRecord.__struct_fields__})
 
 
 RECORD = record_of(DONE)
@@ -44,7 +44,7 @@ def test_what_is_put_is_got_and_nothing_else_is_written(tmp_path):
     assert [*files(store.out)] == ["trials.jsonl"]
     assert store.get("another", TRIAL) is None
     (line,) = (store.out / "trials.jsonl").read_text().splitlines()
-    assert json.loads(line).keys() == {"key", "trial", "record", "seconds"}
+    assert json.loads(line).keys() == {"key", "trial", "record", "seconds", "crc"}
 
 
 def test_a_failure_is_kept_until_the_trial_succeeds_whatever_is_read_last(tmp_path):
@@ -88,6 +88,7 @@ DAMAGED = {
     "has no key": b"{}",
     "neither a record nor a reason": b'{"key": "x", "trial": {}}',
     "has null instead of array at record.scores": None,
+    "is not as it was written": b'{"key":"x","trial":{},"reason":"it slept","crc":1}',
 }
 
 
@@ -95,6 +96,7 @@ DAMAGED = {
 def test_a_line_that_is_no_trial_is_named_and_the_others_count(tmp_path, why):
     (line,) = stored(tmp_path)
     made = json.loads(line)
+    del made["crc"]
     wrong = json.dumps(made | {"record": made["record"] | {"scores": None}}).encode()
     with (tmp_path / "trials.jsonl").open("ab") as file:
         file.write((DAMAGED[why] or wrong) + b"\n\xff\n")

@@ -20,7 +20,7 @@ BESIDE = [path.relative_to(REPORTS).as_posix() for path in sorted(REPORTS.glob("
 
 @pytest.mark.parametrize("name", [name for name in SUITES if name != "basin"])  # needs a log
 def test_every_built_in_suite_can_be_made(name):
-    check(SUITES[name])
+    check(sweep_named(name))
 
 
 @pytest.mark.parametrize("name", [name for name in BESIDE if "/log-" not in name])
@@ -29,16 +29,16 @@ def test_every_sweep_beside_its_report_can_be_made(name):
 
 
 def test_a_localizer_added_to_a_suite_runs_on_its_worlds_and_one_it_has_is_not_added():
-    quick = SUITES["quick"]
+    quick = sweep_named("quick")
     assert with_localizers(quick, ["mcl"]) == quick
-    noise = with_localizers(SUITES["noise"], ["ekf", "ekf"])
+    noise = with_localizers(sweep_named("noise"), ["ekf", "ekf"])
     assert [method.name for method in noise.localizers].count("ekf") == 1
     worlds = [t.world for t in noise.distinct() if t.localizer == "ekf"]
     assert worlds == [t.world for t in noise.distinct() if t.localizer == "mcl"]
 
 
 def test_the_plan_of_the_disturbed_suite_leads_back_to_the_start():
-    change = SUITES["disturbed"].vary[0].values["disturbance"][3]
+    change = sweep_named("disturbed").vary[0].values["disturbance"][3]
     still = (("noise.drive", 0.0), ("noise.turn", 0.0), ("noise.drift", 0.0))
     trial = Trial(scenario="sharp", world=still, disturbance=change,
                   localizer="dead-reckoning", params=(), lag=0, seed=0, trial=0)  # fmt: skip
@@ -48,7 +48,7 @@ def test_the_plan_of_the_disturbed_suite_leads_back_to_the_start():
 
 
 def test_the_quick_look_has_worlds_enough_to_tell_with_two_methods_of_ones_own():
-    quick = SUITES["quick"]
+    quick = sweep_named("quick")
     assert quick.trials >= least_worlds(len(quick.localizers) - 1 + 2)
 
 
@@ -62,7 +62,7 @@ def test_amcl_with_the_assumptions_of_all_others_is_told_from_navs_by_its_words(
     for name in ("plan-sensor", "matched-sharp", "lost", "kidnapped", "driving", "disturbed"):
         models = [
             dict(method.params).get("laser_model_type", "Nav2's")
-            for method in SUITES[name].localizers
+            for method in sweep_named(name).localizers
             if method.name == "amcl"
         ]
         assert models == ["Nav2's", "robot"]

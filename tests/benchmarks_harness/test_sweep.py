@@ -19,16 +19,18 @@ from benchmarks.sweeps.design import Axis, Sweep
 from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.running import Options, begun, run_missing
 from benchmarks.sweeps.store import writing
-from benchmarks.sweeps.suites import paper_suite
+from benchmarks.sweeps.suites import paper_sweep
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials import attempt
-from benchmarks.trials.plugins import provenance_of
+from benchmarks.trials.attempt import provenance_of
 from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
 
 
 def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
-    return paper_suite(localizers=localizers, trials=trials, lag=lag, particles=particles)
+    return paper_sweep(
+        localizers=localizers, trials=trials, lag=lag, particles=particles
+    ).distinct()
 
 
 def run(trials, out):

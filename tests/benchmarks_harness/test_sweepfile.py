@@ -11,9 +11,9 @@ from refusals import refused
 from benchmarks.setup.overrides import Overrides, located
 from benchmarks.sweeps.design import MOST_TRIALS
 from benchmarks.sweeps.running import check
-from benchmarks.sweeps.suites import SUITES, sweep_named
+from benchmarks.sweeps.suites import sweep_named
 from benchmarks.sweeps.sweepfile import read_sweep, with_localizers
-from benchmarks.trials.plugins import key_of, provenance_of
+from benchmarks.trials.attempt import key_of, provenance_of
 from deqmcl_gym.validation import InputError
 from localizers import absolute_name
 
@@ -158,7 +158,9 @@ def test_a_sweep_with_a_base_is_that_one_with_the_keys_given_here_replaced_whole
     found = read(tmp_path, 'base = "below/base.toml"\ntrials = 9\nparams = {}\nlimit = []\n')
     base = read_sweep(tmp_path / "below" / "base.toml")
     assert found == replace(base, title="my-sweep", trials=9, params=(), limits=())
-    assert read(tmp_path, 'title = "Mine"\nbase = "lost"') == replace(SUITES["lost"], title="Mine")
+    assert read(tmp_path, 'title = "Mine"\nbase = "lost"') == replace(
+        sweep_named("lost"), title="Mine"
+    )
 
 
 def test_a_base_that_leads_back_to_its_file_or_nowhere_is_refused(tmp_path):

@@ -22,7 +22,7 @@ from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.collecting import JourneyLog
 from benchmarks.trials.episode import Step
 from benchmarks.trials.scores import groups_named
-from benchmarks.trials.scoring import LATER, SCORE_NAMES, Record, profile, record, scores
+from benchmarks.trials.scoring import LATER, SCORE_NAMES, TrialRecord, error_profile, record, scores
 from benchmarks.trials.trace import trace_of
 from deqmcl_gym.validation import InputError
 
@@ -66,7 +66,7 @@ def test_without_a_lag_the_window_is_the_whole_lap():
 def test_offsets_that_a_method_does_not_hold_have_no_row_and_no_place_in_the_profile(held):
     trace = traced(40, held, (0, -8, 8))
     assert set(scored(trace, 8)) == set(held) - {2}  # which is not scored
-    assert set(profile(trace, 8)) == set(held)
+    assert set(error_profile(trace, 8)) == set(held)
 
 
 def test_only_states_of_the_lap_that_were_held_are_scored_even_if_others_are_believed_in():
@@ -160,10 +160,10 @@ def test_a_record_of_before_a_score_was_added_is_sound_and_one_without_an_older_
     for name in LATER:
         for row in plain["scores"]:
             del row[name]
-    assert msgspec.convert(plain, Record).scores == plain["scores"]
+    assert msgspec.convert(plain, TrialRecord).scores == plain["scores"]
     del plain["scores"][0]["error"]
     with pytest.raises(msgspec.ValidationError, match="has no error among its scores"):
-        msgspec.convert(plain, Record)
+        msgspec.convert(plain, TrialRecord)
 
 
 @pytest.mark.parametrize(
@@ -202,7 +202,7 @@ def test_the_profile_has_every_offset_over_the_same_states():
     steps, lag = 40, 8
     held = range(-lag, lag + 1)
     trace = traced(steps, held, (0, -lag, lag))
-    assert profile(trace, lag) == {
+    assert error_profile(trace, lag) == {
         k: pytest.approx(mean_error((10, 15, 20, 25, 30), k), **CLOSE) for k in range(-8, 9, 2)
     }
 

@@ -23,8 +23,7 @@ from benchmarks.replay.calibration import (
 from benchmarks.replay.command import replay_sweep
 from benchmarks.replay.options import replay_of
 from benchmarks.sweeps.settings import settings
-from benchmarks.trials.attempt import attempt
-from benchmarks.trials.plugins import key_of
+from benchmarks.trials.attempt import attempt, key_of
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap

@@ -12,7 +12,6 @@ import pytest
 
 from benchmarks.trials.tracks import absolute, relative_errors
 from deqmcl_gym.logs import Trajectory
-from deqmcl_gym.validation import InputError
 
 BESIDE = Path(sys.executable).parent  # where pip puts commands
 EVO = {name: shutil.which(name, path=BESIDE) for name in ("evo_ape", "evo_rpe")}
@@ -61,11 +60,3 @@ def test_poses_without_a_reference_count_for_nothing():
     whole = absolute(estimate, reference)
     assert whole.rmse == absolute(estimate[known], reference[known]).rmse
     assert whole.translation.size == known.sum()
-
-
-def test_without_any_reference_there_is_no_error():
-    estimate, reference = tracks(0, n=5)
-    with pytest.raises(InputError, match="no pose has a reference"):
-        absolute(estimate, np.full_like(reference, np.nan))
-    with pytest.raises(InputError, match="shape"):
-        absolute(estimate, reference[1:])

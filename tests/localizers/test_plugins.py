@@ -15,8 +15,7 @@ from refusals import refused
 
 import localizers
 from benchmarks.setup.names import AGENT
-from benchmarks.trials.attempt import attempt
-from benchmarks.trials.plugins import key_of
+from benchmarks.trials.attempt import attempt, key_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 from localizers import kinds

@@ -24,15 +24,15 @@ def test_help_is_no_error_and_loads_nothing_heavy():
     code = (
         "import sys\n"
         "from benchmarks.cli import main\n"
-        "try:\n    main(sys.argv[1:])\n"
-        "except SystemExit as end:\n    assert end.code == 0\n"
+        f"for words in {HELP}:\n"
+        "    try:\n        main(list(words))\n"
+        "    except SystemExit as end:\n        assert end.code == 0\n"
         "heavy = {'numpy', 'numba', 'cv2', 'pymunk', 'matplotlib', 'gymnasium', 'scipy'}\n"
         "print('loaded:', sorted(heavy & set(sys.modules)))\n"
     )
-    for arguments in HELP:
-        said = python("-c", code, *arguments)
-        assert said.startswith("usage: deqmcl")
-        assert said.endswith("\nloaded: []\n")
+    said = python("-c", code)
+    assert said.count("usage: deqmcl") == len(HELP)
+    assert said.endswith("\nloaded: []\n")
 
 
 def test_a_terminal_without_greek_letters_is_no_reason_to_fail():
@@ -64,13 +64,12 @@ def test_a_command_and_its_workers_depend_on_no_name_in_the_working_folder(tmp_p
     for name in COMMON:
         (tmp_path / f"{name}.py").write_text("raise SystemExit(f'{__file__} is imported')")
     sweep = ("sweep", write_small(tmp_path), "--jobs", "2", "--out", "out")
-    for command in (sweep, ("check", "dead-reckoning")):
-        done = process(DEQMCL, *command, cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
-        assert "is imported" not in done.stdout + done.stderr
+    done = process(DEQMCL, *sweep, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "is imported" not in done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("hides", ["{}.py", "{}/__init__.py", "{}/tasks.py"])
+@pytest.mark.parametrize("hides", ["{}.py", "{}/tasks.py"])
 def test_no_env_needs_benchmarks_and_what_hides_localizers_is_named(tmp_path, hides):
     code = "import gymnasium as gym, deqmcl_gym\nprint(gym.make('deqmcl_gym/Track-v0'))"
     (tmp_path / "train.py").write_text(code)
@@ -185,11 +184,9 @@ def shell(redirected, *arguments, **how):
 
 
 @linux
-@pytest.mark.parametrize(
-    "arguments", [("list",), ("--help",), ("--version",), ("check", "dead-reckoning")]
-)
-def test_output_that_cannot_be_written_is_a_failure_in_one_sentence(arguments):
-    done = shell(f"> {FULL}", *arguments)
+@pytest.mark.parametrize("command", ["list", "--help"])
+def test_output_that_cannot_be_written_is_a_failure_in_one_sentence(command):
+    done = shell(f"> {FULL}", command)
     assert (done.returncode, done.stderr) == (3, LOST)
 
 

@@ -109,7 +109,7 @@ def test_folders_of_other_worlds_are_not_pooled_and_the_difference_is_said(
 def test_folders_of_other_code_or_plug_ins_are_not_pooled(swept, tmp_path, refusal):
     first = swept("mcl", BROKEN, fails=True)
     for edit, why in (
-        (lambda made: made | {"code": "0" * 64}, f'is "{"0" * 20}'),
+        (lambda made: made | {"code": "0" * 64}, f"is '{'0' * 20}"),
         (lambda made: made | {"plug-ins": {BROKEN: "0" * 64}}, f"plug-ins.{BROKEN} was"),
     ):
         other = shutil.copytree(first, tmp_path / "other", dirs_exist_ok=True)

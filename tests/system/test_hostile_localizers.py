@@ -11,7 +11,12 @@ from sweep_command import sweep, write_small
 
 HOSTILE = Path(__file__).with_name("hostile.py").read_text()
 NAME = "./hostile.py:Hostile"
-FATAL = [("hang", "update"), ("end", "reset"), ("exit", "points"), ("interrupt", "update")]
+FATAL = [
+    ("hang", "update", "no result within 5 s: its worker (process "),
+    ("end", "reset", "lost 3 times by its worker; last: WorkerDiedError: its worker died"),
+    ("exit", "points", "SystemExit: 0"),
+    ("interrupt", "update", "KeyboardInterrupt"),
+]
 HARMLESS = ("leave", "spoil", "child")
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -40,13 +45,15 @@ def trials_in(folder):
     return (folder / "out" / "trials.csv").read_text().replace(str(folder), "")
 
 
-@pytest.mark.parametrize(("what", "when"), FATAL)
-def test_a_plug_in_that_ends_or_hangs_in_a_trial_fails_its_own_trials(folder, capfd, what, when):
+@pytest.mark.parametrize(("what", "when", "why"), FATAL)
+def test_a_plug_in_that_ends_or_hangs_in_a_trial_fails_its_own_trials(
+    folder, capfd, what, when, why
+):
     write_hostile(folder, what, when)
     assert small_sweep(folder, Path("out"), 5 if what == "hang" else 60) == 3
     said = capfd.readouterr().err
     kept = "deqmcl: 1 of 3 trials failed, the rest is kept; first:"
-    assert said.startswith(f"{kept} hostile.py:Hostile, trial 0: ")
+    assert said.startswith(f"{kept} hostile.py:Hostile, trial 0: {why}")
     assert "Traceback" not in said
     assert {line["method"] for line in lines(folder / "out")} == {"mcl", "dead-reckoning"}
 

@@ -38,8 +38,10 @@ def refused(finished, refusal):
     return of
 
 
-@pytest.mark.parametrize("name", [".notes.tmp", "results.md", "images/mine.svg"])
-@pytest.mark.parametrize("command", WRITERS)
+@pytest.mark.parametrize(
+    ("command", "name"),
+    [*((c, ".notes.tmp") for c in WRITERS), ("report", "results.md"), ("run", "images/mine.svg")],
+)
 def test_a_folder_that_is_not_ours_is_refused(tmp_path, refused, command, name):
     (tmp_path / "mine" / name).parent.mkdir(parents=True)
     (tmp_path / "mine" / name).write_text("mine")

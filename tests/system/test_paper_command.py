@@ -11,7 +11,7 @@ from sweep_command import broken
 import localizers
 from benchmarks.commands import paper, shared
 from benchmarks.pictures import figures
-from benchmarks.sweeps.suites import SUITES, paper_sweep
+from benchmarks.sweeps.suites import paper_sweep, sweep_named
 from benchmarks.sweeps.sweepfile import sweep_of
 
 SMALL_SWEEP = paper_sweep(trials=2, particles=100)
@@ -43,7 +43,7 @@ def test_the_command_is_the_sweep_of_its_name():
     parser = ArgumentParser()
     paper.arguments(parser)
     options = parser.parse_args([])
-    assert shared.setting_sweep(options, METHODS, options.trials) == SUITES["paper"]
+    assert shared.setting_sweep(options, METHODS, options.trials) == sweep_named("paper")
     assert options.out.as_posix() == "results/paper"
     options = parser.parse_args(["--seed", "1"])
     assert shared.setting_sweep(options, METHODS, options.trials).seed == 1

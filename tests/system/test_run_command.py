@@ -9,7 +9,7 @@ import pytest
 from deqmcl_command import DEQMCL, exit_code, files, lines, process
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.sweeps.suites import paper_suite
+from benchmarks.sweeps.suites import paper_sweep
 from benchmarks.trials.metrics import state_error
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.stage import Stage
@@ -44,6 +44,10 @@ def test_a_lap_leaves_its_animation_its_curve_its_trace_and_nothing_else(lap):
     named = {"lap.webp", "error.png", "error.csv", *trace}
     assert set(files(out)) == {*named}
     assert all(name in done.stdout for name in named)
+    read_it, animation = cv2.imreadanimation(str(out / "lap.webp"))
+    assert read_it
+    assert len(animation.frames) == 204 // 4 + 1 + 1  # every fourth step, and the whole way
+    assert all(side % 2 == 0 for side in animation.frames[0].shape[:2])
 
 
 def test_curve_and_trajectories_hold_the_true_and_estimated_poses_of_every_offset(tmp_path):
@@ -75,18 +79,11 @@ def test_the_trace_is_an_npz_without_pickles_that_holds_what_was_scored(lap):
     assert error == pytest.approx([row["error"] for row in curve(out)[0]], rel=1e-12)
 
 
-def test_the_animation_has_a_frame_for_every_fourth_step(lap):
-    read_it, animation = cv2.imreadanimation(str(lap[1] / "lap.webp"))
-    assert read_it
-    assert len(animation.frames) == 204 // 4 + 1 + 1  # and the whole way
-    assert all(side % 2 == 0 for side in animation.frames[0].shape[:2])
-
-
 def test_the_lap_is_trial_0_of_the_paper_experiment_with_that_seed(lap):
     done, out = lap
-    (trial,) = paper_suite(
+    (trial,) = paper_sweep(
         scenario="paper", localizers=["mcl"], trials=1, seed=3, lag=20, particles=20
-    )
+    ).distinct()
     (row,) = scores(Stage.of(trial).trace(), 20, Thresholds())
     errors = [line["error"] for line in curve(out)[0] if line["state"] >= 1]
     assert len(errors) == 204
@@ -113,9 +110,8 @@ def test_the_same_command_writes_the_same_bytes(lap, tmp_path):
     assert files(tmp_path) == files(lap[1])
 
 
-@pytest.mark.parametrize("lag", [0, 300])
-def test_any_lag_works_even_one_longer_than_the_lap(tmp_path, capsys, lag):
-    arguments = ("--localizer", "deq-mcl", "--particles", "10", "--lag", lag)
+def test_a_lag_may_be_longer_than_the_lap(tmp_path, capsys):
+    arguments = ("--localizer", "deq-mcl", "--particles", "10", "--lag", "300")
     assert exit_code("run", *arguments, "--out", tmp_path) == 0
     assert set(curve(tmp_path)) == {0}
     assert capsys.readouterr().out.count("position RMSE") == 1

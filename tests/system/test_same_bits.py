@@ -14,14 +14,14 @@ import hashlib, json, msgspec
 from benchmarks.trials.stage import Stage
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.scoring import record
-from benchmarks.sweeps.suites import paper_suite
+from benchmarks.sweeps.suites import paper_sweep
 from localizers import names
 
 digests = {}
 for scenario in ("paper", "sharp"):
-    suite = paper_suite(
+    suite = paper_sweep(
         scenario=scenario, localizers=names(), trials=1, seed=3, lag=5, particles=300
-    )
+    ).distinct()
     for trial in suite:
         trace = Stage.of(trial).trace()
         arrays = [trace.truth.tobytes()]

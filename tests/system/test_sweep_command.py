@@ -10,8 +10,8 @@ from deqmcl_command import exit_code, files, lines, lose, records
 from sweep_command import sweep, tables, write_small
 
 from benchmarks.report import writing
-from benchmarks.sweeps import dry_run, manifest
-from benchmarks.sweeps.suites import SUITES
+from benchmarks.sweeps import manifest, running
+from benchmarks.sweeps.suites import sweep_named
 from benchmarks.sweeps.sweepfile import read_sweep, sweep_of
 
 
@@ -97,8 +97,8 @@ def test_a_folder_of_fewer_worlds_goes_on_whatever_the_title_is_now(tmp_path, ra
 
 @pytest.mark.parametrize("name", ["quick", "headline", "noise", "disturbed", "plan-sensor"])
 def test_a_sweep_can_be_told_from_its_manifest(tmp_path, name):
-    sweep = SUITES[name]
-    text = json.dumps(manifest.of_sweep(sweep, []).sweep, allow_nan=False)
+    sweep = sweep_named(name)
+    text = json.dumps(manifest.manifest_of(sweep, []).sweep, allow_nan=False)
     assert sweep_of(json.loads(text), title="") == sweep
 
 
@@ -135,7 +135,7 @@ def test_a_dry_run_shows_the_cells_and_a_time_and_writes_nothing(tmp_path, monke
 
 
 def test_a_dry_run_scales_the_time_of_the_limit_by_its_particles(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(dry_run, "BUDGET", 0.0)
+    monkeypatch.setattr(running, "BUDGET", 0.0)
     more = '\n[limit]\nname = "mcl"\ntrials = 1\nfilter_seeds = 3\n[limit.params]\n'
     file = write_small(tmp_path, trials=50, more=f"{more}particles = 1_500_000\n")
     assert sweep(file, tmp_path / "out", "--dry-run") == 0
@@ -158,7 +158,7 @@ def test_a_dry_run_scales_the_time_of_the_limit_by_its_particles(tmp_path, monke
 def test_the_time_of_a_dry_run_is_shared_out_among_jobs_and_shards(
     tmp_path, monkeypatch, capsys, where, time
 ):
-    monkeypatch.setattr(dry_run, "_times", lambda trials, *_: [(6.0, True)] * len(trials))
+    monkeypatch.setattr(running, "_times", lambda trials, *_: [(6.0, True)] * len(trials))
     assert sweep(write_small(tmp_path, trials=50), tmp_path / "out", "--dry-run", *where) == 0
     assert f"About {time} with {where[1]} job" in capsys.readouterr().out
 

@@ -46,11 +46,11 @@ def test_a_disk_that_fills_up_is_said_in_one_line_and_the_sweep_goes_on_later(
 ):
     really, out = Store._append, tmp_path / "out"
 
-    def fill_up(store, content):
+    def fill_up(store, *parts):
         if len(records(out)) == 2:
             store._file.write(b'{"key": "a')
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        really(store, content)
+        really(store, *parts)
 
     with monkeypatch.context() as patch:
         patch.setattr(Store, "_append", fill_up)

@@ -9,7 +9,7 @@ from sweep_command import broken, report, sweep, tables, write_small
 
 import localizers
 from benchmarks.sweeps.results import results_in
-from benchmarks.trials import plugins
+from benchmarks.trials import attempt
 
 
 def test_only_a_trial_that_is_lost_or_damaged_is_run_again_and_the_tables_come_back(
@@ -18,51 +18,14 @@ def test_only_a_trial_that_is_lost_or_damaged_is_run_again_and_the_tables_come_b
     before = records(copy)
     lose(copy, 1)
     path = copy / "trials.jsonl"
-    path.write_text(path.read_text().replace('"steps_done":204', '"steps_done":"x"', 1))
+    path.write_text(path.read_text().replace('"steps_done":204', '"steps_done":203', 1))
     (copy / "results.csv").unlink()
     assert sweep(file, copy) == 0
     assert len(ran) == 2
     assert {**records(copy), **before} == before
     assert tables(copy) == tables(finished)
-    said = "has str instead of int at record.steps_done; it is left out."
+    said = "is not as it was written; it is left out."
     assert capsys.readouterr().err == f"deqmcl: {path}, line 1 {said}\n"
-
-
-def test_a_folder_with_a_file_a_trial_is_read_verified_and_goes_on(
-    file, finished, copy, ran, capsys
-):
-    before = tables(copy)
-    for name in ("trials", "timings"):
-        (copy / name).mkdir()
-    for text in (copy / "trials.jsonl").read_text().splitlines():
-        line = json.loads(text)
-        said, name = {"schema": 4, "key": line["key"], "checksum": "c0ffee"}, f"{line['key']}.json"
-        whole = said | {"trial": line["trial"]} | line["record"]
-        (copy / "trials" / name).write_text(json.dumps(whole))
-        (copy / "timings" / name).write_text(json.dumps(said | {"seconds": line["seconds"]}))
-    (copy / "trials.jsonl").unlink()
-    assert report(copy) == exit_code("verify", copy, "--jobs", "1") == 0
-    assert tables(copy) == before
-    ran.clear()
-    capsys.readouterr()
-    assert sweep(file, copy) == 0
-    said = f"deqmcl: 4 trials that had files of their own are lines of {copy}/trials.jsonl now.\n"
-    assert (ran, capsys.readouterr().err) == ([], said)
-    assert records(copy) == records(finished)
-    assert not {"trials", "timings"} & {path.name for path in copy.iterdir()}
-
-
-def test_a_folder_whose_manifest_says_what_its_seed_once_followed_from_is_read_and_goes_on(
-    file, copy, ran, capsys
-):
-    made = json.loads((copy / "manifest.json").read_text())
-    made["identity"]["sweep"]["held_out"] = {"value": "8f3c", "origin": "a beacon"}
-    (copy / "manifest.json").write_text(json.dumps(made))
-    before = tables(copy)
-    assert exit_code("verify", copy, "--jobs", "1") == 0
-    ran.clear()
-    assert report(copy) == sweep(file, copy) == 0
-    assert (tables(copy), ran, capsys.readouterr().err) == (before, [], "")
 
 
 def test_another_sweep_in_the_folder_is_refused_with_all_differences(copy, tmp_path, refusal):
@@ -74,8 +37,8 @@ def test_another_sweep_in_the_folder_is_refused_with_all_differences(copy, tmp_p
 
 
 def test_changed_code_is_refused_and_named(file, copy, refusal, monkeypatch):
-    monkeypatch.setattr(plugins, "code_digest", lambda: "other")
-    monkeypatch.setattr(plugins, "versions", lambda: {"numpy": "0.1"})
+    monkeypatch.setattr(attempt, "code_digest", lambda: "other")
+    monkeypatch.setattr(attempt, "versions", lambda: {"numpy": "0.1"})
     changed = "code was", "libraries.numpy was", "libraries.numba was"
     refusal(["sweep", file, "--out", copy], *changed)
 
@@ -108,7 +71,7 @@ def test_results_of_other_code_can_be_read_and_infinity_is_a_number(tmp_path, mo
     more = "\n[[vary]]\nparams.beta = [inf, 1.0]\n"
     file, out = write_small(tmp_path, trials=1, more=more), tmp_path / "out"
     assert sweep(file, out, "--with", "mcl-map,broken") == 3
-    monkeypatch.setattr(plugins, "code_digest", lambda: "other")
+    monkeypatch.setattr(attempt, "code_digest", lambda: "other")
     found = results_in(out)
     assert (len(found.records), len(found.failures), found.missing) == (4, 2, 0)
     betas = [dict(r.trial.params).get("beta") for r in found.records]
@@ -125,7 +88,7 @@ def L(robot): return dead_reckoning(robot)
 
 def test_a_report_takes_the_trials_of_the_manifests_own_code_alone_and_runs_none(tmp_path, capsys):
     plug_in, (one, two) = tmp_path / "p.py", (tmp_path / "one", tmp_path / "two")
-    file = write_small(tmp_path)
+    file = write_small(tmp_path, trials=1)
     for out, version in ((one, 1), (two, 2)):
         plug_in.write_text(PLUG_IN.format(version))
         assert sweep(file, out, "--with", f"{plug_in}:L") == 0
@@ -136,7 +99,7 @@ def test_a_report_takes_the_trials_of_the_manifests_own_code_alone_and_runs_none
     capsys.readouterr()
     assert report(one) == 0
     assert tables(one) == tables(two)
-    assert capsys.readouterr().err.count("is of other code, libraries or plug-ins") == 2
+    assert capsys.readouterr().err.count("is of other code, libraries or plug-ins") == 1
     assert (tmp_path / "ran").read_text() == before
     plug_in.unlink()
     assert report(one) == 0
@@ -167,7 +130,7 @@ scenario = "../hall.toml"
 localizers = ["mcl", "../mine.py"]
 agent = "../drivers.py:Own"
 assumed.scan.kind = "../scans.py:made"
-trials = 2
+trials = 1
 params.particles = 15
 """,
 }

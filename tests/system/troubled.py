@@ -44,11 +44,7 @@ def die_once():
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-def die():
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
-for trouble in (sleep, die_once, die):
+for trouble in (sleep, die_once):
     localizers.register(trouble.__name__.replace("_", "-"), lambda robot, t=trouble: Here(t))
 
 if __name__ == "__main__":
