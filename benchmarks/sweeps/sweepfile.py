@@ -139,7 +139,7 @@ def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
         sweep: to be changed.
         values: by name: a key of a sweep file such as trials, a part such as world.lidar.beams or
             assumed.scan.sigma, params.KEY of all localizers or params.LOCALIZER.KEY of one,
-            agent.KEY, and vary.NAME with a list, which becomes an axis.
+            agent.KEY, and vary.NAME with a list, which becomes an axis, or that of the same name.
     """
     names, plain, axes = _Names(Path()), dict[str, Any](), list[Axis]()
     parts: dict[str, dict[str, Any]] = {part: {} for part in (*PARTS, "agent")}
@@ -162,7 +162,7 @@ def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
         "world": sweep.world | names.world(Overrides.told("world", parts["world"])),
         "assumed": sweep.assumed | names.assumed(Overrides.told("assumed", parts["assumed"])),
         "params": sweep.params | params,
-        "vary": (*sweep.vary, *axes),
+        "vary": _with_axes(sweep.vary, axes),
     }
     if parts["agent"]:
         if sweep.agent is None:
@@ -172,8 +172,18 @@ def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
         usual = "" if len(agents) > 1 else sweep.baseline
         changes |= {"agent": None, "baseline": plain.get("baseline", usual)}
     changed = with_params(replace(sweep, **changes), own)
+    for name in values:
+        if name in changed.varied:
+            raise InputError(f"{name} is set, but the sweep varies it: set vary.{name}, a list.")
     refuse_idle(changed)
     return changed
+
+
+def _with_axes(axes: Sequence[Axis], new: Sequence[Axis]) -> tuple[Axis, ...]:
+    """Return axes with the new ones, each in the place of the one of its name, if there is one."""
+    by_name = {name: axis for axis in new for name in axis.values}
+    kept = [by_name.pop(next(iter(a.values)), a) if len(a.values) == 1 else a for a in axes]
+    return (*kept, *by_name.values())
 
 
 def with_params(sweep: Sweep, params: Mapping[str, Overrides]) -> Sweep:
