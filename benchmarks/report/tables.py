@@ -10,7 +10,7 @@ import pandas as pd
 
 from benchmarks.report.verdict import AT_ALL_LOOKS, plug_in_labels
 from benchmarks.sweeps.results import Results
-from benchmarks.tables.panels import Panel
+from benchmarks.tables.panels import Panel, common_words
 from benchmarks.tables.signals import QUESTIONS, WRONG
 from benchmarks.tables.stats import Interval
 from benchmarks.tables.text import (
@@ -271,6 +271,8 @@ def glance_table(panels: Sequence[Panel]) -> Table:
         "the baseline's, ▲ larger (95 % interval excludes 0 and p < 0.05 after Holm's correction; "
         "where a sweep stops when decided: by more than the margin), ○ inconclusive, = the same."
     )
+    if common := common_words({panel.setting: None for panel in panels}):
+        caption += f" All settings: {', '.join(common)}."
     return Table(caption, pd.DataFrame(lines, columns=["setting", *labels]), strong)
 
 

@@ -1,7 +1,7 @@
 """What is compared: the methods of a setting, at one value of each swept parameter."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -379,21 +379,31 @@ def _has(params: Overrides, name: str, value: Any) -> bool:
     return name in params and spelt(params[name]) == spelt(value)
 
 
+def common_words(settings: Collection[Setting]) -> list[str]:
+    """What all of several settings have of world, assumptions and disturbances; of one nothing."""
+    first, *others = map(_words, settings)
+    return [words for words in first if others and all(words in one for one in others)]
+
+
 def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
-    """The scenario and what differs from it; lag and seed where settings differ in them."""
+    """The scenario and what settings differ in."""
     names = short_names({setting.scenario for setting in settings})
     several_lags = len({setting.lag for setting in settings}) > 1
     several_seeds = len({setting.seed for setting in settings}) > 1
+    common = common_words(settings) if settings else []
     titles = {}
     for setting in settings:
         words = [f"scenario {names[setting.scenario]}"]
-        words += [f"{name} {value}" for name, value in setting.world.short().items()]
-        words += _assumed(setting)
-        words += map(disturbance_words, setting.disturbance)
+        words += [own for own in _words(setting) if own not in common]
         words += [f"L {setting.lag}"] if several_lags else []
         words += [f"seed {setting.seed}"] if several_seeds else []
         titles[setting] = ", ".join(words)
     return titles
+
+
+def _words(setting: Setting) -> list[str]:
+    world = [f"{name} {value}" for name, value in setting.world.short().items()]
+    return [*world, *_assumed(setting), *map(disturbance_words, setting.disturbance)]
 
 
 def _assumed(setting: Setting) -> list[str]:
