@@ -69,20 +69,20 @@ def sweep(
     Raises:
         InputError: an unknown name, or a bad value.
     """
-    given, factories = _plain(keys), dict[str, Factory]()
+    given, factories = as_toml(keys), dict[str, Factory]()
     if localizers:
         one = isinstance(localizers, str) or callable(localizers)
-        listed, factories = _named([localizers] if one else localizers)
-        given["localizers"] = _plain(listed)
+        listed, factories = named_localizers([localizers] if one else localizers)
+        given["localizers"] = as_toml(listed)
     if vary:
         axes = [{name: v} for name, v in vary.items()] if isinstance(vary, Mapping) else vary
-        given["vary"] = _plain(axes)
-    with _known(factories):
+        given["vary"] = as_toml(axes)
+    with knowing(factories):
         base = _base(of)
         made = sweep_of(given, title=base.title, base=base)
         if localizers and "baseline" not in given and base.baseline not in made.names:
             made = replace(made, baseline="")
-        made = with_settings(made, _plain(settings))
+        made = with_settings(made, as_toml(settings))
     return Experiment(made, factories)
 
 
@@ -142,7 +142,7 @@ class Experiment:
         self, out: Path, options: Options, command: Sequence[str], *, adopt: bool = False
     ) -> Iterator[Running]:
         """Check it and open its folder, which is held until the block ends; nothing is run yet."""
-        with _known(self.factories):
+        with knowing(self.factories):
             with checking(shown=options.progress):
                 check(self.sweep)
             if adopt and (verified := adopted(out, self.sweep, options.where)):
@@ -258,12 +258,12 @@ def run(
         InputError: an unknown name, or a bad value.
     """
     integer("trial", trial)
-    (name,), factories = _named([localizer])
-    with _known(factories):
+    (name,), factories = named_localizers([localizer])
+    with knowing(factories):
         of = Sweep(
             title=scenario,
             scenario=scenario,
-            localizers=(Method(name, Overrides(_plain(params))),),
+            localizers=(Method(name, Overrides(as_toml(params))),),
             seed=seed,
             trials=trial + 1,
         )
@@ -289,7 +289,7 @@ def _base(of: str | Path | Sweep) -> Sweep:
     return sweep_named(name)
 
 
-def _named(given: Sequence[Any]) -> tuple[list[Any], dict[str, Factory]]:
+def named_localizers(given: Sequence[Any]) -> tuple[list[Any], dict[str, Factory]]:
     """Return localizers with classes and functions by their names, and these by name."""
     names, factories = [], dict[str, Factory]()
     for one in given:
@@ -309,7 +309,7 @@ def _named(given: Sequence[Any]) -> tuple[list[Any], dict[str, Factory]]:
 
 
 @contextmanager
-def _known(factories: Mapping[str, Factory]) -> Iterator[None]:
+def knowing(factories: Mapping[str, Factory]) -> Iterator[None]:
     """Know localizers by these names in a ``with`` block."""
     with ExitStack() as stack:
         for name, factory in factories.items():
@@ -317,15 +317,15 @@ def _known(factories: Mapping[str, Factory]) -> Iterator[None]:
         yield
 
 
-def _plain(value: Any) -> Any:
+def as_toml(value: Any) -> Any:
     """Return a value as TOML has it: Python's numbers, lists and dicts."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if isinstance(value, Named):
-        return {"name": value.name, "params": _plain(value.params)}
+        return {"name": value.name, "params": as_toml(value.params)}
     if isinstance(value, Mapping):
-        return {name: _plain(own) for name, own in value.items()}
-    return [_plain(own) for own in value] if isinstance(value, list | tuple | range) else value
+        return {name: as_toml(own) for name, own in value.items()}
+    return [as_toml(own) for own in value] if isinstance(value, list | tuple | range) else value
 
 
 def _with_varied(table: pd.DataFrame, sweep: Sweep) -> pd.DataFrame:

@@ -99,7 +99,7 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.execution.engines import Where
     from benchmarks.pictures.messages import shown_again
     from benchmarks.replay.command import planned, run_replay, sweep_file
-    from benchmarks.sweeps.running import Options
+    from benchmarks.sweeps.running import Options, complete
 
     where = Where(jobs=options.jobs, timeout=options.timeout)
     mcap = shared.mcap_of(options)
@@ -119,7 +119,9 @@ def run(options: argparse.Namespace) -> str:
     if options.dry_run:
         return sweep_file(plan.sweep, [*plan.warnings, *plan.replay.facts]).rstrip()
     out = options.out or Path("results") / Path(options.log[0]).name.partition(".")[0]
-    text = run_replay(plan, out, Options(where=where), options.words, residuals=options.residuals)
+    how = Options(where=where)
+    played = run_replay(plan, out, how, options.words, residuals=options.residuals)
+    text = complete(played.results, str(played))
     if mcap is None:
         return text
     first = list(replace(plan.sweep, trials=1).distinct())

@@ -1,18 +1,24 @@
 """``deqmcl replay``: a sweep over runs of localizers on one log, with tracks and its own CSV."""
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from benchmarks.console import doing, log_warnings, warn
+from benchmarks.execution.engines import Where
+from benchmarks.experiment import knowing, named_localizers
 from benchmarks.files import write_files
 from benchmarks.replay.calibration import calibrated, judged_alike, uses_scan, with_fitted_beams
-from benchmarks.replay.nav2 import Amcl
+from benchmarks.replay.nav2 import Amcl, read_nav2
 from benchmarks.replay.options import EVERY, NAME, OFTEN, Replay, params_among, replay_of
 from benchmarks.replay.residuals import PICTURE, TABLE, Residuals, files_of, residuals_of
 from benchmarks.report.tracks import (
@@ -21,8 +27,8 @@ from benchmarks.report.tracks import (
     ended,
     runs_frame,
     tables_of,
-    tracks_results_csv,
-    tracks_trials_csv,
+    tracks_table,
+    tracks_trials,
 )
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import load, no_report
@@ -30,9 +36,10 @@ from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results
-from benchmarks.sweeps.running import Options, begun, check, complete
+from benchmarks.sweeps.running import Options, begun, check
 from benchmarks.sweeps.settings import sweep_text
 from benchmarks.sweeps.sweepfile import params_by_localizer
+from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import file_words, percent
 from benchmarks.trials.spec import Method
 from benchmarks.trials.tracks import AGREE, agreement
@@ -43,6 +50,7 @@ from deqmcl_gym.validation import InputError, integer
 from localizers import names as localizer_names
 from localizers import parameters
 from localizers.methods.deq_mcl import Shared
+from localizers.registry import Factory
 
 FEW = 0.5  # share of beams within the larger distance below which log and map do not fit
 _LOOKED_AT = 200  # reference poses
@@ -195,42 +203,105 @@ def gated(sweep: Sweep, every: str | None) -> list[str]:
     ]
 
 
-def run_replay(
-    plan: Planned, out: Path, options: Options, command: Sequence[str], *, residuals: bool = False
-) -> str:
-    """Run what is missing, write the folder; return what to print.
+@dataclass(frozen=True)
+class ReplayResults:
+    """What came of runs on a log; ``str`` of it is what the command prints."""
+
+    runs: pd.DataFrame  # a row per run, with its track
+    results: Results
+    text: str
+    written: str  # where to
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """results.csv: a row for each localizer."""
+        return tracks_table(self.runs, self.results.table)
+
+    @cached_property
+    def trials(self) -> pd.DataFrame:
+        """trials.csv: a row for each run."""
+        return tracks_trials(self.runs)
+
+    def __str__(self) -> str:
+        return f"{self.text}\n\n{self.written}".rstrip()
+
+    def __repr__(self) -> str:
+        return self.text.partition("\n\n")[0]
+
+    def _repr_html_(self) -> str:
+        return f"<p>{self!r}</p>{tables_of(self.runs)[0].frame.to_html(index=False)}"
+
+
+def replay(
+    log: str | Path | Sequence[str | Path],
+    map: str | Path,  # noqa: A002 - as LogEnv has it
+    *,
+    localizers: Sequence[str | Factory] = ("mcl", "amcl"),
+    nav2: str | Path | None = None,
+    node: str | None = None,
+    out: str | Path | None = None,
+    jobs: int | None = None,
+    timeout: float | None = None,
+    residuals: bool = False,
+    command: Sequence[str] = ("python",),
+    **how: Any,
+) -> ReplayResults:
+    """Play the records of a log to localizers, and return how far off each was.
 
     Args:
-        plan: what is run.
-        out: folder; refused if it holds what is not of this sweep.
-        options: how the runs run.
-        command: the words that this was started by.
+        log: path of the log, or of its parts.
+        map: path of the map's yaml.
+        localizers: names, classes or functions that make one; the first is the baseline.
+        nav2: Nav2's parameter file, with the ``node`` in it: sets all of ``amcl``, and for the
+            others what is not set.
+        out: folder that keeps runs, tracks, tables and page; None: nothing is kept.
+        jobs, timeout: see ``Where``.
         residuals: whether to tell and draw where the map is wrong.
+        command: the words that started it, for the folder.
+        how: reference, start, settings, particles, seeds, seed, fit_beams: see ``planned``.
 
     Raises:
-        TrialsFailedError: some runs failed; what the others gave is written.
+        InputError: something of it is refused; nothing is run then.
     """
-    replay, sweep, warnings = plan.replay, plan.sweep, plan.warnings
+    names, factories = named_localizers(localizers)
+    amcl = None if nav2 is None else read_nav2(Path(nav2), node)
+    options = Options(where=Where(jobs=jobs, timeout=timeout))
+    with knowing(factories), ExitStack() as stack:
+        folder = Path(out or f"{stack.enter_context(TemporaryDirectory())}/replay")
+        plan = planned(log, map, names, nav2=amcl, **how)
+        played = run_replay(plan, folder, options, command, residuals=residuals)
+    return played if out is not None else dataclasses.replace(played, written="")
+
+
+def run_replay(
+    plan: Planned, out: Path, options: Options, command: Sequence[str], *, residuals: bool = False
+) -> ReplayResults:
+    """Run what is missing, write the folder, and return all of it.
+
+    A folder that holds what is not of this sweep is refused; if a run failed, what the others gave
+    is written all the same.
+    """
+    played, sweep, warnings = plan.replay, plan.sweep, plan.warnings
     with begun(sweep, out, options, command=command) as running:
-        said = [*warnings, *warn([replay.sideways, disagreement(replay.scenario), touches(replay)])]
+        said = [*warnings, *warn([played.sideways, disagreement(played.scenario), touches(played)])]
         results = running.results()
-        runs = _runs(replay, sweep, results)
-        said += warn([_misfit(replay, runs)])
-        wrong = residuals_of(replay, runs) if residuals else None
+        runs = _runs(played, sweep, results)
+        said += warn([_misfit(played, runs)])
+        wrong = residuals_of(played, runs) if residuals else None
         with doing(f"writing the report in {out}"):
             for name in (PICTURE, TABLE):  # of a run with --residuals
                 (out / name).unlink(missing_ok=True)
-            files = write_files(out, _contents(replay, runs, results, said, wrong))
+            files = write_files(out, _contents(played, runs, results, said, wrong))
     apart = [table for panel in results.panels if (table := differences_table(panel))]
     first, *others = tables_of(runs)
-    texts = [conclusion(results), *accuracy(runs), replay.overview]
+    texts = [conclusion(results), *accuracy(runs), played.overview]
     texts += [] if wrong is None else [wrong.said]
-    texts += [*(one.text("simple") for one in (first, *apart, *others)), *replay.facts]
+    texts += [*(one.text("simple") for one in (first, *apart, *others)), *played.facts]
     names = ", ".join(path.name for path in files if path.parent == out)
-    texts.append(f"Written to {out}: {names} and {_TRACKS}/.")
+    written = [f"Written to {out}: {names} and {_TRACKS}/."]
     if (why := no_report()) is not None:
-        texts.append(f"Tables only: {why}")
-    return complete(results, "\n\n".join(texts))
+        written.append(f"Tables only: {why}")
+    return ReplayResults(runs, results, "\n\n".join(texts), "\n\n".join(written))
 
 
 def misfit_words(share: float, where: str, scanner: Scanner) -> str | None:
@@ -305,8 +376,8 @@ def _contents(
     wrong: Residuals | None,
 ) -> dict[str, bytes]:
     contents = {
-        "results.csv": utf8(tracks_results_csv(runs, results.table)),
-        "trials.csv": utf8(tracks_trials_csv(runs)),
+        "results.csv": utf8(csv_of(tracks_table(runs, results.table))),
+        "trials.csv": utf8(csv_of(tracks_trials(runs))),
         **_tracks(replay, runs),
     }
     if wrong is not None:

@@ -22,12 +22,13 @@ from benchmarks.report.tracks import (
     run_of_track,
     tables_of,
     tracked,
-    tracks_results_csv,
-    tracks_trials_csv,
+    tracks_table,
+    tracks_trials,
 )
 from benchmarks.setup.logs import REPLAY, ReplayScenario, check_inside
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.results import results_in
+from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import percent
 from benchmarks.trials.scores import track_scores
 from benchmarks.trials.tracks import EstimatedTrack, calibration_of_gaussians
@@ -164,8 +165,8 @@ def score(
     theirs = pd.concat(run_of(label, estimate, by) for label, estimate in estimates.items())
     runs = theirs if ours is None else pd.concat([ours, theirs])
     contents = {
-        "results.csv": utf8(tracks_results_csv(runs, None)),
-        "trials.csv": utf8(tracks_trials_csv(runs)),
+        "results.csv": utf8(csv_of(tracks_table(runs, None))),
+        "trials.csv": utf8(csv_of(tracks_trials(runs))),
     }
     files = write_files(own_folder(out, "results.csv"), contents)
     known = {

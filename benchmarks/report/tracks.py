@@ -18,7 +18,6 @@ from benchmarks.report.verdict import rounded
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import scenario
 from benchmarks.tables.frames import (
-    csv_of,
     milliseconds_per_step,
     paired_worlds,
     value_in,
@@ -143,8 +142,8 @@ def worst_run(runs: pd.DataFrame) -> pd.Series:
     return min((run for _, run in runs.iterrows()), key=worse)
 
 
-def tracks_results_csv(runs: pd.DataFrame, compared: pd.DataFrame | None) -> str:
-    """Return results.csv: a line per localizer, its scores, then its differences to the first.
+def tracks_table(runs: pd.DataFrame, compared: pd.DataFrame | None) -> pd.DataFrame:
+    """Return results.csv: a row per localizer, its scores, then its differences to the first.
 
     Args:
         runs: of all localizers.
@@ -157,15 +156,15 @@ def tracks_results_csv(runs: pd.DataFrame, compared: pd.DataFrame | None) -> str
     ]
     table = scores_by_localizer(runs).rename(columns={"label": "localizer"})
     if compared is None:
-        return csv_of(table.reindex(columns=[*table, *further]))
+        return table.reindex(columns=[*table, *further])
     beside = compared[(compared["panel"] == 1) & (compared["offset"] == 0)].set_index("label")
-    return csv_of(table.join(beside.reindex(columns=further), on="localizer"))
+    return table.join(beside.reindex(columns=further), on="localizer")
 
 
-def tracks_trials_csv(runs: pd.DataFrame) -> str:
-    """Return trials.csv: a line per run that came to its end."""
+def tracks_trials(runs: pd.DataFrame) -> pd.DataFrame:
+    """Return trials.csv: a row per run that came to its end."""
     table = ended(runs).rename(columns={"label": "localizer"})
-    return csv_of(table[["localizer", "seed", *_SCORES]])
+    return table[["localizer", "seed", *_SCORES]]
 
 
 def tracked(panel: Panel) -> tuple[pd.DataFrame, Map] | None:
