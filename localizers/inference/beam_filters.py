@@ -65,16 +65,11 @@ class DistanceFilter:
     over several places nothing is, as what is short from one place is not from another.
 
     Fox, Burgard & Thrun 1999; in 1998 the novelty filter.
-
-    Attributes:
-        scan: p(o | x, m), whose beams have a σ.
-        share: γ.
-        localized: the least share of the belief in its ``best_cluster`` for beams to be dropped.
     """
 
-    scan: LidarScan
-    share: float = 0.99
-    localized: float = 0.9
+    scan: LidarScan  # p(o | x, m), whose beams have a σ
+    share: float = 0.99  # γ
+    localized: float = 0.9  # least share of the belief in its ``best_cluster`` for dropping beams
 
     def __post_init__(self) -> None:
         number("share", self.share, low=0, high=1)

@@ -209,18 +209,13 @@ class Foresight:
     which is unbiased for h_t(x_t): with the future that is kept, the cloud targets the paper's
     Q(t). The filter's own weights stay: multiplied into them at every step, the future would count
     up to F times. Lin, Chen & Liu 2013 call such roll-outs pilots.
-
-    Attributes:
-        steps: F, how far to look.
-        copies: M, roll-outs of each particle.
-        evidence: takes in the plan as evidence of the present first; None: nothing does.
     """
 
     rollout: Rollout
-    steps: int
-    copies: int
+    steps: int  # F, how far to look
+    copies: int  # M, roll-outs of each particle
     weighs: bool = False
-    evidence: Lookahead | None = None
+    evidence: Lookahead | None = None  # takes in the plan as evidence of the present first
 
     def __call__(
         self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
@@ -247,18 +242,13 @@ class PlanEvidence:
     A long plan is feasible only from a precise heading, so in a coarse cloud it would leave few
     particles. λ is therefore the largest in [0, 1] that leaves ``keep`` of the effective sample
     size. γ_t is the target only at ``keep`` = 0.
-
-    Attributes:
-        steps: L, how many planned steps are read; None: all.
-        keep: κ in [0, 1].
-        new_only: whether each planned step is charged once, when it comes into view: a plan that
-            merely continues the last one adds nothing. Else all steps of every plan: its author has
-            looked at the robot again.
     """
 
     sensor: PlanSensor
-    steps: int | None = None
-    keep: float = 0.0
+    steps: int | None = None  # L, how many planned steps are read; None: all
+    keep: float = 0.0  # κ in [0, 1]
+    # whether a planned step is charged only when it comes into view, and a plan that continues the
+    # last one adds nothing; else all steps of every plan: its author has looked at the robot again
     new_only: bool = False
 
     def __post_init__(self) -> None:

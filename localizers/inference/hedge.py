@@ -48,17 +48,12 @@ _F = TypeVar("_F", bound=Filter[Any])
 
 
 class HedgedBelief(NamedTuple):
-    """q A + (1 - q) B, as two weighted clouds.
-
-    Attributes:
-        log_odds: log q / (1 - q).
-        scan_log_evidence: log p_t of the latest scan; NaN before it.
-    """
+    """q A + (1 - q) B, as two weighted clouds."""
 
     advised: Belief
     protected: Belief
-    log_odds: float
-    scan_log_evidence: float = float("nan")
+    log_odds: float  # log q / (1 - q)
+    scan_log_evidence: float = float("nan")  # log p_t of the latest scan; NaN before it
     events: Events = Events()
 
     @property
@@ -97,22 +92,14 @@ class HedgedBelief(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Hedge:
-    """q A + (1 - q) B over a filter A that may be misled and a filter B that cannot.
-
-    Attributes:
-        switching: s, the probability per step that A's picture becomes right or wrong.
-        trust: q₀.
-        mutual: whether B takes over from A as well: the exact two-mode model.
-        own_plans: whether a plan that the robot has made from this belief is shown to A; it is no
-            evidence.
-    """
+    """q A + (1 - q) B over a filter A that may be misled and a filter B that cannot."""
 
     advised: Filter[Any]
     protected: Filter[Any]
-    switching: float = 0.001
-    trust: float = 0.5
-    mutual: bool = False
-    own_plans: bool = True
+    switching: float = 0.001  # s, the probability per step that A's picture becomes right or wrong
+    trust: float = 0.5  # q₀
+    mutual: bool = False  # whether B takes over from A as well: the exact two-mode model
+    own_plans: bool = True  # whether A sees plans made from this belief, which are no evidence
 
     def __post_init__(self) -> None:
         boolean("own_plans", self.own_plans)

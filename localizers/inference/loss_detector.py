@@ -69,20 +69,14 @@ class LostDensity:
 
 @dataclass(frozen=True)
 class LossDetector:
-    """The evidence for and against a belief; evaluated only when ``quality`` is read.
+    """The evidence for and against a belief; evaluated only when ``quality`` is read."""
 
-    Attributes:
-        lost: p(o | lost).
-        scans: the latest, at most ``MEMORY``, oldest first, each with log Σ w p(o | x) over the
-            belief before it; NaN if unknown.
-        start: probability of not being lost before them.
-        log_ratios: log p(o | lost) - log p(o | belief) of the first of them, as far as an earlier
-            detector was read; NaN if either is unknown or both are 0.
-    """
-
-    lost: LostDensity
+    lost: LostDensity  # p(o | lost)
+    # the latest ``MEMORY``, oldest first, with log Σ w p(o | x) over the belief before; NaN unknown
     scans: tuple[tuple[Scan, float], ...] = ()
-    start: float = 1.0 - LOST
+    start: float = 1.0 - LOST  # probability of not being lost before them
+    # log p(o | lost) - log p(o | belief) of the first of them, as far as an earlier detector was
+    # read; NaN if either is unknown or both are 0
     log_ratios: Floats = field(default_factory=partial(np.empty, 0))
 
     @classmethod
@@ -128,16 +122,12 @@ class Averages:
     """w_slow and w_fast: max(0, 1 - w_fast / w_slow) of the draws are random poses.
 
     Exponential averages of how likely the scans were (Thrun et al. 2005, table 8.3).
-
-    Attributes:
-        alpha_slow, alpha_fast: rates in [0, 1], per scan; alpha_fast ≥ alpha_slow.
-        slow, fast: w_slow and w_fast; 0 before the first scan.
     """
 
-    alpha_slow: float = 0.0
-    alpha_fast: float = 0.0
-    slow: float = 0.0
-    fast: float = 0.0
+    alpha_slow: float = 0.0  # rate in [0, 1], per scan
+    alpha_fast: float = 0.0  # likewise, alpha_slow or more
+    slow: float = 0.0  # w_slow; 0 before the first scan
+    fast: float = 0.0  # w_fast, likewise
 
     def __post_init__(self) -> None:
         number("recovery_alpha_slow", self.alpha_slow, low=0, high=1)

@@ -61,22 +61,14 @@ _NOTHING = SlidingComposition()
 
 
 class Queue(NamedTuple):
-    """An immutable queue of slots.
+    """An immutable queue of slots."""
 
-    Attributes:
-        slots: the states as they were drawn, (d, n) each, oldest first.
-        links: links[i] maps the order of slot i + 1 to that of slot i.
-        pending: from the current order to that of the newest slot.
-        present: the index of x_t among the slots.
-        past, future: the compositions of the links before and after the present.
-    """
-
-    slots: tuple[States, ...]
-    links: tuple[Link, ...] = ()
-    pending: Link = None
-    present: int = 0
-    past: SlidingComposition = _NOTHING
-    future: SlidingComposition = _NOTHING
+    slots: tuple[States, ...]  # the states as they were drawn, (d, n) each, oldest first
+    links: tuple[Link, ...] = ()  # links[i] maps the order of slot i + 1 to that of slot i
+    pending: Link = None  # from the current order to that of the newest slot
+    present: int = 0  # the index of x_t among the slots
+    past: SlidingComposition = _NOTHING  # the composition of the links before the present
+    future: SlidingComposition = _NOTHING  # and of those after it
 
     @classmethod
     def of(cls, states: Sequence[States]) -> "Queue":

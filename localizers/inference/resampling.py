@@ -125,14 +125,10 @@ class Resampling:
     """When to resample, and how.
 
     The random numbers are drawn whether or not it resamples, so that runs stay comparable.
-
-    Attributes:
-        scheme: how; one of ``SCHEMES``.
-        ess_threshold: only when the effective sample size is below this share of n; None: at every
-            step, as the paper does.
     """
 
-    scheme: Scheme = systematic
+    scheme: Scheme = systematic  # how; one of ``SCHEMES``
+    # when the effective sample size is below this share of n; None: at every step, as in the paper
     ess_threshold: float | None = None
 
     def __post_init__(self) -> None:
@@ -239,19 +235,13 @@ class KldSampling:
     between ``least`` and ``most``. For k = 1 it is ``most``, as in Nav2 (pf.c): a cloud in one bin
     is not a small one. The Kullback-Leibler divergence between the draws and what they are drawn
     from, over the bins, is then below ε with probability Φ(z).
-
-    Attributes:
-        least, most: bounds of n.
-        error: ε > 0.
-        quantile: z.
-        bin_size: of x and y, in the map's unit, and of θ, rad.
     """
 
-    least: int
-    most: int
-    error: float
-    quantile: float
-    bin_size: tuple[float, float, float]
+    least: int  # lower bound of n
+    most: int  # upper bound
+    error: float  # ε > 0
+    quantile: float  # z
+    bin_size: tuple[float, float, float]  # of x and y, in the map's unit, and of θ, rad
 
     def __post_init__(self) -> None:
         integer("min_particles", self.least, low=1)

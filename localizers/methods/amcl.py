@@ -106,13 +106,6 @@ class AdaptiveLocalizer:
     An update moves the cloud, weighs it by the scan and resamples it, in this order (amcl_node.cpp,
     laserReceived). A robot that has not moved enough gets none: its belief is the latest cloud
     moved along the odometry, without noise. The first scan is always used.
-
-    Attributes:
-        interval: updates between two resamplings.
-        selective: whether to resample only if ESS ≤ N / 2.
-        distance, angle: of odometry, one of which is to be exceeded before the next update, in the
-            map's unit and rad; see ``has_moved``.
-        skipping: None: no beam is skipped.
     """
 
     robot: RobotModel
@@ -120,11 +113,11 @@ class AdaptiveLocalizer:
     scan: ScanModel
     kld: KldSampling
     averages: WeightAverages
-    interval: int
-    selective: bool
-    distance: float
-    angle: float
-    skipping: BeamFilter | None = None
+    interval: int  # updates between two resamplings
+    selective: bool  # whether to resample only if ESS ≤ N / 2
+    distance: float  # in the map's unit; this or ``angle`` is exceeded before each update
+    angle: float  # rad
+    skipping: BeamFilter | None = None  # None: no beam is skipped
 
     def __post_init__(self) -> None:
         self._detector = LossDetector.of(self.scan, self.robot.floor_plan)

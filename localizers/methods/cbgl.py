@@ -110,22 +110,15 @@ class FirstFix:
     The belief before the first scan is the cloud of hypotheses, moved by the commands. Then the
     tracker's particles are put around the best of them, and weighed by that scan; the evidence
     recorded for it is that of the hypotheses.
-
-    Attributes:
-        poses: K, hypotheses, drawn from the prior.
-        matched: k, how many of them are matched.
-        modes: around how many of the matched poses the particles are put, the best ones.
-        spread, spread_heading: standard deviations of a particle around its pose, in x and y, in
-            the map's unit, and in rad.
     """
 
     tracker: ParticleFilter
     matching: Matching
-    poses: int
-    matched: int
-    modes: int
-    spread: float
-    spread_heading: float
+    poses: int  # K, hypotheses, drawn from the prior
+    matched: int  # k, how many of them are matched
+    modes: int  # around how many of the matched poses the particles are put, the best ones
+    spread: float  # standard deviation of a particle around its pose, in x and y, in the map's unit
+    spread_heading: float  # that of its heading, rad
 
     def initial(self, prior: Prior, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
         """Return the belief at t = 0: draws from the prior. The plan is not used."""

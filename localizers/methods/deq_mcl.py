@@ -58,48 +58,31 @@ FOR_THE_LOST = (
 
 @dataclass(frozen=True, kw_only=True)
 class Shared:
-    """Parameters of several methods; each method takes those it needs.
+    """Parameters of several methods; each method takes those it needs."""
 
-    Attributes:
-        particles: N.
-        lag: L, how many past steps are smoothed, and how many planned steps are read.
-        beta: β ≥ 0; a step that collides is charged exp(-β), inf rejects it outright; None: the
-            robot's.
-        inflation_radius: distance from a wall, in the map's unit, below which a step is charged for
-            where it ends, see ``Inflation``; None: only steps that collide are charged.
-        cost_scaling_factor: how fast that cost falls, per unit of length; None is Nav2's 10 / m.
-        cost_map: instead of these, a file with the cost of each cell, see ``CostImage.load``.
-        beam_filter: which beams of a scan are used: "none", of the filters, all of them;
-            "distance", see ``DistanceFilter``; "entropy", see ``EntropyFilter``.
-        resampler: "systematic", "stratified" or "multinomial".
-        ess_threshold: resample only when the effective sample size is below this share of N;
-            None resamples at every step, as the paper does.
-        plan_beta: β ≥ 0 per colliding step of a plan that is used as evidence; None: the robot's.
-        start_draws: K, draws from the prior per particle, chosen by how feasible the plan shown at
-            reset is from them; 1 ignores the plan. Poses injected after a new route are chosen in
-            the same way.
-        start_jitter: standard deviation added to the chosen draws, in the map's unit; 0 is exact
-            importance sampling.
-        scan_keep: κ, the least share of the effective sample size that a scan leaves; 0 is exact.
-        recovery_alpha_slow, recovery_alpha_fast: rates of ``Recovery``, which injects random poses;
-            0 and 0 inject none.
-    """
-
-    particles: int = 1000
-    lag: int = 20
+    particles: int = 1000  # N
+    lag: int = 20  # L, how many past steps are smoothed, and how many planned steps are read
+    # β ≥ 0; a step that collides is charged exp(-β), inf rejects it outright; None: the robot's
     beta: float | None = None
+    # distance from a wall, in the map's unit, below which a step is charged for where it ends, see
+    # ``Inflation``; None: only steps that collide are charged
     inflation_radius: float | None = None
-    cost_scaling_factor: float | None = None
-    cost_map: str | None = None
+    cost_scaling_factor: float | None = None  # how fast it falls, per length; None: Nav2's 10 / m
+    cost_map: str | None = None  # instead, a file with the cost of each cell: ``CostImage.load``
+    # that chooses beams: "none", "distance" (``DistanceFilter``) or "entropy" (``EntropyFilter``)
     beam_filter: str = "none"
-    resampler: str = "systematic"
+    resampler: str = "systematic"  # "systematic", "stratified" or "multinomial"
+    # resample if the effective sample size is below this share of N; None: always, as in the paper
     ess_threshold: float | None = None
-    plan_beta: float | None = None
+    plan_beta: float | None = None  # β of a colliding step of a plan as evidence; None: the robot's
+    # K, draws from the prior per particle, chosen by how feasible the plan shown at reset is from
+    # them; 1 ignores the plan. Poses injected after a new route are chosen in the same way.
     start_draws: int = 1
+    # standard deviation added to them, in the map's unit; 0 is exact importance sampling
     start_jitter: float = 0.0
-    scan_keep: float = 0.0
-    recovery_alpha_slow: float = 0.0
-    recovery_alpha_fast: float = 0.0
+    scan_keep: float = 0.0  # κ, the least share of the ESS that a scan leaves; 0 is exact
+    recovery_alpha_slow: float = 0.0  # rates of ``Recovery``, which injects random poses
+    recovery_alpha_fast: float = 0.0  # 0 and 0 inject none
 
     def __post_init__(self) -> None:
         integer("particles", self.particles, low=1)

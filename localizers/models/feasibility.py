@@ -157,17 +157,12 @@ class Inflation:
     """exp(-cost_scaling_factor (d - radius)) up to d = inflation_radius from a wall, 0 beyond.
 
     d is the exact distance of the robot's centre from the nearest wall; Nav2 takes that of cells.
-
-    Attributes:
-        radius: of the robot's disc, Nav2's inscribed radius.
-        inflation_radius: at least ``radius``; equal, nothing but a collision costs.
-        cost_scaling_factor: per unit of length; None is Nav2's 10 / m, 0.2 / px.
     """
 
     floor_plan: Map
-    radius: float
-    inflation_radius: float
-    cost_scaling_factor: float | None = None
+    radius: float  # of the robot's disc, Nav2's inscribed radius
+    inflation_radius: float  # at least ``radius``; equal, nothing but a collision costs
+    cost_scaling_factor: float | None = None  # per unit of length; None is Nav2's 10 / m, 0.2 / px
 
     def __post_init__(self) -> None:
         unit = self.floor_plan.unit

@@ -106,16 +106,11 @@ class OdometryMotion:
     (forward, left, φ) with (forward, left) = d (u, v); (u, v) = (1, 0) for a robot that drives
     straight ahead. Cf. Thrun et al. 2005, chapter 5. Two noises for three coordinates: there is no
     transition density. The defaults are what the filters of the paper preset assume.
-
-    Attributes:
-        drive: σ_dd, distance noise per distance driven.
-        turn: σ_φφ, rad of heading noise per rad turned.
-        drift: σ_φd, rad of heading noise per unit of length driven.
     """
 
-    drive: float = 0.2
-    turn: float = 0.3
-    drift: float = field(default=0.05, metadata=PER_LENGTH)
+    drive: float = 0.2  #: σ_dd, distance noise per distance driven
+    turn: float = 0.3  #: σ_φφ, rad of heading noise per rad turned
+    drift: float = field(default=0.05, metadata=PER_LENGTH)  #: σ_φd, heading, rad per length driven
 
     def __post_init__(self) -> None:
         for name in ("drive", "turn", "drift"):

@@ -46,20 +46,13 @@ class DifferentialMotion:
     ``deqmcl_gym.maps.map.scaled(DifferentialMotion(), 50)``, as 1 px is 0.02 m.
 
     Source: differential_motion_model.cpp.
-
-    Attributes:
-        alpha1: of a turn from turning, pure number.
-        alpha2: of a turn from driving, rad² per length².
-        alpha3: of a drive from driving, pure number.
-        alpha4: of a drive from turning, length² per rad².
-        still: ρ below which the increment has no direction.
     """
 
-    alpha1: float = 0.2
-    alpha2: float = field(default=0.2, metadata=PER_SQUARE)
-    alpha3: float = 0.2
-    alpha4: float = field(default=0.2, metadata=SQUARE)
-    still: float = field(default=0.01, metadata=LENGTH)
+    alpha1: float = 0.2  #: of a turn from turning, pure number
+    alpha2: float = field(default=0.2, metadata=PER_SQUARE)  #: a turn from driving, rad² / length²
+    alpha3: float = 0.2  #: of a drive from driving, pure number
+    alpha4: float = field(default=0.2, metadata=SQUARE)  #: a drive from turning, length² / rad²
+    still: float = field(default=0.01, metadata=LENGTH)  #: ρ below which there is no direction
 
     def __post_init__(self) -> None:
         _check(self)
@@ -138,20 +131,13 @@ class OmniMotion:
     Lengths and defaults as ``DifferentialMotion``.
 
     Source: omni_motion_model.cpp.
-
-    Attributes:
-        alpha1: of the turn from turning, pure number.
-        alpha2: of the turn from driving, rad² per length².
-        alpha3: of the way along from driving, pure number.
-        alpha4: of both ways from turning, length² per rad².
-        alpha5: of the way across from driving, pure number.
     """
 
-    alpha1: float = 0.2
-    alpha2: float = field(default=0.2, metadata=PER_SQUARE)
-    alpha3: float = 0.2
-    alpha4: float = field(default=0.2, metadata=SQUARE)
-    alpha5: float = 0.2
+    alpha1: float = 0.2  #: of the turn from turning, pure number
+    alpha2: float = field(default=0.2, metadata=PER_SQUARE)  #: turn from driving, rad² / length²
+    alpha3: float = 0.2  #: of the way along from driving, pure number
+    alpha4: float = field(default=0.2, metadata=SQUARE)  #: both ways from turning, length² / rad²
+    alpha5: float = 0.2  #: of the way across from driving, pure number
 
     def __post_init__(self) -> None:
         _check(self)

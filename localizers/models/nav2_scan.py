@@ -118,16 +118,11 @@ _BLOCK = 8192  # poses at a time
 
 
 class DistanceTable(NamedTuple):
-    """Distances of square cells' centres to the nearest wall.
+    """Distances of square cells' centres to the nearest wall."""
 
-    Attributes:
-        squares: squared distances in cells, (rows, columns), the lowest row first: whole numbers,
-            exact in float32, on a map of cells.
-        frame: lower left corner (x, y) of the first cell, cos and sin of the table's yaw, and a
-            cell's edge.
-    """
-
+    # squared, in cells, (rows, columns), lowest row first: on a map of cells exact whole numbers
     squares: Singles
+    # lower left corner (x, y) of the first cell, cos and sin of the table's yaw, and a cell's edge
     frame: tuple[float, float, float, float, float]
 
     @classmethod
@@ -177,22 +172,16 @@ def _of_polygons(
 
 @dataclass(frozen=True, kw_only=True)
 class _Field:
-    """q = z_hit exp(-d² / 2σ²) + z_rand / max_range of each beam, by the distance d of its end.
-
-    Attributes:
-        farthest: the largest d, also that of ends off the map, in the map's unit.
-        max_beams: at least 2.
-        cell: edge of the table's cells on a map of polygons.
-    """
+    """q = z_hit exp(-d² / 2σ²) + z_rand / max_range of each beam, by the distance d of its end."""
 
     floor_plan: Map
     lidar: Lidar
     sigma: float
-    farthest: float
+    farthest: float  # the largest d, also that of ends off the map, in the map's unit
     hit: float = 0.5
     rand: float = 0.5
-    max_beams: int = 60
-    cell: float
+    max_beams: int = 60  # at least 2
+    cell: float  # edge of the table's cells on a map of polygons
 
     _cubes: ClassVar[bool]  # whether they, or else logarithms, are added up over beams
 
@@ -252,7 +241,7 @@ class _Field:
 class LikelihoodField(_Field):
     """w ∝ 1 + Σ over beams of q³: blunt on purpose, which is why it rarely loses a robot.
 
-    Source: likelihood_field_model.cpp. Attributes as ``_Field``.
+    Source: likelihood_field_model.cpp.
     """
 
     _cubes = True
@@ -261,10 +250,7 @@ class LikelihoodField(_Field):
 @final
 @dataclass(frozen=True, kw_only=True)
 class LikelihoodFieldProb(_Field):
-    """w ∝ Π over beams of q, as if beams were independent.
-
-    Source: likelihood_field_model_prob.cpp. Attributes as ``_Field``.
-    """
+    """w ∝ Π over beams of q, as if they were independent: likelihood_field_model_prob.cpp."""
 
     _cubes = False
 

@@ -67,16 +67,11 @@ class PolygonRegion:
 
 @dataclass(frozen=True, kw_only=True)
 class AnnulusRegion:
-    """Points at a distance of ``beyond`` to ``within`` from a point: near a door, say.
+    """Points at a distance of ``beyond`` to ``within`` from a point: near a door, say."""
 
-    Attributes:
-        centre: (x, y) in the map's unit.
-        within, beyond: distances, in the map's unit; beyond = 0 is a disc.
-    """
-
-    centre: tuple[float, float] = field(metadata=LENGTH)
-    within: float = field(metadata=LENGTH)
-    beyond: float = field(default=0.0, metadata=LENGTH)
+    centre: tuple[float, float] = field(metadata=LENGTH)  #: (x, y) in the map's unit
+    within: float = field(metadata=LENGTH)  #: largest distance, in the map's unit
+    beyond: float = field(default=0.0, metadata=LENGTH)  #: least distance; 0 is a disc
 
     def __post_init__(self) -> None:
         x, y = array("the prior's centre", self.centre, (2,)).tolist()
@@ -184,17 +179,12 @@ _SD_IN_PX = 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class GaussianPrior:
-    """x_0 ~ N(mean, diag(sd_position², sd_position², sd_heading²)).
+    """x_0 ~ N(mean, diag(sd_position², sd_position², sd_heading²))."""
 
-    Attributes:
-        mean: (x, y, θ rad).
-        sd_position: in x and in y, in the map's unit; None is 10 px, refused on maps in metres.
-        sd_heading: in rad.
-    """
-
-    mean: tuple[float, float, float] = field(metadata=POSE)
+    mean: tuple[float, float, float] = field(metadata=POSE)  #: (x, y, θ rad)
+    #: in x and in y, in the map's unit; None is 10 px, refused on maps in metres
     sd_position: float = field(default=None, metadata=LENGTH)  # type: ignore[assignment]
-    sd_heading: float = 0.1
+    sd_heading: float = 0.1  #: in rad
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_in_px", self.sd_position is None)
@@ -233,16 +223,11 @@ class GaussianPrior:
 
 @dataclass(frozen=True, kw_only=True)
 class UniformPrior:
-    """x_0 is anywhere in the free space of a region, with any heading: the robot must be found.
-
-    Attributes:
-        radius: of a disc that must fit at x_0, in the map's unit.
-        region: ``PolygonRegion`` or ``AnnulusRegion``; None is the whole map.
-    """
+    """x_0 is anywhere in the free space of a region, with any heading: the robot must be found."""
 
     floor_plan: Map
-    radius: float = field(default=0.0, metadata=LENGTH)
-    region: Region | None = None
+    radius: float = field(default=0.0, metadata=LENGTH)  #: of a disc that must fit at x_0
+    region: Region | None = None  #: ``PolygonRegion`` or ``AnnulusRegion``; None is the whole map
 
     def __post_init__(self) -> None:
         number("prior.radius", self.radius, low=0)
