@@ -131,11 +131,7 @@ def standard_streams() -> Iterator["Stream"]:
 
 
 class Stream:
-    """A stream of text that remembers its first error.
-
-    Attributes:
-        error: why something could not be written; None if all was.
-    """
+    """A stream of text that remembers its first error; ``error`` is None if all was written."""
 
     def __init__(self, stream: TextIO, *, raises: bool) -> None:
         """Wrap a stream; without ``raises`` what it does not take is dropped."""

@@ -157,16 +157,11 @@ class Experiment:
 
 @dataclass(frozen=True)
 class ExperimentResults:
-    """The numbers of an experiment; in Jupyter, its verdict and its first table.
-
-    Attributes:
-        results: all of it, for whom the tables are not enough.
-        files: of its report, if one was written where it ran.
-    """
+    """The numbers of an experiment; in Jupyter, its verdict and its first table."""
 
     sweep: Sweep
-    results: Results
-    files: tuple[Path, ...] = ()
+    results: Results  #: all of it, for whom the tables are not enough
+    files: tuple[Path, ...] = ()  #: of its report, if one was written where it ran
 
     @cached_property
     def table(self) -> pd.DataFrame:

@@ -48,36 +48,22 @@ _MUST = (
 
 @dataclass(frozen=True, kw_only=True)
 class Engine:
-    """What trials are submitted to.
+    """What trials are submitted to."""
 
-    Attributes:
-        submit: takes a trial and its key; raises InputError if it cannot be sent.
-        slots: trials in flight at a time.
-        timeout: s after which a trial in flight is given up; None if the engine sees to it.
-        lost: says why nothing more will come of it; "" if it works.
-    """
-
-    submit: Callable[[Trial, str], Future[Outcome]]
-    slots: int
-    timeout: float | None = None
-    lost: Callable[[], str] | None = None
+    submit: Callable[[Trial, str], Future[Outcome]]  # of a trial and its key; can raise InputError
+    slots: int  # trials in flight at a time
+    timeout: float | None = None  # s until a trial is given up; None: the engine sees to it
+    lost: Callable[[], str] | None = None  # says why nothing more will come of it; "" if it works
 
 
 @dataclass(frozen=True, kw_only=True)
 class Where:
-    """Where trials run. No part of a sweep's identity: the numbers do not depend on it.
+    """Where trials run. No part of a sweep's identity: the numbers do not depend on it."""
 
-    Attributes:
-        jobs: trials at a time; None: one per processor, or per thread of the Dask cluster.
-        executor: "process", "dask" or "module:factory".
-        scheduler: address of a Dask scheduler; None starts a cluster on this machine.
-        timeout: seconds that one trial may take; None waits for ever.
-    """
-
-    jobs: int | None = None
-    executor: str = "process"
-    scheduler: str | None = None
-    timeout: float | None = None
+    jobs: int | None = None  #: trials at a time; None: one per processor, or thread of Dask
+    executor: str = "process"  #: "process", "dask" or "module:factory"
+    scheduler: str | None = None  #: address of Dask's; None starts a cluster on this machine
+    timeout: float | None = None  #: seconds that one trial may take; None waits for ever
 
     def __post_init__(self) -> None:
         if self.jobs is not None:

@@ -48,19 +48,12 @@ _LAST = 1500  # ms that the last image stays
 
 @dataclass(frozen=True)
 class Camera:
-    """Draws moments of one room.
+    """Draws moments of one room."""
 
-    Attributes:
-        view: the room, and how large.
-        radius: of the robot, px.
-        lag: L, the offset of the past and future shown, steps.
-        ground: draws the room as it is now, below all else.
-    """
-
-    view: View
-    radius: float
-    lag: int
-    ground: Callable[[View], Drawing] = Drawing
+    view: View  # the room, and how large
+    radius: float  # of the robot, px
+    lag: int  # L, the offset of the past and future shown, steps
+    ground: Callable[[View], Drawing] = Drawing  # draws the room as it is now, below all else
 
     def frame(self, moment: Step, words: Sequence[str], past: Reals | None = None) -> Image:
         """Draw one moment: clouds, robot, plan and estimate; below it lines of words, a legend.
@@ -169,20 +162,13 @@ class Film:
     """Draws an episode while it is run: a localizer may change its belief at the next step.
 
     The last frame has the whole way, with the place from where on the robot stays localized.
-
-    Attributes:
-        camera: looks at the room.
-        title: stands below it.
-        stride: steps per frame.
-        frames: drawn so far.
-        moments: seen so far.
     """
 
-    camera: Camera
-    title: str
-    stride: int
-    frames: list[Image] = field(default_factory=list, init=False)
-    moments: list[Step] = field(default_factory=list, init=False)
+    camera: Camera  # looks at the room
+    title: str  # stands below it
+    stride: int  # steps per frame
+    frames: list[Image] = field(default_factory=list, init=False)  # drawn so far
+    moments: list[Step] = field(default_factory=list, init=False)  # seen so far
     _best: list[tuple[float, float, float]] = field(default_factory=list, init=False)
 
     def of(self, episode: Iterable[Step]) -> Iterator[Step]:

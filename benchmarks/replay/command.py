@@ -56,17 +56,11 @@ _WORLDS = (
 
 @dataclass(frozen=True)
 class Planned:
-    """Runs of localizers on a log, which nobody has run yet.
+    """Runs of localizers on a log, which nobody has run yet."""
 
-    Attributes:
-        replay: what is played.
-        sweep: whose worlds are the runs of each localizer.
-        warnings: about the log and Nav2's file, as printed.
-    """
-
-    replay: Replay
-    sweep: Sweep
-    warnings: list[str]
+    replay: Replay  # what is played
+    sweep: Sweep  # whose worlds are the runs of each localizer
+    warnings: list[str]  # about the log and Nav2's file, as printed
 
 
 def planned(

@@ -63,32 +63,19 @@ _OF_ROS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Amcl:
-    """What a robot's AMCL is told, as our localizers, logs and scenarios take it. Lengths in m.
+    """What a robot's AMCL is told, as our localizers, logs and scenarios take it. Lengths in m."""
 
-    Attributes:
-        source: where it was read.
-        params: of our ``amcl``.
-        reading: bounds of the ranges that are measurements, where they are given: of logs.
-        motion: what other localizers assume of the odometry.
-        sigma: of a beam, which they assume.
-        every: (distance, angle rad) between two records, a quarter of ``update_min_*``, so that
-            ``amcl`` updates when the robot has moved as far, and not much later.
-        max_beams: of a scan.
-        start: (x, y, θ) of the robot; None if it is not set.
-        unused: what has no counterpart, with the reason.
-        remarks: what ROS or Nav2 does otherwise, or is easily missed.
-    """
-
-    source: str
-    params: Mapping[str, Any]
-    reading: Mapping[str, float]
-    motion: MotionModel
-    sigma: float
+    source: str  # where it was read
+    params: Mapping[str, Any]  # of our ``amcl``
+    reading: Mapping[str, float]  # given bounds of the ranges that are measurements: of logs
+    motion: MotionModel  # what other localizers assume of the odometry
+    sigma: float  # of a beam, which they assume
+    # (distance, angle rad) between records, a quarter of ``update_min_*``: so updates come in time
     every: tuple[float, float]
-    max_beams: int
-    start: tuple[float, float, float] | None
-    unused: Mapping[str, str]
-    remarks: Sequence[str]
+    max_beams: int  # of a scan
+    start: tuple[float, float, float] | None  # (x, y, θ) of the robot; None if it is not set
+    unused: Mapping[str, str]  # what has no counterpart, with the reason
+    remarks: Sequence[str]  # what ROS or Nav2 does otherwise, or is easily missed
 
     @property
     def notes(self) -> list[str]:

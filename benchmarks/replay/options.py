@@ -46,22 +46,14 @@ _UNKNOWN = {
 
 @dataclass(frozen=True, kw_only=True)
 class Replay:
-    """The scenario ``replay`` with changes, as a sweep has them, and what is to be said of them.
+    """The scenario ``replay`` with changes, as a sweep has them, and what is to be said of them."""
 
-    Attributes:
-        world, assumed: the changes, by dotted name.
-        noise: where that of the motion is from.
-        reference: where the true poses are from, in words; "" without any.
-        beams: how the beam model was fitted, in words; "" if it was not.
-        calibration: how the power of the scan model was fitted, in words; "" if it was not.
-    """
-
-    world: Overrides
-    assumed: Overrides
-    noise: str
-    reference: str
-    beams: str = ""
-    calibration: str = ""
+    world: Overrides  # the changes, by dotted name
+    assumed: Overrides  # likewise
+    noise: str  # where that of the motion is from
+    reference: str  # where the true poses are from, in words; "" without any
+    beams: str = ""  # how the beam model was fitted, in words; "" if it was not
+    calibration: str = ""  # how the power of the scan model was fitted, in words; "" if it was not
 
     @property
     def scenario(self) -> ReplayScenario:

@@ -34,15 +34,10 @@ _READ = ("log", "reference", "reading")  # of them: what the records are read fr
 
 @dataclass(frozen=True, kw_only=True)
 class LogScenario(Scenario):
-    """Segments of a recorded log: each trial's seed draws where its own begins.
+    """Segments of a recorded log: each trial's seed draws where its own begins."""
 
-    Attributes:
-        env: arguments of ``LogEnv``; "none" is None, where the env takes it.
-        estimated: whether the motion's noise is that of the log's odometry against its reference,
-            instead of ``motion``.
-    """
-
-    env: Mapping[str, Any]
+    env: Mapping[str, Any]  # arguments of ``LogEnv``; "none" is None, where the env takes it
+    # whether the noise is of the log's odometry against its reference, instead of ``motion``
     estimated: bool = True
     _names = _ARGUMENTS  # of its env
 

@@ -36,18 +36,12 @@ class Look(NamedTuple):
 class Rule:
     """When to stop; α = 0.05 is shared equally by all comparisons of a sweep, fixed before it runs.
 
-    So all intervals that a sweep shows, of all methods, settings and looks, hold together with a
-    probability of 95 %.
-
-    Attributes:
-        margin: difference that does not matter: as a share of the baseline's error, or of runs.
-        family: comparisons of the sweep.
-        worlds: most worlds of a setting.
+    All intervals of a sweep (methods, settings, looks) hold together with a probability of 95 %.
     """
 
-    margin: float
-    family: int
-    worlds: int
+    margin: float  # difference that does not matter: as a share of the baseline's error, or of runs
+    family: int  # comparisons of the sweep
+    worlds: int  # most worlds of a setting
 
     @property
     def looks(self) -> Iterator[int]:
@@ -58,18 +52,14 @@ class Rule:
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """How a comparison stands.
+    """How a comparison stands."""
 
-    Attributes:
-        looks: at each number of worlds that both have finished, up to the one that decided it.
-        relation: better or worse than the baseline by more than the margin, equivalent if within
-            the margin on both sides, or open.
-        wanted: worlds that it needs: those of its last look if it is decided, else of the next.
-    """
-
+    # at each number of worlds that both have finished, up to the one that decided it
     looks: tuple[Look, ...]
+    # better or worse than the baseline by more than the margin, equivalent if within the margin on
+    # both sides, or open
     relation: Relation
-    wanted: int
+    wanted: int  # worlds that it needs: those of its last look if it is decided, else of the next
 
     @property
     def last(self) -> Look:

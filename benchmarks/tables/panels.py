@@ -39,33 +39,20 @@ class Panel:
     """Methods that are compared with one another, and all that is known of them.
 
     In frames a method is its ``label``, of which all labels of the results are the categories.
-
-    Attributes:
-        number: from 1, in the order of the results.
-        title: what sets it apart from the other panels.
-        swept: value of each parameter that is swept in the setting.
-        labels: what each method is called, in the order of the results.
-        baselines: what each method is compared with.
-        records: finished trials by method.
-        scores: of whole runs, that any of them has.
-        runs: their ``trials_frame``, with failed trials, and label.
-        rule: when comparisons are decided; None: all worlds are run, whatever they show.
-        rows: of it in ``results_table``, once that is made.
-        maps: of it in ``maps_table``.
     """
 
-    number: int
-    title: str
+    number: int  # from 1, in the order of the results
+    title: str  # what sets it apart from the other panels
     setting: Setting
-    swept: Overrides
-    labels: dict[Method, str]
-    baselines: dict[Method, Method]
-    records: dict[Method, list[Finished]]
-    scores: list[Score]
-    runs: pd.DataFrame
-    rule: Rule | None = None
-    rows: pd.DataFrame = field(default_factory=pd.DataFrame)
-    maps: pd.DataFrame = field(default_factory=pd.DataFrame)
+    swept: Overrides  # value of each parameter that is swept in the setting
+    labels: dict[Method, str]  # what each method is called, in the order of the results
+    baselines: dict[Method, Method]  # what each method is compared with
+    records: dict[Method, list[Finished]]  # finished trials by method
+    scores: list[Score]  # of whole runs, that any of them has
+    runs: pd.DataFrame  # their ``trials_frame``, with failed trials, and label
+    rule: Rule | None = None  # when comparisons are decided; None: all worlds are run
+    rows: pd.DataFrame = field(default_factory=pd.DataFrame)  # of it in ``results_table``
+    maps: pd.DataFrame = field(default_factory=pd.DataFrame)  # of it in ``maps_table``
 
     def with_tables(self, results: pd.DataFrame, maps: pd.DataFrame) -> "Panel":
         """Return it with its rows of the tables of all panels."""

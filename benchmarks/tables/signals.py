@@ -39,17 +39,11 @@ _RISING = ("short", "long", "repeated", "elsewhere")  # signals that are large i
 
 @dataclass(frozen=True, kw_only=True)
 class Auroc:
-    """AUROC of a number against whether a step is in trouble; NaN is not available.
+    """AUROC of a number against whether a step is in trouble; NaN is not available."""
 
-    Attributes:
-        auroc: with its interval over worlds.
-        far_steps: share of steps in trouble, of those that have the number.
-        far_worlds: worlds with such a step; NaN if no step has the number.
-    """
-
-    auroc: Interval = NOT_KNOWN
-    far_steps: float = math.nan
-    far_worlds: float = math.nan
+    auroc: Interval = NOT_KNOWN  # with its interval over worlds
+    far_steps: float = math.nan  # share of steps in trouble, of those that have the number
+    far_worlds: float = math.nan  # worlds with such a step; NaN if no step has the number
 
     def columns(self, steps: str, worlds: str) -> dict[str, Any]:
         """Return it as the columns of a row."""

@@ -253,19 +253,12 @@ _LARGEST = np.array([1e15, 1e15, FARTHEST])  # |x|, |y| and |θ| of a pose: far 
 
 @dataclass(frozen=True, kw_only=True)
 class Surroundings:
-    """What must be known of a world to measure beliefs about it.
+    """What must be known of a world to measure beliefs about it."""
 
-    Attributes:
-        floor_plan: the map; it names the unit of all lengths.
-        radius: of the robot's disc.
-        max_range: of the lidar.
-        far: distance from the truth above which a particle is an outlier.
-    """
-
-    floor_plan: Map
-    radius: float
-    max_range: float
-    far: float
+    floor_plan: Map  # the map; it names the unit of all lengths
+    radius: float  # of the robot's disc
+    max_range: float  # of the lidar
+    far: float  # distance from the truth above which a particle is an outlier
 
 
 class Cloud(NamedTuple):
@@ -279,23 +272,14 @@ class Cloud(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Clouds:
-    """Clouds one after the other in memory, for passes over all of them.
+    """Clouds one after the other in memory, for passes over all of them."""
 
-    Attributes:
-        each: the clouds.
-        poses: rows x, y, θ of all, (3, N).
-        weights: of all, (N,).
-        ends: where each cloud ends, (k,).
-        truth: the true pose of each state, (k, 3).
-        moves: the increments (forward, left, turn) commanded on the way to each state, (k, 3).
-    """
-
-    each: Sequence[Cloud]
-    poses: Reals
-    weights: Floats
-    ends: Ints
-    truth: Floats
-    moves: Floats
+    each: Sequence[Cloud]  # the clouds
+    poses: Reals  # rows x, y, θ of all, (3, N)
+    weights: Floats  # of all, (N,)
+    ends: Ints  # where each cloud ends, (k,)
+    truth: Floats  # the true pose of each state, (k, 3)
+    moves: Floats  # the increments (forward, left, turn) commanded on the way to each state, (k, 3)
 
 
 def cloud_of(state: int, offset: int, points: Any) -> Cloud:

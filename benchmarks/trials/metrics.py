@@ -25,19 +25,13 @@ from deqmcl_gym.numerics.types import Bools, Floats, Reals
 
 @dataclass(frozen=True, kw_only=True)
 class Estimates:
-    """What beliefs at one offset say of the states s ≥ 1, and the truth: what ``METRICS`` are of.
-
-    Attributes:
-        means, variances: of (x, y, cos θ, sin θ), (k, 4).
-        values: further numbers of each state, (k,); see ``trace.OffsetTrace``.
-        common: whether L ≤ s ≤ T - L, the states that every offset estimates, (k,).
-    """
+    """What beliefs at one offset say of the states s ≥ 1, and the truth: for ``METRICS``."""
 
     truth: Floats
-    means: Floats
-    variances: Floats
-    values: dict[str, Floats]
-    common: Bools
+    means: Floats  # of (x, y, cos θ, sin θ), (k, 4)
+    variances: Floats  # of the same
+    values: dict[str, Floats]  # further numbers of each state, (k,); see ``trace.OffsetTrace``
+    common: Bools  # whether L ≤ s ≤ T - L, the states that every offset estimates, (k,)
     thresholds: Thresholds
     unit: str
 
