@@ -63,8 +63,7 @@ class Kind:
     def register(self, name: str, factory: Any) -> None:
         """Make ``factory(robot, **params) -> Localizer`` known as ``name``, in this process only.
 
-        A name that was registered before means the new one, with a warning: a notebook's cell is
-        run again. A built-in name, or one with a colon, is refused.
+        A name registered before is given to the new one, with a warning; a built-in one is refused.
         """
         if name in self.builtin or not isinstance(name, str) or ":" in name:
             taken = "is taken by a built-in one" if name in self.builtin else "must be text"
@@ -172,10 +171,7 @@ class Kind:
         return made
 
     def digest(self, name: str) -> str:
-        """Digest of the source of a plug-in, see ``digests``; "" of what is built in or not there.
-
-        Files are read, not run, so what cannot be imported has one, too.
-        """
+        """Digest of the source of a plug-in, read, not run; "" of what is built in or not there."""
         if name in self.added:
             return loaded_digest(self.added[name])
         if name in self.builtin:
@@ -216,11 +212,7 @@ class Kind:
 
 @cache
 def _entry_points(path: tuple[str, ...]) -> dict[str, dict[str, str]]:
-    """Return references by name by group; looked for once for a ``sys.path``: it takes its time.
-
-    Of two packages with one name the first counts, which Python imports; one that cannot be read
-    offers nothing. A name that several packages offer differently has all, joined by " and ".
-    """
+    """Return references by name by group; of several packages joined by " and ", if they differ."""
     del path
     packages: dict[str, Any] = {}
     for one in distributions():

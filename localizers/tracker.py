@@ -64,10 +64,7 @@ class Estimate:
 
     @cached_property
     def covariance(self) -> Floats:
-        """Second moments of the whole cloud about ``pose``, (3, 3); NaN of a single point.
-
-        So a second place far away makes it large.
-        """
+        """Second moments of the whole cloud, all places, about ``pose``, (3, 3); NaN of a point."""
         if len(self.weights) == 1:
             return np.full((3, 3), math.nan)
         off = self.poses - np.array(self.pose)
@@ -129,18 +126,15 @@ class Tracker:
     def initialpose(self, prior: Prior, time: float | None = None) -> bool:
         """Start anew from a prior at a time, s; return whether the belief has begun.
 
-        It begins when the odometry has reached that stamp; at a stamp whose odometry is not known
-        any more, and of None, with the latest odometry.
+        It begins when the odometry has reached that stamp; with the latest odometry if that is not
+        known any more, or of None.
         """
         self._start = prior, time
         self._updates.clear()
         return self._begun()
 
     def odometry(self, time: float, pose: ArrayLike) -> bool:
-        """Take a pose by odometry (x, y, θ) with its stamp, s; return whether there was an update.
-
-        The localizer may refuse a scan that waited for it.
-        """
+        """Take odometry's pose (x, y, θ) with its stamp, s; return whether there was an update."""
         here = np.asarray(pose, dtype=np.float64)
         if here.shape != (3,):
             raise InputError(f"the odometry has shape {here.shape}, but must be a pose (x, y, θ).")
@@ -161,9 +155,8 @@ class Tracker:
     def scan(self, time: float, ranges: Reals, bearings: ArrayLike | None = None) -> bool:
         """Take a scan (B,) with its stamp, s; return whether there was an update.
 
-        Bearings are those of its beams against the robot's heading, (B,) rad; None: those of the
-        localizer's lidar. Scans may vary in number and angles of beams: each bearing of the
-        localizer's lidar gets the nearest beam; see ``logs.scans.resampled``.
+        Bearings are of its beams against the robot's heading, (B,) rad; None: the lidar's. Scans
+        may vary: each bearing of the lidar gets the nearest beam; see ``logs.scans.resampled``.
         """
         if not math.isfinite(time):
             self.counts.unusable += 1
@@ -181,9 +174,8 @@ class Tracker:
     def at(self, time: float | None = None) -> Estimate | None:
         """Return the estimate at a time, s; None of time is the latest odometry's.
 
-        That is the belief after the last scan used until then, carried on by the odometry without
-        its noise. After the latest odometry, the robot stands where it was. None is returned
-        before the start, and where the odometry is older than ``memory`` or has a gap.
+        It is the belief after the last scan used, carried on by the odometry without its noise, up
+        to the latest. None before the start, in a gap, or where it is older than ``memory``.
         """
         if self._odometry.newest is None:
             return None

@@ -89,10 +89,7 @@ class _Cloud(NamedTuple):
 
 
 class ParticleBelief(_Cloud):
-    """An immutable weighted cloud of queues, with the evidence it has absorbed; see ``_Cloud``.
-
-    A named tuple: several are made at every step, and a frozen dataclass takes three times as long.
-    """
+    """An immutable weighted cloud of queues; a named tuple, as several are made at every step."""
 
     def __repr__(self) -> str:
         past, steps = self.queue.present, len(self.queue.slots)
@@ -178,9 +175,8 @@ class ParticleBelief(_Cloud):
     def reweighted(self, log_factor: LogWeights) -> "ParticleBelief":
         """Multiply each weight by exp(log_factor), (n,).
 
-        If that leaves no particle any weight, or one an infinite weight, the factor is dropped (the
-        previous weights stay) and a weight collapse is counted: the cloud then follows the motion
-        model alone until some particle explains the evidence.
+        If that leaves no particle any weight, or one an infinite weight, the factor is dropped and
+        a weight collapse is counted: the cloud follows the motion model until one explains a scan.
         """
         total = np.empty(self.log_weights.size)
         if math.isfinite(shifted(self.log_weights, log_factor, total)):
@@ -188,10 +184,7 @@ class ParticleBelief(_Cloud):
         return self._collapsed()
 
     def exchanged(self, chosen: Bools, others: "ParticleBelief") -> "ParticleBelief":
-        """Replace the present states, which must be the newest, of k ``chosen`` particles (n,).
-
-        The new ones get the mean weight of all, so that in expectation the belief is the mixture.
-        """
+        """Replace the present, which must be the newest, of ``chosen`` ones, at the mean weight."""
         states, log_weights = self.present.copy(), self.log_weights.copy()
         states[:, chosen] = others.present
         log_weights[chosen] = log_sum_exp(log_weights) - math.log(log_weights.size)
@@ -208,10 +201,9 @@ class ParticleBelief(_Cloud):
         most: int,
         power: float = 1.0,
     ) -> "ParticleBelief":
-        """Weight by a scan of log-likelihoods (n,); record how well this belief predicted it.
+        """Weight by a scan's log-likelihoods (n,) to a ``power``, as ``reweighted``, and record it.
 
-        The record is taken from at most ``most`` evenly spaced particles and does not depend on
-        ``power``, the exponent of the likelihood. The weights change as in ``reweighted``.
+        That is how well this belief predicted it: at power 1, from ``most`` even particles.
         """
         total = np.empty(self.log_weights.size)
         top, evidence = absorbed(self.log_weights, log_likelihood, most, power, total)

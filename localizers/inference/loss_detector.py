@@ -30,11 +30,7 @@ ANYWHERE = 128  # that represent "somewhere in free space"
 
 @compiled
 def _two_states(start: float, stay: float, enter: float, log_ratios: Floats) -> float:
-    """Probability of the first of two states after observations, by the forward recursion.
-
-    Before each it is stayed in or entered. The ratios are log p(o | second) - log p(o | first); NaN
-    is no information.
-    """
+    """P(first of two states) by log p(o | second) - log p(o | first); NaN is no information."""
     first = start
     for i in range(log_ratios.size):
         first = first * stay + (1.0 - first) * enter
@@ -146,19 +142,17 @@ class Averages:
 
 @dataclass(frozen=True, kw_only=True)
 class Recovery(Averages):
-    """``Averages`` that are plain means over the first 1 / α scans.
+    """``Averages`` that are plain means over the first 1 / α scans: the first soon counts little.
 
-    So the first scan, which the particles of a lost robot hardly explain, is soon outweighed. With
-    both rates 0 there are no random poses.
+    With both rates 0 there are no random poses.
     """
 
     scans: int = 0
 
     def after(self, log_evidence: float, beams: int) -> "Recovery":
-        """Return the averages after a scan.
+        """Return the averages after a scan: of its geometric mean over beams, as some may be lost.
 
-        The likelihood averaged is that of one beam, the geometric mean over the scan, so that scans
-        with lost beams are comparable. No beam, or evidence that is NaN, changes nothing.
+        No beam, or evidence that is NaN, changes nothing.
         """
         if beams == 0 or math.isnan(log_evidence) or self.alpha_fast == 0:
             return self
@@ -178,14 +172,11 @@ class Recovery(Averages):
 
 @dataclass(frozen=True)
 class Watch:
-    """What an injection remembers of scans and plans.
-
-    The route counts as new for ``news`` more steps, this one included.
-    """
+    """What an injection remembers of scans and plans."""
 
     recovery: Recovery
     plan: Actions
-    news: int = 0
+    news: int = 0  # for how many more steps, this one included, the route counts as new
 
     def scanned(self, scan: Scan, log_evidence: float) -> "Watch":
         """Return the same with the averages after a scan."""

@@ -40,10 +40,8 @@ def initial_cloud(
 class InformedStart:
     """Of K n draws from the prior, n chosen systematically by the feasibility of the first plan.
 
-    If the prior is broad, a long plan is cheapest to use here: it is laid out once, from many
-    poses. This is importance sampling of p(x_0) p(π_0 | x_0), exact at ``jitter`` = 0; a jitter
-    separates draws that were chosen more than once. The choice charges π_0, so the evidence of
-    the filter itself leaves it out.
+    Importance sampling of p(x_0) p(π_0 | x_0), exact at ``jitter`` = 0; a jitter separates draws
+    that were chosen more than once. The evidence of the filter itself then leaves π_0 out.
     """
 
     evidence: PlanEvidence  # p(π_0 | x_0, m), of as much of the plan as it reads
@@ -78,9 +76,7 @@ class Injection:
 
     Whoever plans a new route for a robot that is lost knows where it is. A route is new that does
     not go on as the one before, and stays so for the 1 / α_fast steps in which w_fast forgets. Then
-    the poses are chosen by it as the first particles are, by ``start``.
-
-    ``start`` None: the plan is not looked at.
+    the poses are chosen by it as the first particles are, by ``start``; None: plans do not count.
     """
 
     recovery: Recovery
@@ -168,8 +164,7 @@ class ParticleFilter:
     def initial(self, prior: Initial, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
         """Return the belief at t = 0: draws from the prior, their future rolled out by the plan.
 
-        x_0 has no scan and no charge. The prior is sampled from a separate random stream, so every
-        filter given the same ``rng`` starts from the same cloud.
+        The prior has a random stream of its own: by one ``rng`` all filters start from one cloud.
         """
         stream = rng.spawn(1)[0]
         draws = self.particles * (1 if self.start is None else self.start.draws)
@@ -195,10 +190,7 @@ class ParticleFilter:
         plan: Actions,
         rng: np.random.Generator,
     ) -> ParticleBelief:
-        """Return the belief after one action (k,) and one scan, which may be kept.
-
-        The ``plan`` are the actions after it, (h, k); it may be shorter than F, down to (0, k).
-        """
+        """Return the belief after an action (k,) and a scan; the plan is (h, k), h from 0 on."""
         # Resample whole queues
         belief = self._resampled(belief, rng)
         # Advance: the queue holds the steps t … t + F_t, under the actions that now lead there

@@ -33,10 +33,7 @@ class BeamFilter(Protocol):
     """Which beams of a scan a belief uses."""
 
     def kept(self, states: States, log_weights: LogWeights, scan: Scan) -> Scan:
-        """Return a scan without the beams that the belief before it leaves out.
-
-        The belief is the particles' states, moved, (d, n), and their log-weights, (n,).
-        """
+        """Return a scan without beams left out by the belief before: states (d, n) and weights."""
 
 
 class Feasibility(Protocol):
@@ -55,12 +52,10 @@ class Walk(Protocol):
     def __call__(
         self, states: States, actions: Actions, rng: np.random.Generator, *, keep: bool
     ) -> tuple[Paths, LogWeights]:
-        """Draw one path from each state, (d, n).
+        """Draw one path from each state, (d, n), by the same draws, and bits, as ``StepByStep``.
 
-        Returns:
-            The states after each step, (d, k) each, of the k paths that are asked for by number
-            (none unless ``keep``), and log Π g of each path, (n,). Same draws, and same bits, as
-            ``StepByStep``.
+        Return the states after each step, (d, k) each, of the k paths that are asked for by number
+        (none unless ``keep``), and log Π g of each path, (n,).
         """
 
 

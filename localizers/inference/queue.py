@@ -1,12 +1,8 @@
 """The discrete event queue Q(t): states x_{t-L} … x_{t+F} of n particles, resampled by ancestry.
 
-Resampling a queue does not copy its L + 1 + F states: each slot keeps the states as they were drawn
-and a link, the index map from the order of the next slot's particles to its own. A state in
-the current order is its slot's states taken at the composition of the links after it. The present
-and the oldest state are read at every step, so two sliding windows keep those compositions.
-
-Named tuples: several of each are made at every step, and frozen dataclasses take three times as
-long.
+Resampling does not copy states: each slot keeps them as they were drawn, with the index map from
+the order of the next slot's particles to its own. Two sliding windows keep the compositions to
+the present and to the oldest state, which are read at every step; named tuples are made fastest.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,8 +17,7 @@ Link = Indices | None  # None: the identity
 class SlidingComposition(NamedTuple):
     """The composition of a window of links, pushed at its new end and popped at its old: O(1).
 
-    Two stacks: the old half holds ready-made compositions from each link to the half's end, the
-    new half one running composition. When the old half is used up, the new half is turned into it.
+    The old half has ready-made compositions to its end, the new half, which becomes it, one.
     """
 
     old: tuple[Link, ...] = ()  # next to be popped: last
@@ -118,10 +113,7 @@ class Queue(NamedTuple):
         return Queue(slots, links, pending, self.present, self.past, future)
 
     def at(self, offset: int) -> States | None:
-        """Return the states ``offset`` steps after the present (before it if negative), (d, n).
-
-        None if the queue does not hold them. The array is fresh.
-        """
+        """Return the states at ``offset`` from the present, (d, n), as a fresh array, or None."""
         index = self.present + offset
         if not 0 <= index < len(self.slots):
             return None
@@ -134,10 +126,7 @@ class Queue(NamedTuple):
         return states if order is None else states.take(order, axis=1)
 
     def since(self, offset: int) -> list[States]:
-        """Return the states from ``offset`` ≥ 0 steps after the present on, (d, n) each.
-
-        As ``at`` of each, in one pass over the links.
-        """
+        """Return ``at`` of each offset from ``offset`` ≥ 0 on, in one pass over the links."""
         order, found = self.pending, []
         for index in range(len(self.slots) - 1, self.present + offset - 1, -1):
             states = self.slots[index]

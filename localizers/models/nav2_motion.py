@@ -43,9 +43,8 @@ class DifferentialMotion:
     - of ρ: α3 ρ² + α4 (r1² + r2²).
 
     Lengths are in the map's unit. The defaults are Nav2's, for a map in metres; for one in px, take
-    ``deqmcl_gym.maps.map.scaled(DifferentialMotion(), 50)``, as 1 px is 0.02 m.
-
-    Source: differential_motion_model.cpp.
+    ``deqmcl_gym.maps.map.scaled(DifferentialMotion(), 50)``, as 1 px is 0.02 m. Source:
+    differential_motion_model.cpp.
     """
 
     alpha1: float = 0.2  #: of a turn from turning, pure number
@@ -74,10 +73,8 @@ class DifferentialMotion:
     def turn_and_drive(self) -> OdometryMotion:
         """The two noises of the same variances, for estimators that need them in closed form.
 
-        Of a straight drive ρ and the heading after it have exactly these variances, but for α4.
-        All noise of the heading comes before the drive, so that across it the variance is twice
-        that of rot1. Of a turn the standard deviations from turning and driving add up, which is
-        never less.
+        Exactly of ρ and the heading of a straight drive, but for α4; across it the variance is
+        twice that of rot1. Of a turn standard deviations add up, which is never less.
         """
         turn, drive, drift = math.sqrt(self.alpha1), math.sqrt(self.alpha3), 2 * self.alpha2
         return OdometryMotion(drive=drive, turn=turn, drift=math.sqrt(drift))
@@ -86,13 +83,10 @@ class DifferentialMotion:
     def fitted(cls, meant: Floats, done: Floats) -> Self:
         """Return the model of greatest likelihood for steps of a log.
 
-        A drive that the odometry tells without its sign is an error of ρ, not half a turn. α3 is
-        then raised until 99 % of the errors of ρ lie within 2.58 standard deviations: odometry that
-        fails in one step of fifty must stay possible. As the reference has noise of its own,
-        directions and ρ count for the longer half of the steps, the sum of both turns for all.
-
-        The steps are as for ``OdometryMotion.fitted``. Of one whose ``left`` alone is NaN the way
-        ahead has a sign.
+        Steps are as for ``OdometryMotion.fitted``. A drive that the odometry tells without its sign
+        is an error of ρ, not half a turn. α3 is then raised until 99 % of the errors of ρ lie
+        within 2.58 standard deviations: odometry that fails now and then must stay possible.
+        Directions and ρ count for the longer half of the steps, the sum of both turns for all.
         """
         told, true, directed = moving(meant, done)
         still = cls().still
@@ -196,10 +190,7 @@ def kind_of(motion: MotionModel) -> str:
 
 
 def unknown_motion(kind: str, unit: str) -> MotionModel:
-    """Return what is assumed of a robot of which nothing is known, for a map in ``unit``.
-
-    Nav2's defaults; for "odometry" 0.2 per m driven, 0.2 per rad turned and 0.2 rad per m.
-    """
+    """Nav2's defaults, for a map in ``unit``; of "odometry" 0.2 (per m, per rad, and rad per m)."""
     model = MOTION_MODELS[one_of("motion model", kind, MOTION_MODELS)]
     found = model(drive=0.2, turn=0.2, drift=0.2) if model is OdometryMotion else model()
     return scaled(found, pixel(unit) / PIXELS["m"])

@@ -32,10 +32,7 @@ def table_at_ends(
     frame: tuple[float, float, float, float, float],
     out: Singles,
 ) -> None:
-    """Fill in the table's value at the cell that each beam ends in, (B, n); inf off the table.
-
-    Table and frame are as in ``DistanceTable``, ``origins`` those of the beams, (3, n).
-    """
+    """Fill in a ``DistanceTable``'s value where each beam from ``origins`` ends, (B, n), or inf."""
     x0, y0, cos_yaw, sin_yaw, cell = frame
     rows, columns = table.shape
     n = origins.shape[1]
@@ -62,10 +59,7 @@ def table_at_ends(
 def weigh(
     squares: Singles, cut: float, scale: float, hit: float, rand: float, cubes: bool, out: Floats
 ) -> None:
-    """Fill in log(1 + Σ_b q³), or else Σ_b log q; q = hit exp(scale min(d², cut)) + rand.
-
-    ``squares`` are the d² of beams and poses, (B, n).
-    """
+    """Fill in log(1 + Σ_b q³) or Σ_b log q, q = hit exp(scale min(d², cut)) + rand, d² (B, n)."""
     out[:] = 1.0 if cubes else 0.0
     q = np.empty(out.size)
     for beam in range(squares.shape[0]):
@@ -127,13 +121,10 @@ class DistanceTable(NamedTuple):
 
     @classmethod
     def of(cls, floor_plan: Map, farthest: float, cell: float) -> "DistanceTable":
-        """Return the table of a map, up to a distance.
+        """Return the table of a map, up to a distance; map_cspace.cpp, but distances are exact.
 
         Of a map of cells its own, from centre to centre of *occupied* ones: unknown is no wall.
-        Of a map of polygons cells of edge ``cell``, as far around it as the table tells distances;
-        walls are lines, seen from both sides.
-
-        Source: map_cspace.cpp; distances are exact here.
+        Of a map of polygons cells of edge ``cell``, as far around it as the table tells distances.
         """
         if isinstance(floor_plan, GridMap):
             x, y, yaw = floor_plan.origin
@@ -239,10 +230,7 @@ class _Field:
 @final
 @dataclass(frozen=True, kw_only=True)
 class LikelihoodField(_Field):
-    """w ∝ 1 + Σ over beams of q³: blunt on purpose, which is why it rarely loses a robot.
-
-    Source: likelihood_field_model.cpp.
-    """
+    """w ∝ 1 + Σ over beams of q³: blunt, so it rarely loses a robot; likelihood_field_model.cpp."""
 
     _cubes = True
 
@@ -298,9 +286,8 @@ class BeamCubes:
     """w ∝ 1 + Σ over beams of q³, q of four parts by the range z* that the map would give.
 
     q = z_hit exp(-(z - z*)² / 2σ²) + [z < z*] z_short λ exp(-λ z) + [z = max_range] z_max +
-    [z < max_range] z_rand / max_range. Rays stop at unknown cells, and are 0 from outside.
-
-    Source: beam_model.cpp, map_range.c; rays are exact here.
+    [z < max_range] z_rand / max_range. Rays stop at unknown cells, and are 0 from outside. Source:
+    beam_model.cpp, map_range.c; rays are exact here.
     """
 
     floor_plan: Map

@@ -145,10 +145,7 @@ def _even_shares(start: int, count: int = _BLOCK) -> Floats:
 def _free(
     floor_plan: Map, shares: Floats, radius: float = 0.0, region: Region | None = None
 ) -> Floats:
-    """Those of the poses at ``shares`` of the ground and of a turn where a disc fits, (k, 3).
-
-    The ground is the map's bounds, or the open cells of a grid that has few, or a region.
-    """
+    """Poses at ``shares`` of the ground and of a turn where a disc fits, (k, 3)."""
     if region is not None:
         poses = _within(region.bounds, shares)
         poses = poses[region.contains(poses)]
@@ -256,8 +253,7 @@ class UniformPrior:
     def log_density(self, poses: Floats) -> Floats:
         """Log p(x_0) of poses (n, 3): one number in free space, -inf elsewhere, (n,).
 
-        Exact for a region that is free all over. Else the share of its area that is free is counted
-        at even points, to about one percent.
+        Exact for a region that is free all over, else to about one percent, by even points.
         """
         if self.region is None:
             if _is_rare(plan := self.floor_plan):
@@ -286,13 +282,10 @@ class UniformPrior:
 
 @dataclass(frozen=True, kw_only=True)
 class MixturePrior:
-    """p(x_0) = Σ w_k p_k(x_0): one of several places.
-
-    ``weights`` are above 0 with any sum; None: all equal.
-    """
+    """p(x_0) = Σ w_k p_k(x_0): one of several places."""
 
     parts: tuple[Prior, ...]
-    weights: tuple[float, ...] | None = None
+    weights: tuple[float, ...] | None = None  #: above 0 with any sum; None: all equal
 
     def __post_init__(self) -> None:
         parts = tuple(self.parts)
