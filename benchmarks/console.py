@@ -35,11 +35,7 @@ def beside(tell: Callable[[threading.Event], None]) -> Iterator[None]:
 
 @contextmanager
 def doing(what: str) -> Iterator[None]:
-    """Say on stderr what is being done, if it takes longer than ``PATIENCE``.
-
-    A terminal gets a line that counts the seconds and disappears at the end, a file or a pipe one
-    line.
-    """
+    """Say on stderr what is being done after ``PATIENCE``; in a terminal as long as it is done."""
 
     def tell(done: threading.Event) -> None:
         began = time.monotonic()
@@ -108,9 +104,8 @@ def checking(*, shown: bool = True) -> Iterator[None]:
 def standard_streams() -> Iterator["Stream"]:
     """Give stdout as a stream that knows whether all has been written.
 
-    A standard stream that is closed leads to the null device. Otherwise the next file that is
-    opened gets its number, and with it what libraries print. What stderr does not take is dropped:
-    there is nobody left to tell.
+    A standard stream that is closed leads to the null device, as else the next file opened gets its
+    number, and what libraries print. What stderr does not take is dropped.
     """
     for number in range(3):
         try:
@@ -151,10 +146,7 @@ class Stream:
             self._stream.flush()
 
     def end(self) -> None:
-        """Flush; after an error let the null device take the rest.
-
-        Python flushes again when it ends, and would exit with code 120.
-        """
+        """Flush; after an error the null device takes what Python flushes when it ends."""
         with contextlib.suppress(OSError):
             self.flush()
         if self.error is not None:

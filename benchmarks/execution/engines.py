@@ -1,8 +1,4 @@
-"""The engines a sweep can run on, and what keeps them busy with trials.
-
-An engine takes trials: in this process, in processes of this machine, in those of a Dask cluster
-(one that runs already, or one started here), or by an executor of the user's.
-"""
+"""Engines that run trials, in this process, others, Dask's or a user's; what keeps them busy."""
 
 import contextlib
 import importlib
@@ -111,11 +107,7 @@ class Where:
 
 
 def _run_here(sender: "_Sender", trial: Trial, key: str) -> Future[Outcome]:
-    """Run a trial in this process, or in a process of its own if it has plug-ins.
-
-    Of other people's code only what was given to ``localizers.register`` is run here: this process
-    has loaded it already, and no other knows it.
-    """
+    """Run a trial here, or in a process of its own if it has plug-ins that others can load."""
     if guest_of(trial):
         return sender.submit(trial, key)
     future: Future[Outcome] = Future()
@@ -301,12 +293,8 @@ def outcomes(
 ) -> Generator[tuple[str, Outcome], None, None]:
     """Run (key, trial) pairs; yield (key, outcome) as they finish.
 
-    No more than ``engine.slots`` are in flight, so that what is stopped or lost is little. A trial
-    that its engine loses (its worker died) is tried again; one that hangs is not, and keeps its
-    slot: what else is sent to that worker would wait behind it.
-
-    Raises:
-        RuntimeError: the engine itself broke, or hangs in all its slots.
+    No more than ``engine.slots`` are in flight. A trial whose worker died is tried again; one that
+    hangs is not, and keeps its slot. ``RuntimeError``: the engine broke, or hangs in all its slots.
     """
     waiting = deque(jobs)
     tries: Counter[str] = Counter()

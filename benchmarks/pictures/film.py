@@ -56,12 +56,9 @@ class Camera:
     ground: Callable[[View], Drawing] = Drawing  # draws the room as it is now, below all else
 
     def frame(self, moment: Step, words: Sequence[str], past: Reals | None = None) -> Image:
-        """Draw one moment: clouds, robot, plan and estimate; below it lines of words, a legend.
+        """Draw a moment: clouds, robot, plan and estimate; below it lines of words, a legend.
 
-        Args:
-            moment: what is drawn.
-            words: lines of them.
-            past: the true pose at offset -L, if the estimate is to be of it: it has a ring.
+        The estimate is of ``past``, the true pose at offset -L with a ring, if that is given.
         """
         drawing, clouds = self.scene(moment)
         marks = [("robot", GRAY), ("estimate", BLACK)]
@@ -106,10 +103,7 @@ class Camera:
 
 
 def camera_of(stage: Stage, scale: float = 1.6) -> Camera:
-    """Return a camera for the room of a trial, set up.
-
-    A building is drawn smaller: 560 image pixels times the scale are the most to a side.
-    """
+    """Return a camera for the room of a trial; a side has at most 560 pixels times the scale."""
     room = stage.room
     x0, y0, x1, y1 = room.floor_plan.bounds
     longest = max(x1 - x0, y1 - y0)
@@ -128,10 +122,7 @@ def png(image: Image) -> bytes:
 
 
 def webp(frames: Sequence[Image], milliseconds: int) -> bytes:
-    """Return RGB images as an animated, endless WebP without loss, which would leave ghosts.
-
-    The last image stays for a second and a half.
-    """
+    """Return RGB images as an endless WebP without loss, which would leave ghosts."""
     first, *others = map(PIL.Image.fromarray, frames)
     buffer = io.BytesIO()
     # A seventh of the time of OpenCV's encoder, a quarter larger: less effort, no key frames,

@@ -1,10 +1,8 @@
 """What beams read, and how much those of one scan tell together: fitted to part of a log.
 
-The parts of the beam model are fitted to scans from reference poses. Then its power: beams are not
-independent: neighbours hit the same wall, and an error of the map is in all of them
-and in many scans. A filter that multiplies their likelihoods is far too sure. p(o | x, m)^power
-with a power below 1 is the usual remedy (Thrun, Burgard & Fox 2005, section 6.3.4); here it is the
-one with which the belief's 95 % region covers the reference about as often as it says.
+The parts of the beam model are fitted to scans from reference poses. Beams are not independent, so
+p(o | x, m)^power needs a power below 1 (Thrun, Burgard & Fox 2005, section 6.3.4): here the one
+with which the belief's 95 % region covers the reference about as often as it says.
 """
 
 import math
@@ -39,10 +37,7 @@ _ROOT = 25  # of the randomness: a fit is the same for every --seed
 
 
 def beams_of(log: Log, floor_plan: Map) -> BeamFit:
-    """Return the beam model that fits the scans of a log best, seen from its reference poses.
-
-    Only those at a record's own time: an interpolated pose is off, and σ would hold its error.
-    """
+    """Return the beam model that fits scans of a log best at its poses, but no interpolated one."""
     at = log.referenced
     if log.reference is None or at.size == 0:
         raise InputError(f"{log.source} has no reference, from which beams could be fitted.")
@@ -93,10 +88,9 @@ def with_fitted_beams(replay: Replay) -> Replay:
 def calibrated(replay: Replay) -> Replay:
     """Return what is played with the power that is fitted to its first part, if one can be.
 
-    It is the power with which ``mcl`` covers the share of the reference nearest to ``LEVEL``, of
-    those with which it follows the robot: of a coarse grid, then between the two around ``LEVEL``,
-    until it is met within its own noise. None can be fitted without a reference at enough of the
-    first records, or where the filter follows it with no power, which ``calibration`` says.
+    Of those with which ``mcl`` follows the robot, the one that covers the share of the reference
+    nearest to ``LEVEL``: of a coarse grid, then between the two around it. ``calibration`` says if
+    there is none, for want of a reference at enough of the first records, or of one that follows.
     """
     count = _part(replay.log)
     if count is None:

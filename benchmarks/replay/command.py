@@ -79,15 +79,10 @@ def planned(
 ) -> Planned:
     """Read a log, fit what is not set, and return the runs of localizers on it, checked.
 
-    Args:
-        log, floor_plan, reference, start, settings: see ``replay_of``; also params.KEY of all
-            localizers, and params.LOCALIZER.KEY of one.
-        localizers: names; the first is the baseline.
-        particles: by whatever name a localizer takes them; None: its own default.
-        seeds: runs of each localizer.
-        seed: root of all randomness.
-        nav2: sets all of ``amcl``, and what is not in ``settings``.
-        fit_beams: whether the beam model is fitted to the first part of the log.
+    Log, map, reference, start and ``settings`` are as for ``replay_of``, with params.KEY of all
+    localizers and params.LOCALIZER.KEY of one; ``nav2`` sets all of ``amcl``, and what is not in
+    them. The first localizer is the baseline; each has ``seeds`` runs, and takes ``particles`` by
+    whatever name it has for them; None: its own default.
     """
     usual: dict[str, Any] = {"world.every": every_for(localizers)}
     if nav2 is not None:
@@ -192,17 +187,10 @@ def gated(sweep: Sweep, every: str | None) -> list[str]:
 def run_replay(
     plan: Planned, out: Path, options: Options, command: Sequence[str], *, residuals: bool = False
 ) -> str:
-    """Run what is missing, write the folder; return what to print.
+    """Run what is missing, write the folder, with ``residuals`` of the map; return what to print.
 
-    Args:
-        plan: what is run.
-        out: folder; refused if it holds what is not of this sweep.
-        options: how the runs run.
-        command: the words that this was started by.
-        residuals: whether to tell and draw where the map is wrong.
-
-    Raises:
-        TrialsFailedError: some runs failed; what the others gave is written.
+    A folder that holds what is not of this sweep is refused. If runs fail, what the others gave is
+    written, and ``TrialsFailedError`` raised.
     """
     replay, sweep, warnings = plan.replay, plan.sweep, plan.warnings
     with begun(sweep, out, options, command=command) as running:
@@ -345,11 +333,7 @@ def methods_of(
     own: Mapping[str, Mapping[str, Any]],
     shared: Mapping[str, Mapping[str, Any]] = NOTHING,
 ) -> tuple[Method, ...]:
-    """Return localizers with their parameters.
-
-    One has those of ``shared`` by its name, else as many particles as are asked for, None: its own
-    default; what is its ``own`` comes before both.
-    """
+    """Return localizers with ``own`` parameters, else those ``shared``, else so many particles."""
     if not localizers:
         raise InputError(f"no localizer is named: allowed values: {', '.join(localizer_names())}.")
     if len(set(localizers)) < len(localizers):

@@ -156,12 +156,9 @@ def replay_of(
     otherwise: str | Sequence[float] | None = None,
     settings: Mapping[str, Any] = NOTHING,
 ) -> Replay:
-    """Return what is to be replayed.
+    """Return what is to be replayed: a log, or its parts, with the map's yaml and a TUM reference.
 
     Args:
-        log: path of the log, or of its parts.
-        floor_plan: path of the map's yaml.
-        reference: path of a TUM file.
         start: "reference", "global", a pose of the robot (or "x,y,θ"), "room=x,y,x,y,…",
             "near=x,y,within" or the path of a TOML file with a table [prior]; None is the reference
             if there is one.
@@ -354,10 +351,7 @@ def _reference(whole: Log, played: Log, tolerance: float | None) -> str:
 def interpolation_errors(log: Log) -> tuple[Floats, Floats] | None:
     """How far off every second reference pose is if it is interpolated between its neighbours.
 
-    More than at the records between, as here the neighbours are twice as far apart.
-
-    Returns:
-        Lengths and angles, (k,) each; None if there are none.
+    Lengths and angles, (k,) each, more than at the records between; None if there are none.
     """
     at = log.referenced
     if log.interpolated is not None:

@@ -90,10 +90,9 @@ def pictures_of_paper(folder: Path) -> list[Picture]:
 def films(
     panels: Sequence[Panel], folder: Path, *, draw: bool
 ) -> Iterator[Callable[[], tuple[list[Animation], str]]]:
-    """Begin to draw the films of the first panel that the folder has not, if that is asked for.
+    """Begin to draw, by workers, the first panel's films that the folder lacks; yield who ends it.
 
-    What is yielded returns the films, and why there are none. They are drawn by workers: a plug-in
-    that hangs or exits there does no harm.
+    That returns the films, and why there are none.
     """
     chosen = films_of(panels[0]) if panels else []
     kept = [film for one in chosen if (film := _of(one, folder)) is not None]
@@ -170,11 +169,7 @@ def write_laps(results: Results, folder: Path) -> str:
 
 
 def _focus(rows: pd.DataFrame) -> pd.Series:
-    """What is shown beside its baseline.
-
-    Of lost robots what is localized earliest; else DEQ-MCL if it was run; else what differs most
-    from its baseline; else the baseline.
-    """
+    """What is localized earliest if robots are lost, else DEQ-MCL, else what differs most."""
     others = rows[~rows["is_baseline"]]
     if _LOCALIZED in rows and others[f"{_LOCALIZED}_restricted"].notna().any():
         return others.sort_values(f"{_LOCALIZED}_restricted", kind="stable").iloc[0]

@@ -130,10 +130,7 @@ def middle_run(runs: pd.DataFrame) -> pd.Series:
 
 
 def worst_run(runs: pd.DataFrame) -> pd.Series:
-    """Return the run with the fewest records within 1 m and 30°, then the largest 95 % error.
-
-    Without a reference, the run of the least agreement.
-    """
+    """Return the run with the fewest records within 1 m and 30°, or with the least agreement."""
 
     def worse(run: pd.Series) -> tuple[float, ...]:
         if not run["track"].known.size:
@@ -144,12 +141,7 @@ def worst_run(runs: pd.DataFrame) -> pd.Series:
 
 
 def tracks_results_csv(runs: pd.DataFrame, compared: pd.DataFrame | None) -> str:
-    """Return results.csv: a line per localizer, its scores, then its differences to the first.
-
-    Args:
-        runs: of all localizers.
-        compared: their ``results_table``; None if they are not compared.
-    """
+    """Return results.csv: a line per localizer, its scores, then its differences if compared."""
     further = [
         f"{score}_{end}"
         for score in _COMPARED
@@ -171,8 +163,7 @@ def tracks_trials_csv(runs: pd.DataFrame) -> str:
 def tracked(panel: Panel) -> tuple[pd.DataFrame, Map] | None:
     """Return the runs of each method of a panel, and the map; None if it has no tracks.
 
-    None also where log and map are not there any more, or need somebody's code: a folder is read on
-    other machines, too.
+    None also where log and map are not there any more, or need somebody's code.
     """
     records = panel.records_by_label
     if any(record.track is None for finished in records.values() for record in finished):

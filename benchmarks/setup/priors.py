@@ -64,8 +64,7 @@ class Gaussian:
 class Displaced(Gaussian):
     """A Gaussian whose mean is wrong by a distance and an angle, as if a person were mistaken.
 
-    The direction is drawn, evenly among those that lead to free space, as nobody says that a robot
-    stands in a wall; the angle is to the left or to the right.
+    The direction is drawn evenly among those to free space; the angle is to the left or right.
     """
 
     distance: float = field(default=0.0, metadata=LENGTH)  #: by which the mean is off

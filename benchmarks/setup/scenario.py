@@ -121,13 +121,10 @@ class Scenario(ABC):
     ) -> Self:
         """Return this scenario with some values changed, by dotted name.
 
-        If lengths are in another unit in the new world, those of this scenario are converted.
-
-        Args:
-            world: parts of the ``World``: ``{"lidar.beams": 9, "driver": "none"}``, or arguments of
-                the ``LogEnv``.
-            assumed: ``{"scan.kind": "beam-model", "prior.sd_position": 5.0}``; "world" is what the
-                new world is: ``{"motion": "world", "scan.sigma": "world"}``.
+        ``world`` are parts of the ``World``: ``{"lidar.beams": 9, "driver": "none"}``, or arguments
+        of the ``LogEnv``; ``assumed``: ``{"scan.kind": "beam-model", "prior.sd_position": 5.0}``,
+        or "world" for what the new world is: ``{"motion": "world", "scan.sigma": "world"}``. If the
+        unit of the new world is another one, lengths of this scenario are converted.
         """
         moved = self
         if values := located(Overrides(world)):
@@ -218,10 +215,7 @@ class RoomScenario(Scenario):
 
 
 def _seeded(floor_plan: Any, trial: int, buildings: int) -> Any:
-    """Return a floor plan with the seed that an office has in a trial; others as they are.
-
-    Of ``seeds`` it is the first + trial, modulo their number.
-    """
+    """Return a floor plan with the seed that an office has in a trial; others as they are."""
     if not isinstance(floor_plan, Mapping) or not isinstance(floor_plan.get("office"), Mapping):
         return floor_plan
     if (offices := offices_of(floor_plan)) is not None:

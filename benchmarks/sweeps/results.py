@@ -184,10 +184,10 @@ def rule_of(sweep: Sweep) -> Rule | None:
 def due(
     sweep: Sweep, trials: Mapping[K, Trial], records: Iterable[Finished], failures: Iterable[Trial]
 ) -> dict[K, Trial]:
-    """Return those of a sweep's trials that it needs, as far as its results tell; all without rule.
+    """Return those of a sweep's trials that it needs, by nothing but its results; all without rule.
 
     A method needs the worlds up to its decision, or to its next look; a baseline those of all that
-    are compared with it; a limit all of its own. It depends on nothing but the results.
+    are compared with it; a limit all of its own.
     """
     rule = rule_of(sweep)
     if rule is None:
@@ -219,10 +219,7 @@ def _groups(sweep: Sweep) -> list[MethodGroup]:
 
 
 def results_in(folder: Path | str) -> Results:
-    """Return what a folder holds of its own sweep, by its manifest's code and plug-ins.
-
-    Nothing that it names is loaded or run.
-    """
+    """Return what a folder holds of its own sweep; nothing that it names is loaded or run."""
     folder = Path(folder)
     made = manifest.read_manifest(folder)
     sweep = recorded_sweep(folder, made)

@@ -26,12 +26,7 @@ def settings(words: Iterable[str]) -> dict[str, Any]:
 
 
 def parsed(what: str, text: str) -> Any:
-    """Return a value as TOML has it; quotes around text and brackets around a list may be left out.
-
-    Args:
-        what: it is of, for refusals.
-        text: of the value.
-    """
+    """Return a value as TOML has it; quotes around text and brackets around a list may lack."""
     value: Any = text.strip()
     for toml in (value, f"[{value}]") if "," in value else (value,):
         try:
@@ -48,10 +43,7 @@ def parsed(what: str, text: str) -> Any:
 def sweep_text(
     notes: Iterable[str], top: Mapping[str, Any], tables: Mapping[str, Mapping[str, Any]]
 ) -> str:
-    """Return a sweep file: comments, values before all tables, and tables by name.
-
-    A table whose name has brackets, as "[localizers]", is one of a list.
-    """
+    """Return a sweep file: comments, values, and tables by name ("[localizers]" is of a list)."""
     lines = [f"# {_printable(note)}" for note in notes]
     lines += _lines(top)
     for name, own in tables.items():

@@ -53,10 +53,7 @@ _CRC = b',"crc":'
 
 
 class Store:
-    """The trials in a folder, by key; ``rejected`` are lines that are none, and why.
-
-    What is put goes into ``file``.
-    """
+    """The trials in a folder, by key; ``rejected`` lines are none, with why; ``file`` takes new."""
 
     def __init__(self, out: Path, file: IO[bytes] | None = None) -> None:
         self.out, self._file = out, file
@@ -128,7 +125,7 @@ class Store:
 def writing(out: Path, shard: tuple[int, int] | None = None) -> Iterator[Store]:
     """Open a folder (made if missing) to put trials there; a shard (i, n) has a file of its own.
 
-    The operating system holds the lock of the file, and drops it when the process dies.
+    Its lock is the operating system's, which drops it when the process dies.
     """
     name = "trials.jsonl" if shard is None else "trials-{}-of-{}.jsonl".format(*shard)
     path = writable_folder(out) / name

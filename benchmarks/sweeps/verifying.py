@@ -76,10 +76,7 @@ def compare_again(
     difference: Callable[[str, Outcome], str | None],
     folder: Path | None = None,
 ) -> dict[str, str]:
-    """Run trials (by name) again; return how those differ that do.
-
-    ``difference`` says it of a trial's name and outcome; ``folder`` is named by the progress shown.
-    """
+    """Run trials (by name) again; return how those differ that do, as ``difference`` says."""
     names = {now.key(trial): name for name, trial in trials.items()}
     differing: dict[str, str] = {}
     with (
@@ -101,10 +98,7 @@ def adopted(folder: Path, sweep: Sweep, where: Where) -> str:
 
 
 def sample(trials: Mapping[str, Trial], code: str, share: float = SAMPLED) -> dict[str, Trial]:
-    """Return the first trial of each setting and method, and a share of the others: 1 %.
-
-    Nobody picks those: they are drawn by the digest of the code that is to be verified.
-    """
+    """Return the first trial of each setting and method, and a share drawn by the code's digest."""
     first: dict[str, str] = {}
     for key, trial in trials.items():
         first.setdefault(json.dumps(trial.canonical() | {"trial": 0, "filter_seed": 0}), key)

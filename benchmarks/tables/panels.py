@@ -303,10 +303,7 @@ def disturbance_words(wrapper: Overrides) -> str:
 
 
 def _swept(methods: Sequence[Method]) -> list[Overrides]:
-    """Values of the numbers of which one localizer has several; none of them if there are none.
-
-    A word makes variants of a localizer, which appear side by side.
-    """
+    """Values of the numbers of which one localizer has several; a word makes variants of it."""
     seen: dict[tuple[str, str], set[Any]] = {}
     for method in methods:
         for name, value in method.values.items():
@@ -350,11 +347,7 @@ def _labels(methods: Sequence[Method]) -> dict[Method, str]:
 
 
 def _variant(method: Method, methods: Sequence[Method]) -> list[str]:
-    """Its parameters that tell it from the methods of the same localizer; words alone if they do.
-
-    A variant named by words is another choice of models, and the numbers that go with it are as
-    long as they are uninteresting.
-    """
+    """Its parameters that tell it from others of the same localizer; words alone if they do."""
     same = [other.params for other in methods if other.name == method.name]
     apart = [(n, v) for n, v in method.params.items() if not all(_has(o, n, v) for o in same)]
     words = [(name, value) for name, value in apart if not is_number(value)]

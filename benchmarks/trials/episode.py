@@ -1,8 +1,7 @@
 """One lap: the only place that sees both the world and a localizer.
 
-The localizer is given arrays (scan, command, plan), the agent what is believed and what the env
-shows. The true pose goes past both, to the scores. All that the localizer is given is a copy of its
-own: writing into it changes nothing else.
+The localizer is given copies of arrays (scan, command, plan), the agent what is believed and what
+the env shows. The true pose goes past both, to the scores.
 """
 
 import math
@@ -48,17 +47,11 @@ def moments(
     *,
     seed: int,
 ) -> Iterator[Step]:
-    """Run one episode until the env ends it; yield each step.
+    """Run one episode of a ``TrialEnv``, or wrappers around it, to its end; yield each step.
 
-    Args:
-        env: a ``TrialEnv``, or wrappers around one.
-        agent: chooses the actions.
-        localizer: fed with the env's scans and commands, and with the plan of whoever drives; if
-            its ``own_plans`` is False, not with those that the driver makes from the belief.
-        prior: p(x_0), for the localizer; asked when the episode has begun, as it may be around the
-            start drawn there.
-        rng: the localizer's only randomness.
-        seed: for ``env.reset``.
+    The localizer gets scans, commands and the driver's plans; if its ``own_plans`` is False, not
+    those made from its belief. ``prior`` is asked when the episode has begun, as it may be around
+    the start drawn there; ``rng`` is the localizer's only randomness.
     """
     ranges, info = env.reset(seed=seed)
     if "goal" in info:

@@ -1,8 +1,7 @@
 """All scores, each a ``Score`` with its unit: of beliefs at an offset, whole runs, and tracks.
 
-A trial has those of ``METRICS`` at each offset, and of ``GROUPS`` those that its scenario is about:
-see ``Stage.groups``. A whole log has those of its track beside. Lengths of whole runs and tracks
-are in m; a pixel of the paper's room is 2 cm.
+A trial has those of ``METRICS`` at each offset, and of ``GROUPS`` by its scenario; a whole log has
+those of its track, too. Lengths of whole runs and tracks are in m; a pixel is 2 cm.
 """
 
 import math

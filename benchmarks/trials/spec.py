@@ -118,10 +118,7 @@ class Trial:
         return int(sequence.generate_state(1, np.uint64)[0] >> np.uint64(11))
 
     def filter_rng(self) -> np.random.Generator:
-        """Return the localizer's stream: a function of (seed, trial, filter_seed).
-
-        The same for every localizer, so that filters start from the same cloud.
-        """
+        """Return the stream of (seed, trial, filter_seed): all filters start from one cloud."""
         key = (self.trial, _FILTER, self.filter_seed)
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
 

@@ -1,7 +1,4 @@
-"""What is kept of an episode: per offset and state, what was believed and how it fits the truth.
-
-And per step, how the belief read the plan it was shown, and whether that plan was about this robot.
-"""
+"""What is kept of an episode: beliefs about each state by offset, and how each plan was read."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -39,11 +36,7 @@ _EACH = {metric.name: metric.each for metric in METRICS if metric.each}
 
 
 def plan_row(belief: Any, truth: Reals, task: Surroundings) -> list[float]:
-    """Return whether the plan conflicts with the true pose, then the signals; NaN if none was read.
-
-    It conflicts if, laid from where the robot is, it would collide: it is not about this robot, or
-    no longer.
-    """
+    """Return whether the plan collides from the true pose, then signals; NaN if none was read."""
     reading = getattr(belief, "plan_reading", None)
     if reading is None or np.isnan(reading.feasible):
         return [np.nan] * len(PLAN_COLUMNS)
@@ -112,10 +105,7 @@ def trace_of(
     whole: JourneyLog | TrackLog | None = None,
     against: MapSignals | None = None,
 ) -> Trace:
-    """Run an episode to its end; keep its trace at these offsets, and what ``whole`` keeps.
-
-    ``against`` collects what contradicts the map, where the world differs from it.
-    """
+    """Run an episode to its end; keep it at these offsets, and as ``whole`` and ``against`` do."""
     asked = tuple(offsets)
     lap = _Lap(task)
     scored = _Beliefs(asked, lap, partial(_measured, task=task))
@@ -186,11 +176,7 @@ class _Lap:
 
 
 class _Beliefs:
-    """Collects what is believed at some offsets about every n-th state.
-
-    A belief about a future state waits for the truth of that state; then it waits for others, to
-    be measured with them in one pass.
-    """
+    """Collects what is believed at some offsets about every n-th state, to measure it in passes."""
 
     def __init__(
         self,

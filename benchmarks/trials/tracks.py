@@ -1,7 +1,6 @@
-"""Where a localizer places the robot, against where it is: of a run in a world or on a log.
+"""Where the best cluster of a localizer is, against the robot: of a run in a world or on a log.
 
-When is a lost robot localized, and how far off is it, by its best cluster; errors of tracks are as
-evo computes them, absolute (APE) and relative (RPE). All lengths of scores are in m.
+Errors of tracks are as evo has them, absolute (APE) and relative (RPE). Lengths of scores are in m.
 """
 
 import math
@@ -128,11 +127,7 @@ class Journey:
 
     @property
     def spl(self) -> float:
-        """Success weighted by path length: S · planned / max(driven, planned).
-
-        Anderson et al. 2018, "On evaluation of embodied navigation agents"; the shortest way is
-        the route's.
-        """
+        """S · planned / max(driven, planned), success by path length (Anderson et al. 2018)."""
         path = float(np.hypot(*np.diff(self.truth[:, :2], axis=0).T).sum())
         longer = max(path, self.planned)
         return float(self.arrived) * (self.planned / longer if longer > 0 else 1.0)
@@ -191,10 +186,7 @@ class PoseErrors:
 
 
 def absolute(estimate: Floats, reference: Floats) -> PoseErrors:
-    """APE: how far each pose (n, 3) is from its reference (n, 3), without any alignment.
-
-    A localizer estimates in the map's frame: an alignment would hide its error.
-    """
+    """APE of poses (n, 3), without an alignment, which would hide errors in the map's frame."""
     given, true = _pairs(estimate, reference)
     return _errors(relative(true, given))
 

@@ -1,9 +1,8 @@
 """``deqmcl tune``: successive halving of candidates over segments of logs, all on the same ones.
 
-Candidates come in rounds. A round measures its candidates on a ninth of the training segments, a
-third of them go on to a third of the segments, and a third of these to all (Jamieson & Talwalkar
-2016, η = 3). Half of each later round is drawn near the two best so far. The held-out segments are
-run once, at the end, by the default and by the winner.
+A round measures candidates on a ninth of the training segments, a third of them goes on to a third,
+and a third of these to all (Jamieson & Talwalkar 2016, η = 3); half of each later round is near the
+two best. The default and the winner run on the held-out segments, once.
 """
 
 import math
@@ -254,11 +253,7 @@ class Search:
     _asked: set[str] = field(default_factory=set)  # keys of trials
 
     def run(self, candidates: int) -> Tuning:
-        """Search until so many candidates were tried.
-
-        Raises:
-            TrialsFailedError: the default fails.
-        """
+        """Search until so many candidates were tried; refuse a default that fails."""
         tried: list[Candidate] = []
         for number, before in enumerate(range(0, candidates, ROUND)):
             tried += self._drawn(number, min(ROUND, candidates - before), tried)
