@@ -35,7 +35,10 @@ def beside(tell: Callable[[threading.Event], None]) -> Iterator[None]:
 
 @contextmanager
 def doing(what: str) -> Iterator[None]:
-    """Say on stderr what is being done after ``PATIENCE``; in a terminal as long as it is done."""
+    """Say on stderr what is being done, if it takes longer than ``PATIENCE``.
+
+    A terminal gets a line that counts the seconds and disappears at the end.
+    """
 
     def tell(done: threading.Event) -> None:
         began = time.monotonic()

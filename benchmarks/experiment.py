@@ -173,7 +173,11 @@ class ExperimentResults:
         return _with_varied(table, self.sweep)
 
     def plot(self, over: str, value: str = "error", *, offset: int = 0) -> "Figure":
-        """Draw a column of ``table``, with its intervals, over one that was varied."""
+        """Draw a column of ``table`` over one that was varied, with its 95 % intervals.
+
+        Columns are such as "particles" and "error", with error_low and error_high. One that is not
+        there, or has no numbers, raises ``InputError``.
+        """
         from benchmarks.pictures import styled
         from benchmarks.report.charts import STYLE, line
 
@@ -231,7 +235,10 @@ class ExperimentResults:
 def run(
     scenario: str, localizer: str | Factory, *, seed: int = 0, trial: int = 0, **params: Any
 ) -> Iterator[Step]:
-    """Run a trial of this number in a sweep of this scenario and seed; yield it step by step."""
+    """Run one trial, and yield it step by step: the world is that of this trial of a sweep.
+
+    The sweep has this scenario and seed. An unknown name or a bad value raises ``InputError``.
+    """
     integer("trial", trial)
     (name,), factories = _named([localizer])
     with _known(factories):

@@ -35,7 +35,10 @@ class Motion(Protocol):
     def sample(
         self, states: NDArray[Any], action: Floats, rng: np.random.Generator
     ) -> NDArray[Any]:
-        """Draw one successor of each state (d, n) by an action as in ``Localizer.update``."""
+        """Draw one successor of each state, (d, n): on a map poses, with rows x, y, θ.
+
+        The ``action`` is as in ``Localizer.update``, ``rng`` the only source of randomness.
+        """
 
 
 class Belief(Protocol):

@@ -63,7 +63,8 @@ class Kind:
     def register(self, name: str, factory: Any) -> None:
         """Make ``factory(robot, **params) -> Localizer`` known as ``name``, in this process only.
 
-        A name registered before is given to the new one, with a warning; a built-in one is refused.
+        A name that was registered before means the new one, with a warning: a notebook's cell is
+        run again. A built-in name, or one with a colon, is refused.
         """
         if name in self.builtin or not isinstance(name, str) or ":" in name:
             taken = "is taken by a built-in one" if name in self.builtin else "must be text"

@@ -64,7 +64,10 @@ class Estimate:
 
     @cached_property
     def covariance(self) -> Floats:
-        """Second moments of the whole cloud, all places, about ``pose``, (3, 3); NaN of a point."""
+        """Second moments of the whole cloud about ``pose``, (3, 3); NaN of a single point.
+
+        So a second place far away makes it large.
+        """
         if len(self.weights) == 1:
             return np.full((3, 3), math.nan)
         off = self.poses - np.array(self.pose)
@@ -126,15 +129,18 @@ class Tracker:
     def initialpose(self, prior: Prior, time: float | None = None) -> bool:
         """Start anew from a prior at a time, s; return whether the belief has begun.
 
-        It begins when the odometry has reached that stamp; with the latest odometry if that is not
-        known any more, or of None.
+        It begins when the odometry has reached that stamp; at a stamp whose odometry is not known
+        any more, and of None, with the latest odometry.
         """
         self._start = prior, time
         self._updates.clear()
         return self._begun()
 
     def odometry(self, time: float, pose: ArrayLike) -> bool:
-        """Take odometry's pose (x, y, θ) with its stamp, s; return whether there was an update."""
+        """Take a pose by odometry (x, y, θ) with its stamp, s; return whether there was an update.
+
+        The localizer may refuse a scan that waited for it.
+        """
         here = np.asarray(pose, dtype=np.float64)
         if here.shape != (3,):
             raise InputError(f"the odometry has shape {here.shape}, but must be a pose (x, y, θ).")
@@ -174,8 +180,9 @@ class Tracker:
     def at(self, time: float | None = None) -> Estimate | None:
         """Return the estimate at a time, s; None of time is the latest odometry's.
 
-        It is the belief after the last scan used, carried on by the odometry without its noise, up
-        to the latest. None before the start, in a gap, or where it is older than ``memory``.
+        That is the belief after the last scan used until then, carried on by the odometry without
+        its noise; after the latest odometry the robot stands still. None is returned before the
+        start, and where the odometry is older than ``memory`` or has a gap.
         """
         if self._odometry.newest is None:
             return None

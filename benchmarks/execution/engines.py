@@ -294,7 +294,8 @@ def outcomes(
     """Run (key, trial) pairs; yield (key, outcome) as they finish.
 
     No more than ``engine.slots`` are in flight. A trial whose worker died is tried again; one that
-    hangs is not, and keeps its slot. ``RuntimeError``: the engine broke, or hangs in all its slots.
+    hangs is not, and keeps its slot. An engine that breaks, or hangs in all its slots, raises
+    ``RuntimeError``.
     """
     waiting = deque(jobs)
     tries: Counter[str] = Counter()

@@ -37,7 +37,10 @@ _ROOT = 25  # of the randomness: a fit is the same for every --seed
 
 
 def beams_of(log: Log, floor_plan: Map) -> BeamFit:
-    """Return the beam model that fits scans of a log best at its poses, but no interpolated one."""
+    """Return the beam model that fits the scans of a log best, seen from its reference poses.
+
+    Only those at a record's own time: an interpolated pose is off, and σ would hold its error.
+    """
     at = log.referenced
     if log.reference is None or at.size == 0:
         raise InputError(f"{log.source} has no reference, from which beams could be fitted.")
@@ -89,8 +92,8 @@ def calibrated(replay: Replay) -> Replay:
     """Return what is played with the power that is fitted to its first part, if one can be.
 
     Of those with which ``mcl`` follows the robot, the one that covers the share of the reference
-    nearest to ``LEVEL``: of a coarse grid, then between the two around it. ``calibration`` says if
-    there is none, for want of a reference at enough of the first records, or of one that follows.
+    nearest to ``LEVEL``: of a coarse grid, then between the two around it. There is none without a
+    reference at enough of the first records, or where ``mcl`` follows the robot with no power.
     """
     count = _part(replay.log)
     if count is None:

@@ -147,7 +147,7 @@ def usual_params() -> dict[str, Any]:
 def nav2_document(
     params: Mapping[str, Any], path: Path | None = None, node: str | None = None
 ) -> dict[str, Any]:
-    """Return a Nav2 parameter file, as of YAML, with these parameters of ``amcl`` but for defaults.
+    """Return a Nav2 parameter file, as of YAML, with parameters of ``amcl`` that are no defaults.
 
     The other content of the file at ``path`` is kept; ``node`` is as for ``read_nav2``.
     """

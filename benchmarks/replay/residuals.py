@@ -79,7 +79,7 @@ class Residuals:
 
     @cached_property
     def used(self) -> Bools:
-        """Whether the robot is not lost at a scan, by what 21 around it explain, (n,)."""
+        """Whether the robot is not lost at a scan, by the median share that 21 explain, (n,)."""
         padded = np.pad(self._fit.explained, _AROUND, constant_values=np.nan)
         windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
         with warnings.catch_warnings():

@@ -90,9 +90,10 @@ def pictures_of_paper(folder: Path) -> list[Picture]:
 def films(
     panels: Sequence[Panel], folder: Path, *, draw: bool
 ) -> Iterator[Callable[[], tuple[list[Animation], str]]]:
-    """Begin to draw, by workers, the first panel's films that the folder lacks; yield who ends it.
+    """Begin to draw the films of the first panel that the folder has not, if that is asked for.
 
-    That returns the films, and why there are none.
+    What is yielded returns the films, and why there are none. They are drawn by workers: a plug-in
+    that hangs or exits there does no harm.
     """
     chosen = films_of(panels[0]) if panels else []
     kept = [film for one in chosen if (film := _of(one, folder)) is not None]

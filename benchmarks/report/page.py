@@ -86,8 +86,8 @@ def page_files(
 ) -> dict[str, bytes]:
     """Return report.html, results.md and the pictures of the latter by name.
 
-    Films and figures of the folder are shown; ``draw`` those that it lacks. Facts stand below,
-    beside the command, ``more`` in the first section.
+    Films and figures of the folder are shown; with ``draw`` films that it lacks are drawn. Facts
+    stand below, beside the command, and ``more`` is part of the first section.
     """
     panels = results.panels
     several = len(panels) > 1

@@ -19,9 +19,10 @@ _WIDE = 20  # a ratio of values above it is drawn on a logarithmic axis
 
 
 def swept_charts(panels: Sequence[Panel]) -> list[Chart]:
-    """Charts over each number that was swept, for all values of others; none of decided sweeps.
+    """Charts over each number that was swept: maps if two or three were and runs are scored.
 
-    They are maps if two or three were swept and runs are scored.
+    Where several are swept, there is a chart for every value of the others. There is none where
+    methods stopped after as many worlds as their decisions needed.
     """
     if any(panel.rule for panel in panels):
         return []

@@ -130,7 +130,10 @@ def middle_run(runs: pd.DataFrame) -> pd.Series:
 
 
 def worst_run(runs: pd.DataFrame) -> pd.Series:
-    """Return the run with the fewest records within 1 m and 30°, or with the least agreement."""
+    """Return the run with the fewest records within 1 m and 30°, then the largest 95 % error.
+
+    Without a reference, the run of the least agreement.
+    """
 
     def worse(run: pd.Series) -> tuple[float, ...]:
         if not run["track"].known.size:

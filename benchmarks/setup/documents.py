@@ -111,7 +111,10 @@ def from_folder(folder: Path, path: str) -> str:
 
 
 def digest_of_file(path: str) -> str:
-    """Digest of a file of a world, of a map with its image, of a folder's files, or of no file."""
+    """Digest of a file of a world; that of a map covers its image, that of a folder all its files.
+
+    A missing file has one, too: what reads the file reports it.
+    """
     digest = sha256()
     for own in _parts(Path(path.place if isinstance(path, Placed) else path)):
         digest.update(f"{own.name}\0{content_digest(own)}\0".encode(errors="surrogateescape"))

@@ -64,7 +64,8 @@ class Gaussian:
 class Displaced(Gaussian):
     """A Gaussian whose mean is wrong by a distance and an angle, as if a person were mistaken.
 
-    The direction is drawn evenly among those to free space; the angle is to the left or right.
+    The direction is drawn evenly among those that lead to free space; the angle is to the left or
+    to the right.
     """
 
     distance: float = field(default=0.0, metadata=LENGTH)  #: by which the mean is off

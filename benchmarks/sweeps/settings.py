@@ -26,7 +26,10 @@ def settings(words: Iterable[str]) -> dict[str, Any]:
 
 
 def parsed(what: str, text: str) -> Any:
-    """Return a value as TOML has it; quotes around text and brackets around a list may lack."""
+    """Return a value as TOML has it; quotes around text and brackets around a list may be left out.
+
+    Refusals say ``what`` it is of.
+    """
     value: Any = text.strip()
     for toml in (value, f"[{value}]") if "," in value else (value,):
         try:
@@ -43,7 +46,10 @@ def parsed(what: str, text: str) -> Any:
 def sweep_text(
     notes: Iterable[str], top: Mapping[str, Any], tables: Mapping[str, Mapping[str, Any]]
 ) -> str:
-    """Return a sweep file: comments, values, and tables by name ("[localizers]" is of a list)."""
+    """Return a sweep file: comments, values before all tables, and tables by name.
+
+    A table whose name has brackets, as "[localizers]", is one of a list.
+    """
     lines = [f"# {_printable(note)}" for note in notes]
     lines += _lines(top)
     for name, own in tables.items():

@@ -53,7 +53,10 @@ _CRC = b',"crc":'
 
 
 class Store:
-    """The trials in a folder, by key; ``rejected`` lines are none, with why; ``file`` takes new."""
+    """The trials in a folder, by key; ``rejected`` are lines that are none, and why.
+
+    What is put goes into ``file``.
+    """
 
     def __init__(self, out: Path, file: IO[bytes] | None = None) -> None:
         self.out, self._file = out, file

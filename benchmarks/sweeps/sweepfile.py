@@ -92,9 +92,10 @@ def sweep_of(
     folder: Path | None = None,
     base: Sweep | None = None,
 ) -> Sweep:
-    """Return the sweep that a TOML document, or the manifest of a folder, says over its base.
+    """Return the sweep that a TOML document says, or the manifest of a folder.
 
-    Paths are relative to ``folder``; None: they stay as they are.
+    Paths in it are relative to ``folder``; None: they stay as they are. ``base`` says what the
+    document does not.
     """
     documents.check_values(given, _KEYS)
     names = _Names(folder)

@@ -98,7 +98,10 @@ def adopted(folder: Path, sweep: Sweep, where: Where) -> str:
 
 
 def sample(trials: Mapping[str, Trial], code: str, share: float = SAMPLED) -> dict[str, Trial]:
-    """Return the first trial of each setting and method, and a share drawn by the code's digest."""
+    """Return the first trial of each setting and method, and a share of the others: 1 %.
+
+    Nobody picks those: they are drawn by the digest of the code that is to be verified.
+    """
     first: dict[str, str] = {}
     for key, trial in trials.items():
         first.setdefault(json.dumps(trial.canonical() | {"trial": 0, "filter_seed": 0}), key)

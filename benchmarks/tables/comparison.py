@@ -219,9 +219,10 @@ def _decisions(panel: Panel, members: Members) -> dict[Method, Decision]:
 
 
 def decisions_table(panels: Sequence[Panel]) -> pd.DataFrame:
-    """Return a row per panel, method and look: decisions.csv, panel and label; none without rule.
+    """Return a row per panel, method and look: the columns of decisions.csv, panel and label.
 
-    Differences are shares of 1; the ``verdict`` stands at the last look.
+    Differences are shares of 1; the ``verdict`` stands at the last look. Without a rule there are
+    no looks.
     """
     rows = [row for panel in panels if panel.rule for row in _looks(panel, panel.rule)]
     return pd.DataFrame(rows, columns=[*DECISIONS, "panel", "label"])

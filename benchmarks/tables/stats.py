@@ -51,8 +51,8 @@ def sample_sd(values: Floats) -> float:
 def paired_bootstrap(differences: Floats) -> tuple[float, float]:
     """95 % percentile bootstrap interval of the mean of paired differences, over worlds.
 
-    10,000 resamples with a fixed seed; NaN of fewer than two. Of ten worlds it is too narrow, as
-    every percentile bootstrap is.
+    10,000 resamples with a fixed seed; NaN of fewer than two. With ten worlds it is somewhat too
+    narrow, as every percentile bootstrap is.
     """
     if differences.size < 2 or np.isnan(differences).any():
         return math.nan, math.nan
@@ -119,7 +119,8 @@ def wilcoxon(differences: Floats) -> float:
 def sign_test(differences: Floats) -> float:
     """Two-sided exact p of the test that a difference is as often above 0 as below.
 
-    Zeros are dropped: of shares of one run McNemar's test. 1 if all are zero, NaN of nothing.
+    Zeros are dropped. Of differences of 0 and 1 it is McNemar's test, exact. 1 if all are zero, NaN
+    of nothing.
     """
     if not differences.size or np.isnan(differences).any():
         return math.nan

@@ -83,7 +83,10 @@ def percent(share: float, digits: int = 0) -> str:
 
 
 def estimated(value: Interval, form: str = ".2f", unit: str = "") -> str:
-    """A mean and its interval, if it has one, of the same digits, with a true minus; or n/a."""
+    """A mean and its interval, if it has one, of the same digits, with a true minus; or n/a.
+
+    With a ``form`` of "+.2f" the sign of the mean is to be seen; the unit stands behind it.
+    """
     if math.isnan(value.mean):
         return "n/a"
     ends = "" if math.isnan(value.low) else f" ({interval(value, form.removeprefix('+'))})"

@@ -47,7 +47,10 @@ class Provenance(Struct, frozen=True, dict=True):
 
 @cache
 def code_digest() -> str:
-    """Return a digest of a trial's code, whatever its comments, docstrings and formatting."""
+    """Return a digest of the code that a trial's numbers depend on, whatever its words and layout.
+
+    Comments, docstrings and formatting do not count.
+    """
     digests = map(_digest_of, PACKAGES)
     return hashlib.sha256("".join(digests).encode()).hexdigest()
 

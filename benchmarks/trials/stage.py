@@ -70,7 +70,10 @@ class Stage:
 
     @property
     def groups(self) -> tuple[ScoreGroup, ...]:
-        """The groups of scores that it is about; two places if a half turn gives the same map."""
+        """The groups of scores that the trial is about.
+
+        Where a half turn gives the same map, two places fit a robot that may be lost.
+        """
         about = set(self.scenario.scores)
         if "lost" in about and is_symmetric(self.room.floor_plan):
             about.add("ambiguity")

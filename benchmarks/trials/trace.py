@@ -105,7 +105,10 @@ def trace_of(
     whole: JourneyLog | TrackLog | None = None,
     against: MapSignals | None = None,
 ) -> Trace:
-    """Run an episode to its end; keep it at these offsets, and as ``whole`` and ``against`` do."""
+    """Run an episode to its end; keep its trace at these offsets, and what ``whole`` keeps.
+
+    ``against`` collects what contradicts the map, where the world differs from it.
+    """
     asked = tuple(offsets)
     lap = _Lap(task)
     scored = _Beliefs(asked, lap, partial(_measured, task=task))
@@ -176,7 +179,7 @@ class _Lap:
 
 
 class _Beliefs:
-    """Collects what is believed at some offsets about every n-th state, to measure it in passes."""
+    """Collects what is believed at some offsets about every n-th state, measured in passes."""
 
     def __init__(
         self,

@@ -127,7 +127,10 @@ class Journey:
 
     @property
     def spl(self) -> float:
-        """S · planned / max(driven, planned), success by path length (Anderson et al. 2018)."""
+        """Success weighted by path length: S · planned / max(driven, planned).
+
+        Anderson et al. 2018, "On evaluation of embodied navigation agents".
+        """
         path = float(np.hypot(*np.diff(self.truth[:, :2], axis=0).T).sum())
         longer = max(path, self.planned)
         return float(self.arrived) * (self.planned / longer if longer > 0 else 1.0)
@@ -186,7 +189,10 @@ class PoseErrors:
 
 
 def absolute(estimate: Floats, reference: Floats) -> PoseErrors:
-    """APE of poses (n, 3), without an alignment, which would hide errors in the map's frame."""
+    """APE: how far each pose (n, 3) is from its reference (n, 3), without any alignment.
+
+    A localizer estimates in the map's frame: an alignment would hide its error.
+    """
     given, true = _pairs(estimate, reference)
     return _errors(relative(true, given))
 

@@ -253,7 +253,7 @@ class Search:
     _asked: set[str] = field(default_factory=set)  # keys of trials
 
     def run(self, candidates: int) -> Tuning:
-        """Search until so many candidates were tried; refuse a default that fails."""
+        """Search until so many candidates were tried; if the default fails, raise an error."""
         tried: list[Candidate] = []
         for number, before in enumerate(range(0, candidates, ROUND)):
             tried += self._drawn(number, min(ROUND, candidates - before), tried)

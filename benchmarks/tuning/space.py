@@ -220,7 +220,10 @@ def _range(name: str, value: Any) -> Range | Choice:
 
 
 def latin_hypercube(space: Space, count: int, rng: np.random.Generator) -> list[Overrides]:
-    """Return candidates, one in each of n strips of a parameter (McKay, Beckman & Conover 1979)."""
+    """Return candidates with, of each parameter, one value in each of ``count`` strips.
+
+    Source: McKay, Beckman & Conover 1979.
+    """
     strips = rng.permuted(np.tile(np.arange(count), (len(space), 1)), axis=1)
     places: Floats = (strips + rng.random(strips.shape)) / count
     return [
@@ -232,7 +235,10 @@ def latin_hypercube(space: Space, count: int, rng: np.random.Generator) -> list[
 def neighbour(
     space: Space, values: Mapping[str, Any], usual: Mapping[str, Any], rng: np.random.Generator
 ) -> Overrides:
-    """Return a candidate near good values, else usual ones: half of them, or one, are moved."""
+    """Return a candidate near good values: half of the parameters are moved, at least one.
+
+    What the good values do not name stays as usual, as far as that is known, unless it is moved.
+    """
     moved = rng.random(len(space)) < 0.5
     moved[rng.integers(len(space))] = True
     changed = dict(values)

@@ -38,7 +38,10 @@ _UNITS = {"share": (100, ".1f", " %"), "nats": (1, ",.2f", " nats"), "m": (1, ".
 def write_tuned(
     tuning: Tuning, out: Path, words: Sequence[str], nav2: Path | None, node: str | None
 ) -> str:
-    """Write the folder of a search by a command, with the user's nav2 file; return what is said."""
+    """Write the folder of a search by a command of these words; return what to print.
+
+    Of the user's ``nav2`` file, other nodes and names are kept.
+    """
     table = segments_table(tuning)
     best, why_not = _nav2(tuning.task, tuning.best, nav2, node)
     parts = {

@@ -121,7 +121,8 @@ class EntropyFilter:
     """Drop a beam if it raises the belief's entropy: what does not confirm the belief.
 
     H = -Σ p log p over places, before and after the one beam. Each is judged by itself. Where the
-    belief is one place, no beam changes it and all are kept. In the source places are cells.
+    belief is one place, no beam changes it and all are kept. Fox, Burgard & Thrun 1999 count over
+    the cells of a grid.
     """
 
     scan: LidarScan

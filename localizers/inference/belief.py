@@ -184,7 +184,7 @@ class ParticleBelief(_Cloud):
         return self._collapsed()
 
     def exchanged(self, chosen: Bools, others: "ParticleBelief") -> "ParticleBelief":
-        """Replace the present, which must be the newest, of ``chosen`` ones, at the mean weight."""
+        """Replace the present states, the newest, of ``chosen`` particles, (n,), at mean weight."""
         states, log_weights = self.present.copy(), self.log_weights.copy()
         states[:, chosen] = others.present
         log_weights[chosen] = log_sum_exp(log_weights) - math.log(log_weights.size)
@@ -201,9 +201,10 @@ class ParticleBelief(_Cloud):
         most: int,
         power: float = 1.0,
     ) -> "ParticleBelief":
-        """Weight by a scan's log-likelihoods (n,) to a ``power``, as ``reweighted``, and record it.
+        """Weight by a scan of log-likelihoods (n,); record how well this belief predicted it.
 
-        That is how well this belief predicted it: at power 1, from ``most`` even particles.
+        The record is taken from at most ``most`` evenly spaced particles and does not depend on
+        ``power``, the exponent of the likelihood.
         """
         total = np.empty(self.log_weights.size)
         top, evidence = absorbed(self.log_weights, log_likelihood, most, power, total)

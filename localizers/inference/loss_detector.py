@@ -150,9 +150,9 @@ class Recovery(Averages):
     scans: int = 0
 
     def after(self, log_evidence: float, beams: int) -> "Recovery":
-        """Return the averages after a scan: of its geometric mean over beams, as some may be lost.
+        """Return the averages after a scan; no beam, or evidence that is NaN, changes nothing.
 
-        No beam, or evidence that is NaN, changes nothing.
+        The likelihood averaged is that of one beam, the geometric mean, as beams may be lost.
         """
         if beams == 0 or math.isnan(log_evidence) or self.alpha_fast == 0:
             return self

@@ -164,7 +164,8 @@ class ParticleFilter:
     def initial(self, prior: Initial, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
         """Return the belief at t = 0: draws from the prior, their future rolled out by the plan.
 
-        The prior has a random stream of its own: by one ``rng`` all filters start from one cloud.
+        x_0 has no scan and no charge. The prior has a random stream of its own, so that all filters
+        given the same ``rng`` start from the same cloud.
         """
         stream = rng.spawn(1)[0]
         draws = self.particles * (1 if self.start is None else self.start.draws)
@@ -190,7 +191,7 @@ class ParticleFilter:
         plan: Actions,
         rng: np.random.Generator,
     ) -> ParticleBelief:
-        """Return the belief after an action (k,) and a scan; the plan is (h, k), h from 0 on."""
+        """Return the belief after an action (k,) and a scan; the plan after it is (h, k), h ≥ 0."""
         # Resample whole queues
         belief = self._resampled(belief, rng)
         # Advance: the queue holds the steps t … t + F_t, under the actions that now lead there

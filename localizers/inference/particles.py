@@ -33,7 +33,10 @@ class BeamFilter(Protocol):
     """Which beams of a scan a belief uses."""
 
     def kept(self, states: States, log_weights: LogWeights, scan: Scan) -> Scan:
-        """Return a scan without beams left out by the belief before: states (d, n) and weights."""
+        """Return a scan without the beams that the belief before it leaves out.
+
+        The belief is the particles' states, moved, (d, n), and their log-weights, (n,).
+        """
 
 
 class Feasibility(Protocol):

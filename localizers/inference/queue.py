@@ -17,7 +17,8 @@ Link = Indices | None  # None: the identity
 class SlidingComposition(NamedTuple):
     """The composition of a window of links, pushed at its new end and popped at its old: O(1).
 
-    The old half has ready-made compositions to its end, the new half, which becomes it, one.
+    Two stacks: the old half holds a composition from each of its links to its end, the new half one
+    of all its links. When the old half is used up, the new half is turned into it.
     """
 
     old: tuple[Link, ...] = ()  # next to be popped: last

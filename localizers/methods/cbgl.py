@@ -179,8 +179,8 @@ def cbgl(
 
     Until the first scan the belief is ``poses`` draws from the prior; at it they are ranked, and
     then forgotten. A wrong fix is only found again by random poses: see ``recovery_alpha_slow``.
-    ``beam_filter`` counts from the second scan on. For the numbers see ``FirstFix``: ``modes`` = 1
-    is CBGL, a ``spread`` of None 12.5 px, or 0.25 m.
+    ``beam_filter`` counts from the second scan on. For the numbers see ``FirstFix``: with ``modes``
+    = 1 it is CBGL, and a ``spread`` of None is 12.5 px, or 0.25 m.
     """
     px = pixel(robot.floor_plan.unit)
     poses = integer("poses", poses, low=1, high=MAX_PARTICLES)

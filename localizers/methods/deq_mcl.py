@@ -169,7 +169,10 @@ def method(*takes: str) -> Callable[[Callable[..., _F]], FamilyMethod[_F]]:
 
 @method("particles", "resampler", "ess_threshold", "beam_filter")
 def mcl(robot: RobotModel, shared: Shared) -> ParticleFilter:
-    """Return MCL, without plan and map; Dellaert et al. 1999, Thrun et al. 2005, table 8.2."""
+    """Return MCL, p(x_t | a_{1:t}, o_{1:t}, m), whose map serves the sensor model only.
+
+    Dellaert et al. 1999; Thrun et al. 2005, table 8.2.
+    """
     scan = robot.scan_model()
     return ParticleFilter(
         motion=robot.motion,
@@ -200,7 +203,10 @@ def mcl_map(robot: RobotModel, shared: Shared) -> ParticleFilter:
 
 @method(*mcl.takes, "lag")
 def mcl_smoother(robot: RobotModel, shared: Shared) -> ParticleFilter:
-    """Return MCL of p(x_{t-L:t} | a_{1:t}, o_{1:t}, m): the past is resampled (Kitagawa 1996)."""
+    """Return MCL with a fixed-lag smoother, p(x_{t-L:t} | a_{1:t}, o_{1:t}, m), L = ``lag``.
+
+    Kitagawa 1996: past states are resampled with the present. At x_t it is MCL, number for number.
+    """
     return replace(mcl.build(robot, shared), past=shared.lag)
 
 
@@ -215,8 +221,8 @@ def deq_mcl(robot: RobotModel, shared: Shared, *, pilots: int = 16) -> ParticleF
     """Return DEQ-MCL, Q(t) = p(x_{t-L:t+L} | a_{1:t}, â_{t+1:T}, o_{1:t}, m), L = ``lag``.
 
     Taniguchi, Fukawa & Yamakawa 2024, eqs. (2)-(3): the planned future is drawn ahead, charged for
-    collisions, and resampled with the present: of x_t drawn L steps before its scan few survive a
-    sharp sensor (docs/queue.md). ``pilots`` are those of ``Redraw``.
+    collisions, and resampled together with the present. x_t is drawn L steps before its scan, and
+    of these draws few survive a sharp sensor (docs/queue.md). ``pilots`` are those of ``Redraw``.
     """
     base = mcl_map_smoother.build(robot, shared)
     return replace(base, future=shared.lag, pilots=integer("pilots", pilots, low=1))
@@ -232,9 +238,10 @@ def mcl_plan(
 ) -> ParticleFilter:
     """Return map-based MCL, p(x_t | a_{1:t}, o_{1:t}, π_{0:t}, m), of plans by their first L steps.
 
-    Ours. p(π_t | x_t, m) ∝ exp(-β C), where C steps collide without noise: nobody plans through
-    walls. A plan made from the filter's own estimate merely confirms it; a stale one misleads.
-    ``keep`` is κ of ``PlanEvidence``; ``charge`` is "always", or "new": each planned step once.
+    Ours. p(π_t | x_t, m) ∝ exp(-β C), where C planned steps collide without noise, as nobody plans
+    through walls. A plan made from the filter's own estimate merely confirms it; a stale one
+    misleads. ``keep`` is κ of ``PlanEvidence``, 0 is exact; ``charge`` is "always", or "new": each
+    planned step once, when it comes into view.
     """
     new_only = one_of("charge", charge, ("always", "new")) == "new"
     sensor = shared.sensor(robot)

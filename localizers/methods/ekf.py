@@ -186,7 +186,10 @@ class GaussianBelief(NamedTuple):
     events: GaussianEvents = GaussianEvents()
 
     def points(self, offset: int = 0) -> Points | None:
-        """Return equal poses (n, 3) of these moments, headings not wrapped; at offset 0 only."""
+        """Return equally weighted poses (n, 3) of exactly these moments; at offset 0 only.
+
+        The headings are not wrapped: the Gaussian is on the line, not on the circle.
+        """
         if offset != 0:
             return None
         poses = gaussian_points(self.mean, self.covariance)
@@ -262,8 +265,8 @@ def ekf(robot: RobotModel, *, gate: float = 0.99) -> FilterLocalizer[GaussianBel
 
     A beam is a measurement with these mean and variance; its Jacobian is by central differences of
     the ray cast. ``gate`` is the share of beams that pass if all is as assumed, by the χ² of their
-    innovation; 1 lets every beam pass. A prior is reduced to its mean and covariance: that of a
-    uniform one over a building will hardly find the robot.
+    innovation, to which random readings are left; 1 lets every beam pass. A prior is reduced to its
+    mean and covariance: a uniform one over a building will hardly find the robot.
     """
     number("gate", gate, low=0, high=1, above=True)
     if not hasattr(robot.scan, "hit_moments"):
@@ -284,7 +287,7 @@ def ekf(robot: RobotModel, *, gate: float = 0.99) -> FilterLocalizer[GaussianBel
 
 
 def _gaussian(prior: Prior, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Mean of a prior, or of its draws, and covariance about it; headings differ by [-π, π]."""
+    """Mean of a prior, or of its draws, and covariance; headings as differences in [-π, π]."""
     draws = np.asarray(prior.sample(PRIOR_DRAWS, rng), dtype=np.float64)
     even = np.full(len(draws), 1 / len(draws))
     mean = np.array(mean_pose(draws, even) if prior.mean is None else prior.mean, np.float64)

@@ -39,7 +39,10 @@ class BeamDensity(Protocol):
         """Σ_b log p(o_b | ô_b) for each pose, (n,); NaN if a ô_b is. Arguments of ``density``."""
 
     def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
-        """Density (at an atom: mass) of ranges o in [0, max_range], (B,), by exact ô, not cut."""
+        """Density (at an atom: mass) of each measured range o, (B,) in [0, max_range], (n, B).
+
+        ``expected`` are ô, exact ray-cast ranges, not cut at max_range, (n, B).
+        """
 
     def least_density(self, max_range: float) -> float:
         """Return what ``density`` is never below, whatever the measured and the exact range."""

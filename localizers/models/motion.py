@@ -66,7 +66,10 @@ def normal_pairs(
 
 @compiled
 def along(forward: float, left: float) -> tuple[float, float, float]:
-    """Return (d, u, v), (forward, left) = d (u, v), u ≥ 0; exactly (forward, 1, 0) if left is 0."""
+    """Return (d, u, v) with (forward, left) = d (u, v), u² + v² = 1 and u ≥ 0: d < 0 is backwards.
+
+    (forward, 1, 0) exactly where left is 0.
+    """
     if left == 0.0:
         return forward, 1.0, 0.0
     distance = np.copysign(np.sqrt(forward * forward + left * left), forward)
@@ -141,7 +144,7 @@ class OdometryMotion:
         σ_dd is such that 99 % of ``|ε_d| / |d|`` lie within 2.58 σ_dd, and never less than their
         root mean square: odometry that fails for some steps must stay possible. Only the longer
         half of the steps counts, as the reference has noise, too. σ_φφ and σ_φd maximize the
-        likelihood of all ``ε_φ ~ N(0, (σ_φφ |φ| + σ_φd |d|)²)``, on a grid that is refined.
+        likelihood of all ``ε_φ ~ N(0, (σ_φφ |φ| + σ_φd |d|)²)``, on an ever finer grid.
 
         Rows with NaN are left out; of one whose ``left`` alone is NaN the way ahead and the turn
         are known. Fewer than 10 steps with movement and a reference are refused.

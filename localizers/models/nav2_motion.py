@@ -73,8 +73,9 @@ class DifferentialMotion:
     def turn_and_drive(self) -> OdometryMotion:
         """The two noises of the same variances, for estimators that need them in closed form.
 
-        Exactly of ρ and the heading of a straight drive, but for α4; across it the variance is
-        twice that of rot1. Of a turn standard deviations add up, which is never less.
+        Of a straight drive ρ and the heading after it have exactly these variances, but for α4;
+        across it the variance is twice that of rot1, as all noise of the heading comes before. Of a
+        turn the standard deviations from turning and driving add up, which is never less.
         """
         turn, drive, drift = math.sqrt(self.alpha1), math.sqrt(self.alpha3), 2 * self.alpha2
         return OdometryMotion(drive=drive, turn=turn, drift=math.sqrt(drift))
@@ -190,7 +191,10 @@ def kind_of(motion: MotionModel) -> str:
 
 
 def unknown_motion(kind: str, unit: str) -> MotionModel:
-    """Nav2's defaults, for a map in ``unit``; of "odometry" 0.2 (per m, per rad, and rad per m)."""
+    """Return what is assumed of a robot of which nothing is known, for a map in ``unit``.
+
+    Nav2's defaults; for "odometry" 0.2 per m driven, 0.2 per rad turned and 0.2 rad per m.
+    """
     model = MOTION_MODELS[one_of("motion model", kind, MOTION_MODELS)]
     found = model(drive=0.2, turn=0.2, drift=0.2) if model is OdometryMotion else model()
     return scaled(found, pixel(unit) / PIXELS["m"])

@@ -124,7 +124,8 @@ class DistanceTable(NamedTuple):
         """Return the table of a map, up to a distance; map_cspace.cpp, but distances are exact.
 
         Of a map of cells its own, from centre to centre of *occupied* ones: unknown is no wall.
-        Of a map of polygons cells of edge ``cell``, as far around it as the table tells distances.
+        Of a map of polygons cells of edge ``cell``, as far around it as the table tells distances;
+        walls are lines, seen from both sides.
         """
         if isinstance(floor_plan, GridMap):
             x, y, yaw = floor_plan.origin
