@@ -53,7 +53,7 @@ class Estimate:
     time: float  #: s, of the odometry that it was carried on to
     poses: Floats  #: the cloud, (x, y, θ) in the map, (n, 3)
     weights: Floats  #: their weights, with sum 1, (n,)
-    quality: float | None  #: confidence that it is not lost, in [0, 1]; None: it is not given
+    quality: float | None  #: confidence that it is not lost, in [0, 1]; None if not given
     odometry: Pose  #: the pose by odometry at that time
     unit: str  #: of lengths
 

@@ -56,8 +56,8 @@ class Engine:
 class Where:
     """Where trials run. No part of a sweep's identity: the numbers do not depend on it."""
 
-    jobs: int | None = None  #: trials at a time; None: one per processor, or thread of Dask
-    executor: str = "process"  #: "process", "dask" or "module:factory"
+    jobs: int | None = None  #: trials at a time; None is one per processor, or thread of Dask
+    executor: str = "process"  #: "process", "dask" or ``module:factory``
     scheduler: str | None = None  #: address of Dask's; None starts a cluster on this machine
     timeout: float | None = None  #: seconds that one trial may take; None waits for ever
 

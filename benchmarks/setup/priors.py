@@ -108,9 +108,9 @@ class Displaced(Gaussian):
 class Uniform:
     """x_0 is anywhere in free space, or in that of a polygon or annulus, in any heading."""
 
-    #: corners (x, y) of a room; None: no polygon
+    #: corners (x, y) of a room; None is no polygon
     polygon: tuple[tuple[float, float], ...] | None = field(default=None, metadata=LENGTH)
-    #: centre (x, y) of an annulus; None: no annulus
+    #: centre (x, y) of an annulus; None is no annulus
     near: tuple[float, float] | None = field(default=None, metadata=LENGTH)
     within: float | None = field(default=None, metadata=LENGTH)  #: largest distance from there
     beyond: float = field(default=0.0, metadata=LENGTH)  #: least distance

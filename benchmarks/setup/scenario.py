@@ -53,7 +53,7 @@ class Scenario(ABC):
     scan: BeamDensity | ScanPlugIn = field(default_factory=GaussianUniform)
     prior: Gaussian | Uniform | Places = field(default_factory=Gaussian)  #: p(x_0)
     agent: Named = OPEN_LOOP
-    #: wrappers around the world, innermost first: {"kind": "kidnap", …}
+    #: wrappers around the world, innermost first, ``{"kind": "kidnap", …}``
     disturbance: tuple[Mapping[str, Any], ...] = ()
     #: trial k is in the office of seed k modulo this, if the floor plan is one without own seeds
     buildings: int = 1

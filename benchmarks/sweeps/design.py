@@ -23,7 +23,7 @@ class Limit:
     """What more and more particles converge to: a method with very many, on the first worlds."""
 
     method: Method  #: with its particles, which no axis changes
-    of: tuple[str, ...] = ()  #: localizers held against it; (): all that no other limit names
+    of: tuple[str, ...] = ()  #: localizers held against it; () is all that no other names
     trials: int = 20  #: worlds of each setting, the first ones; all, if the sweep has fewer
     filter_seeds: int = 2  #: runs on each; from two on they tell how near it is to its own limit
 
@@ -41,7 +41,7 @@ class Limit:
 class Axis:
     """What is varied together: k values for each of one or more names."""
 
-    #: by name: "scenario", "lag", "disturbance", "agent", "agent.…" or "world.…", "assumed.…",
+    #: by name, "scenario", "lag", "disturbance", "agent", "agent.…" or "world.…", "assumed.…",
     #: "params.…"
     values: Overrides
 
@@ -98,12 +98,12 @@ class Sweep:
 
     title: str
     localizers: tuple[Method, ...]  #: the methods compared, or their names
-    scenario: str = "paper"  #: its name; a user's own as room.toml or file.py:NAME, made absolute
+    scenario: str = "paper"  #: its name; a user's own as room.toml or ``file.py:NAME``, absolute
     lag: int = 20  #: the lag L; also a parameter of each localizer that has a use for it
     world: Overrides = NOTHING
     assumed: Overrides = NOTHING
     disturbance: tuple[Overrides, ...] = ()
-    agent: Named | None = None  #: who drives; None: each scenario's own agent
+    agent: Named | None = None  #: who drives; None is each scenario's own agent
     params: Overrides = NOTHING
     seed: int = 0
     trials: int = 10
@@ -113,8 +113,8 @@ class Sweep:
     #: localizer. "" is the first agent if there are several, else ``BASELINE``.
     baseline: str = ""
     limits: tuple[Limit, ...] = ()  #: from which gaps are measured, each for its own methods
-    until_decided: UntilDecided | None = None  #: None: all worlds; else ``trials`` are the most
-    #: names of the parameters that a localizer of a name takes; None: any
+    until_decided: UntilDecided | None = None  #: None is all worlds; else ``trials`` are most
+    #: names of the parameters that a localizer of a name takes; None is any
     takes: Takes = field(default=parameters, compare=False, repr=False)
 
     def __post_init__(self) -> None:

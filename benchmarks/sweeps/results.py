@@ -60,7 +60,7 @@ class Results:
     baseline: str = BASELINE
     verified: list[str] = field(default_factory=list)  #: other code with the same results
     left_out: dict[str, str] = field(default_factory=dict)  #: why a file is in no table
-    rule: Rule | None = None  #: when comparisons are decided; None: the number of worlds was fixed
+    rule: Rule | None = None  #: when comparisons are decided; None if the worlds were fixed
 
     def __repr__(self) -> str:
         done = self.planned - len(self.failures) - self.missing

@@ -30,7 +30,7 @@ class Step(NamedTuple):
     belief: Belief  #: what the localizer believes after it
     seconds: float  #: time the localizer took
     action: Reals | None = None  #: the command that led here, (2,); None at t = 0
-    plan: Reals | None = None  #: the planned actions shown to the localizer, (h, 2); None: unknown
+    plan: Reals | None = None  #: planned actions shown to the localizer, (h, 2); None if unknown
     collided: bool = False  #: whether a wall stopped the robot on the way here
     goal: Reals | None = None  #: where the robot is to arrive, (2,); None if nowhere
     route: tuple[tuple[float, ...], ...] | None = None  #: corners (x, y) of the way as planned now

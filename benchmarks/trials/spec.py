@@ -60,10 +60,10 @@ class Trial:
     scenario: str
     world: Overrides = NOTHING
     assumed: Overrides = NOTHING
-    disturbance: tuple[Overrides, ...] = ()  #: wrappers, innermost first: {"kind": "kidnap", …}
+    disturbance: tuple[Overrides, ...] = ()  #: wrappers, innermost first, ``{"kind": "kidnap", …}``
     localizer: str
     params: Overrides
-    agent: Named | None = None  #: who drives; None: the scenario's agent
+    agent: Named | None = None  #: who drives; None is the scenario's agent
     lag: int  #: L, the offsets scored are -L, 0 and L
     seed: int
     trial: int  #: number of the world; trials of the same number are paired

@@ -233,7 +233,7 @@ class LatentShare(_Tempered):
 
     sigma: float = field(default=100.0, metadata=LENGTH)  #: σ > 0, in the map's unit
     uniform: float = 0.05  #: E[u], the mean share of beams that read any range
-    #: c > 0: u ~ Beta(c E[u], c (1 - E[u])); the larger, the more alike scans are; at ∞ u is E[u]
+    #: c > 0, u ~ Beta(c E[u], c (1 - E[u])); the larger, the more alike scans are; at ∞ u is E[u]
     concentration: float = 2.0
 
     def __post_init__(self) -> None:

@@ -285,7 +285,7 @@ class MixturePrior:
     """p(x_0) = Σ w_k p_k(x_0): one of several places."""
 
     parts: tuple[Prior, ...]
-    weights: tuple[float, ...] | None = None  #: above 0 with any sum; None: all equal
+    weights: tuple[float, ...] | None = None  #: above 0 with any sum; None is all equal
 
     def __post_init__(self) -> None:
         parts = tuple(self.parts)

@@ -30,7 +30,7 @@ class RobotModel:
     #: p(o | ô) of one beam; None is ``GaussianUniform``'s default, or with σ = 0.2 m, as Nav2's
     #: sigma_hit. Or what makes a model of whole scans, such as ``ScanPlugIn``.
     scan: BeamDensity | ScanSource = None  # type: ignore[assignment]
-    #: β ≥ 0 of methods that are given none: a step that collides on the map, carried out or
+    #: β ≥ 0 of methods that are given none; a step that collides on the map, carried out or
     #: planned, is charged exp(-β)
     beta: float = 10.0
 
