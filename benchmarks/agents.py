@@ -72,9 +72,8 @@ class Stale(OpenLoop):
 class Misplaced(OpenLoop):
     """The plan that the env shows is carried out; the localizer is shown one from a wrong pose.
 
-    Its author sees the robot, shifted (in the map's unit) in one direction and turned (rad) by
-    constant errors; in each lap the direction is another one, and the turn left or right. The lap
-    is planned as the driver of ``guided`` does, at every step, for the step after it.
+    Its author sees the robot shifted (in the map's unit) in a direction of the lap and turned (rad)
+    left or right by constant errors, and plans at every step as the driver of ``guided`` does.
     """
 
     sees_truth = True
@@ -106,8 +105,7 @@ class Misplaced(OpenLoop):
 class OldRoute(OpenLoop):
     """The plan that the env shows is carried out; the localizer is shown that of the first route.
 
-    Once there is another route, what is left of it, counted off as if it were carried out: who
-    drives the robot sees where it is, the dispatcher who tells the localizer does not.
+    Once there is another route, what is left of it, counted off as if it were carried out.
     """
 
     def plan_at_reset(self, info: dict[str, Any]) -> None:
@@ -162,10 +160,9 @@ class OnEstimate:
 class ToGoal:
     """Plans a way to the goal from where the localizer believes the robot is, and follows it.
 
-    It drives as the env's driver would, on the best cluster of the belief. Where it believes to be
-    off its way, or behind a wall from it, it plans another one; from within a wall, by the nearest
-    place with a way. After a contact it turns away, left and right in turn, and drives two steps.
-    Where it believes to be at the goal it turns on the spot.
+    It drives as the env's driver would, on the best cluster of the belief. Off its way, or behind a
+    wall from it, it plans another one, from within a wall by the nearest place with a way. After a
+    contact it turns away, left and right in turn, for two steps; at the goal it turns on the spot.
     """
 
     plan_author = "own"

@@ -1,8 +1,4 @@
-"""The laws of agents and of scan models, in the form of those of localizers (localizers.checks).
-
-``deqmcl check NAME --agent`` tries an agent on a short drive, with a localizer of 50 particles;
-``deqmcl check NAME --scan`` a scan model on scans and poses of a scenario's map.
-"""
+"""The laws of agents, on a short drive, and of scan models, in the form of localizers.checks."""
 
 from copy import deepcopy
 from dataclasses import dataclass, replace

@@ -37,8 +37,7 @@ def beside(tell: Callable[[threading.Event], None]) -> Iterator[None]:
 def doing(what: str) -> Iterator[None]:
     """Say on stderr what is being done, if it takes longer than ``PATIENCE``.
 
-    A terminal gets a line that counts the seconds and disappears at the end, a file or a pipe one
-    line.
+    A terminal gets a line that counts the seconds and disappears at the end.
     """
 
     def tell(done: threading.Event) -> None:
@@ -108,9 +107,8 @@ def checking(*, shown: bool = True) -> Iterator[None]:
 def standard_streams() -> Iterator["Stream"]:
     """Give stdout as a stream that knows whether all has been written.
 
-    A standard stream that is closed leads to the null device. Otherwise the next file that is
-    opened gets its number, and with it what libraries print. What stderr does not take is dropped:
-    there is nobody left to tell.
+    A standard stream that is closed leads to the null device, as else the next file opened gets its
+    number, and what libraries print. What stderr does not take is dropped.
     """
     for number in range(3):
         try:
@@ -131,11 +129,7 @@ def standard_streams() -> Iterator["Stream"]:
 
 
 class Stream:
-    """A stream of text that remembers its first error.
-
-    Attributes:
-        error: why something could not be written; None if all was.
-    """
+    """A stream of text that remembers its first error; ``error`` is None if all was written."""
 
     def __init__(self, stream: TextIO, *, raises: bool) -> None:
         """Wrap a stream; without ``raises`` what it does not take is dropped."""
@@ -155,10 +149,7 @@ class Stream:
             self._stream.flush()
 
     def end(self) -> None:
-        """Flush; after an error let the null device take the rest.
-
-        Python flushes again when it ends, and would exit with code 120.
-        """
+        """Flush; after an error the null device takes what Python flushes when it ends."""
         with contextlib.suppress(OSError):
             self.flush()
         if self.error is not None:

@@ -56,6 +56,8 @@ def sweep(
 ) -> "Experiment":
     """Return an experiment: settings and methods on paired worlds; nothing is run yet.
 
+    An unknown name or a bad value raises ``InputError``.
+
     Args:
         of: a suite or a scenario (``deqmcl list`` has both), a sweep file in TOML, or a ``Sweep``.
         localizers: instead of those of ``of``: names, classes or functions that make a localizer
@@ -65,9 +67,6 @@ def sweep(
         settings: single values by dotted name, as the commands' ``--set`` has them:
             ``{"params.mcl.particles": 300, "world.lidar.beams": 9}``.
         keys: others of a sweep file: trials, seed, lag, world, assumed, params, baseline, ….
-
-    Raises:
-        InputError: an unknown name, or a bad value.
     """
     given, factories = as_toml(keys), dict[str, Factory]()
     if localizers:
@@ -111,19 +110,16 @@ class Experiment:
     ) -> "ExperimentResults":
         """Run what is missing, and return all results.
 
+        For ``jobs``, ``executor``, ``scheduler`` and ``timeout`` see ``Where``, for
+        ``retry_failed``, ``fail_fast`` and ``progress`` see ``Options``. What is refused raises
+        ``InputError`` before anything is run.
+
         Args:
-            jobs: trials at a time; None: one per processor.
-            out: folder that keeps the trials, so that a second run goes on, as that of the command
-                does; None: nothing is kept but the results.
-            executor, scheduler, timeout: see ``Where``.
+            out: folder that keeps the trials, so that a second run goes on; None: only the results.
             shard: "i/n" runs every n-th trial, from the i-th.
-            retry_failed, fail_fast, progress: see ``Options``.
             adopt: go on in a folder of other code, if its sample is verified.
             report: write tables and page into the folder.
             command: the words that started it, for the folder.
-
-        Raises:
-            InputError: something of it is refused; nothing is run then.
         """
         where = Where(jobs=jobs, executor=executor, scheduler=scheduler, timeout=timeout)
         part = None if shard is None else shard_of(shard)
@@ -157,16 +153,11 @@ class Experiment:
 
 @dataclass(frozen=True)
 class ExperimentResults:
-    """The numbers of an experiment; in Jupyter, its verdict and its first table.
-
-    Attributes:
-        results: all of it, for whom the tables are not enough.
-        files: of its report, if one was written where it ran.
-    """
+    """The numbers of an experiment; in Jupyter, its verdict and its first table."""
 
     sweep: Sweep
-    results: Results
-    files: tuple[Path, ...] = ()
+    results: Results  #: all of it, for whom the tables are not enough
+    files: tuple[Path, ...] = ()  #: of its report, if one was written where it ran
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -184,12 +175,8 @@ class ExperimentResults:
     def plot(self, over: str, value: str = "error", *, offset: int = 0) -> "Figure":
         """Draw a column of ``table`` over one that was varied, with its 95 % intervals.
 
-        Args:
-            over: column of the swept value, such as "particles".
-            value: column with its interval in value_low and value_high.
-
-        Raises:
-            InputError: there is no such column, or it has no numbers.
+        Columns are such as "particles" and "error", with error_low and error_high. One that is not
+        there, or has no numbers, raises ``InputError``.
         """
         from benchmarks.pictures import styled
         from benchmarks.report.charts import STYLE, line
@@ -248,14 +235,9 @@ class ExperimentResults:
 def run(
     scenario: str, localizer: str | Factory, *, seed: int = 0, trial: int = 0, **params: Any
 ) -> Iterator[Step]:
-    """Run one trial, and yield it step by step.
+    """Run one trial, and yield it step by step: the world is that of this trial of a sweep.
 
-    Args:
-        scenario: as in ``sweep``.
-        seed, trial: the world is that of this trial of a sweep with this seed.
-
-    Raises:
-        InputError: an unknown name, or a bad value.
+    The sweep has this scenario and seed. An unknown name or a bad value raises ``InputError``.
     """
     integer("trial", trial)
     (name,), factories = named_localizers([localizer])

@@ -49,10 +49,9 @@ class Belief(Protocol):
     """
 
     def points(self, offset: int = 0) -> Points | None:
-        """Return poses (n, 3) and weights (n,) of x_{t+offset}, as fresh arrays.
+        """Return poses (n, 3) and weights (n,) of x_{t+offset}, as fresh arrays; None: not held.
 
-        One point if the localizer estimates a single pose; cell centres if it keeps a grid. None
-        for an offset it does not hold.
+        One point if the localizer estimates a single pose; cell centres if it keeps a grid.
         """
 
 
@@ -65,24 +64,19 @@ class Localizer(Protocol):
     """
 
     def reset(self, prior: Prior, plan: Reals, rng: np.random.Generator) -> Belief:
-        """Start anew and return the belief at t = 0.
+        """Start anew from p(x_0) and return the belief at t = 0.
 
-        Args:
-            prior: p(x_0).
-            plan: the planned increments, (h, 2) or (h, 3), as ``action``; may be empty.
-            rng: the localizer's only source of randomness.
+        The planned increments, (h, 2) or (h, 3), are as ``action`` and may be empty; ``rng`` is the
+        localizer's only source of randomness.
         """
 
     def update(self, ranges: Reals, action: Reals, plan: Reals) -> Belief:
-        """Return the belief after one step.
+        """Return the belief after one step and the scan taken after it, (B,), in the map's unit.
 
-        Args:
-            ranges: the scan taken after the step, (B,), in the map's unit.
-            action: the increment carried out: the command (distance, turn rad) of a robot that
-                turns, then drives ahead, (2,); or what odometry measured, (forward, left, turn
-                rad), (3,): a turn, then a translation in the frame after it. (d, φ) is the same
-                as (d, 0, φ).
-            plan: the increments planned after it, (h, 2) or (h, 3); h shrinks to 0 at the end.
+        The action is the increment carried out: the command (distance, turn rad) of a robot that
+        turns, then drives ahead, (2,); or what odometry measured, (forward, left, turn rad), (3,):
+        a turn, then a translation in the frame after it. (d, φ) is the same as (d, 0, φ). The plan
+        has the increments after it, (h, 2) or (h, 3); h shrinks to 0 at the end.
         """
 
 
@@ -105,14 +99,10 @@ class PointsBelief:
     """Weighted poses of the present, such as a cloud of particles or the cells of a grid."""
 
     def __init__(self, poses: ArrayLike, weights: ArrayLike | None = None) -> None:
-        """Copy the poses and weights.
+        """Copy poses (x, y, θ rad), (n, 3), and weights, (n,), with any sum above 0; None: equal.
 
-        Args:
-            poses: (x, y, θ rad), (n, 3); headings need not be wrapped.
-            weights: (n,), 0 or more, with any sum above 0; None: all equal.
-
-        Raises:
-            InputError: a wrong shape, no pose, NaN, a negative weight, or only zero weights.
+        Headings need not be wrapped. A wrong shape, no pose, NaN, a negative weight or only zero
+        weights raise ``InputError``.
         """
         self._poses = array("the belief's poses", poses, (None, 3))
         n = len(self._poses)

@@ -1,10 +1,8 @@
 """Digests of the source of plug-ins and of the files they ship; they are read, never run.
 
-What is in no file, as a notebook's cells are not, is read from memory.
-
-What is covered: of a package, all its files; of ``file.py``, that file, the files beside it that
-have its name and another ending, and those that it declares: names, folders or patterns, from its
-folder, as in ``SHIPS = ("table.bin", "nets/*.npy")``. What it imports or downloads is not seen.
+Of a package all files count; of ``file.py`` that file, those beside it of its name and another
+ending, and names, folders or patterns that it declares, as in ``SHIPS = ("table.bin", "nets/*")``.
+What is in no file, as a notebook's cells, is read from memory; imports and downloads are not seen.
 """
 
 import ast
@@ -84,10 +82,7 @@ def _file_of(module: str) -> str | None:
 
 
 def _words(thing: Any, top: str, seen: dict[int, Any]) -> Iterator[str]:
-    """Say what an object is made of, in words that are the same in any process.
-
-    Of the package ``top`` the code is read, not only named; ``seen`` objects are by id, and held.
-    """
+    """Say what an object is made of, as in any process; of the package ``top`` the code is read."""
     kind = type(thing)
     if kind in _PLAIN:
         yield repr(thing)

@@ -38,30 +38,19 @@ _MISSING = (
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """What is found by name.
+    """What is found by name."""
 
-    Attributes:
-        word: "localizer".
-        builtin, added: by name; ``added`` are registered in this process, which no other knows.
-        group: of entry points of installed packages.
-        call: how one is made of what a name leads to.
-        verbs: its methods, with their arguments.
-        holds: type of what a name leads to, if that is the thing itself.
-        own: how one's own is named.
-        gone: names that there were, which folders may hold, and what to use instead.
-        received: names of those that the process has sent that sends the trials.
-    """
-
-    word: str
-    builtin: Mapping[str, Any]
-    group: str
-    call: str = ""
-    verbs: tuple[str, ...] = ()
-    holds: type | None = None
-    own: str = "path/to/file.py:NAME or package.module:NAME"
+    word: str  # "localizer"
+    builtin: Mapping[str, Any]  # by name
+    group: str  # of entry points of installed packages
+    call: str = ""  # how one is made of what a name leads to
+    verbs: tuple[str, ...] = ()  # its methods, with their arguments
+    holds: type | None = None  # type of what a name leads to, if that is the thing itself
+    own: str = "path/to/file.py:NAME or package.module:NAME"  # how one's own is named
+    # names that there were, which folders may hold, and what to use instead
     gone: Mapping[str, str] = field(default_factory=dict)
-    added: dict[str, Any] = field(default_factory=dict)
-    received: set[str] = field(default_factory=set)
+    added: dict[str, Any] = field(default_factory=dict)  # by name; no other process knows them
+    received: set[str] = field(default_factory=set)  # names from the process that sends the trials
 
     def names(self) -> tuple[str, ...]:
         """Names that are built in, registered or installed; none is loaded."""
@@ -183,10 +172,7 @@ class Kind:
         return made
 
     def digest(self, name: str) -> str:
-        """Digest of the source of a plug-in, see ``digests``; "" of what is built in or not there.
-
-        Files are read, not run, so what cannot be imported has one, too.
-        """
+        """Digest of the source of a plug-in, read, not run; "" of what is built in or not there."""
         if name in self.added:
             return loaded_digest(self.added[name])
         if name in self.builtin:
@@ -227,11 +213,7 @@ class Kind:
 
 @cache
 def _entry_points(path: tuple[str, ...]) -> dict[str, dict[str, str]]:
-    """Return references by name by group; looked for once for a ``sys.path``: it takes its time.
-
-    Of two packages with one name the first counts, which Python imports; one that cannot be read
-    offers nothing. A name that several packages offer differently has all, joined by " and ".
-    """
+    """Return references by name by group; of several packages joined by " and ", if they differ."""
     del path
     packages: dict[str, Any] = {}
     for one in distributions():

@@ -66,9 +66,8 @@ resolve: Callable[[str], Factory] = LOCALIZER.resolve
 def make(name: str, robot: RobotModel, **params: Any) -> Localizer:
     """Make the localizer of a name, see ``localizers.kinds``, with its ``parameters(name)``.
 
-    Raises:
-        InputError: unknown name or parameter (the nearest valid one is named), a bad value, or a
-            plug-in that fails or makes something without ``reset`` or ``update``.
+    An unknown name or parameter, a bad value, or a plug-in that fails or makes something without
+    ``reset`` or ``update`` raises ``InputError``.
     """
     made: Localizer = LOCALIZER.make(name, params, robot)
     return made
@@ -143,8 +142,7 @@ class CheckedScan:
     def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
         """Log-likelihood at each pose (3, n), (n,); 0 of a scan without a usable beam.
 
-        Raises:
-            RuntimeError: the model fails, or answers with another shape, NaN or inf.
+        A model that fails, or answers with another shape, NaN or inf, raises ``RuntimeError``.
         """
         n = states.shape[1]
         out = np.zeros(n)

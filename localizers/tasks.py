@@ -43,8 +43,8 @@ class Localize(LocalizeEnv):
             10,000 unless given. It assumes the world's noise, and beams to the power of 0.1.
         floor_plan: as for ``Room-v0``; ``{"office": {"seeds": [0, 1000], …}}`` draws one of these
             offices at each reset. An office of 24 m × 26 m unless given.
-        lidar, robot, noise: as for ``Room-v0``; changes to
-            16 beams all round, and the robot and noise of the scenario ``lost``.
+        lidar, robot, noise: as for ``Room-v0``; changes to 16 beams all round, and the robot and
+            noise of the scenario ``lost``.
         task: ``share``, ``hold``, ``max_steps``, ``particles``, ``cell``, ``render_mode``.
     """
 

@@ -30,53 +30,32 @@ _NO_PLAN = np.empty((0, 3))
 
 @dataclass
 class Counts:
-    """What has become of a tracker's messages.
+    """What has become of a tracker's messages."""
 
-    Attributes:
-        updates: scans that the localizer was given.
-        still: scans that it was not, as the robot had hardly moved since the last one.
-        late_odometry: messages older than the newest, or doubled: left out.
-        odometry_jumps: steps faster than the robot can go: taken as no motion.
-        clock_resets: two messages in a row that are more than 1 s older than the newest, in their
-            order: all stamps begin anew, from the first of them.
-        late_scans: not newer than the last one whose odometry was there, or doubled: left out.
-        crowded_scans: more than 10 waited for odometry: the one that came first is left out.
-        scans_without_odometry: before the first odometry, or in a gap: more than 1 s and 3 usual
-            periods.
-        scans_before_start: not newer than the start, or no start was told.
-        unusable: odometry or stamps that are not finite: left out.
-    """
-
-    updates: int = 0
-    still: int = 0
-    late_odometry: int = 0
-    odometry_jumps: int = 0
+    updates: int = 0  # scans that the localizer was given
+    still: int = 0  # scans that it was not, as the robot had hardly moved since the last one
+    late_odometry: int = 0  # messages older than the newest, or doubled: left out
+    odometry_jumps: int = 0  # steps faster than the robot can go: taken as no motion
+    # two messages in a row that are more than 1 s older than the newest, in their order: all stamps
+    # begin anew, from the first of them
     clock_resets: int = 0
-    late_scans: int = 0
-    crowded_scans: int = 0
-    scans_without_odometry: int = 0
-    scans_before_start: int = 0
-    unusable: int = 0
+    late_scans: int = 0  # not newer than the last whose odometry was there, or doubled: left out
+    crowded_scans: int = 0  # more than 10 waited for odometry: the one that came first is left out
+    scans_without_odometry: int = 0  # before the first, or in a gap of over 1 s and 3 usual periods
+    scans_before_start: int = 0  # not newer than the start, or no start was told
+    unusable: int = 0  # odometry or stamps that are not finite: left out
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Where a tracker believes the robot to be at a time.
+    """Where a tracker believes the robot to be at a time."""
 
-    Attributes:
-        time: s, of the odometry that it was carried on to.
-        poses, weights: the cloud, (x, y, θ) in the map, (n, 3), and its weights, with sum 1, (n,).
-        quality: confidence that it is not lost, in [0, 1]; None: the localizer gives none.
-        odometry: the pose by odometry at that time.
-        unit: of lengths.
-    """
-
-    time: float
-    poses: Floats
-    weights: Floats
-    quality: float | None
-    odometry: Pose
-    unit: str
+    time: float  #: s, of the odometry that it was carried on to
+    poses: Floats  #: the cloud, (x, y, θ) in the map, (n, 3)
+    weights: Floats  #: their weights, with sum 1, (n,)
+    quality: float | None  #: confidence that it is not lost, in [0, 1]; None if not given
+    odometry: Pose  #: the pose by odometry at that time
+    unit: str  #: of lengths
 
     @cached_property
     def pose(self) -> Pose:
@@ -118,24 +97,18 @@ class Tracker:
     The first message may be of any kind. A scan is used when the odometry has reached its stamp,
     between whose messages it is interpolated, and when the robot has moved far enough since the
     last scan used. Scans of ``initialpose``'s own stamp are not used: p(x_0) is of that time.
-
-    Attributes:
-        rng: the localizer's only source of randomness.
-        unit: of all lengths, "m" or "px".
-        every: distance and angle (rad) of which one must be reached between two updates; None is
-            0.2 m and 5°, (0, 0) uses every scan.
-        fastest: speeds, per s and rad/s, above which odometry jumps; None is 5 m/s and 2π rad/s.
-        memory: s of odometry and beliefs that ``at`` can look back.
-        lidar: that the localizer was made for, for scans that vary; None is its ``robot.lidar``.
     """
 
     localizer: Localizer
-    rng: np.random.Generator
-    unit: str = "m"
+    rng: np.random.Generator  #: the localizer's only source of randomness
+    unit: str = "m"  #: of all lengths, "m" or "px"
+    #: distance and angle (rad) of which one must be reached between two updates; None is 0.2 m and
+    #: 5°, (0, 0) uses every scan
     every: tuple[float, float] | None = None
+    #: speeds, per s and rad/s, above which odometry jumps; None is 5 m/s and 2π rad/s
     fastest: tuple[float, float] | None = None
-    memory: float = 10.0
-    lidar: Lidar | None = None
+    memory: float = 10.0  #: s of odometry and beliefs that ``at`` can look back
+    lidar: Lidar | None = None  #: of the localizer, for scans that vary; None is ``robot.lidar``
     counts: Counts = field(default_factory=Counts, init=False)
 
     def __post_init__(self) -> None:
@@ -188,9 +161,8 @@ class Tracker:
     def scan(self, time: float, ranges: Reals, bearings: ArrayLike | None = None) -> bool:
         """Take a scan (B,) with its stamp, s; return whether there was an update.
 
-        Bearings are those of its beams against the robot's heading, (B,) rad; None: those of the
-        localizer's lidar. Scans may vary in number and angles of beams: each bearing of the
-        localizer's lidar gets the nearest beam; see ``logs.scans.resampled``.
+        Bearings are of its beams against the robot's heading, (B,) rad; None: the lidar's. Scans
+        may vary: each bearing of the lidar gets the nearest beam; see ``logs.scans.resampled``.
         """
         if not math.isfinite(time):
             self.counts.unusable += 1
@@ -209,8 +181,8 @@ class Tracker:
         """Return the estimate at a time, s; None of time is the latest odometry's.
 
         That is the belief after the last scan used until then, carried on by the odometry without
-        its noise. After the latest odometry, the robot stands where it was. None is returned
-        before the start, and where the odometry is older than ``memory`` or has a gap.
+        its noise; after the latest odometry the robot stands still. None is returned before the
+        start, and where the odometry is older than ``memory`` or has a gap.
         """
         if self._odometry.newest is None:
             return None

@@ -1,8 +1,4 @@
-"""The engines a sweep can run on, and what keeps them busy with trials.
-
-An engine takes trials: in this process, in processes of this machine, in those of a Dask cluster
-(one that runs already, or one started here), or by an executor of the user's.
-"""
+"""Engines that run trials, in this process, others, Dask's or a user's; what keeps them busy."""
 
 import contextlib
 import importlib
@@ -48,36 +44,22 @@ _MUST = (
 
 @dataclass(frozen=True, kw_only=True)
 class Engine:
-    """What trials are submitted to.
+    """What trials are submitted to."""
 
-    Attributes:
-        submit: takes a trial and its key; raises InputError if it cannot be sent.
-        slots: trials in flight at a time.
-        timeout: s after which a trial in flight is given up; None if the engine sees to it.
-        lost: says why nothing more will come of it; "" if it works.
-    """
-
-    submit: Callable[[Trial, str], Future[Outcome]]
-    slots: int
-    timeout: float | None = None
-    lost: Callable[[], str] | None = None
+    submit: Callable[[Trial, str], Future[Outcome]]  # of a trial and its key; can raise InputError
+    slots: int  # trials in flight at a time
+    timeout: float | None = None  # s until a trial is given up; None: the engine sees to it
+    lost: Callable[[], str] | None = None  # says why nothing more will come of it; "" if it works
 
 
 @dataclass(frozen=True, kw_only=True)
 class Where:
-    """Where trials run. No part of a sweep's identity: the numbers do not depend on it.
+    """Where trials run. No part of a sweep's identity: the numbers do not depend on it."""
 
-    Attributes:
-        jobs: trials at a time; None: one per processor, or per thread of the Dask cluster.
-        executor: "process", "dask" or "module:factory".
-        scheduler: address of a Dask scheduler; None starts a cluster on this machine.
-        timeout: seconds that one trial may take; None waits for ever.
-    """
-
-    jobs: int | None = None
-    executor: str = "process"
-    scheduler: str | None = None
-    timeout: float | None = None
+    jobs: int | None = None  #: trials at a time; None is one per processor, or thread of Dask
+    executor: str = "process"  #: "process", "dask" or ``module:factory``
+    scheduler: str | None = None  #: address of Dask's; None starts a cluster on this machine
+    timeout: float | None = None  #: seconds that one trial may take; None waits for ever
 
     def __post_init__(self) -> None:
         if self.jobs is not None:
@@ -125,11 +107,7 @@ class Where:
 
 
 def _run_here(sender: "_Sender", trial: Trial, key: str) -> Future[Outcome]:
-    """Run a trial in this process, or in a process of its own if it has plug-ins.
-
-    Of other people's code only what was given to ``localizers.register`` is run here: this process
-    has loaded it already, and no other knows it.
-    """
+    """Run a trial here, or in a process of its own if it has plug-ins that others can load."""
     if guest_of(trial):
         return sender.submit(trial, key)
     future: Future[Outcome] = Future()
@@ -315,12 +293,9 @@ def outcomes(
 ) -> Generator[tuple[str, Outcome], None, None]:
     """Run (key, trial) pairs; yield (key, outcome) as they finish.
 
-    No more than ``engine.slots`` are in flight, so that what is stopped or lost is little. A trial
-    that its engine loses (its worker died) is tried again; one that hangs is not, and keeps its
-    slot: what else is sent to that worker would wait behind it.
-
-    Raises:
-        RuntimeError: the engine itself broke, or hangs in all its slots.
+    No more than ``engine.slots`` are in flight. A trial whose worker died is tried again; one that
+    hangs is not, and keeps its slot. An engine that breaks, or hangs in all its slots, raises
+    ``RuntimeError``.
     """
     waiting = deque(jobs)
     tries: Counter[str] = Counter()

@@ -1,8 +1,7 @@
 """Processes of this machine as an ``Executor`` that outlives the death of any of them.
 
-``concurrent.futures.ProcessPoolExecutor`` is broken for good when one of its processes dies, and
-can neither tell whose call that was nor end a call that hangs. Here one thread looks after one
-process: it sends a call, waits for the answer, and starts another process when there is none.
+Unlike ``ProcessPoolExecutor`` it can tell whose call a process died of, and end one that hangs:
+one thread looks after one process, and starts another when there is no answer.
 """
 
 import atexit
@@ -48,12 +47,8 @@ class Processes(Executor):
 
     A future fails with ``WorkerDiedError`` or ``TimedOutError`` when its process died or took more
     than ``timeout`` seconds (None: ``GUEST_SECONDS`` of a guest, else for ever); a new process
-    takes the next call. Leaving the context kills what still runs, and what it started. Processes
-    notice by themselves when this one is gone.
-
-    Calls of different guests never share a process, so that what a plug-in does to its process
-    concerns no other's trials. A process waits for the next call of its guest, unless ``_HELD``
-    others were called since.
+    takes the next call. Leaving the context kills what still runs, and what it started. Calls of
+    different guests never share a process, which waits for its guest until ``_HELD`` others came.
     """
 
     def __init__(self, workers: int, *, timeout: float | None = None) -> None:
@@ -183,10 +178,9 @@ class _Worker:
 
 
 def work(line: Connection) -> None:
-    """Be a worker: answer each (function, arguments) with (True, result) or (False, exception).
+    """Answer each (function, arguments) by (True, result) or (False, exception), until the end.
 
-    It leads its own session, prints to stderr, ends when the line breaks, and does not outlive its
-    parent.
+    It leads its own session, prints to stderr, and ends with the line or its parent.
     """
     if hasattr(os, "register_at_fork"):  # what a call forks does not answer for it
         os.register_at_fork(after_in_child=line.close)

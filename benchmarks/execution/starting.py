@@ -58,9 +58,8 @@ def _refuse_long_folder() -> None:
 def sheltered() -> Iterator[None]:
     """Let processes started here have one thread and our modules, and leave Ctrl-C to this one.
 
-    Libraries read the environment when they are loaded. A terminal sends Ctrl-C to all processes;
-    one inherits the signal mask of the thread that starts it. The first start of a process also
-    starts multiprocessing's resource tracker, which would clear the mask.
+    A process inherits the environment, which libraries read when they are loaded, and the signal
+    mask, which multiprocessing's resource tracker, started with the first one, would clear.
     """
     _refuse_long_folder()
     masked = hasattr(signal, "pthread_sigmask")

@@ -34,11 +34,7 @@ from localizers import Belief
 
 
 def require_plots() -> None:
-    """Refuse to go on without matplotlib.
-
-    Raises:
-        InputError: naming the pip command.
-    """
+    """Refuse to go on without matplotlib."""
     if find_spec("matplotlib") is None:
         raise InputError(
             "plots need matplotlib, which is not installed: pip install 'deqmcl-gym[plots]'."
@@ -211,10 +207,7 @@ def _line(row: Mapping[str, Any], unit: str) -> str:
 
 
 def _noting(outside: list[int], episode: Iterable[Step], floor_plan: Map) -> Iterator[Step]:
-    """Pass an episode on; note steps at which more than half of the weight is not free.
-
-    That is inside walls or outside the map, where a filter that does not use it may end up.
-    """
+    """Pass an episode on; note steps at which more than half of the weight is not in free space."""
     for moment in episode:
         if (points := moment.belief.points()) is not None:
             poses, weights = points
@@ -243,10 +236,7 @@ def _curves_csv(trace: Trace) -> str:
 
 
 def trajectories(trace: Trace) -> dict[str, bytes]:
-    """TUM files by name: the truth, and the estimates at each offset (means of the beliefs).
-
-    One step is one second; px take the place of metres in a room in px.
-    """
+    """TUM files by name: truth, and means of beliefs at each offset; a step is 1 s, px stay px."""
     steps = np.arange(float(len(trace.truth)))
     files = {"trajectory_truth.tum": Trajectory(steps, trace.truth).tum}
     for offset, kept in trace.offsets.items():
@@ -257,10 +247,7 @@ def trajectories(trace: Trace) -> dict[str, bytes]:
 
 
 def npz(trace: Trace) -> bytes:
-    """Return the trace as npz without pickles: ``truth``, ``quality``, ``t-20/means`` ….
-
-    For the arrays and their units see ``benchmarks.trials.trace``; read by ``numpy.load(path)``.
-    """
+    """Return a ``Trace`` as npz without pickles: ``truth``, ``quality``, ``t-20/means`` …."""
     arrays: dict[str, NDArray[np.generic]] = {"truth": trace.truth, "quality": trace.quality}
     for offset, kept in trace.offsets.items():
         name = f"t{offset:+d}" if offset else "t"

@@ -48,27 +48,17 @@ _LAST = 1500  # ms that the last image stays
 
 @dataclass(frozen=True)
 class Camera:
-    """Draws moments of one room.
+    """Draws moments of one room."""
 
-    Attributes:
-        view: the room, and how large.
-        radius: of the robot, px.
-        lag: L, the offset of the past and future shown, steps.
-        ground: draws the room as it is now, below all else.
-    """
-
-    view: View
-    radius: float
-    lag: int
-    ground: Callable[[View], Drawing] = Drawing
+    view: View  # the room, and how large
+    radius: float  # of the robot, px
+    lag: int  # L, the offset of the past and future shown, steps
+    ground: Callable[[View], Drawing] = Drawing  # draws the room as it is now, below all else
 
     def frame(self, moment: Step, words: Sequence[str], past: Reals | None = None) -> Image:
-        """Draw one moment: clouds, robot, plan and estimate; below it lines of words, a legend.
+        """Draw a moment: clouds, robot, plan and estimate; below it lines of words, a legend.
 
-        Args:
-            moment: what is drawn.
-            words: lines of them.
-            past: the true pose at offset -L, if the estimate is to be of it: it has a ring.
+        The estimate is of ``past``, the true pose at offset -L with a ring, if that is given.
         """
         drawing, clouds = self.scene(moment)
         marks = [("robot", GRAY), ("estimate", BLACK)]
@@ -113,10 +103,7 @@ class Camera:
 
 
 def camera_of(stage: Stage, scale: float = 1.6) -> Camera:
-    """Return a camera for the room of a trial, set up.
-
-    A building is drawn smaller: 560 image pixels times the scale are the most to a side.
-    """
+    """Return a camera for the room of a trial; a side has at most 560 pixels times the scale."""
     room = stage.room
     x0, y0, x1, y1 = room.floor_plan.bounds
     longest = max(x1 - x0, y1 - y0)
@@ -135,10 +122,7 @@ def png(image: Image) -> bytes:
 
 
 def webp(frames: Sequence[Image], milliseconds: int) -> bytes:
-    """Return RGB images as an animated, endless WebP without loss, which would leave ghosts.
-
-    The last image stays for a second and a half.
-    """
+    """Return RGB images as an endless WebP without loss, which would leave ghosts."""
     first, *others = map(PIL.Image.fromarray, frames)
     buffer = io.BytesIO()
     # A seventh of the time of OpenCV's encoder, a quarter larger: less effort, no key frames,
@@ -169,20 +153,13 @@ class Film:
     """Draws an episode while it is run: a localizer may change its belief at the next step.
 
     The last frame has the whole way, with the place from where on the robot stays localized.
-
-    Attributes:
-        camera: looks at the room.
-        title: stands below it.
-        stride: steps per frame.
-        frames: drawn so far.
-        moments: seen so far.
     """
 
-    camera: Camera
-    title: str
-    stride: int
-    frames: list[Image] = field(default_factory=list, init=False)
-    moments: list[Step] = field(default_factory=list, init=False)
+    camera: Camera  # looks at the room
+    title: str  # stands below it
+    stride: int  # steps per frame
+    frames: list[Image] = field(default_factory=list, init=False)  # drawn so far
+    moments: list[Step] = field(default_factory=list, init=False)  # seen so far
     _best: list[tuple[float, float, float]] = field(default_factory=list, init=False)
 
     def of(self, episode: Iterable[Step]) -> Iterator[Step]:

@@ -235,11 +235,7 @@ def _is_even(lidar: Lidar) -> bool:
 
 
 def check_file(path: Path) -> None:
-    """Refuse an MCAP file that cannot be written.
-
-    Raises:
-        InputError: foxglove-sdk is not installed, or the file has another ending or exists.
-    """
+    """Refuse an MCAP file without foxglove-sdk, with another ending, or that exists."""
     if find_spec("foxglove") is None:
         raise InputError(
             "--mcap needs foxglove-sdk, which is not installed: pip install 'deqmcl-gym[view]'."
@@ -251,11 +247,7 @@ def check_file(path: Path) -> None:
 
 
 def check_folder(folder: Path) -> None:
-    """Refuse a folder for MCAP files that holds some, or what else there is.
-
-    Raises:
-        InputError: foxglove-sdk is not installed, or the folder is not empty.
-    """
+    """Refuse a folder for MCAP files without foxglove-sdk, or that is not empty."""
     check_file(folder / "any.mcap")
     if not is_empty(folder) or (folder.exists() and not folder.is_dir()):
         raise InputError(f"--mcap is {folder}, which is there already: give a new folder.")
@@ -265,17 +257,9 @@ def check_folder(folder: Path) -> None:
 def showing(
     path: Path | None, runs: Mapping[str, Iterable[Step]], stage: Stage
 ) -> Iterator[Iterator[tuple[Step, ...]]]:
-    """Yield runs, side by side, that are written to a file as they go on.
+    """Yield runs of one world by localizer, side by side, that are written to a file as they go on.
 
-    The file is there whole when the runs have ended.
-
-    Args:
-        path: of the file; None: none.
-        runs: moments of one world by the name of the localizer.
-        stage: of the first of them.
-
-    Raises:
-        InputError: a log has times before 0 s.
+    The file is there whole when the runs have ended; times before 0 s are refused.
     """
     rows = zip(*runs.values(), strict=True)
     if path is None:
@@ -314,11 +298,7 @@ def _written(
 
 
 def _time(stage: Stage, moment: Step) -> float:
-    """Return when a moment is that was just run, s: its record's time, in a room one second a step.
-
-    Raises:
-        InputError: it is before 0.
-    """
+    """Return when a moment is that was just run, s: its record's time; in a room 1 s a step."""
     if not isinstance(stage.room, LogEnv):
         return float(moment.t)
     at = stage.room.record.time

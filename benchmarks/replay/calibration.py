@@ -1,10 +1,8 @@
 """What beams read, and how much those of one scan tell together: fitted to part of a log.
 
-The parts of the beam model are fitted to scans from reference poses. Then its power: beams are not
-independent: neighbours hit the same wall, and an error of the map is in all of them
-and in many scans. A filter that multiplies their likelihoods is far too sure. p(o | x, m)^power
-with a power below 1 is the usual remedy (Thrun, Burgard & Fox 2005, section 6.3.4); here it is the
-one with which the belief's 95 % region covers the reference about as often as it says.
+The parts of the beam model are fitted to scans from reference poses. Beams are not independent, so
+p(o | x, m)^power needs a power below 1 (Thrun, Burgard & Fox 2005, section 6.3.4): here the one
+with which the belief's 95 % region covers the reference about as often as it says.
 """
 
 import math
@@ -93,10 +91,9 @@ def with_fitted_beams(replay: Replay) -> Replay:
 def calibrated(replay: Replay) -> Replay:
     """Return what is played with the power that is fitted to its first part, if one can be.
 
-    It is the power with which ``mcl`` covers the share of the reference nearest to ``LEVEL``, of
-    those with which it follows the robot: of a coarse grid, then between the two around ``LEVEL``,
-    until it is met within its own noise. None can be fitted without a reference at enough of the
-    first records, or where the filter follows it with no power, which ``calibration`` says.
+    Of those with which ``mcl`` follows the robot, the one that covers the share of the reference
+    nearest to ``LEVEL``: of a coarse grid, then between the two around it. There is none without a
+    reference at enough of the first records, or where ``mcl`` follows the robot with no power.
     """
     count = _part(replay.log)
     if count is None:

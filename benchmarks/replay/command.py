@@ -64,17 +64,11 @@ _WORLDS = (
 
 @dataclass(frozen=True)
 class Planned:
-    """Runs of localizers on a log, which nobody has run yet.
+    """Runs of localizers on a log, which nobody has run yet."""
 
-    Attributes:
-        replay: what is played.
-        sweep: whose worlds are the runs of each localizer.
-        warnings: about the log and Nav2's file, as printed.
-    """
-
-    replay: Replay
-    sweep: Sweep
-    warnings: list[str]
+    replay: Replay  # what is played
+    sweep: Sweep  # whose worlds are the runs of each localizer
+    warnings: list[str]  # about the log and Nav2's file, as printed
 
 
 def planned(
@@ -93,15 +87,10 @@ def planned(
 ) -> Planned:
     """Read a log, fit what is not set, and return the runs of localizers on it, checked.
 
-    Args:
-        log, floor_plan, reference, start, settings: see ``replay_of``; also params.KEY of all
-            localizers, and params.LOCALIZER.KEY of one.
-        localizers: names; the first is the baseline.
-        particles: by whatever name a localizer takes them; None: its own default.
-        seeds: runs of each localizer.
-        seed: root of all randomness.
-        nav2: sets all of ``amcl``, and what is not in ``settings``.
-        fit_beams: whether the beam model is fitted to the first part of the log.
+    Log, map, reference, start and ``settings`` are as for ``replay_of``, with params.KEY of all
+    localizers and params.LOCALIZER.KEY of one; ``nav2`` sets all of ``amcl``, and what is not in
+    them. The first localizer is the baseline; each has ``seeds`` runs, and takes ``particles`` by
+    whatever name it has for them; None: its own default.
     """
     usual: dict[str, Any] = {"world.every": every_for(localizers)}
     if nav2 is not None:
@@ -422,11 +411,7 @@ def methods_of(
     own: Mapping[str, Mapping[str, Any]],
     shared: Mapping[str, Mapping[str, Any]] = NOTHING,
 ) -> tuple[Method, ...]:
-    """Return localizers with their parameters.
-
-    One has those of ``shared`` by its name, else as many particles as are asked for, None: its own
-    default; what is its ``own`` comes before both.
-    """
+    """Return localizers with ``own`` parameters, else those ``shared``, else so many particles."""
     if not localizers:
         raise InputError(f"no localizer is named: allowed values: {', '.join(localizer_names())}.")
     if len(set(localizers)) < len(localizers):

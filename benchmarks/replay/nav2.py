@@ -1,10 +1,8 @@
 """Nav2's AMCL parameters: of our ``amcl``, which has the same, and what others assume like it.
 
-Names, defaults and meaning are those of docs.nav2.org, "AMCL". A parameter file is read as rcl and
-rclcpp do (ros2/rcl, rcl_yaml_param_parser/src/parse.c; ros2/rclcpp, parameter_map.cpp): of a key
-given twice, tables are joined and the later value counts; "/*" in the name of a node is any part,
-"/**" any number of them, and all that fit are applied in the order in which they first stand in the
-file, so that a wildcard overrides what stands before it.
+Names, defaults and meaning are those of docs.nav2.org, "AMCL". Files are read as by ros2/rcl
+(parse.c) and ros2/rclcpp (parameter_map.cpp): of a key given twice, tables are joined and the later
+value counts; "/*" is any part of a node's name, "/**" any number; all that fit apply in file order.
 """
 
 import math
@@ -63,32 +61,19 @@ _OF_ROS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Amcl:
-    """What a robot's AMCL is told, as our localizers, logs and scenarios take it. Lengths in m.
+    """What a robot's AMCL is told, as our localizers, logs and scenarios take it. Lengths in m."""
 
-    Attributes:
-        source: where it was read.
-        params: of our ``amcl``.
-        reading: bounds of the ranges that are measurements, where they are given: of logs.
-        motion: what other localizers assume of the odometry.
-        sigma: of a beam, which they assume.
-        every: (distance, angle rad) between two records, a quarter of ``update_min_*``, so that
-            ``amcl`` updates when the robot has moved as far, and not much later.
-        max_beams: of a scan.
-        start: (x, y, θ) of the robot; None if it is not set.
-        unused: what has no counterpart, with the reason.
-        remarks: what ROS or Nav2 does otherwise, or is easily missed.
-    """
-
-    source: str
-    params: Mapping[str, Any]
-    reading: Mapping[str, float]
-    motion: MotionModel
-    sigma: float
+    source: str  # where it was read
+    params: Mapping[str, Any]  # of our ``amcl``
+    reading: Mapping[str, float]  # given bounds of the ranges that are measurements: of logs
+    motion: MotionModel  # what other localizers assume of the odometry
+    sigma: float  # of a beam, which they assume
+    # (distance, angle rad) between records, a quarter of ``update_min_*``: so updates come in time
     every: tuple[float, float]
-    max_beams: int
-    start: tuple[float, float, float] | None
-    unused: Mapping[str, str]
-    remarks: Sequence[str]
+    max_beams: int  # of a scan
+    start: tuple[float, float, float] | None  # (x, y, θ) of the robot; None if it is not set
+    unused: Mapping[str, str]  # what has no counterpart, with the reason
+    remarks: Sequence[str]  # what ROS or Nav2 does otherwise, or is easily missed
 
     @property
     def notes(self) -> list[str]:
@@ -140,12 +125,7 @@ class Amcl:
 
 
 def read_nav2(path: Path, node: str | None = None) -> Amcl:
-    """Read the AMCL parameters of a Nav2 parameter file.
-
-    Args:
-        path: of the yaml.
-        node: whose parameters, as "/robot1/amcl"; None is the only amcl in it.
-    """
+    """Read a Nav2 file's parameters of a node, as "/robot1/amcl"; None is the only amcl in it."""
     _, nodes, twice = _nodes_of(path)
     name = _node_named("amcl", nodes, path, node)
     patterns = _fitting(name, nodes)
@@ -167,11 +147,9 @@ def usual_params() -> dict[str, Any]:
 def nav2_document(
     params: Mapping[str, Any], path: Path | None = None, node: str | None = None
 ) -> dict[str, Any]:
-    """Return a Nav2 parameter file, as of YAML, with these parameters of ``amcl``.
+    """Return a Nav2 parameter file, as of YAML, with parameters of ``amcl`` that are no defaults.
 
-    Args:
-        params: what is not Nav2's default.
-        path, node: a file whose other content is kept, as for ``read_nav2``; None: there is none.
+    The other content of the file at ``path`` is kept; ``node`` is as for ``read_nav2``.
     """
     for name in _OURS:
         if params.get(name, False) is not False:

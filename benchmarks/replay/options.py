@@ -46,22 +46,14 @@ _UNKNOWN = {
 
 @dataclass(frozen=True, kw_only=True)
 class Replay:
-    """The scenario ``replay`` with changes, as a sweep has them, and what is to be said of them.
+    """The scenario ``replay`` with changes, as a sweep has them, and what is to be said of them."""
 
-    Attributes:
-        world, assumed: the changes, by dotted name.
-        noise: where that of the motion is from.
-        reference: where the true poses are from, in words; "" without any.
-        beams: how the beam model was fitted, in words; "" if it was not.
-        calibration: how the power of the scan model was fitted, in words; "" if it was not.
-    """
-
-    world: Overrides
-    assumed: Overrides
-    noise: str
-    reference: str
-    beams: str = ""
-    calibration: str = ""
+    world: Overrides  # the changes, by dotted name
+    assumed: Overrides  # likewise
+    noise: str  # where that of the motion is from
+    reference: str  # where the true poses are from, in words; "" without any
+    beams: str = ""  # how the beam model was fitted, in words; "" if it was not
+    calibration: str = ""  # how the power of the scan model was fitted, in words; "" if it was not
 
     @property
     def scenario(self) -> ReplayScenario:
@@ -164,12 +156,9 @@ def replay_of(
     otherwise: str | Sequence[float] | None = None,
     settings: Mapping[str, Any] = NOTHING,
 ) -> Replay:
-    """Return what is to be replayed.
+    """Return what is to be replayed: a log, or its parts, with the map's yaml and a TUM reference.
 
     Args:
-        log: path of the log, or of its parts.
-        floor_plan: path of the map's yaml.
-        reference: path of a TUM file.
         start: "reference", "global", a pose of the robot (or "x,y,θ"), "room=x,y,x,y,…",
             "near=x,y,within" or the path of a TOML file with a table [prior]; None is the reference
             if there is one.
@@ -362,10 +351,7 @@ def _reference(whole: Log, played: Log, tolerance: float | None) -> str:
 def interpolation_errors(log: Log) -> tuple[Floats, Floats] | None:
     """How far off every second reference pose is if it is interpolated between its neighbours.
 
-    More than at the records between, as here the neighbours are twice as far apart.
-
-    Returns:
-        Lengths and angles, (k,) each; None if there are none.
+    Lengths and angles, (k,) each, more than at the records between; None if there are none.
     """
     at = log.referenced
     if log.interpolated is not None:

@@ -48,11 +48,7 @@ _WIDTH = 6.4  # inches
 
 
 class Place(NamedTuple):
-    """A place at which a map is wrong, lengths in the map's unit: centre and size of its cells.
-
-    ``beams`` contradict the map there, from ``poses`` at least 0.5 m apart: a ``share`` of those
-    that reach its cells, which are ``at``.
-    """
+    """A place at which a map is wrong, lengths in the map's unit: centre and size of its cells."""
 
     kind: str
     x: float
@@ -60,10 +56,10 @@ class Place(NamedTuple):
     width: float
     height: float
     cells: int
-    beams: int
-    poses: int
-    share: float
-    at: Indices
+    beams: int  # that contradict the map there
+    poses: int  # from where they do, at least 0.5 m apart
+    share: float  # of the beams that reach its cells
+    at: Indices  # its cells
 
 
 @dataclass(frozen=True)
@@ -83,10 +79,7 @@ class Residuals:
 
     @cached_property
     def used(self) -> Bools:
-        """Whether so much is explained around a scan that the robot is not lost, (n,).
-
-        By the median of 21 scans: the robot passes a place where the map is wrong, but stays lost.
-        """
+        """Whether the robot is not lost at a scan, by the median share that 21 explain, (n,)."""
         padded = np.pad(self._fit.explained, _AROUND, constant_values=np.nan)
         windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
         with warnings.catch_warnings():
@@ -219,10 +212,7 @@ class Residuals:
 
 
 def residuals_of(replay: Replay, runs: pd.DataFrame) -> Residuals | None:
-    """Return where the map is wrong, by the run that fits it best; None if no run has ended.
-
-    From the poses of its best clusters.
-    """
+    """Return where the map is wrong, by best clusters of the best run; None if none has ended."""
     done = ended(runs)
     if done.empty:
         return None

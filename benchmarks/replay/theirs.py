@@ -1,8 +1,7 @@
 """``deqmcl score``: what another stack has estimated, as runs beside those of a replay.
 
-Beside a replay, or with a log, an estimate is scored at the log's records: there it is the stack's
-last pose, carried on by the odometry since, which is what the stack itself would have said then.
-Without a log it is scored at its own times, between whose poses nothing is assumed.
+With a log an estimate is scored at its records: there it is the stack's last pose, carried on by
+the odometry since, as the stack would have said. Without a log it is scored at its own times.
 """
 
 import math
@@ -107,10 +106,7 @@ def played_by_replay(
 
 
 def at_own_times(estimate: Trajectory, reference: Trajectory) -> tuple[EstimatedTrack, Indices]:
-    """Return an estimate at those of its own times that have a reference, and which these are.
-
-    The odometry of these records is the reference: it says how far the robot has driven.
-    """
+    """Return an estimate at its times with a reference, its odometry there; and which they are."""
     n = estimate.times.size
     nothing = np.full((n, 1), math.inf)
     still = Log(_BLIND, estimate.times, np.zeros((n, 3)), nothing, source=estimate.source)
@@ -136,10 +132,7 @@ def run_of(label: str, estimate: Trajectory, by: Played | Trajectory) -> pd.Data
 
 
 def estimates_of(words: Sequence[str], covariance: str | None) -> dict[str, Trajectory]:
-    """Return estimates named ``[NAME=]FILE[:TOPIC]`` by label, which is the name or the file's.
-
-    ``covariance`` is the file of those of the only one.
-    """
+    """Return estimates ``[NAME=]FILE[:TOPIC]`` by name; the only one may have a ``covariance``."""
     if covariance is not None and len(words) > 1:
         raise InputError(
             f"--covariance is for one estimate, but {len(words)} are given: score one at a time, "

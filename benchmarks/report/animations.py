@@ -35,24 +35,16 @@ _LOCALIZED = "metres_to_localize"
 
 @dataclass(frozen=True, kw_only=True)
 class Animation:
-    """One world in motion, a trial of each method side by side.
+    """One world in motion, a trial of each method side by side."""
 
-    Attributes:
-        name: of its files, without ending.
-        title, caption: what is to be seen.
-        trials, labels, keys: one of each method, and under what its result is kept.
-        webp: the animation; empty until it is filmed.
-        png: its end, for those who want no motion.
-    """
-
-    name: str
-    title: str
+    name: str  # of its files, without ending
+    title: str  # what is to be seen
     caption: str
-    trials: tuple[Trial, ...]
+    trials: tuple[Trial, ...]  # one of each method
     labels: tuple[str, ...]
-    keys: tuple[str, ...]
-    webp: bytes = b""
-    png: bytes = b""
+    keys: tuple[str, ...]  # under which their results are kept
+    webp: bytes = b""  # the animation; empty until it is filmed
+    png: bytes = b""  # its end, for those who want no motion
 
 
 def filmed(shown: Animation) -> Animation:
@@ -178,11 +170,7 @@ def write_laps(results: Results, folder: Path) -> str:
 
 
 def _focus(rows: pd.DataFrame) -> pd.Series:
-    """What is shown beside its baseline.
-
-    Of lost robots what is localized earliest; else DEQ-MCL if it was run; else what differs most
-    from its baseline; else the baseline.
-    """
+    """What is localized earliest if robots are lost, else DEQ-MCL, else what differs most."""
     others = rows[~rows["is_baseline"]]
     if _LOCALIZED in rows and others[f"{_LOCALIZED}_restricted"].notna().any():
         return others.sort_values(f"{_LOCALIZED}_restricted", kind="stable").iloc[0]

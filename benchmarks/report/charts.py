@@ -93,14 +93,7 @@ def line(
     band: bool = False,
     **how: Any,
 ) -> "Axes":
-    """Draw y over x, a line for each label, with intervals as bars or as a band.
-
-    Args:
-        frame: a row per point; x, y, low, high are columns, without low there are no intervals.
-        axes: to draw on; None: those of a new figure.
-        band: a band, and no marks.
-        how: for ``Axes.plot``.
-    """
+    """Draw column y over x, a line per label, with intervals, if any, as bars or a ``band``."""
     axes = canvas() if axes is None else axes
     for label, place, rows in _labels(frame):
         color, mark = look(place).values()
@@ -127,15 +120,9 @@ def cells(
     least: float,
     bold: str = "",
 ) -> "Figure":
-    """Draw values as coloured cells, a square for each value of a third column.
+    """Draw rows as cells with words, x across, y upwards, a square per value of a third column.
 
-    Args:
-        frame: a row per cell.
-        x, y, square: columns of what is across, upwards, and of each square.
-        value: column of the colour, blue above 0, red below.
-        text: column of the words in a cell.
-        least: value that has the full colour, at least.
-        bold: column of whether the words are bold; none are without it.
+    They are blue above 0 and red below, fully from ``least`` or more on; ``bold`` is a column, too.
     """
     from matplotlib.figure import Figure
 

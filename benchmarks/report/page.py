@@ -86,12 +86,8 @@ def page_files(
 ) -> dict[str, bytes]:
     """Return report.html, results.md and the pictures of the latter by name.
 
-    Args:
-        results: what it is about.
-        folder: whose films and figures are shown, if it has them.
-        draw: whether to draw the films that it has not.
-        notes, warnings, facts: further sentences; facts stand below, beside the command.
-        more: parts of the first section.
+    Films and figures of the folder are shown; with ``draw`` films that it lacks are drawn. Facts
+    stand below, beside the command, and ``more`` is part of the first section.
     """
     panels = results.panels
     several = len(panels) > 1

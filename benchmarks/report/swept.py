@@ -21,8 +21,8 @@ _WIDE = 20  # a ratio of values above it is drawn on a logarithmic axis
 def swept_charts(panels: Sequence[Panel]) -> list[Chart]:
     """Charts over each number that was swept: maps if two or three were and runs are scored.
 
-    Where several are swept, there is a chart for every value of the others. None where methods
-    stopped after as many worlds as their decisions needed.
+    Where several are swept, there is a chart for every value of the others. There is none where
+    methods stopped after as many worlds as their decisions needed.
     """
     if any(panel.rule for panel in panels):
         return []
@@ -67,10 +67,7 @@ def place_of(panel: Panel) -> dict[str, Any]:
 
 
 def swept_axes(places: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
-    """Coordinates with two numbers or more, each with those that change together with it.
-
-    Of those that do, the one with the values of most: of noises in drift, drive and turn, drive.
-    """
+    """Coordinates with two numbers or more, with those of fewer values that change with them."""
     keys = dict.fromkeys(key for place in places for key in place if key != "seed")
     varying = [key for key in keys if len({p[key] for p in places if is_number(p.get(key))}) > 1]
     found: dict[str, list[str]] = {}
@@ -140,10 +137,7 @@ def _curve(rows: pd.DataFrame, key: str, column: str) -> Any:
 def _maps(
     panels: Sequence[Panel], places: Sequence[dict[str, Any]], keys: Sequence[str]
 ) -> list[Chart]:
-    """Maps over two numbers of the share of runs, over three of what is tested.
-
-    Of the latter, one for every score of whole runs and every method beside the baseline.
-    """
+    """Maps over two numbers of the share of runs, over three of each test of each method."""
     told = {key: f"{key}, °" if key == _ANGLE else name_of(key) for key in keys}
     frame = pd.concat(
         panel.present.assign(

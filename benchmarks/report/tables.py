@@ -76,16 +76,11 @@ Columns = Mapping[str, str | Writer]  # by title: a column of a frame, or how ro
 
 
 class Table(NamedTuple):
-    """A frame of words with what it shows; the first column names a line.
-
-    Attributes:
-        caption, frame: the words.
-        strong: cells in bold, by line and column.
-    """
+    """A frame of words with what it shows; the first column names a line."""
 
     caption: str
     frame: pd.DataFrame
-    strong: Collection[tuple[int, int]] = ()
+    strong: Collection[tuple[int, int]] = ()  # cells in bold, by line and column
 
     def written(self, words: Callable[[str], str] = str, strong: str = "{}") -> pd.DataFrame:
         """Return the cells in a markup language: ``words`` escapes, ``strong`` is bold."""

@@ -143,12 +143,7 @@ def worst_run(runs: pd.DataFrame) -> pd.Series:
 
 
 def tracks_table(runs: pd.DataFrame, compared: pd.DataFrame | None) -> pd.DataFrame:
-    """Return results.csv: a row per localizer, its scores, then its differences to the first.
-
-    Args:
-        runs: of all localizers.
-        compared: their ``results_table``; None if they are not compared.
-    """
+    """Return results.csv: a row per localizer, its scores, then its differences if compared."""
     further = [
         f"{score}_{end}"
         for score in _COMPARED
@@ -170,8 +165,7 @@ def tracks_trials(runs: pd.DataFrame) -> pd.DataFrame:
 def tracked(panel: Panel) -> tuple[pd.DataFrame, Map] | None:
     """Return the runs of each method of a panel, and the map; None if it has no tracks.
 
-    None also where log and map are not there any more, or need somebody's code: a folder is read on
-    other machines, too.
+    None also where log and map are not there any more, or need somebody's code.
     """
     records = panel.records_by_label
     if any(record.track is None for finished in records.values() for record in finished):

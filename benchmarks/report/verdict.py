@@ -208,10 +208,7 @@ def _ahead(panel: Panel, row: Any) -> str:
 
 
 def _on_a_log(panel: Panel) -> str:
-    """The verdict on whole logs where the share of successes separates no methods.
-
-    By their errors, else by how often their 95 % regions hold the reference; "" if neither does.
-    """
+    """The verdict on whole logs of equal success: by errors, else by coverage of 95 % regions."""
     score, rows = "position_median", panel.present
     if score not in rows:
         return ""

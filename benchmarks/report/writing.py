@@ -27,11 +27,7 @@ def no_report() -> str | None:
 
 
 def require_report() -> None:
-    """Refuse to go on without what a report is made with.
-
-    Raises:
-        InputError: naming the pip command.
-    """
+    """Refuse to go on without what a report is made with."""
     if (why := no_report()) is not None:
         raise InputError(why)
 
@@ -51,10 +47,8 @@ def write_report(out: Path | str, results: Results, *, draw: bool = True) -> lis
 
     Films that the folder has not are drawn, unless ``draw`` is false. results.csv and trials.csv
     depend on nothing but the trials; timings.csv, the page and results.md also tell times and
-    versions. Without the extra ``report`` there are the tables only.
-
-    Raises:
-        InputError: the folder holds files, but neither a sweep nor a report.
+    versions. Without the extra ``report`` there are the tables only. A folder that holds files, but
+    neither a sweep nor a report, raises ``InputError``.
     """
     if not isinstance(results, Results):
         raise InputError(f"the results are {shown(results)}: give the folder first, then results.")
@@ -66,11 +60,7 @@ def write_report(out: Path | str, results: Results, *, draw: bool = True) -> lis
 
 
 def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
-    """Write the report of a folder anew, into it or elsewhere; no trial is run.
-
-    Raises:
-        InputError: ``out`` cannot be written to, or holds what is not ours.
-    """
+    """Write the report of a folder anew, into it or elsewhere; no trial is run."""
     if out.exists() and out.samefile(folder):
         if any(record.track is not None for record in results.records):
             raise InputError(

@@ -53,13 +53,8 @@ class Agent(Protocol):
         """Return the plan that the localizer is reset with, (h, 2); None: the one the env shows."""
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
-        """Return the next action, and the plan after it.
+        """Return the next action by the env's latest ``info``, and the plan after it.
 
-        Args:
-            info: the env's latest, without the truth.
-
-        Returns:
-            The action to be carried out next, (distance, turn) in the map's unit and rad, and the
-            plan after it, (h, 2), which the localizer gets with the next scan; None: that which the
-            env then shows.
+        The action is (distance, turn) in the map's unit and rad. The localizer gets the plan,
+        (h, 2), with the next scan; None: that which the env then shows.
         """

@@ -34,15 +34,10 @@ _READ = ("log", "reference", "reading")  # of them: what the records are read fr
 
 @dataclass(frozen=True, kw_only=True)
 class LogScenario(Scenario):
-    """Segments of a recorded log: each trial's seed draws where its own begins.
+    """Segments of a recorded log: each trial's seed draws where its own begins."""
 
-    Attributes:
-        env: arguments of ``LogEnv``; "none" is None, where the env takes it.
-        estimated: whether the motion's noise is that of the log's odometry against its reference,
-            instead of ``motion``.
-    """
-
-    env: Mapping[str, Any]
+    env: Mapping[str, Any]  # arguments of ``LogEnv``; "none" is None, where the env takes it
+    # whether the noise is of the log's odometry against its reference, instead of ``motion``
     estimated: bool = True
     _names = _ARGUMENTS  # of its env
 
@@ -134,8 +129,7 @@ class LogScenario(Scenario):
 class ReplayScenario(LogScenario):
     """A whole log, with a reference or without: its worlds are runs of the localizers on it.
 
-    Its env has another name, ``judged``: the first record by which beliefs are judged, as what is
-    before it was fitted on.
+    Records before its ``judged`` were fitted on: beliefs are not judged by them.
     """
 
     _names = (*_ARGUMENTS, "judged")
@@ -207,11 +201,10 @@ def shows_noise(log: Log) -> bool:
 def typical_steps(log: Log) -> tuple[Floats, Floats]:
     """Return increments of the odometry, and what the reference says was done, (k, 3) each.
 
-    One for each stretch between consecutive poses of the reference: interpolated ones follow the
-    odometry, so they know nothing of its noise. A stretch of n > 1 records is told as one of its
-    steps, of root mean square length and turn. Its error is 1/n of what the length and the turn of
-    all stretches explain (a wheel that is too small adds up by steps) and 1/√n of the rest (noise
-    adds up by variances). In which direction such a step went is not known: its ``left`` is NaN.
+    One for each stretch between consecutive poses of the reference, none interpolated. A stretch of
+    n > 1 records is told as one of its steps, of root mean square length and turn, with ``left``
+    NaN. Its error is 1/n of what the length and the turn of all stretches explain, as errors of
+    wheels add up by steps, and 1/√n of the rest, as noise adds up by variances.
     """
     if log.reference is None:
         raise InputError(f"{log.source} has no reference: give the noise of the motion instead.")
@@ -264,13 +257,10 @@ def _explained(errors: Floats, by: Floats) -> Floats:
 
 
 def motion_noise(log: Log, kind: str = "differential") -> MotionModel:
-    """Return the motion model of a kind with the noise that a log shows, or what it assumes anyway.
+    """Return the motion model of a kind with the noise of steps of a log, thinned as it is played.
 
-    Each number is that of the fit, but at least half of ``unknown_motion``'s: where a reference was
-    made with the help of the odometry, it denies its noise.
-
-    Args:
-        log: with a reference; thinned as it will be played, as the noise is that of a step.
+    Each number is that of the fit, but at least half of ``unknown_motion``'s, as a reference that
+    was made with the help of the odometry denies its noise.
     """
     least, steps = unknown_motion(kind, log.unit), typical_steps(log)
     if len(steps[0]) < LEAST_STEPS:

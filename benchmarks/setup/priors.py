@@ -33,18 +33,12 @@ _DIRECTIONS = 1024  # that are drawn to find a free one
 
 @dataclass(frozen=True, kw_only=True)
 class Gaussian:
-    """x_0 ~ N(mean, diag(sd_position², sd_position², sd_heading²)).
+    """x_0 ~ N(mean, diag(sd_position², sd_position², sd_heading²))."""
 
-    Attributes:
-        mean: (x, y, θ rad); None is the planned start, which need not be the true one, and in a
-            log its reference.
-        sd_position: in x and in y.
-        sd_heading: rad.
-    """
-
+    #: (x, y, θ rad); None is the planned start, perhaps not the true one; in a log its reference
     mean: tuple[float, float, float] | None = field(default=None, metadata=POSE)
-    sd_position: float = field(default=10.0, metadata=LENGTH)
-    sd_heading: float = 0.1
+    sd_position: float = field(default=10.0, metadata=LENGTH)  #: in x and in y
+    sd_heading: float = 0.1  #: rad
     may_be_lost = False
 
     def __post_init__(self) -> None:
@@ -70,16 +64,12 @@ class Gaussian:
 class Displaced(Gaussian):
     """A Gaussian whose mean is wrong by a distance and an angle, as if a person were mistaken.
 
-    The direction is drawn, evenly among those that lead to free space, as nobody says that a robot
-    stands in a wall; the angle is to the left or to the right.
-
-    Attributes:
-        distance: by which the mean is off.
-        angle: by which its heading is off, rad.
+    The direction is drawn evenly among those that lead to free space; the angle is to the left or
+    to the right.
     """
 
-    distance: float = field(default=0.0, metadata=LENGTH)
-    angle: float = 0.0
+    distance: float = field(default=0.0, metadata=LENGTH)  #: by which the mean is off
+    angle: float = 0.0  #: by which its heading is off, rad
     may_be_lost = True
 
     def __post_init__(self) -> None:
@@ -116,18 +106,14 @@ class Displaced(Gaussian):
 
 @dataclass(frozen=True, kw_only=True)
 class Uniform:
-    """x_0 is anywhere in free space, or in that of a polygon or annulus, in any heading.
+    """x_0 is anywhere in free space, or in that of a polygon or annulus, in any heading."""
 
-    Attributes:
-        polygon: corners (x, y) of a room; None: no polygon.
-        near: centre (x, y) of an annulus; None: no annulus.
-        within, beyond: distances from there.
-    """
-
+    #: corners (x, y) of a room; None is no polygon
     polygon: tuple[tuple[float, float], ...] | None = field(default=None, metadata=LENGTH)
+    #: centre (x, y) of an annulus; None is no annulus
     near: tuple[float, float] | None = field(default=None, metadata=LENGTH)
-    within: float | None = field(default=None, metadata=LENGTH)
-    beyond: float = field(default=0.0, metadata=LENGTH)
+    within: float | None = field(default=None, metadata=LENGTH)  #: largest distance from there
+    beyond: float = field(default=0.0, metadata=LENGTH)  #: least distance
     may_be_lost = True
 
     def __post_init__(self) -> None:

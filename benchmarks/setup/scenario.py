@@ -22,18 +22,11 @@ from localizers.registry import ScanPlugIn
 
 @dataclass(frozen=True, kw_only=True)
 class Thresholds:
-    """What the scores count as far off, and as lost.
+    """What is above these counts as far off, or lost; in the map's unit, by default in px."""
 
-    Lengths are in the map's unit; the defaults are for one in px.
-
-    Attributes:
-        far: position error above which an estimate is far off.
-        lost: mean position error of the last ``lost_steps`` above which a trial is lost.
-    """
-
-    far: float = field(default=50.0, metadata=LENGTH)
-    lost: float = field(default=50.0, metadata=LENGTH)
-    lost_steps: int = 20
+    far: float = field(default=50.0, metadata=LENGTH)  #: position error of an estimate far off
+    lost: float = field(default=50.0, metadata=LENGTH)  #: mean position error of a lost trial
+    lost_steps: int = 20  #: last ones, over which that mean is taken
 
     def __post_init__(self) -> None:
         number("thresholds.far", self.far, low=0, above=True)
@@ -52,29 +45,21 @@ AS_WORLD = "world"  # what is assumed is what the world is
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario(ABC):
-    """What the filters assume of a world, and who drives in it.
-
-    Attributes:
-        motion: p(x_t | x_{t-1}, a_t), as the filters assume it.
-        scan: p(o | ô) of a beam, or p(o | x, m) of somebody else, as the filters assume it.
-        prior: p(x_0), as the filters assume it.
-        disturbance: wrappers around the world, innermost first: {"kind": "kidnap", …}.
-        buildings: trial k takes place in the office of seed k modulo this, if the floor plan is one
-            without a seed or seeds of its own.
-        source: digest of the files that it was read from; "" if built-in.
-        code: names of the plug-ins that it and its bases are.
-    """
+    """What the filters assume of a world, and who drives in it."""
 
     words: str
-    motion: MotionModel = field(default_factory=OdometryMotion)
+    motion: MotionModel = field(default_factory=OdometryMotion)  #: p(x_t | x_{t-1}, a_t)
+    #: p(o | ô) of a beam, or p(o | x, m) of somebody else
     scan: BeamDensity | ScanPlugIn = field(default_factory=GaussianUniform)
-    prior: Gaussian | Uniform | Places = field(default_factory=Gaussian)
+    prior: Gaussian | Uniform | Places = field(default_factory=Gaussian)  #: p(x_0)
     agent: Named = OPEN_LOOP
+    #: wrappers around the world, innermost first, ``{"kind": "kidnap", …}``
     disturbance: tuple[Mapping[str, Any], ...] = ()
+    #: trial k is in the office of seed k modulo this, if the floor plan is one without own seeds
     buildings: int = 1
     thresholds: Thresholds = field(default_factory=Thresholds)
-    source: str = ""
-    code: tuple[str, ...] = ()
+    source: str = ""  #: digest of the files that it was read from; "" if built-in
+    code: tuple[str, ...] = ()  #: names of the plug-ins that it and its bases are
 
     def __post_init__(self) -> None:
         integer("buildings", self.buildings, low=1)
@@ -136,13 +121,10 @@ class Scenario(ABC):
     ) -> Self:
         """Return this scenario with some values changed, by dotted name.
 
-        If lengths are in another unit in the new world, those of this scenario are converted.
-
-        Args:
-            world: parts of the ``World``: ``{"lidar.beams": 9, "driver": "none"}``, or arguments of
-                the ``LogEnv``.
-            assumed: ``{"scan.kind": "beam-model", "prior.sd_position": 5.0}``; "world" is what the
-                new world is: ``{"motion": "world", "scan.sigma": "world"}``.
+        ``world`` are parts of the ``World``: ``{"lidar.beams": 9, "driver": "none"}``, or arguments
+        of the ``LogEnv``; ``assumed``: ``{"scan.kind": "beam-model", "prior.sd_position": 5.0}``,
+        or "world" for what the new world is: ``{"motion": "world", "scan.sigma": "world"}``. If the
+        unit of the new world is another one, lengths of this scenario are converted.
         """
         moved = self
         if values := located(Overrides(world)):
@@ -171,18 +153,12 @@ class Scenario(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class RoomScenario(Scenario):
-    """Episodes in a room or building.
+    """Episodes in a room or building."""
 
-    Attributes:
-        world: all parts of it; with ``office``, in the building of trial 0.
-        office: the floor plan {"office": {…}} of which trials have buildings of their own; None:
-            that of the world.
-        horizon: number of planned actions shown; None: all.
-    """
-
-    world: World
+    world: World  # all parts of it; with ``office``, in the building of trial 0
+    # floor plan {"office": {…}} of which each trial has its own building; None: that of the world
     office: Mapping[str, Any] | None = None
-    horizon: int | None = None
+    horizon: int | None = None  # number of planned actions shown; None: all
 
     @property
     def unit(self) -> str:
@@ -239,10 +215,7 @@ class RoomScenario(Scenario):
 
 
 def _seeded(floor_plan: Any, trial: int, buildings: int) -> Any:
-    """Return a floor plan with the seed that an office has in a trial; others as they are.
-
-    Of ``seeds`` it is the first + trial, modulo their number.
-    """
+    """Return a floor plan with the seed that an office has in a trial; others as they are."""
     if not isinstance(floor_plan, Mapping) or not isinstance(floor_plan.get("office"), Mapping):
         return floor_plan
     if (offices := offices_of(floor_plan)) is not None:

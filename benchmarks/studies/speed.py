@@ -194,10 +194,7 @@ def numpy_mcl(
 
 
 class RecordedLap(NamedTuple):
-    """A lap as a localizer sees it: the plan shown ``first``, (h, 2), then what each step gives.
-
-    A step is scan (B,), action (2,) and the plan (h, 2) after it.
-    """
+    """A lap as a localizer sees it: the ``first`` plan, (h, 2), then scan, action, plan by step."""
 
     robot: RobotModel
     prior: Prior

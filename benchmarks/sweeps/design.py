@@ -20,20 +20,12 @@ SCALARS = ("scenario", "lag", "disturbance", "agent")
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """What more and more particles converge to: a method with very many, on the first worlds.
+    """What more and more particles converge to: a method with very many, on the first worlds."""
 
-    Attributes:
-        method: with its particles, which no axis changes.
-        of: localizers with its target, which are held against it; (): all that no other limit
-            names.
-        trials: worlds of each setting, the first ones; all, if the sweep has fewer.
-        filter_seeds: runs on each; from two on they tell how near it is to its own limit.
-    """
-
-    method: Method
-    of: tuple[str, ...] = ()
-    trials: int = 20
-    filter_seeds: int = 2
+    method: Method  #: with its particles, which no axis changes
+    of: tuple[str, ...] = ()  #: localizers held against it; () is all that no other names
+    trials: int = 20  #: worlds of each setting, the first ones; all, if the sweep has fewer
+    filter_seeds: int = 2  #: runs on each; from two on they tell how near it is to its own limit
 
     def __post_init__(self) -> None:
         integer("trials of the limit", self.trials, low=1, high=100_000)
@@ -47,13 +39,10 @@ class Limit:
 
 @dataclass(frozen=True, kw_only=True)
 class Axis:
-    """What is varied together: k values for each of one or more names.
+    """What is varied together: k values for each of one or more names."""
 
-    Attributes:
-        values: by name: "scenario", "lag", "disturbance", "agent", "world.…", "assumed.…",
-            "params.…" or "agent.…".
-    """
-
+    #: by name, "scenario", "lag", "disturbance", "agent", "agent.…" or "world.…", "assumed.…",
+    #: "params.…"
     values: Overrides
 
     def __post_init__(self) -> None:
@@ -86,13 +75,9 @@ class Axis:
 
 @dataclass(frozen=True, kw_only=True)
 class UntilDecided:
-    """Worlds are run in blocks, and each method only until its comparison is decided.
+    """Worlds are run in blocks, and each method only until its comparison is decided."""
 
-    Attributes:
-        margin: difference that does not matter, as a share of the baseline's error or of runs.
-    """
-
-    margin: float = 0.05
+    margin: float = 0.05  # of no importance, as a share of the baseline's error or of runs
 
     def __post_init__(self) -> None:
         number("margin of until_decided", self.margin, low=0, high=1)
@@ -109,38 +94,27 @@ Takes = Callable[[str], tuple[str, ...] | None]
 
 @dataclass(frozen=True, kw_only=True)
 class Sweep:
-    """A base, varied along axes; every combination is run by every localizer on the same worlds.
-
-    Attributes:
-        localizers: the methods compared, or their names.
-        scenario: its name; a user's own as room.toml or file.py:NAME, the path made absolute.
-        lag: the lag L; also a parameter of each localizer that has a use for it.
-        agent: who drives; None: each scenario's own agent.
-        vary: axes; the last one turns fastest.
-        baseline: localizer that the report compares the others with, or agent. If it is an agent,
-            agents are compared that drive on the same localizer, else localizers with the same
-            agent. "" is the first agent if there are several, else ``BASELINE``.
-        limits: what optimality gaps are measured from, each for the methods of its target.
-        until_decided: None: all worlds are run; else ``trials`` are the most.
-        takes: names of the parameters that a localizer of a name takes; None: any.
-    """
+    """A base, varied along axes; every combination is run by every localizer on the same worlds."""
 
     title: str
-    localizers: tuple[Method, ...]
-    scenario: str = "paper"
-    lag: int = 20
+    localizers: tuple[Method, ...]  #: the methods compared, or their names
+    scenario: str = "paper"  #: its name; a user's own as room.toml or ``file.py:NAME``, absolute
+    lag: int = 20  #: the lag L; also a parameter of each localizer that has a use for it
     world: Overrides = NOTHING
     assumed: Overrides = NOTHING
     disturbance: tuple[Overrides, ...] = ()
-    agent: Named | None = None
+    agent: Named | None = None  #: who drives; None is each scenario's own agent
     params: Overrides = NOTHING
     seed: int = 0
     trials: int = 10
     filter_seeds: int = 1
-    vary: tuple[Axis, ...] = field(default=())
+    vary: tuple[Axis, ...] = field(default=())  #: axes; the last one turns fastest
+    #: localizer that the others are compared with, under the same agent; or agent, on the same
+    #: localizer. "" is the first agent if there are several, else ``BASELINE``.
     baseline: str = ""
-    limits: tuple[Limit, ...] = ()
-    until_decided: UntilDecided | None = None
+    limits: tuple[Limit, ...] = ()  #: from which gaps are measured, each for its own methods
+    until_decided: UntilDecided | None = None  #: None is all worlds; else ``trials`` are most
+    #: names of the parameters that a localizer of a name takes; None is any
     takes: Takes = field(default=parameters, compare=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -51,25 +51,17 @@ class Identity(Provenance, frozen=True, kw_only=True):
 
 
 class Manifest(Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """Which sweep a folder belongs to; read as data: nothing that it names is loaded.
-
-    Attributes:
-        parameters: those that each localizer takes; None: any.
-        command: the words that started the sweep.
-        places: where the files are that a sweep file named, by the names that it has for them.
-        margin: by which comparisons were looked at until they were decided; None: none was.
-        verified: what else may go on with its trials, under their keys.
-    """
+    """Which sweep a folder belongs to; read as data: nothing that it names is loaded."""
 
     schema: int
     identity: Identity
-    parameters: dict[str, list[str] | None]
-    command: list[str]
+    parameters: dict[str, list[str] | None]  # those that each localizer takes; None: any
+    command: list[str]  # the words that started the sweep
     environment: Environment
     cpu: str = ""
-    places: dict[str, str] = field(default_factory=dict)
-    margin: float | None = None
-    verified: list[Verified] = field(default_factory=list)
+    places: dict[str, str] = field(default_factory=dict)  # of files, by their name in a sweep file
+    margin: float | None = None  # by which comparisons were decided; None: all worlds were run
+    verified: list[Verified] = field(default_factory=list)  # what else may go on with its trials
 
     @property
     def sweep(self) -> dict[str, Any]:

@@ -47,30 +47,20 @@ class Results:
 
     Trials of the same setting (scenario, world, assumed, disturbance, lag, seed) and the same
     number are paired over methods (localizer, params).
-
-    Attributes:
-        records, failures: trials that ended, in the sweep's order.
-        limits: those of the sweep's limits, which are only what gaps are measured from.
-        missing: trials that neither finished nor failed yet.
-        planned: distinct trials asked for, as far as the results tell.
-        command: the words that started the sweep.
-        verified: what other code got the same results, in words.
-        left_out: files of the folder that are in no table, and why.
-        rule: when its comparisons are decided; None: the number of worlds was fixed before.
     """
 
     title: str
-    records: list[Finished]
-    failures: list[Failure]
-    missing: int
-    planned: int
-    command: list[str]
+    records: list[Finished]  #: trials that ended, in the sweep's order
+    failures: list[Failure]  #: those that failed, likewise
+    missing: int  #: trials that neither finished nor failed yet
+    planned: int  #: distinct trials asked for, as far as the results tell
+    command: list[str]  #: the words that started the sweep
     environment: dict[str, Any]
-    limits: list[LimitRuns] = field(default_factory=list)
+    limits: list[LimitRuns] = field(default_factory=list)  #: what gaps are measured from
     baseline: str = BASELINE
-    verified: list[str] = field(default_factory=list)
-    left_out: dict[str, str] = field(default_factory=dict)
-    rule: Rule | None = None
+    verified: list[str] = field(default_factory=list)  #: other code with the same results
+    left_out: dict[str, str] = field(default_factory=dict)  #: why a file is in no table
+    rule: Rule | None = None  #: when comparisons are decided; None if the worlds were fixed
 
     def __repr__(self) -> str:
         done = self.planned - len(self.failures) - self.missing
@@ -194,10 +184,10 @@ def rule_of(sweep: Sweep) -> Rule | None:
 def due(
     sweep: Sweep, trials: Mapping[K, Trial], records: Iterable[Finished], failures: Iterable[Trial]
 ) -> dict[K, Trial]:
-    """Return those of a sweep's trials that it needs, as far as its results tell; all without rule.
+    """Return those of a sweep's trials that it needs, by nothing but its results; all without rule.
 
     A method needs the worlds up to its decision, or to its next look; a baseline those of all that
-    are compared with it; a limit all of its own. It depends on nothing but the results.
+    are compared with it; a limit all of its own.
     """
     rule = rule_of(sweep)
     if rule is None:
@@ -229,10 +219,7 @@ def _groups(sweep: Sweep) -> list[MethodGroup]:
 
 
 def results_in(folder: Path | str) -> Results:
-    """Return what a folder holds of its own sweep, by its manifest's code and plug-ins.
-
-    Nothing that it names is loaded or run.
-    """
+    """Return what a folder holds of its own sweep; nothing that it names is loaded or run."""
     folder = Path(folder)
     made = manifest.read_manifest(folder)
     sweep = recorded_sweep(folder, made)

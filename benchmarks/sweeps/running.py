@@ -128,9 +128,8 @@ def run_missing(
 ) -> bool:
     """Run the trials (by key) that the store lacks, and store what comes of them.
 
-    Returns whether all have ended; a failure may stop it before. All methods run on one world
-    before any runs on the next, so that what is there can always be compared. ``now`` is what
-    workers must have loaded: the keys may be those of code before it.
+    Return whether all have ended; a failure may stop it before. All methods run on one world before
+    any runs on the next. ``now`` is what workers must have loaded: keys may be of code before it.
     """
     missing = {
         key: trial

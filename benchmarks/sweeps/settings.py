@@ -28,9 +28,7 @@ def settings(words: Iterable[str]) -> dict[str, Any]:
 def parsed(what: str, text: str) -> Any:
     """Return a value as TOML has it; quotes around text and brackets around a list may be left out.
 
-    Args:
-        what: it is of, for refusals.
-        text: of the value.
+    Refusals say ``what`` it is of.
     """
     value: Any = text.strip()
     for toml in (value, f"[{value}]") if "," in value else (value,):

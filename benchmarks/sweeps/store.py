@@ -128,7 +128,7 @@ class Store:
 def writing(out: Path, shard: tuple[int, int] | None = None) -> Iterator[Store]:
     """Open a folder (made if missing) to put trials there; a shard (i, n) has a file of its own.
 
-    The operating system holds the lock of the file, and drops it when the process dies.
+    Its lock is the operating system's, which drops it when the process dies.
     """
     name = "trials.jsonl" if shard is None else "trials-{}-of-{}.jsonl".format(*shard)
     path = writable_folder(out) / name

@@ -94,12 +94,8 @@ def sweep_of(
 ) -> Sweep:
     """Return the sweep that a TOML document says, or the manifest of a folder.
 
-    Args:
-        given: the document.
-        title: unless it has one.
-        takes: see ``Sweep``.
-        folder: that paths are relative to; None: they stay as they are.
-        base: says what the document does not.
+    Paths in it are relative to ``folder``; None: they stay as they are. ``base`` says what the
+    document does not.
     """
     documents.check_values(given, _KEYS)
     names = _Names(folder)
@@ -135,11 +131,9 @@ def sweep_of(
 def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
     """Return a sweep with single values changed, as ``--set`` has them; files as from here.
 
-    Args:
-        sweep: to be changed.
-        values: by name: a key of a sweep file such as trials, a part such as world.lidar.beams or
-            assumed.scan.sigma, params.KEY of all localizers or params.LOCALIZER.KEY of one,
-            agent.KEY, and vary.NAME with a list, which becomes an axis, or that of the same name.
+    Names are keys of a sweep file such as trials, parts such as world.lidar.beams or
+    assumed.scan.sigma, params.KEY of all localizers or params.LOCALIZER.KEY of one, agent.KEY, and
+    vary.NAME with a list, which becomes an axis, or takes the place of that of the same name.
     """
     names, plain, axes = _Names(Path()), dict[str, Any](), list[Axis]()
     parts: dict[str, dict[str, Any]] = {part: {} for part in (*PARTS, "agent")}

@@ -76,10 +76,7 @@ def compare_again(
     difference: Callable[[str, Outcome], str | None],
     folder: Path | None = None,
 ) -> dict[str, str]:
-    """Run trials (by name) again; return how those differ that do.
-
-    ``difference`` says it of a trial's name and outcome; ``folder`` is named by the progress shown.
-    """
+    """Run trials (by name) again; return how those differ that do, as ``difference`` says."""
     names = {now.key(trial): name for name, trial in trials.items()}
     differing: dict[str, str] = {}
     with (

@@ -1,9 +1,7 @@
 """When the comparison of a method with its baseline is decided: after which world, and how.
 
-Its intervals hold at every number of worlds at once, so that one may look after each: a confidence
-sequence covers what it is of at all looks together with probability 1 - α, whatever one does after
-a look (Darling & Robbins 1967). A bootstrap interval does not: whoever stops when it excludes 0 is
-wrong far more often than in 5 % of cases.
+Its intervals are confidence sequences (Darling & Robbins 1967), which cover at all looks together
+with probability 1 - α. Who stops when a bootstrap interval excludes 0 is wrong far more often.
 """
 
 import math
@@ -36,18 +34,12 @@ class Look(NamedTuple):
 class Rule:
     """When to stop; α = 0.05 is shared equally by all comparisons of a sweep, fixed before it runs.
 
-    So all intervals that a sweep shows, of all methods, settings and looks, hold together with a
-    probability of 95 %.
-
-    Attributes:
-        margin: difference that does not matter: as a share of the baseline's error, or of runs.
-        family: comparisons of the sweep.
-        worlds: most worlds of a setting.
+    All intervals of a sweep (methods, settings, looks) hold together with a probability of 95 %.
     """
 
-    margin: float
-    family: int
-    worlds: int
+    margin: float  # difference that does not matter: as a share of the baseline's error, or of runs
+    family: int  # comparisons of the sweep
+    worlds: int  # most worlds of a setting
 
     @property
     def looks(self) -> Iterator[int]:
@@ -58,18 +50,13 @@ class Rule:
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """How a comparison stands.
+    """How a comparison stands."""
 
-    Attributes:
-        looks: at each number of worlds that both have finished, up to the one that decided it.
-        relation: better or worse than the baseline by more than the margin, equivalent if within
-            the margin on both sides, or open.
-        wanted: worlds that it needs: those of its last look if it is decided, else of the next.
-    """
-
+    # at each number of worlds that both have finished, up to the one that decided it
     looks: tuple[Look, ...]
+    # better or worse by more than the margin, equivalent if within it on both sides, or open
     relation: Relation
-    wanted: int
+    wanted: int  # worlds that it needs: those of its last look if it is decided, else of the next
 
     @property
     def last(self) -> Look:
@@ -80,13 +67,8 @@ class Decision:
 def decide(ours: pd.DataFrame, baseline: pd.DataFrame, aim: Score | None, rule: Rule) -> Decision:
     """Look at a method beside its baseline after so many worlds, until that decides.
 
-    Nothing but the worlds up to a look counts at it, so that the order in which trials were run
-    does not matter. Where nothing can be compared, one looks no further.
-
-    Args:
-        ours, baseline: the rows of both, see ``frames.cell``.
-        aim: share of runs that succeed; None compares errors at x_t.
-        rule: when to stop.
+    At a look only the worlds up to it count, so the order in which trials were run does not matter.
+    Rows are as of ``frames.cell``; ``aim`` is a share of runs; None compares errors at x_t.
     """
     interval = _intervals(ours, baseline, aim, ALPHA / rule.family)
     there = min(_ended(ours), _ended(baseline))
@@ -148,14 +130,8 @@ def ratio(apart: Floats, reference: Floats, alpha: float) -> Interval:
     inverts a t-test: (d̄ - r b̄)² ≤ K (s_dd - 2 r s_db + r² s_bb) / n, K of ``_reach``. Its coverage
     is exact at all n together where d - r b is normal, and that of large samples elsewhere.
 
-    Args:
-        apart: d, differences of two methods, one per world, (n,).
-        reference: b, what they are the share of, (n,); its mean is above 0.
-        alpha: of not covering at some n.
-
-    Returns:
-        Ends are infinite where no ratio can be excluded; ``NOT_KNOWN`` if a value is NaN, or of
-        fewer than two.
+    d and b are (n,), the mean of b above 0. Ends are infinite where no ratio can be excluded;
+    ``NOT_KNOWN`` if a value is NaN, or of fewer than two.
     """
     n = apart.size
     if n < 2 or np.isnan(apart).any() or np.isnan(reference).any() or not reference.mean() > 0:
@@ -193,13 +169,7 @@ def shares(apart: Floats, alpha: float) -> list[Interval]:
     (Waudby-Smith & Ramdas 2024, *Estimating means of bounded random variables by betting*). Its
     coverage is exact for every distribution.
 
-    Args:
-        apart: one per world, in the order in which they are seen, (n,).
-        alpha: of not covering at some n.
-
-    Returns:
-        An interval after each, none wider than the one before; ends are multiples of 0.001,
-        rounded outwards.
+    No interval is wider than the one before; ends are multiples of 0.001, rounded outwards.
     """
     n = apart.size
     if not n or np.isnan(apart).any():

@@ -202,13 +202,9 @@ def milliseconds_per_step(records: Sequence[Finished]) -> float:
 
 
 def share_curve(runs: pd.Series) -> pd.DataFrame:
-    """Return the share of runs with at most so many metres: metres, share, low and high.
+    """Return the share of runs with at most so many metres, ∞ is never: metres, share, low, high.
 
-    Runs on a world are averaged first. The band is Wilson's 95 % interval, pointwise, for as many
-    cases as worlds.
-
-    Args:
-        runs: metres of each run; infinite where it did not happen.
+    Runs on a world are averaged first; Wilson's 95 % interval is of as many cases as worlds.
     """
     metres = np.unique([0.0, *runs[np.isfinite(runs)]])
     worlds = [by_world(runs <= most) for most in metres]
@@ -219,10 +215,7 @@ def share_curve(runs: pd.Series) -> pd.DataFrame:
 
 
 def lap_errors(records: Sequence[Finished]) -> pd.DataFrame:
-    """Return the error over the lap, as far as every run goes: states, mean, low and high of e.
-
-    Of the beliefs about x_t; low and high are the middle 80 % of runs.
-    """
+    """Return e at x_t as far as every run goes: states, mean, low, high (middle 80 % of runs)."""
     curves = [record.curves[0] for record in records]
     length = min(len(curve.error) for curve in curves)
     errors = np.array([curve.error[:length] for curve in curves], np.float64)

@@ -39,33 +39,20 @@ class Panel:
     """Methods that are compared with one another, and all that is known of them.
 
     In frames a method is its ``label``, of which all labels of the results are the categories.
-
-    Attributes:
-        number: from 1, in the order of the results.
-        title: what sets it apart from the other panels.
-        swept: value of each parameter that is swept in the setting.
-        labels: what each method is called, in the order of the results.
-        baselines: what each method is compared with.
-        records: finished trials by method.
-        scores: of whole runs, that any of them has.
-        runs: their ``trials_frame``, with failed trials, and label.
-        rule: when comparisons are decided; None: all worlds are run, whatever they show.
-        rows: of it in ``results_table``, once that is made.
-        maps: of it in ``maps_table``.
     """
 
-    number: int
-    title: str
+    number: int  # from 1, in the order of the results
+    title: str  # what sets it apart from the other panels
     setting: Setting
-    swept: Overrides
-    labels: dict[Method, str]
-    baselines: dict[Method, Method]
-    records: dict[Method, list[Finished]]
-    scores: list[Score]
-    runs: pd.DataFrame
-    rule: Rule | None = None
-    rows: pd.DataFrame = field(default_factory=pd.DataFrame)
-    maps: pd.DataFrame = field(default_factory=pd.DataFrame)
+    swept: Overrides  # value of each parameter that is swept in the setting
+    labels: dict[Method, str]  # what each method is called, in the order of the results
+    baselines: dict[Method, Method]  # what each method is compared with
+    records: dict[Method, list[Finished]]  # finished trials by method
+    scores: list[Score]  # of whole runs, that any of them has
+    runs: pd.DataFrame  # their ``trials_frame``, with failed trials, and label
+    rule: Rule | None = None  # when comparisons are decided; None: all worlds are run
+    rows: pd.DataFrame = field(default_factory=pd.DataFrame)  # of it in ``results_table``
+    maps: pd.DataFrame = field(default_factory=pd.DataFrame)  # of it in ``maps_table``
 
     def with_tables(self, results: pd.DataFrame, maps: pd.DataFrame) -> "Panel":
         """Return it with its rows of the tables of all panels."""
@@ -316,10 +303,7 @@ def disturbance_words(wrapper: Overrides) -> str:
 
 
 def _swept(methods: Sequence[Method]) -> list[Overrides]:
-    """Values of the numbers of which one localizer has several; none of them if there are none.
-
-    A word makes variants of a localizer, which appear side by side.
-    """
+    """Values of the numbers of which one localizer has several; a word makes variants of it."""
     seen: dict[tuple[str, str], set[Any]] = {}
     for method in methods:
         for name, value in method.values.items():
@@ -363,11 +347,7 @@ def _labels(methods: Sequence[Method]) -> dict[Method, str]:
 
 
 def _variant(method: Method, methods: Sequence[Method]) -> list[str]:
-    """Its parameters that tell it from the methods of the same localizer; words alone if they do.
-
-    A variant named by words is another choice of models, and the numbers that go with it are as
-    long as they are uninteresting.
-    """
+    """Its parameters that tell it from others of the same localizer; words alone if they do."""
     same = [other.params for other in methods if other.name == method.name]
     apart = [(n, v) for n, v in method.params.items() if not all(_has(o, n, v) for o in same)]
     words = [(name, value) for name, value in apart if not is_number(value)]

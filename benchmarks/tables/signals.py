@@ -1,11 +1,8 @@
 """Does a number that a localizer has detect trouble? The area under the ROC curve (AUROC).
 
-Of its quality: is the belief far off; of what it makes of plans: does the plan conflict, i.e. would
-it collide from the true pose; of what it sees of the map: is it lost, or is the map wrong here.
-
-AUROC = P(value of a step in trouble < value of another) + ½ P(equal), over all steps of all worlds
-(Fawcett 2006, section 7; the statistic of Mann & Whitney 1947). Steps of a lap depend on each
-other, so intervals come from resampled worlds.
+That is P(value of a step in trouble < value of another) + ½ P(equal), over all steps of all worlds
+(Fawcett 2006, section 7; the statistic of Mann & Whitney 1947); intervals are over worlds. Trouble
+is that the belief is far off, the plan would collide from the true pose, or the map is wrong here.
 """
 
 import math
@@ -39,17 +36,11 @@ _RISING = ("short", "long", "repeated", "elsewhere")  # signals that are large i
 
 @dataclass(frozen=True, kw_only=True)
 class Auroc:
-    """AUROC of a number against whether a step is in trouble; NaN is not available.
+    """AUROC of a number against whether a step is in trouble; NaN is not available."""
 
-    Attributes:
-        auroc: with its interval over worlds.
-        far_steps: share of steps in trouble, of those that have the number.
-        far_worlds: worlds with such a step; NaN if no step has the number.
-    """
-
-    auroc: Interval = NOT_KNOWN
-    far_steps: float = math.nan
-    far_worlds: float = math.nan
+    auroc: Interval = NOT_KNOWN  # with its interval over worlds
+    far_steps: float = math.nan  # share of steps in trouble, of those that have the number
+    far_worlds: float = math.nan  # worlds with such a step; NaN if no step has the number
 
     def columns(self, steps: str, worlds: str) -> dict[str, Any]:
         """Return it as the columns of a row."""
@@ -61,11 +52,8 @@ def auroc(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Auroc:
 
     The interval is the 95 % percentile bootstrap over worlds: 10,000 resamples with a fixed seed;
     one without a step in trouble, or with nothing else, has no AUROC and is left out. NaN unless
-    two worlds or more have steps in trouble, and two or more have others.
-
-    Args:
-        values, trouble, world: of each step, (N,); the worlds are numbered from 0.
-        worlds: how many there are, those without a step, too.
+    two worlds or more have steps in trouble, and two or more have others. Arrays are (N,), worlds
+    numbered from 0.
     """
     if not values.size:
         return Auroc()
@@ -83,10 +71,7 @@ def auroc(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Auroc:
 
 
 def pairs_in_order(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Floats:
-    """Count pairs of a step in trouble of world i and another of world j in order, (W, W).
-
-    In order: the former has the smaller number. Pairs of equal numbers count half.
-    """
+    """Count pairs of a step in trouble of world i below another of j, equal ones half, (W, W)."""
     wins = np.zeros((worlds, worlds))
     for j in range(worlds):
         others = np.sort(values[~trouble & (world == j)])
@@ -104,9 +89,8 @@ def detection(records: Iterable[Finished]) -> Auroc:
 def plans_table(panels: Iterable[Panel]) -> pd.DataFrame:
     """Return a row per setting, method that reads plans, and signal.
 
-    Is the plan still about this robot? Steps of all the scenarios of one setting are taken
-    together: the filter does not know who made the plan. The columns are those of plans.csv, the
-    numbers of the panels, the first as panel, and label.
+    Is the plan still about this robot? Steps of all the scenarios of one setting are together. The
+    columns are those of plans.csv, the numbers of the panels, the first as panel, and label.
     """
     groups: dict[object, list[Panel]] = {}
     for panel in panels:
@@ -129,10 +113,9 @@ def plans_table(panels: Iterable[Panel]) -> pd.DataFrame:
 def maps_table(panels: Iterable[Panel]) -> pd.DataFrame:
     """Return a row per panel, method, question and signal: maps.csv, panel and label.
 
-    Lost, or is the map wrong here? Of trials whose world differs from the map. Signals: see
-    ``trials.map_signals``; and ``trusted``, of a method that doubts its plan. Of each the AUROC is
-    that of its natural order: a small ``quality``, a large share ``short``; below ½ it says the
-    opposite.
+    Lost, or is the map wrong here? Of trials whose world differs from the map. Signals are those of
+    ``trials.map_signals``, and ``trusted``, of a method that doubts its plan. The AUROC is that of
+    the natural order (small ``quality``, large ``short``); below ½ it says the opposite.
     """
     rows = [
         panel.columns(method)

@@ -51,8 +51,8 @@ def sample_sd(values: Floats) -> float:
 def paired_bootstrap(differences: Floats) -> tuple[float, float]:
     """95 % percentile bootstrap interval of the mean of paired differences, over worlds.
 
-    10,000 resamples with a fixed seed: the same differences give the same interval. NaN of fewer
-    than two. With ten worlds it is somewhat too narrow, as every percentile bootstrap is.
+    10,000 resamples with a fixed seed; NaN of fewer than two. With ten worlds it is somewhat too
+    narrow, as every percentile bootstrap is.
     """
     if differences.size < 2 or np.isnan(differences).any():
         return math.nan, math.nan
@@ -61,12 +61,7 @@ def paired_bootstrap(differences: Floats) -> tuple[float, float]:
 
 
 def relative_change(differences: Floats, reference: Floats) -> Interval:
-    """Mean difference over mean reference; 95 % percentile bootstrap over worlds, drawn together.
-
-    Args:
-        differences: one per world, (W,).
-        reference: what they are the share of, on the same worlds, (W,).
-    """
+    """Mean difference over mean reference, (W,) each; 95 % percentile bootstrap, drawn together."""
     if not differences.size or not reference.mean() > 0:
         return NOT_KNOWN
     share = float(differences.mean() / reference.mean())
@@ -193,11 +188,7 @@ POWER = 0.8
 
 
 def least_p(worlds: int, tests: int = 1) -> float:
-    """Smallest corrected p that so many worlds can give: tests · 2^(1 - worlds), at most 1.
-
-    The exact signed-rank test has its smallest p, two of the 2^n signs, where all differences lie
-    on one side; Holm multiplies the smallest of a family by the number of its tests.
-    """
+    """Smallest p of exact signed-rank tests after Holm: tests · 2^(1 - worlds), at most 1."""
     return min(1.0, tests * 2.0 ** (1 - worlds))
 
 
@@ -207,17 +198,12 @@ def least_worlds(tests: int = 1) -> int:
 
 
 def worlds_to_see(difference: float, sd: float, tests: int = 1) -> int:
-    """Worlds on which a difference is detected with 80 % power.
+    """Worlds on which a difference δ of SD s, in a family of m tests, is detected with 80 % power.
 
     N = (π/3) (z[1 - α/2m] + z[0.8])² (s / δ)² + z[1 - α/2m]² / 2, at least ``least_worlds(m)``:
     the number of the paired t-test with Guenther's (1981) correction for an estimated s, over the
     relative efficiency 3/π of the signed-rank test for normal differences (Lehmann 1975). α = 0.05;
     α/m for all m tests of a family bounds Holm's correction from above.
-
-    Args:
-        difference: δ, of the errors.
-        sd: s, of the paired differences over worlds.
-        tests: m, of the family.
     """
     normal = NormalDist()
     reach = normal.inv_cdf(1 - ALPHA / (2 * tests))

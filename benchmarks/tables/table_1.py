@@ -27,12 +27,9 @@ TABLE_1 = {
 
 
 def table_1(rows: pd.DataFrame, style: str) -> str:
-    """Return our Table 1 with the paper's printed values beside ours.
+    """Return our Table 1, of one panel's ``results_table``, with the paper's values beside ours.
 
-    Args:
-        rows: of one panel, see ``results_table``.
-        style: a format of tabulate: "simple" for a terminal, at most 120 columns; "github" for
-            Markdown, with the variances.
+    In a style of tabulate: "simple", at most 120 columns; "github" for Markdown, with variances.
     """
     variances = _VARIANCES if style == "github" else {}
     baseline = short_name(rows["baseline"].iloc[0]) if len(rows) else ""
@@ -68,11 +65,7 @@ def table_1(rows: pd.DataFrame, style: str) -> str:
 
 
 def reading(rows: pd.DataFrame) -> str:
-    """Return one sentence on what the error of dead reckoning means for the others'.
-
-    Args:
-        rows: of one panel, see ``results_table``.
-    """
+    """Return one sentence on what the error of dead reckoning means for the others' of a panel."""
     present = rows[rows["offset"] == 0]
     blind = present[present["method"] == BLIND]
     filters = present[present["method"] != BLIND]

@@ -83,12 +83,9 @@ def percent(share: float, digits: int = 0) -> str:
 
 
 def estimated(value: Interval, form: str = ".2f", unit: str = "") -> str:
-    """A mean and its interval, with a true minus; or n/a.
+    """A mean and its interval, if it has one, of the same digits, with a true minus; or n/a.
 
-    Args:
-        value: the mean, and its interval if it has one.
-        form: of the mean, "+.2f" if its sign is to be seen; the ends have its digits.
-        unit: behind the mean.
+    With a ``form`` of "+.2f" the sign of the mean is to be seen; the unit stands behind it.
     """
     if math.isnan(value.mean):
         return "n/a"

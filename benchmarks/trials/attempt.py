@@ -72,8 +72,7 @@ class Outcome:
 def attempt(trial: Trial, key: str) -> Outcome:
     """Run one trial; an error becomes its reason to have failed.
 
-    ``key`` is the name that the sweep has for it: a worker that would name it otherwise has loaded
-    other code, other libraries or another plug-in. What was registered here is the sweep's own.
+    A worker that would have another ``key`` for it has loaded other code, libraries or plug-ins.
     """
     try:
         with contextlib.chdir(os.curdir), warnings.catch_warnings():  # localizers may go

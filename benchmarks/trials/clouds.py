@@ -1,7 +1,7 @@
 """Beliefs about states as weighted clouds of poses, and what is measured of them, many at once.
 
-Clouds lie one after the other in memory. The compiled scores copy a cloud before they work on it,
-so that the compiler knows that its rows are contiguous and overlap nothing: worth half the time.
+Clouds lie one after the other in memory. Compiled scores copy each, so that the compiler knows that
+its rows are contiguous and overlap nothing: worth half the time.
 """
 
 import math
@@ -29,13 +29,7 @@ PAIRED, DESIGNED = 128, 512
 
 @compiled
 def cloud_moments(poses: Reals, weights: Floats, ends: Ints, out: Floats) -> None:
-    """Fill in mean and variance of (x, y, cos θ, sin θ), Σ w and how many w < 0, (k, 10).
-
-    Args:
-        poses: rows x, y, θ of all clouds, (3, N).
-        weights: (N,).
-        ends: where each cloud ends, (k,).
-    """
+    """Fill in mean and variance of (x, y, cos θ, sin θ), Σ w and how many w < 0, (k, 10)."""
     start = 0
     for k in range(ends.size):
         end = ends[k]
@@ -86,11 +80,7 @@ def calibration_of(
 ) -> None:
     """Fill in energy score, rank of the truth, NEES and log score, (k, 4); see ``calibration``.
 
-    Args:
-        poses, weights, ends: as ``cloud_moments``.
-        means: of (x, y, cos θ, sin θ), (k, 4).
-        truth: (k, 3).
-        floor: added to the variances of x, y, θ, (3,).
+    ``floor`` is added to the variances of x, y, θ, (3,); the rest is as of ``Clouds``.
     """
     start = 0
     for k in range(ends.size):
@@ -123,10 +113,7 @@ def _near(x: Floats, y: Floats, weights: Floats, truth: Floats) -> Scalar:
 
 @compiled
 def _apart(x: Floats, y: Floats, weights: Floats) -> Scalar:
-    """½ E|X - X'| = Σ_{k<j} w_j w_k |x_j - x_k|, in (x, y).
-
-    In float32, from the first point: good to 1e-6, and a quarter of the time.
-    """
+    """½ E|X - X'| = Σ_{k<j} w_j w_k |x_j - x_k|, in (x, y), float32, good to 1e-6."""
     n = weights.size
     east, north = (x - x[0]).astype(np.float32), (y - y[0]).astype(np.float32)
     spread, weight = np.zeros(n, np.float32), weights.astype(np.float32)
@@ -213,10 +200,6 @@ def steps_back(poses: Reals, moves: Floats, ends: Ints, out: Singles) -> None:
     """Fill in where a robot at each pose was before the increment that led to its state, (2, N).
 
     The increment turns first, so the way there had the heading of the pose: (x, y) - R(θ) (f, l).
-
-    Args:
-        poses, ends: as ``cloud_moments``.
-        moves: (forward, left, turn) of each cloud, (k, 3).
     """
     start = 0
     for k in range(ends.size):
@@ -253,19 +236,12 @@ _LARGEST = np.array([1e15, 1e15, FARTHEST])  # |x|, |y| and |θ| of a pose: far 
 
 @dataclass(frozen=True, kw_only=True)
 class Surroundings:
-    """What must be known of a world to measure beliefs about it.
+    """What must be known of a world to measure beliefs about it."""
 
-    Attributes:
-        floor_plan: the map; it names the unit of all lengths.
-        radius: of the robot's disc.
-        max_range: of the lidar.
-        far: distance from the truth above which a particle is an outlier.
-    """
-
-    floor_plan: Map
-    radius: float
-    max_range: float
-    far: float
+    floor_plan: Map  # the map; it names the unit of all lengths
+    radius: float  # of the robot's disc
+    max_range: float  # of the lidar
+    far: float  # distance from the truth above which a particle is an outlier
 
 
 class Cloud(NamedTuple):
@@ -279,30 +255,18 @@ class Cloud(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Clouds:
-    """Clouds one after the other in memory, for passes over all of them.
+    """Clouds one after the other in memory, for passes over all of them."""
 
-    Attributes:
-        each: the clouds.
-        poses: rows x, y, θ of all, (3, N).
-        weights: of all, (N,).
-        ends: where each cloud ends, (k,).
-        truth: the true pose of each state, (k, 3).
-        moves: the increments (forward, left, turn) commanded on the way to each state, (k, 3).
-    """
-
-    each: Sequence[Cloud]
-    poses: Reals
-    weights: Floats
-    ends: Ints
-    truth: Floats
-    moves: Floats
+    each: Sequence[Cloud]  # the clouds
+    poses: Reals  # rows x, y, θ of all, (3, N)
+    weights: Floats  # of all, (N,)
+    ends: Ints  # where each cloud ends, (k,)
+    truth: Floats  # the true pose of each state, (k, 3)
+    moves: Floats  # the increments (forward, left, turn) commanded on the way to each state, (k, 3)
 
 
 def cloud_of(state: int, offset: int, points: Any) -> Cloud:
-    """Return a copy of what ``Belief.points(offset)`` gave about a state.
-
-    A copy, because a localizer may write into its arrays at the next step.
-    """
+    """Return a copy of what ``Belief.points(offset)`` gave; its arrays may be written to later."""
     what = f"its belief of state {state} at offset {offset}"
     if not (isinstance(points, tuple | list) and len(points) == 2):
         raise InputError(

@@ -1,7 +1,4 @@
-"""What is kept of a whole run while it lasts, and how it stands in a record.
-
-Of a run in a world, its journey; of one on a whole log, its track.
-"""
+"""What is kept of a whole run, its journey in a world or track on a log, and how it is recorded."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence

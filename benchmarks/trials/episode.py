@@ -1,8 +1,7 @@
 """One lap: the only place that sees both the world and a localizer.
 
-The localizer is given arrays (scan, command, plan), the agent what is believed and what the env
-shows. The true pose goes past both, to the scores. All that the localizer is given is a copy of its
-own: writing into it changes nothing else.
+The localizer is given copies of arrays (scan, command, plan), the agent what is believed and what
+the env shows. The true pose goes past both, to the scores.
 """
 
 import math
@@ -23,33 +22,19 @@ _UNKNOWN = np.full(3, np.nan)
 
 
 class Step(NamedTuple):
-    """A step of an episode, as seen from outside; a named tuple, as one is made at every step.
+    """A step of an episode, as seen from outside; a named tuple, as one is made at every step."""
 
-    Attributes:
-        t: its number, from 0 (reset).
-        truth: the true pose x_t, (3,), in the map's unit and rad; NaN where a log has no reference.
-        ranges: the scan o_t, (B,), in the map's unit; the one at t = 0 was shown to nobody.
-        belief: what the localizer believes after it.
-        seconds: time the localizer took.
-        action: the command that led here, (2,); None at t = 0.
-        plan: the planned actions that the localizer was given, (h, 2); None: not known.
-        collided: whether a wall stopped the robot on the way here.
-        goal: where the robot is to arrive, (2,); None if nowhere.
-        route: corners (x, y) of the way to it as it is planned now.
-        draw: returns a picture of it, (height, width, 3) uint8: past, present and future; None
-            where nobody watches.
-    """
-
-    t: int
-    truth: Reals
-    ranges: Reals
-    belief: Belief
-    seconds: float
-    action: Reals | None = None
-    plan: Reals | None = None
-    collided: bool = False
-    goal: Reals | None = None
-    route: tuple[tuple[float, ...], ...] | None = None
+    t: int  #: its number, from 0 (reset)
+    truth: Reals  #: pose x_t, (3,), in the map's unit and rad; NaN where a log has no reference
+    ranges: Reals  #: the scan o_t, (B,), in the map's unit; the one at t = 0 was shown to nobody
+    belief: Belief  #: what the localizer believes after it
+    seconds: float  #: time the localizer took
+    action: Reals | None = None  #: the command that led here, (2,); None at t = 0
+    plan: Reals | None = None  #: planned actions shown to the localizer, (h, 2); None if unknown
+    collided: bool = False  #: whether a wall stopped the robot on the way here
+    goal: Reals | None = None  #: where the robot is to arrive, (2,); None if nowhere
+    route: tuple[tuple[float, ...], ...] | None = None  #: corners (x, y) of the way as planned now
+    #: returns a picture of past, present and future, (height, width, 3); None where nobody watches
     draw: Callable[[], NDArray[np.uint8]] | None = None
 
 
@@ -62,17 +47,11 @@ def moments(
     *,
     seed: int,
 ) -> Iterator[Step]:
-    """Run one episode until the env ends it; yield each step.
+    """Run one episode of a ``TrialEnv``, or wrappers around it, to its end; yield each step.
 
-    Args:
-        env: a ``TrialEnv``, or wrappers around one.
-        agent: chooses the actions.
-        localizer: fed with the env's scans and commands, and with the plan of whoever drives; if
-            its ``own_plans`` is False, not with those that the driver makes from the belief.
-        prior: p(x_0), for the localizer; asked when the episode has begun, as it may be around the
-            start drawn there.
-        rng: the localizer's only randomness.
-        seed: for ``env.reset``.
+    The localizer gets scans, commands and the driver's plans; if its ``own_plans`` is False, not
+    those made from its belief. ``prior`` is asked when the episode has begun, as it may be around
+    the start drawn there; ``rng`` is the localizer's only randomness.
     """
     ranges, info = env.reset(seed=seed)
     if "goal" in info:

@@ -28,16 +28,12 @@ APART = 0.5  # m between poses that count as different ones
 
 @dataclass(frozen=True)
 class Fit:
-    """How each beam of scans fits a map, seen from poses, (n, B) each.
+    """How each beam of scans fits a map, seen from poses, (n, B) each."""
 
-    ``returned``: reflected within range; ``short``, ``long``: that, and it reads clearly less or
-    more than from every pose nearby. ``expected`` is ∞ where only unknown cells or nothing is met.
-    """
-
-    expected: Reals
-    returned: Bools
-    short: Bools
-    long: Bools
+    expected: Reals  # ∞ where only unknown cells or nothing is met
+    returned: Bools  # reflected within range
+    short: Bools  # that, and clearly less than from every pose nearby
+    long: Bools  # that, and clearly more
 
     @property
     def explained(self) -> Floats:

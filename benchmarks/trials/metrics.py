@@ -25,19 +25,13 @@ from deqmcl_gym.numerics.types import Bools, Floats, Reals
 
 @dataclass(frozen=True, kw_only=True)
 class Estimates:
-    """What beliefs at one offset say of the states s ≥ 1, and the truth: what ``METRICS`` are of.
-
-    Attributes:
-        means, variances: of (x, y, cos θ, sin θ), (k, 4).
-        values: further numbers of each state, (k,); see ``trace.OffsetTrace``.
-        common: whether L ≤ s ≤ T - L, the states that every offset estimates, (k,).
-    """
+    """What beliefs at one offset say of the states s ≥ 1, and the truth: for ``METRICS``."""
 
     truth: Floats
-    means: Floats
-    variances: Floats
-    values: dict[str, Floats]
-    common: Bools
+    means: Floats  # of (x, y, cos θ, sin θ), (k, 4)
+    variances: Floats  # of the same
+    values: dict[str, Floats]  # further numbers of each state, (k,); see ``trace.OffsetTrace``
+    common: Bools  # whether L ≤ s ≤ T - L, the states that every offset estimates, (k,)
     thresholds: Thresholds
     unit: str
 
@@ -87,10 +81,9 @@ def heading_error(means: Floats, truth: Floats) -> Floats:
 
 
 def entropy(variances: Floats, unit: str) -> Floats:
-    """Σ_i ½ log(2πe max(v_i, f_i)) over the four components, nats, (k,).
+    """Σ_i ½ log(2πe max(v_i, f_i)) over the four components, f = (0.1 px)² and 10⁻⁶, nats, (k,).
 
-    The entropy of a Gaussian with these variances and no correlation, f = (0.1 px)² and 10⁻⁶. The
-    paper gives no formula.
+    The entropy of a Gaussian without correlation; the paper gives no formula.
     """
     floored = np.maximum(variances, covariance_floor(unit)[[0, 1, 2, 2]])  # NaN stays NaN
     total: Floats = (0.5 * arrays.log(2 * math.pi * math.e * floored)).sum(axis=1)
@@ -103,11 +96,7 @@ def wall_share(clouds: Clouds, task: Surroundings) -> Floats:
 
 
 def wall_step_share(clouds: Clouds, task: Surroundings) -> Floats:
-    """Weight on poses whose last step passed through a wall, (k,).
-
-    The step is the one commanded on the way to the state, along the heading of the pose: so all
-    beliefs can be asked, those too that hold no past.
-    """
+    """Weight on poses whose last step, as commanded along their heading, passed a wall, (k,)."""
     before = np.empty((2, clouds.weights.size), np.float32)
     steps_back(clouds.poses, clouds.moves, clouds.ends, before)
     return _weight_of(task.floor_plan.collides(before.T, clouds.poses.T, task.radius), clouds)

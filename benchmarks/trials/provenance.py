@@ -27,14 +27,11 @@ Environment = dict[str, str | dict[str, str]]
 
 
 class Provenance(Struct, frozen=True, dict=True):
-    """Everything but the configuration that a trial's numbers depend on; read, or of what runs.
-
-    ``plug_ins`` are digests by name of localizers, scenarios, agents and scan models that are not
-    ours, and of the files of worlds and localizers.
-    """
+    """Everything but the configuration that a trial's numbers depend on; read, or of what runs."""
 
     code: str
     libraries: dict[str, str]
+    # digests of localizers, scenarios, agents and scan models not ours, and of their files, by name
     plug_ins: dict[str, str] = field(name="plug-ins")
 
     def key(self, trial: Trial) -> str:

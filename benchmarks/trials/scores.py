@@ -1,8 +1,7 @@
 """All scores, each a ``Score`` with its unit: of beliefs at an offset, whole runs, and tracks.
 
-A trial has those of ``METRICS`` at each offset, and of ``GROUPS`` those that its scenario is about:
-see ``Stage.groups``. A whole log has those of its track beside. Lengths of whole runs and tracks
-are in m; a pixel of the paper's room is 2 cm.
+A trial has those of ``METRICS`` at each offset, and of ``GROUPS`` by its scenario; a whole log has
+those of its track, too. Lengths of whole runs and tracks are in m; a pixel is 2 cm.
 """
 
 import math
@@ -43,33 +42,20 @@ _FAR_WORDS = "weight far from the truth, common states"
 
 @dataclass(frozen=True)
 class Score:
-    """A number that says how good something is.
-
-    Attributes:
-        unit: "length" (the map's unit), "length²", "m", "rad", "steps", "nats", "share" (of a whole
-            run: 0 or 1) or "" (a number).
-        better: "low", "high", or "" if neither is.
-        words: what it is, as the heading of a column; a mean over the states if it does not say
-            otherwise.
-        of: the score of ``Estimates``, a ``Journey`` or a ``ScoredTrack``; NaN is not available.
-        each: what is measured of the belief about each state, (k,), if ``of`` needs it:
-            ``Estimates.values`` has it by the score's name.
-        later: whether records that lack it, made before it was added, are sound.
-        failed: the score of a run that failed; NaN: it is unknown.
-        tested: whether methods are compared by it.
-        digits: behind the point, in tables; None: as the unit has them.
-    """
+    """A number that says how good something is."""
 
     name: str
+    # "length" (map's unit), "length²", "m", "rad", "steps", "nats", "share" (0 or 1) or "" (number)
     unit: str
-    better: str
-    words: str
-    of: Callable[[Any], float]
+    better: str  # "low", "high", or "" if neither is
+    words: str  # heading of its column; a mean over the states if it does not say otherwise
+    of: Callable[[Any], float]  # ``Estimates``, ``Journey`` or ``ScoredTrack``; NaN: not available
+    # what ``of`` needs of the belief about each state, (k,): in ``Estimates.values`` by its name
     each: Callable[[Clouds, Surroundings], Floats] | None = None
-    later: bool = False
-    failed: float = math.nan
-    tested: bool = False
-    digits: int | None = None
+    later: bool = False  # whether records that lack it, made before it was added, are sound
+    failed: float = math.nan  # the score of a run that failed; NaN: it is unknown
+    tested: bool = False  # whether methods are compared by it
+    digits: int | None = None  # behind the point, in tables; None: as the unit has them
 
     @property
     def sign(self) -> int:

@@ -28,29 +28,21 @@ class ErrorCurve(Struct, frozen=True):
 
 
 class TrialRecord(Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What came of a trial of T steps: the shape of its line in a file.
-
-    Attributes:
-        scores: a row per offset: "offset" and ``SCORE_NAMES``; None is not available. Those of
-            ``LATER`` are missing in records made before they were added.
-        quality: confidence that it is not lost after t = 1 …; None where the belief gives none.
-        profile: mean error e by offset, each over the same states.
-        scans_used: those with at least one beam in range.
-        plan: ``trace.plan_columns`` of the steps t = 1 … T; None if no plan was read.
-        against_map: ``map_signals.MAP_COLUMNS`` of the steps t = 1 … T; None where the world is as
-            on the map.
-    """
+    """What came of a trial of T steps: the shape of its line in a file."""
 
     unit: Annotated[str, Meta(pattern="^(px|m)$")]
     thresholds: Thresholds
+    # a row per offset: "offset" and ``SCORE_NAMES``, None not available; old records lack ``LATER``
     scores: list[dict[str, Offset | Number | None]]
     curves: dict[Offset, ErrorCurve]
-    quality: list[Number | None] | None
-    profile: dict[Offset, Number]
+    quality: list[Number | None] | None  # that it is not lost after t = 1 …; None: it is not given
+    profile: dict[Offset, Number]  # mean error e by offset, each over the same states
     steps_done: Count
-    scans_used: Count
+    scans_used: Count  # those with at least one beam in range
     events: dict[str, Count]
+    # ``trace.plan_columns`` of the steps t = 1 … T; None if no plan was read
     plan: dict[str, list[Number | None]] | None = None
+    # ``map_signals.MAP_COLUMNS`` of the steps t = 1 … T; None where the world is as on the map
     against_map: dict[str, list[Number | None]] | None = None
     journey: WholeRun | None = None
     track: RecordedTrack | None = None

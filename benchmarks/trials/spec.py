@@ -55,27 +55,19 @@ class Method(Named):
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """One localizer on one lap of one world.
-
-    Attributes:
-        disturbance: wrappers around the world, innermost first: {"kind": "kidnap", …}.
-        agent: who drives; None: the scenario's agent.
-        lag: L, the offsets scored are -L, 0 and L.
-        trial: number of the world; trials of the same number are paired.
-        filter_seed: which of several runs of the localizer on that world.
-    """
+    """One localizer on one lap of one world."""
 
     scenario: str
     world: Overrides = NOTHING
     assumed: Overrides = NOTHING
-    disturbance: tuple[Overrides, ...] = ()
+    disturbance: tuple[Overrides, ...] = ()  #: wrappers, innermost first, ``{"kind": "kidnap", …}``
     localizer: str
     params: Overrides
-    agent: Named | None = None
-    lag: int
+    agent: Named | None = None  #: who drives; None is the scenario's agent
+    lag: int  #: L, the offsets scored are -L, 0 and L
     seed: int
-    trial: int
-    filter_seed: int = 0
+    trial: int  #: number of the world; trials of the same number are paired
+    filter_seed: int = 0  #: which of several runs of the localizer on that world
 
     def __post_init__(self) -> None:
         changes_of(self)
@@ -126,10 +118,7 @@ class Trial:
         return int(sequence.generate_state(1, np.uint64)[0] >> np.uint64(11))
 
     def filter_rng(self) -> np.random.Generator:
-        """Return the localizer's stream: a function of (seed, trial, filter_seed).
-
-        The same for every localizer, so that filters start from the same cloud.
-        """
+        """Return the stream of (seed, trial, filter_seed): all filters start from one cloud."""
         key = (self.trial, _FILTER, self.filter_seed)
         return np.random.default_rng(np.random.SeedSequence(self.seed, spawn_key=key))
 

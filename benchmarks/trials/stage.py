@@ -37,20 +37,14 @@ DISTURBANCES = MappingProxyType(
 
 @dataclass(frozen=True, kw_only=True)
 class Stage:
-    """A trial, set up: all that it is made of, but for its agent and localizer.
-
-    Attributes:
-        scenario: with the changes that the trial makes to it, in its building; the trial's own
-            disturbances are outside the scenario's.
-        env: the room inside its disturbances.
-        robot: what the localizer and the agent are made for.
-    """
+    """A trial, set up: all that it is made of, but for its agent and localizer."""
 
     trial: Trial
+    #: with the trial's changes, in its building; the trial's disturbances are outside its own
     scenario: Scenario
     room: TrialEnv
-    env: gym.Env[Any, Any]
-    robot: RobotModel
+    env: gym.Env[Any, Any]  #: the room inside its disturbances
+    robot: RobotModel  #: what the localizer and the agent are made for
 
     @classmethod
     def of(cls, trial: Trial) -> Self:

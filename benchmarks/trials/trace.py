@@ -1,7 +1,4 @@
-"""What is kept of an episode: per offset and state, what was believed and how it fits the truth.
-
-And per step, how the belief read the plan it was shown, and whether that plan was about this robot.
-"""
+"""What is kept of an episode: beliefs about each state by offset, and how each plan was read."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -39,11 +36,7 @@ _EACH = {metric.name: metric.each for metric in METRICS if metric.each}
 
 
 def plan_row(belief: Any, truth: Reals, task: Surroundings) -> list[float]:
-    """Return whether the plan conflicts with the true pose, then the signals; NaN if none was read.
-
-    It conflicts if, laid from where the robot is, it would collide: it is not about this robot, or
-    no longer.
-    """
+    """Return whether the plan collides from the true pose, then signals; NaN if none was read."""
     reading = getattr(belief, "plan_reading", None)
     if reading is None or np.isnan(reading.feasible):
         return [np.nan] * len(PLAN_COLUMNS)
@@ -65,53 +58,33 @@ def plan_columns(rows: Sequence[Sequence[float]]) -> dict[str, list[float | None
 
 @dataclass(frozen=True, kw_only=True)
 class OffsetTrace:
-    """What was believed of each state s at t = s - offset.
+    """What was believed of each state s at t = s - offset."""
 
-    Attributes:
-        states: s, (k,), ascending.
-        means: of x, y, cos θ, sin θ, (k, 4).
-        variances: of the same, (k, 4); NaN for a belief of one point.
-        values: (k,) each, NaN where not available: those of ``clouds.calibration``, and
-            what metrics ask ``each`` state for, under their names.
-    """
-
-    states: Indices
-    means: Floats
-    variances: Floats
+    states: Indices  # s, (k,), ascending
+    means: Floats  # of x, y, cos θ, sin θ, (k, 4)
+    variances: Floats  # of the same, (k, 4); NaN for a belief of one point
+    # (k,), NaN not available: of ``clouds.calibration``, and of ``Score.each`` under their names
     values: dict[str, Floats]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trace:
-    """An episode as arrays.
+    """An episode as arrays."""
 
-    Attributes:
-        unit: of lengths.
-        truth: the true poses x_0 … x_T, (T + 1, 3); NaN where a log has no reference.
-        offsets: what was believed, by offset; only offsets that the localizer holds.
-        scans_used: scans with at least one beam in range.
-        seconds: the localizer's time, reset left out.
-        plans: what was made of the plan after step t = 0 … T, see ``plan_row``.
-        events: the localizer's counts of trouble, if it keeps any.
-        quality: confidence that it is not lost after step t = 0 … T, (T + 1,); NaN for none.
-        journey, track: what is kept of the whole run; None if that is not asked for.
-        profile: means of (x, y, cos θ, sin θ) at more offsets, by offset: states (k,) and means
-            (k, 4), at every ``PROFILE_STRIDE``-th state.
-        against_map: columns of ``map_signals`` after step t = 1 … T; None where the world is as on
-            the map.
-    """
-
-    unit: str
-    truth: Floats
-    offsets: dict[int, OffsetTrace]
-    scans_used: int
-    seconds: float
-    quality: Floats
-    plans: list[list[float]] = field(default_factory=list)
-    events: dict[str, int] = field(default_factory=dict)
-    journey: WholeRun | None = None
-    track: RecordedTrack | None = None
+    unit: str  # of lengths
+    truth: Floats  # the true poses x_0 … x_T, (T + 1, 3); NaN where a log has no reference
+    offsets: dict[int, OffsetTrace]  # what was believed; offsets that the localizer holds
+    scans_used: int  # scans with at least one beam in range
+    seconds: float  # the localizer's time, reset left out
+    quality: Floats  # confidence that it is not lost after step t = 0 … T, (T + 1,); NaN for none
+    plans: list[list[float]] = field(default_factory=list)  # ``plan_row`` after step t = 0 … T
+    events: dict[str, int] = field(default_factory=dict)  # the localizer's counts of trouble
+    journey: WholeRun | None = None  # what is kept of the whole run; None if that is not asked for
+    track: RecordedTrack | None = None  # likewise
+    # means of (x, y, cos θ, sin θ) at more offsets, by offset: states (k,) and means (k, 4), at
+    # every ``PROFILE_STRIDE``-th state
     profile: dict[int, tuple[Indices, Floats]] = field(default_factory=dict)
+    # columns of ``map_signals`` after step t = 1 … T; None where the world is as on the map
     against_map: dict[str, list[float | None]] | None = None
 
     @property
@@ -206,11 +179,7 @@ class _Lap:
 
 
 class _Beliefs:
-    """Collects what is believed at some offsets about every n-th state.
-
-    A belief about a future state waits for the truth of that state; then it waits for others, to
-    be measured with them in one pass.
-    """
+    """Collects what is believed at some offsets about every n-th state, measured in passes."""
 
     def __init__(
         self,

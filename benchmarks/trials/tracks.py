@@ -1,7 +1,6 @@
-"""Where a localizer places the robot, against where it is: of a run in a world or on a log.
+"""Where the best cluster of a localizer is, against the robot: of a run in a world or on a log.
 
-When is a lost robot localized, and how far off is it, by its best cluster; errors of tracks are as
-evo computes them, absolute (APE) and relative (RPE). All lengths of scores are in m.
+Errors of tracks are as evo has them, absolute (APE) and relative (RPE). Lengths of scores are in m.
 """
 
 import math
@@ -35,23 +34,15 @@ _ALIKE = 0.998  # of them: a point on a line between cells may fall to either si
 
 @dataclass(frozen=True, kw_only=True)
 class Fixes:
-    """How far off the best cluster of a belief is at the k ``steps`` whose true pose is known.
-
-    Attributes:
-        count: how many steps the run has, the one at t = 0 included.
-        way: driven until each by the commands, m.
-        distance, angle: of the best cluster's mean to the truth, m and rad.
-        quality: confidence that it is not lost; NaN where the belief gives none.
-        tolerated: share of steps at which a localized robot may seem off: 0 where truth is exact.
-    """
+    """How far off the best cluster of a belief is at the k ``steps`` whose true pose is known."""
 
     steps: Indices
-    count: int
-    way: Floats
-    distance: Floats
-    angle: Floats
-    quality: Floats
-    tolerated: float = 0.0
+    count: int  # how many steps the run has, the one at t = 0 included
+    way: Floats  # driven until each by the commands, m
+    distance: Floats  # of the best cluster's mean to the truth, m
+    angle: Floats  # likewise, rad
+    quality: Floats  # confidence that it is not lost; NaN where the belief gives none
+    tolerated: float = 0.0  # share of steps at which a localized robot may seem off; 0: truth exact
 
     def localized(self, near: str) -> Bools:
         """Whether the best cluster is as near to the truth as ``NEAR`` says, (k,)."""
@@ -107,26 +98,18 @@ class Fixes:
 
 @dataclass(frozen=True, kw_only=True)
 class Journey:
-    """A run from its start to its end, n = T + 1 states.
-
-    Attributes:
-        driven: by the commands until each state, (n,).
-        truth: true poses, (n, 3).
-        collided: whether the step to each state was stopped by a wall, (n,).
-        clearance: least distance of the robot's rim to a wall.
-        goal: where it was to arrive, (2,).
-        planned: length of the route from the start to the goal.
-        masses: weight within 1 m and 30° of the truth and of its twin under a half turn of the
-            map, (k, 2), at the steps of ``fixes``; None if that was not asked for.
-    """
+    """A run from its start to its end, n = T + 1 states."""
 
     fixes: Fixes
-    driven: Floats
-    truth: Floats
+    driven: Floats  # by the commands until each state, (n,)
+    truth: Floats  # true poses, (n, 3)
+    # whether a wall stopped the step to each state, (n,)
     collided: Bools = field(default_factory=lambda: np.zeros(0, np.bool_))
-    clearance: float = math.nan
-    goal: Floats | None = None
-    planned: float = math.nan
+    clearance: float = math.nan  # least distance of the robot's rim to a wall
+    goal: Floats | None = None  # where it was to arrive, (2,)
+    planned: float = math.nan  # length of the route from the start to the goal
+    # weight within 1 m and 30° of the truth and of its twin under a half turn of the map, (k, 2),
+    # at the steps of ``fixes``; None if that was not asked for
     masses: Floats | None = None
 
     @property
@@ -146,8 +129,7 @@ class Journey:
     def spl(self) -> float:
         """Success weighted by path length: S · planned / max(driven, planned).
 
-        Anderson et al. 2018, "On evaluation of embodied navigation agents"; the shortest way is
-        the route's.
+        Anderson et al. 2018, "On evaluation of embodied navigation agents".
         """
         path = float(np.hypot(*np.diff(self.truth[:, :2], axis=0).T).sum())
         longer = max(path, self.planned)
@@ -308,20 +290,15 @@ class EstimatedTrack:
 
 @dataclass(frozen=True)
 class ScoredTrack:
-    """What the scores of a track by records are of.
-
-    Attributes:
-        calibrated: rank of the reference, NEES and log score at each record, (n, 3); NaN is
-            unknown. Those at the reference's own times count, or all if none of them is known.
-        floor_plan: the map; None: agreement is not available.
-        judged: first record by which beliefs are judged.
-    """
+    """What the scores of a track by records are of."""
 
     track: EstimatedTrack
+    # rank of the reference, NEES and log score at each record, (n, 3), NaN unknown: all, or those
+    # at the reference's own times if any of them is known, count
     calibrated: Floats
     thresholds: Thresholds
-    floor_plan: Map | None
-    judged: int
+    floor_plan: Map | None  # the map; None: agreement is not available
+    judged: int  # first record by which beliefs are judged
 
     def known(self, column: int) -> Floats:
         """Return what is known of a column of ``calibrated``, at the records that count."""

@@ -1,9 +1,8 @@
 """``deqmcl tune``: successive halving of candidates over segments of logs, all on the same ones.
 
-Candidates come in rounds. A round measures its candidates on a ninth of the training segments, a
-third of them go on to a third of the segments, and a third of these to all (Jamieson & Talwalkar
-2016, η = 3). Half of each later round is drawn near the two best so far. The held-out segments are
-run once, at the end, by the default and by the winner.
+A round measures candidates on a ninth of the training segments, a third of them goes on to a third,
+and a third of these to all (Jamieson & Talwalkar 2016, η = 3); half of each later round is near the
+two best. The default and the winner run on the held-out segments, once.
 """
 
 import math
@@ -62,22 +61,14 @@ _NEEDS = {"false-commitment": "quality", "log-score": "spread"}  # of a belief
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """Part of a log, from a start that is known with some error.
+    """Part of a log, from a start that is known with some error."""
 
-    Attributes:
-        number: among all; it names the random streams of its runs.
-        begins: time of its first record, s.
-        metres: driven in it.
-        whole, world: the whole log and what is played of it, as trials have them.
-        assumed: by the filters, the noise of the whole log and the start among it.
-    """
-
-    number: int
-    begins: float
-    metres: float
-    whole: Overrides
-    world: Overrides
-    assumed: Overrides
+    number: int  # among all; it names the random streams of its runs
+    begins: float  # time of its first record, s
+    metres: float  # driven in it
+    whole: Overrides  # the whole log, as trials have it
+    world: Overrides  # what is played of it
+    assumed: Overrides  # by the filters, the noise of the whole log and the start among it
 
 
 def cut(
@@ -157,25 +148,17 @@ def _stream(seed: int, *key: int) -> np.random.Generator:
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """What is searched for, and on what: all that a search depends on, but for its code.
-
-    Attributes:
-        score: a name in ``GOALS``; a search compares its means over segments.
-        max_ms: most ms per step that a winner may take; None: any.
-        base: the localizer's parameters before the search.
-        usual: values of the default, as far as they are known, by name in ``space``.
-        training, held_out: segments that the search sees, and does not see.
-    """
+    """What is searched for, and on what: all that a search depends on, but for its code."""
 
     localizer: str
-    score: str
-    max_ms: float | None
+    score: str  # a name in ``GOALS``; a search compares its means over segments
+    max_ms: float | None  # most ms per step that a winner may take; None: any
     seed: int
-    base: Overrides
-    usual: Overrides
+    base: Overrides  # the localizer's parameters before the search
+    usual: Overrides  # values of the default, as far as they are known, by name in ``space``
     space: Space
-    training: Sequence[Segment]
-    held_out: Sequence[Segment]
+    training: Sequence[Segment]  # segments that the search sees
+    held_out: Sequence[Segment]  # and those that it does not see
 
     @property
     def goal(self) -> Score:
@@ -227,41 +210,25 @@ class Task:
 
 @dataclass(kw_only=True, eq=False)
 class Candidate:
-    """Values that are tried, as far as it has come.
+    """Values that are tried, as far as it has come."""
 
-    Attributes:
-        values: what is changed of the default, which changes nothing.
-        round: in which it was drawn.
-        whole_space: whether it was drawn from all of it.
-        rank: in the first rung of its round, from 0 (best) to 1.
-        segments: how many it has run on.
-        value: its mean score over them; inf if a run failed.
-        ms_per_step: median; NaN unknown.
-    """
-
-    values: Overrides
-    round: int
-    whole_space: bool
-    rank: float = math.nan
-    segments: int = 0
-    value: float = math.inf
-    ms_per_step: float = math.nan
+    values: Overrides  # what is changed of the default, which changes nothing
+    round: int  # in which it was drawn
+    whole_space: bool  # whether it was drawn from all of it
+    rank: float = math.nan  # in the first rung of its round, from 0 (best) to 1
+    segments: int = 0  # how many it has run on
+    value: float = math.inf  # its mean score over them; inf if a run failed
+    ms_per_step: float = math.nan  # median; NaN unknown
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tuning:
-    """What came of a search.
-
-    Attributes:
-        tried: all candidates, the default first.
-        best: the winner; the default if nothing was better on the training segments.
-        held_out: a row per run on the held-out segments, by ``which`` ("default" or "tuned") and
-            ``RUN``; a column per score, and ms_per_step; all NaN if it failed.
-    """
+    """What came of a search."""
 
     task: Task
-    tried: Sequence[Candidate]
-    best: Candidate
+    tried: Sequence[Candidate]  # all candidates, the default first
+    best: Candidate  # the winner; the default if nothing was better on the training segments
+    # held-out runs by ``which`` ("default", "tuned") and ``RUN``: scores, ms_per_step; NaN: failed
     held_out: pd.DataFrame
 
 
@@ -286,11 +253,7 @@ class Search:
     _asked: set[str] = field(default_factory=set)  # keys of trials
 
     def run(self, candidates: int) -> Tuning:
-        """Search until so many candidates were tried.
-
-        Raises:
-            TrialsFailedError: the default fails.
-        """
+        """Search until so many candidates were tried; if the default fails, raise an error."""
         tried: list[Candidate] = []
         for number, before in enumerate(range(0, candidates, ROUND)):
             tried += self._drawn(number, min(ROUND, candidates - before), tried)

@@ -237,8 +237,7 @@ def neighbour(
 ) -> Overrides:
     """Return a candidate near good values: half of the parameters are moved, at least one.
 
-    What the good values do not name is as usual, as far as that is known, and stays so unless it
-    is moved.
+    What the good values do not name stays as usual, as far as that is known, unless it is moved.
     """
     moved = rng.random(len(space)) < 0.5
     moved[rng.integers(len(space))] = True

@@ -186,14 +186,10 @@ def _word(value: Any) -> str:
 def importance(space: Space, tried: Sequence[Candidate]) -> pd.DataFrame:
     """Return which parameters explain ranks of candidates alone, the most important first.
 
-    The ranks are those of the candidates drawn from the whole space, in the first rung of their
-    round. A range is cut into four at the quartiles of what was drawn, one with four values or
-    fewer into these. The share is ε², the correlation ratio η² less what as many groups would
-    explain by chance (Kelley 1935): the main effects of a functional ANOVA.
-
-    Returns:
-        Columns parameter; share, ε²; chance, its 95 % quantile over shuffled ranks; best, the
-        best group in words.
+    Of candidates drawn from the whole space, in the first rung of their round. A range is cut at
+    the quartiles of what was drawn, or into its values if they are four or fewer. ``share`` is ε²,
+    the correlation ratio η² less what as many groups explain by chance (Kelley 1935): the main
+    effects of a functional ANOVA; ``chance`` is its 95 % quantile over shuffled ranks.
     """
     whole = [candidate for candidate in tried if candidate.whole_space]
     ranks = np.array([candidate.rank for candidate in whole])

@@ -1,10 +1,8 @@
 """Which beams of a scan a belief uses, where the world is not its map: people, moved furniture.
 
-Fox, Burgard & Thrun 1999, "Markov localization for mobile robots in dynamic environments" (before:
-Fox, Burgard, Thrun & Cremers 1998): two filters that judge each beam by the belief before the scan.
-A filter that drops what the belief does not expect cannot find out that the belief is wrong: the
-robot must be localized when it starts, and what is counted as evidence (quality, recovery) is that
-of the beams kept.
+Fox, Burgard & Thrun 1999, "Markov localization for mobile robots in dynamic environments": two
+filters that judge each beam by the belief before the scan. They cannot find out that it is wrong:
+the robot must be localized at the start. Evidence (quality, recovery) is that of the beams kept.
 """
 
 from collections.abc import Callable
@@ -36,10 +34,7 @@ JUDGES = 512  # particles, evenly spaced, by which beams are judged
 
 
 def judges(states: States, log_weights: LogWeights) -> tuple[States, Weights]:
-    """Return at most ``JUDGES`` of the particles, evenly spaced, and their weights, with sum 1.
-
-    Of particles that all weigh 0 the weights are equal.
-    """
+    """Return at most ``JUDGES`` particles, evenly spaced, and weights of sum 1; equal if all 0."""
     stride = (log_weights.size - 1) // JUDGES + 1
     some = np.ascontiguousarray(log_weights[::stride])
     if not some.max() > -np.inf:
@@ -62,19 +57,13 @@ class DistanceFilter:
 
     P = Σ w Φ((ô - o) / σ), ô at most the largest range: people and what is new stand in front of
     the walls. Longer readings, as of removed walls, are never dropped. While the belief is spread
-    over several places nothing is, as what is short from one place is not from another.
-
-    Fox, Burgard & Thrun 1999; in 1998 the novelty filter.
-
-    Attributes:
-        scan: p(o | x, m), whose beams have a σ.
-        share: γ.
-        localized: the least share of the belief in its ``best_cluster`` for beams to be dropped.
+    over several places nothing is, as what is short from one place is not from another. In Fox,
+    Burgard, Thrun & Cremers 1998 it is the novelty filter.
     """
 
-    scan: LidarScan
-    share: float = 0.99
-    localized: float = 0.9
+    scan: LidarScan  # p(o | x, m), whose beams have a σ
+    share: float = 0.99  # γ
+    localized: float = 0.9  # least share of the belief in its ``best_cluster`` for dropping beams
 
     def __post_init__(self) -> None:
         number("share", self.share, low=0, high=1)
@@ -95,10 +84,7 @@ class DistanceFilter:
         return left_out(scan, self.shorter(poses, weights, scan) > self.share)
 
     def shorter(self, poses: States, weights: Weights, scan: Scan) -> Floats:
-        """P(o is shorter than the map says) of each usable beam under weighted poses (3, n), (b,).
-
-        Poses outside say nothing; if all are, it is 0.
-        """
+        """P(o < ô) of each usable beam under weighted poses (3, n), (b,); 0 if all are outside."""
         sigma: float = self.scan.beam.sigma  # type: ignore[attr-defined]
         measured, expected = self.scan.compared(poses, scan)
         inside = ~np.isnan(expected[0])
@@ -135,15 +121,12 @@ class EntropyFilter:
     """Drop a beam if it raises the belief's entropy: what does not confirm the belief.
 
     H = -Σ p log p over places, before and after the one beam. Each is judged by itself. Where the
-    belief is one place, no beam changes it and all are kept.
-
-    Fox, Burgard & Thrun 1999, whose places are the cells of a grid.
-
-    ``places`` are those of states (d, n), as numbers from 0, (n,).
+    belief is one place, no beam changes it and all are kept. Fox, Burgard & Thrun 1999 count over
+    the cells of a grid.
     """
 
     scan: LidarScan
-    places: Callable[[States], Indices]
+    places: Callable[[States], Indices]  # of states (d, n), as numbers from 0, (n,)
 
     def kept(self, states: States, log_weights: LogWeights, scan: Scan) -> Scan:
         """Return the scan without the beams that raise the entropy; see ``BeamFilter``."""

@@ -26,24 +26,15 @@ from localizers.models.scan import Scan
 
 @dataclass(frozen=True)
 class Events:
-    """Counts of irregular events since reset.
+    """Counts of irregular events since reset."""
 
-    Attributes:
-        weight_collapses: evidence to which every particle gave zero likelihood; it was dropped and
-            the previous weights were kept.
-        replanned_steps: updates at which the queued future was redrawn under a changed plan.
-        skipped_beams: beams that were NaN, infinite or outside [0, max range].
-        blind_scans: scans without a usable beam; they changed no weight.
-        infeasible_plans: plans used as evidence that collide from every particle.
-        random_poses: particles replaced by random poses in free space, to recover.
-    """
-
+    # evidence to which every particle gave zero likelihood: dropped, and the weights kept
     weight_collapses: int = 0
-    replanned_steps: int = 0
-    skipped_beams: int = 0
-    blind_scans: int = 0
-    infeasible_plans: int = 0
-    random_poses: int = 0
+    replanned_steps: int = 0  # updates at which the queued future was redrawn under a changed plan
+    skipped_beams: int = 0  # beams that were NaN, infinite or outside [0, max range]
+    blind_scans: int = 0  # scans without a usable beam; they changed no weight
+    infeasible_plans: int = 0  # plans used as evidence that collide from every particle
+    random_poses: int = 0  # particles replaced by random poses in free space, to recover
 
     def plus(self, **counts: int) -> Self:
         """Return these counts, increased by ``counts``."""
@@ -66,64 +57,39 @@ class FilteredEvents(Events):
 
 @dataclass(frozen=True, eq=False)
 class PlanReading:
-    """What the latest plan said about the present.
+    """What the latest plan said about the present."""
 
-    Attributes:
-        shown: all of it, (h, k).
-        seen: its first steps that have been charged, now or before, (L, k).
-        tempering: λ in [0, 1], the exponent of its likelihood; NaN if no step was charged.
-        feasible: P(the plan is feasible from x_t) under the belief before it; NaN likewise.
-        log_evidence: log E[p(π_t | x_t, m)^λ] under the belief before it.
-    """
-
-    shown: Actions
-    seen: Actions
-    tempering: float = math.nan
-    feasible: float = math.nan
-    log_evidence: float = 0.0
+    shown: Actions  # all of it, (h, k)
+    seen: Actions  # its first steps that have been charged, now or before, (L, k)
+    tempering: float = math.nan  # λ in [0, 1], exponent of its likelihood; NaN: no step charged
+    feasible: float = math.nan  # P(feasible from x_t) under the belief before it; NaN likewise
+    log_evidence: float = 0.0  # log E[p(π_t | x_t, m)^λ] under the belief before it
 
 
 class _Cloud(NamedTuple):
-    """Fields of a particle belief.
+    """Fields of a particle belief."""
 
-    Attributes:
-        queue: the states x_{t-L} … x_{t+F} of n particles.
-        log_weights: not normalised, (n,).
-        drawn: the actions with which the states after the present were drawn, (F_t, k).
-        log_normalizer: log of the evidence absorbed by resampling; see ``log_evidence``.
-        log_h: log h_t(x_t), how feasible the planned future is from the present, where it is
-            computed instead of queued, (n,). It multiplies the reported weights, not those
-            that are carried on; None: no look-ahead.
-        foreseen: the planned future of each particle where it is drawn from the present instead of
-            queued: states (d, n) of x_{t+k} by k ≥ 1, None beyond its end.
-        scan_log_evidence: log Σ w p(o_t | x_t, m) of the latest scan, from some of the particles.
-        scan_power: λ_t, the exponent of the latest scan's likelihood.
-        detector: evidence for and against it; None: none is kept.
-        plan_reading: what the latest plan said, where plans are used as evidence.
-        watch: what is remembered to recover by; None: nothing is.
-        fixed: whether it has seen a scan, where the first one decides; else it is of hypotheses.
-    """
-
-    queue: Queue
-    log_weights: LogWeights
-    drawn: Actions
-    log_normalizer: float = 0.0
+    queue: Queue  # the states x_{t-L} … x_{t+F} of n particles
+    log_weights: LogWeights  # not normalised, (n,)
+    drawn: Actions  # the actions with which the states after the present were drawn, (F_t, k)
+    log_normalizer: float = 0.0  # log of the evidence absorbed by resampling; see ``log_evidence``
+    # log h_t(x_t), how feasible the planned future is from the present, if it is not queued, (n,).
+    # It multiplies the reported weights, not those that are carried on; None: no look-ahead.
     log_h: LogWeights | None = None
+    # the planned future of each particle where it is drawn from the present instead of queued:
+    # states (d, n) of x_{t+k} by k ≥ 1, None beyond its end
     foreseen: Callable[[int], States | None] | None = None
     events: Events = Events()
-    scan_log_evidence: float = math.nan
-    scan_power: float = 1.0
-    detector: LossDetector | None = None
-    plan_reading: PlanReading | None = None
-    watch: Watch | None = None
-    fixed: bool = True
+    scan_log_evidence: float = math.nan  # log Σ w p(o_t | x_t, m), from some of the particles
+    scan_power: float = 1.0  # λ_t, the exponent of the latest scan's likelihood
+    detector: LossDetector | None = None  # evidence for and against it; None: none is kept
+    plan_reading: PlanReading | None = None  # of the latest plan, where plans are evidence
+    watch: Watch | None = None  # what is remembered to recover by; None: nothing is
+    fixed: bool = True  # False: of hypotheses, as there was no scan yet, where the first decides
 
 
 class ParticleBelief(_Cloud):
-    """An immutable weighted cloud of queues, with the evidence it has absorbed; see ``_Cloud``.
-
-    A named tuple: several are made at every step, and a frozen dataclass takes three times as long.
-    """
+    """An immutable weighted cloud of queues; a named tuple, as several are made at every step."""
 
     def __repr__(self) -> str:
         past, steps = self.queue.present, len(self.queue.slots)
@@ -209,9 +175,8 @@ class ParticleBelief(_Cloud):
     def reweighted(self, log_factor: LogWeights) -> "ParticleBelief":
         """Multiply each weight by exp(log_factor), (n,).
 
-        If that leaves no particle any weight, or one an infinite weight, the factor is dropped (the
-        previous weights stay) and a weight collapse is counted: the cloud then follows the motion
-        model alone until some particle explains the evidence.
+        If that leaves no particle any weight, or one an infinite weight, the factor is dropped and
+        a weight collapse is counted: the cloud follows the motion model until one explains a scan.
         """
         total = np.empty(self.log_weights.size)
         if math.isfinite(shifted(self.log_weights, log_factor, total)):
@@ -219,10 +184,7 @@ class ParticleBelief(_Cloud):
         return self._collapsed()
 
     def exchanged(self, chosen: Bools, others: "ParticleBelief") -> "ParticleBelief":
-        """Replace the present states, which must be the newest, of k ``chosen`` particles (n,).
-
-        The new ones get the mean weight of all, so that in expectation the belief is the mixture.
-        """
+        """Replace the present states, the newest, of ``chosen`` particles, (n,), at mean weight."""
         states, log_weights = self.present.copy(), self.log_weights.copy()
         states[:, chosen] = others.present
         log_weights[chosen] = log_sum_exp(log_weights) - math.log(log_weights.size)
@@ -242,7 +204,7 @@ class ParticleBelief(_Cloud):
         """Weight by a scan of log-likelihoods (n,); record how well this belief predicted it.
 
         The record is taken from at most ``most`` evenly spaced particles and does not depend on
-        ``power``, the exponent of the likelihood. The weights change as in ``reweighted``.
+        ``power``, the exponent of the likelihood.
         """
         total = np.empty(self.log_weights.size)
         top, evidence = absorbed(self.log_weights, log_likelihood, most, power, total)

@@ -128,10 +128,7 @@ class Redraw:
     def __call__(
         self, belief: ParticleBelief, actions: Actions, rng: np.random.Generator
     ) -> ParticleBelief:
-        """Return a belief whose future is drawn with ``actions``, (steps, k).
-
-        A future that merely ends earlier than ``actions`` is left alone; it is extended later.
-        """
+        """Return a belief with a future of ``actions``, (steps, k); one that ends earlier stays."""
         held = belief.queue.ahead
         shared = agreeing(belief.drawn, actions) if held else 0
         if shared == held:
@@ -170,13 +167,11 @@ class DrawnFuture:
 
     Of ``copies`` = M roll-outs of each particle one is kept with probability ∝ Π g: a draw from
     p(x_{t+1:t+F} | x_t, plan) Π g(x_{s-1}, x_s) as M grows. Drawn when it is first asked for.
-
-    ``present`` is x_t, (d, n), ``actions`` are those of the plan, (F, k).
     """
 
     rollout: Rollout
-    present: States
-    actions: Actions
+    present: States  # x_t, (d, n)
+    actions: Actions  # of the plan, (F, k)
     copies: int
     rng: np.random.Generator
 
@@ -209,18 +204,13 @@ class Foresight:
     which is unbiased for h_t(x_t): with the future that is kept, the cloud targets the paper's
     Q(t). The filter's own weights stay: multiplied into them at every step, the future would count
     up to F times. Lin, Chen & Liu 2013 call such roll-outs pilots.
-
-    Attributes:
-        steps: F, how far to look.
-        copies: M, roll-outs of each particle.
-        evidence: takes in the plan as evidence of the present first; None: nothing does.
     """
 
     rollout: Rollout
-    steps: int
-    copies: int
+    steps: int  # F, how far to look
+    copies: int  # M, roll-outs of each particle
     weighs: bool = False
-    evidence: Lookahead | None = None
+    evidence: Lookahead | None = None  # takes in the plan as evidence of the present first
 
     def __call__(
         self, belief: ParticleBelief, plan: Actions, rng: np.random.Generator
@@ -241,24 +231,17 @@ class Foresight:
 class PlanEvidence:
     """w ← w p(π_t | x_t, m)^λ, at every step and at the start: the ``Lookahead`` of ``mcl-plan``.
 
-    γ_t gets the factors Π_{0 ≤ s ≤ t} p(π_s | x_s, m). They stay in the filter's own weights,
-    because they are about the present, not about a future that is still to come.
-
-    A long plan is feasible only from a precise heading, so in a coarse cloud it would leave few
-    particles. λ is therefore the largest in [0, 1] that leaves ``keep`` of the effective sample
-    size. γ_t is the target only at ``keep`` = 0.
-
-    Attributes:
-        steps: L, how many planned steps are read; None: all.
-        keep: κ in [0, 1].
-        new_only: whether each planned step is charged once, when it comes into view: a plan that
-            merely continues the last one adds nothing. Else all steps of every plan: its author has
-            looked at the robot again.
+    γ_t gets the factors Π_{0 ≤ s ≤ t} p(π_s | x_s, m), which stay in the filter's own weights: they
+    are about the present. A long plan is feasible only from a precise heading and would leave few
+    particles of a coarse cloud: λ is the largest in [0, 1] that leaves ``keep`` of the effective
+    sample size. γ_t is the target only at ``keep`` = 0.
     """
 
     sensor: PlanSensor
-    steps: int | None = None
-    keep: float = 0.0
+    steps: int | None = None  # L, how many planned steps are read; None: all
+    keep: float = 0.0  # κ in [0, 1]
+    # whether a planned step is charged only when it comes into view, and a plan that continues the
+    # last one adds nothing; else all steps of every plan: its author has looked at the robot again
     new_only: bool = False
 
     def __post_init__(self) -> None:
@@ -293,9 +276,8 @@ def tempering(
 ) -> tuple[float, float, float]:
     """Return λ, the largest of 0 … 1 at which exp(-λ β C) leaves ``keep`` of the sample size.
 
-    By bisection, to 2⁻⁴⁰; the effective sample size is never less. It is one of weight and squared
-    weight at each value of C. At β = inf λ is 1, or 0 as a limit. Also returned are the weight
-    where C is 0, and log Σ w exp(-λ β C); weights have the sum 1.
+    By bisection, to 2⁻⁴⁰, never less. At β = inf λ is 1, or 0 as a limit. Also returned are the
+    weight where C is 0, and log Σ w exp(-λ β C); weights have the sum 1.
     """
     sums, squares = np.zeros((2, collisions.max() + 1))
     for i in range(weights.size):

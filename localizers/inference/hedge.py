@@ -1,24 +1,8 @@
 """A filter that follows advice of unknown quality, and one that does not: which predicts the scans?
 
 Two filters run on the same commands and scans. The *advised* one, A, is shown the plans; the
-*protected* one, B, never sees any. V_t = 1 if A's picture is right; q_t = P(V_t = 1 | o_{1:t}):
-
-    q_t⁻ = (1 - s) q_{t-1} + s (1 - q_{t-1})
-    A ← (1 - f) A + f B,   f = s (1 - q_{t-1}) / q_t⁻
-    a_t, b_t = Σ w p(o_t | x_t, m) under A and under B, before they take in the scan
-    q_t = q_t⁻ a_t / (q_t⁻ a_t + (1 - q_t⁻) b_t)
-
-The belief is q A + (1 - q) B. Only scans judge: A's cloud has moved to where its plans are
-feasible, so they cannot testify for themselves.
-
-For any plans, and run by run, with p_t = q_t⁻ a_t + (1 - q_t⁻) b_t,
-
-    Σ log p_t ≥ Σ log b_t - log 1/(1 - q₀) - T log 1/(1 - s)
-
-(fixed share, Herbster & Warmuth 1998), and the same against A with q₀. As an interacting multiple
-model (Blom & Bar-Shalom 1988; of particles: Boers & Driessen 2003) B would also take over from A
-with its share of the weight. Then a wrong plan reaches B before a scan can object, so by default it
-does not: this is insurance, not the posterior of the two-mode model.
+*protected* one, B, never sees any. Only scans judge: A's cloud has moved to where its plans are
+feasible, so they cannot testify for themselves. Fixed share, Herbster & Warmuth 1998.
 """
 
 import math
@@ -48,17 +32,12 @@ _F = TypeVar("_F", bound=Filter[Any])
 
 
 class HedgedBelief(NamedTuple):
-    """q A + (1 - q) B, as two weighted clouds.
-
-    Attributes:
-        log_odds: log q / (1 - q).
-        scan_log_evidence: log p_t of the latest scan; NaN before it.
-    """
+    """q A + (1 - q) B, as two weighted clouds."""
 
     advised: Belief
     protected: Belief
-    log_odds: float
-    scan_log_evidence: float = float("nan")
+    log_odds: float  # log q / (1 - q)
+    scan_log_evidence: float = float("nan")  # log p_t of the latest scan; NaN before it
     events: Events = Events()
 
     @property
@@ -67,10 +46,7 @@ class HedgedBelief(NamedTuple):
         return probability_of(self.log_odds)
 
     def points(self, offset: int = 0) -> Points | None:
-        """Return the poses of both, their weights times q and 1 - q; of one where q is 1 or 0.
-
-        None for an offset that either does not hold.
-        """
+        """Return the poses of both, by q and 1 - q; None for an offset that one does not hold."""
         trusted = self.trusted
         if trusted in (0.0, 1.0):
             return (self.advised if trusted else self.protected).points(offset)
@@ -99,20 +75,22 @@ class HedgedBelief(NamedTuple):
 class Hedge:
     """q A + (1 - q) B over a filter A that may be misled and a filter B that cannot.
 
-    Attributes:
-        switching: s, the probability per step that A's picture becomes right or wrong.
-        trust: q₀.
-        mutual: whether B takes over from A as well: the exact two-mode model.
-        own_plans: whether a plan that the robot has made from this belief is shown to A; it is no
-            evidence.
+    With a_t, b_t = Σ w p(o_t | x_t, m) under A and B before the scan and q_t = P(A is right):
+
+        q_t⁻ = (1 - s) q_{t-1} + s (1 - q_{t-1});  A ← (1 - f) A + f B,  f = s (1 - q_{t-1}) / q_t⁻
+        q_t = q_t⁻ a_t / p_t,  p_t = q_t⁻ a_t + (1 - q_t⁻) b_t
+        Σ log p_t ≥ Σ log b_t - log 1/(1 - q₀) - T log 1/(1 - s), and against A with q₀
+
+    The two-mode model (Blom & Bar-Shalom 1988; Boers & Driessen 2003) lets B take over from A, too:
+    a wrong plan reaches B before a scan can object. So that is not the default.
     """
 
     advised: Filter[Any]
     protected: Filter[Any]
-    switching: float = 0.001
-    trust: float = 0.5
-    mutual: bool = False
-    own_plans: bool = True
+    switching: float = 0.001  # s, the probability per step that A's picture becomes right or wrong
+    trust: float = 0.5  # q₀
+    mutual: bool = False  # whether B takes over from A as well: the exact two-mode model
+    own_plans: bool = True  # whether A sees plans made from this belief, which are no evidence
 
     def __post_init__(self) -> None:
         boolean("own_plans", self.own_plans)
@@ -187,8 +165,7 @@ def switched(log_odds: float, switching: float) -> float:
 def weighed(log_odds: float, log_a: float, log_b: float) -> tuple[float, float]:
     """Return the log-odds after evidence a for A and b for B, and log (q a + (1 - q) b).
 
-    Odds instead of q, because 1 - q of a q near 1 is rounded off. They stay as they are, and the
-    evidence is NaN, where it is unknown to one member or impossible to both.
+    If a or b is unknown, or both are 0, the odds stay and the evidence is NaN.
     """
     ratio = log_a - log_b
     if np.isnan(ratio) or max(log_a, log_b) == np.inf:
@@ -206,9 +183,8 @@ def weighed(log_odds: float, log_a: float, log_b: float) -> tuple[float, float]:
 def mixed(belief: Any, share: float, other: Belief, rng: np.random.Generator) -> Any:
     """Replace each particle, with probability ``share``, by a draw from another belief.
 
-    With it goes its path: every state that the other belief holds as well. The new particles get
-    the mean weight of all, so that in expectation the belief is the mixture. What is no cloud, or
-    has a queued future, to which such a present would not lead, is returned as it is.
+    With its path, as far as both hold it, and at the mean weight, so that in expectation the belief
+    is the mixture. What is no cloud, or has a queued future, is returned as it is.
     """
     if share == 0.0 or not isinstance(belief, ParticleBelief) or belief.queue.ahead > 0:
         return belief

@@ -30,11 +30,7 @@ ANYWHERE = 128  # that represent "somewhere in free space"
 
 @compiled
 def _two_states(start: float, stay: float, enter: float, log_ratios: Floats) -> float:
-    """Probability of the first of two states after observations, by the forward recursion.
-
-    Before each it is stayed in or entered. The ratios are log p(o | second) - log p(o | first); NaN
-    is no information.
-    """
+    """P(first of two states) by log p(o | second) - log p(o | first); NaN is no information."""
     first = start
     for i in range(log_ratios.size):
         first = first * stay + (1.0 - first) * enter
@@ -69,20 +65,14 @@ class LostDensity:
 
 @dataclass(frozen=True)
 class LossDetector:
-    """The evidence for and against a belief; evaluated only when ``quality`` is read.
+    """The evidence for and against a belief; evaluated only when ``quality`` is read."""
 
-    Attributes:
-        lost: p(o | lost).
-        scans: the latest, at most ``MEMORY``, oldest first, each with log Σ w p(o | x) over the
-            belief before it; NaN if unknown.
-        start: probability of not being lost before them.
-        log_ratios: log p(o | lost) - log p(o | belief) of the first of them, as far as an earlier
-            detector was read; NaN if either is unknown or both are 0.
-    """
-
-    lost: LostDensity
+    lost: LostDensity  # p(o | lost)
+    # the latest ``MEMORY``, oldest first, with log Σ w p(o | x) over the belief before; NaN unknown
     scans: tuple[tuple[Scan, float], ...] = ()
-    start: float = 1.0 - LOST
+    start: float = 1.0 - LOST  # probability of not being lost before them
+    # log p(o | lost) - log p(o | belief) of the first of them, as far as an earlier detector was
+    # read; NaN if either is unknown or both are 0
     log_ratios: Floats = field(default_factory=partial(np.empty, 0))
 
     @classmethod
@@ -128,16 +118,12 @@ class Averages:
     """w_slow and w_fast: max(0, 1 - w_fast / w_slow) of the draws are random poses.
 
     Exponential averages of how likely the scans were (Thrun et al. 2005, table 8.3).
-
-    Attributes:
-        alpha_slow, alpha_fast: rates in [0, 1], per scan; alpha_fast ≥ alpha_slow.
-        slow, fast: w_slow and w_fast; 0 before the first scan.
     """
 
-    alpha_slow: float = 0.0
-    alpha_fast: float = 0.0
-    slow: float = 0.0
-    fast: float = 0.0
+    alpha_slow: float = 0.0  # rate in [0, 1], per scan
+    alpha_fast: float = 0.0  # likewise, alpha_slow or more
+    slow: float = 0.0  # w_slow; 0 before the first scan
+    fast: float = 0.0  # w_fast, likewise
 
     def __post_init__(self) -> None:
         number("recovery_alpha_slow", self.alpha_slow, low=0, high=1)
@@ -156,19 +142,17 @@ class Averages:
 
 @dataclass(frozen=True, kw_only=True)
 class Recovery(Averages):
-    """``Averages`` that are plain means over the first 1 / α scans.
+    """``Averages`` that are plain means over the first 1 / α scans: the first soon counts little.
 
-    So the first scan, which the particles of a lost robot hardly explain, is soon outweighed. With
-    both rates 0 there are no random poses.
+    With both rates 0 there are no random poses.
     """
 
     scans: int = 0
 
     def after(self, log_evidence: float, beams: int) -> "Recovery":
-        """Return the averages after a scan.
+        """Return the averages after a scan; no beam, or evidence that is NaN, changes nothing.
 
-        The likelihood averaged is that of one beam, the geometric mean over the scan, so that scans
-        with lost beams are comparable. No beam, or evidence that is NaN, changes nothing.
+        The likelihood averaged is that of one beam, the geometric mean, as beams may be lost.
         """
         if beams == 0 or math.isnan(log_evidence) or self.alpha_fast == 0:
             return self
@@ -188,14 +172,11 @@ class Recovery(Averages):
 
 @dataclass(frozen=True)
 class Watch:
-    """What an injection remembers of scans and plans.
-
-    The route counts as new for ``news`` more steps, this one included.
-    """
+    """What an injection remembers of scans and plans."""
 
     recovery: Recovery
     plan: Actions
-    news: int = 0
+    news: int = 0  # for how many more steps, this one included, the route counts as new
 
     def scanned(self, scan: Scan, log_evidence: float) -> "Watch":
         """Return the same with the averages after a scan."""

@@ -40,20 +40,13 @@ def initial_cloud(
 class InformedStart:
     """Of K n draws from the prior, n chosen systematically by the feasibility of the first plan.
 
-    If the prior is broad, a long plan is cheapest to use here: it is laid out once, from many
-    poses. This is importance sampling of p(x_0) p(π_0 | x_0), exact at ``jitter`` = 0; a jitter
-    separates draws that were chosen more than once. The choice charges π_0, so the evidence of
-    the filter itself leaves it out.
-
-    Attributes:
-        evidence: p(π_0 | x_0, m), of as much of the plan as it reads.
-        draws: K.
-        jitter: standard deviation in x and y, in the map's unit; that of θ (rad) moves the end of
-            the plan by as much.
+    Importance sampling of p(x_0) p(π_0 | x_0), exact at ``jitter`` = 0; a jitter separates draws
+    that were chosen more than once. The evidence of the filter itself then leaves π_0 out.
     """
 
-    evidence: PlanEvidence
-    draws: int
+    evidence: PlanEvidence  # p(π_0 | x_0, m), of as much of the plan as it reads
+    draws: int  # K
+    # deviation in x and y, in the map's unit; that of θ (rad) moves the plan's end by as much
     jitter: float = 0.0
 
     def __call__(
@@ -83,9 +76,7 @@ class Injection:
 
     Whoever plans a new route for a robot that is lost knows where it is. A route is new that does
     not go on as the one before, and stays so for the 1 / α_fast steps in which w_fast forgets. Then
-    the poses are chosen by it as the first particles are, by ``start``.
-
-    ``start`` None: the plan is not looked at.
+    the poses are chosen by it as the first particles are, by ``start``; None: plans do not count.
     """
 
     recovery: Recovery
@@ -133,41 +124,28 @@ class ParticleFilter:
 
     F_t = min(F, T - t) states are queued after the present, at most L before it. u_s is the action
     carried out for s ≤ t, the planned one after.
-
-    Attributes:
-        particles: n.
-        feasibility: g; None: g = 1, no step is charged.
-        past: L, how many states before the present are kept, and thereby smoothed.
-        future: F, how many planned steps are looked ahead.
-        pilots: rollouts per particle when the plan changes; see ``Redraw``.
-        lookahead: what the plan says about the present, where the future is not queued; None: the
-            plan is not looked at.
-        start: chooses the first particles among draws from the prior; None: all are taken.
-        beams: chooses the beams of a scan that are used; None: all are.
-        keep: κ in [0, 1], the least share of the effective sample size that a scan leaves: its
-            likelihood gets an exponent, see ``power_that_keeps``; 0: Bayes' rule.
-        injection: mixes random poses into the belief, needs ``future`` = 0; None: none.
-        detector: evidence for and against its beliefs at t = 0; None: none is kept.
-        predictive: how many particles, evenly spaced, tell how well a scan was predicted.
-        dtype: of the states.
     """
 
     motion: Motion
     scan: ScanModel
     resampling: Resampling
-    particles: int
-    feasibility: Feasibility | None = None
-    past: int = 0
-    future: int = 0
-    pilots: int = 16
+    particles: int  # n
+    feasibility: Feasibility | None = None  # g; None: g = 1, no step is charged
+    past: int = 0  # L, how many states before the present are kept, and thereby smoothed
+    future: int = 0  # F, how many planned steps are looked ahead
+    pilots: int = 16  # rollouts per particle when the plan changes; see ``Redraw``
+    # what the plan says about the present where the future is not queued; None: it is not read
     lookahead: Lookahead | None = None
-    start: InformedStart | None = None
-    beams: BeamFilter | None = None
+    start: InformedStart | None = None  # chooses the first particles among draws; None: all
+    beams: BeamFilter | None = None  # chooses the beams of a scan that are used; None: all are
+    # κ in [0, 1], the least share of the effective sample size that a scan leaves: its likelihood
+    # gets an exponent, see ``power_that_keeps``; 0: Bayes' rule
     keep: float = 0.0
-    injection: Injection | None = None
+    injection: Injection | None = None  # mixes in random poses; needs ``future`` = 0
+    # evidence for and against its beliefs at t = 0; None: none is kept
     detector: LossDetector | None = None
-    predictive: int = 256
-    dtype: Any = np.float32
+    predictive: int = 256  # how many particles, evenly spaced, tell how well a scan was predicted
+    dtype: Any = np.float32  # of the states
 
     def __post_init__(self) -> None:
         if self.particles > MAX_PARTICLES:
@@ -186,8 +164,8 @@ class ParticleFilter:
     def initial(self, prior: Initial, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
         """Return the belief at t = 0: draws from the prior, their future rolled out by the plan.
 
-        x_0 has no scan and no charge. The prior is sampled from a separate random stream, so every
-        filter given the same ``rng`` starts from the same cloud.
+        x_0 has no scan and no charge. The prior has a random stream of its own, so that all filters
+        given the same ``rng`` start from the same cloud.
         """
         stream = rng.spawn(1)[0]
         draws = self.particles * (1 if self.start is None else self.start.draws)
@@ -213,10 +191,7 @@ class ParticleFilter:
         plan: Actions,
         rng: np.random.Generator,
     ) -> ParticleBelief:
-        """Return the belief after one action (k,) and one scan, which may be kept.
-
-        The ``plan`` are the actions after it, (h, k); it may be shorter than F, down to (0, k).
-        """
+        """Return the belief after an action (k,) and a scan; the plan after it is (h, k), h ≥ 0."""
         # Resample whole queues
         belief = self._resampled(belief, rng)
         # Advance: the queue holds the steps t … t + F_t, under the actions that now lead there

@@ -55,12 +55,10 @@ class Walk(Protocol):
     def __call__(
         self, states: States, actions: Actions, rng: np.random.Generator, *, keep: bool
     ) -> tuple[Paths, LogWeights]:
-        """Draw one path from each state, (d, n).
+        """Draw one path from each state, (d, n), by the same draws, and bits, as ``StepByStep``.
 
-        Returns:
-            The states after each step, (d, k) each, of the k paths that are asked for by number
-            (none unless ``keep``), and log Π g of each path, (n,). Same draws, and same bits, as
-            ``StepByStep``.
+        Return the states after each step, (d, k) each, of the k paths that are asked for by number
+        (none unless ``keep``), and log Π g of each path, (n,).
         """
 
 

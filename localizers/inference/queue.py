@@ -1,12 +1,8 @@
 """The discrete event queue Q(t): states x_{t-L} … x_{t+F} of n particles, resampled by ancestry.
 
-Resampling a queue does not copy its L + 1 + F states: each slot keeps the states as they were drawn
-and a link, the index map from the order of the next slot's particles to its own. A state in
-the current order is its slot's states taken at the composition of the links after it. The present
-and the oldest state are read at every step, so two sliding windows keep those compositions.
-
-Named tuples: several of each are made at every step, and frozen dataclasses take three times as
-long.
+Resampling does not copy states: each slot keeps them as they were drawn, with the index map from
+the order of the next slot's particles to its own. Two sliding windows keep the compositions to
+the present and to the oldest state, which are read at every step; named tuples are made fastest.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,8 +17,8 @@ Link = Indices | None  # None: the identity
 class SlidingComposition(NamedTuple):
     """The composition of a window of links, pushed at its new end and popped at its old: O(1).
 
-    Two stacks: the old half holds ready-made compositions from each link to the half's end, the
-    new half one running composition. When the old half is used up, the new half is turned into it.
+    Two stacks: the old half holds a composition from each of its links to its end, the new half one
+    of all its links. When the old half is used up, the new half is turned into it.
     """
 
     old: tuple[Link, ...] = ()  # next to be popped: last
@@ -61,22 +57,14 @@ _NOTHING = SlidingComposition()
 
 
 class Queue(NamedTuple):
-    """An immutable queue of slots.
+    """An immutable queue of slots."""
 
-    Attributes:
-        slots: the states as they were drawn, (d, n) each, oldest first.
-        links: links[i] maps the order of slot i + 1 to that of slot i.
-        pending: from the current order to that of the newest slot.
-        present: the index of x_t among the slots.
-        past, future: the compositions of the links before and after the present.
-    """
-
-    slots: tuple[States, ...]
-    links: tuple[Link, ...] = ()
-    pending: Link = None
-    present: int = 0
-    past: SlidingComposition = _NOTHING
-    future: SlidingComposition = _NOTHING
+    slots: tuple[States, ...]  # the states as they were drawn, (d, n) each, oldest first
+    links: tuple[Link, ...] = ()  # links[i] maps the order of slot i + 1 to that of slot i
+    pending: Link = None  # from the current order to that of the newest slot
+    present: int = 0  # the index of x_t among the slots
+    past: SlidingComposition = _NOTHING  # the composition of the links before the present
+    future: SlidingComposition = _NOTHING  # and of those after it
 
     @classmethod
     def of(cls, states: Sequence[States]) -> "Queue":
@@ -126,10 +114,7 @@ class Queue(NamedTuple):
         return Queue(slots, links, pending, self.present, self.past, future)
 
     def at(self, offset: int) -> States | None:
-        """Return the states ``offset`` steps after the present (before it if negative), (d, n).
-
-        None if the queue does not hold them. The array is fresh.
-        """
+        """Return the states at ``offset`` from the present, (d, n), as a fresh array, or None."""
         index = self.present + offset
         if not 0 <= index < len(self.slots):
             return None
@@ -142,10 +127,7 @@ class Queue(NamedTuple):
         return states if order is None else states.take(order, axis=1)
 
     def since(self, offset: int) -> list[States]:
-        """Return the states from ``offset`` ≥ 0 steps after the present on, (d, n) each.
-
-        As ``at`` of each, in one pass over the links.
-        """
+        """Return ``at`` of each offset from ``offset`` ≥ 0 on, in one pass over the links."""
         order, found = self.pending, []
         for index in range(len(self.slots) - 1, self.present + offset - 1, -1):
             states = self.slots[index]

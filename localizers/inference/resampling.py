@@ -18,11 +18,7 @@ from localizers.inference.particles import Weights, effective_sample_size, maxim
 
 @compiled
 def _systematic(weights: Floats, offset: float, out: Indices) -> None:
-    """Do the same as ``pointed_at`` for the pointers (k + offset) / n, k = 0 … n - 1.
-
-    Each particle is written at its first pointer, over those before it that get none; the other
-    pointers repeat the last one written. A search would mispredict a branch at every pointer.
-    """
+    """Do as ``pointed_at`` for (k + offset) / n, without a branch to mispredict at each pointer."""
     n = weights.size
     before = np.empty(n)  # the weight of the particles before each
     total = 0.0
@@ -70,8 +66,7 @@ def pointed_at(weights: Floats, pointers: Floats) -> Indices:
 def searched(cumulative: Floats, pointers: Floats, out: Indices) -> None:
     """Fill in the first particle whose cumulative weight is above each pointer, in any order.
 
-    By an index table (Chen & Asau 1974): each search starts at the first possible particle.
-    Pointers are in [0, cumulative[-1]].
+    By an index table (Chen & Asau 1974); pointers are in [0, cumulative[-1]].
     """
     n = cumulative.size
     per_weight = n / cumulative[-1]
@@ -122,17 +117,10 @@ SCHEMES: dict[str, Scheme] = {
 
 @dataclass(frozen=True)
 class Resampling:
-    """When to resample, and how.
+    """When to resample, and how; random numbers are drawn in any case: runs stay comparable."""
 
-    The random numbers are drawn whether or not it resamples, so that runs stay comparable.
-
-    Attributes:
-        scheme: how; one of ``SCHEMES``.
-        ess_threshold: only when the effective sample size is below this share of n; None: at every
-            step, as the paper does.
-    """
-
-    scheme: Scheme = systematic
+    scheme: Scheme = systematic  # how; one of ``SCHEMES``
+    # when the effective sample size is below this share of n; None: at every step, as in the paper
     ess_threshold: float | None = None
 
     def __post_init__(self) -> None:
@@ -151,12 +139,9 @@ class Resampling:
 def power_that_keeps(log_weights: Floats, log_factor: Floats, keep: float) -> float:
     """Return the largest λ in [0, 1] at which w f^λ has ``keep`` of the sample size of w.
 
-    In a cloud spread over a building no particle is close enough to explain many sharp beams, and
-    the least wrong one would take all the weight. λ grows as the cloud contracts. It depends on
-    the cloud, so a filter is exact only at ``keep`` = 0.
-
-    By bisection, to 2⁻²⁰; the effective sample size is never less. 1 if no weight is left by f, or
-    one is infinite.
+    In a cloud spread over a building the least wrong particle would take all the weight; λ grows as
+    the cloud contracts. A filter is exact only at ``keep`` = 0. By bisection, to 2⁻²⁰, never less;
+    1 if no weight is left by f, or one is infinite.
     """
     scaled = log_weights + log_factor
     if not abs(maximum(scaled)) < np.inf:
@@ -200,10 +185,7 @@ def limit(bins: int, least: int, most: int, error: float, quantile: float) -> in
 
 @compiled
 def enough(states: Singles, bin_size: Floats, least: int, error: float, quantile: float) -> int:
-    """Return the first number of these draws (3, n), in their order, above their limit; n if none.
-
-    Bins in use are kept in a hash table, as the number of the first draw that fell into each.
-    """
+    """Return the first number of these draws (3, n), in order, above their limit; n if none."""
     n = states.shape[1]
     slots = 64
     while slots < 2 * n:
@@ -239,19 +221,13 @@ class KldSampling:
     between ``least`` and ``most``. For k = 1 it is ``most``, as in Nav2 (pf.c): a cloud in one bin
     is not a small one. The Kullback-Leibler divergence between the draws and what they are drawn
     from, over the bins, is then below ε with probability Φ(z).
-
-    Attributes:
-        least, most: bounds of n.
-        error: ε > 0.
-        quantile: z.
-        bin_size: of x and y, in the map's unit, and of θ, rad.
     """
 
-    least: int
-    most: int
-    error: float
-    quantile: float
-    bin_size: tuple[float, float, float]
+    least: int  # lower bound of n
+    most: int  # upper bound
+    error: float  # ε > 0
+    quantile: float  # z
+    bin_size: tuple[float, float, float]  # of x and y, in the map's unit, and of θ, rad
 
     def __post_init__(self) -> None:
         integer("min_particles", self.least, low=1)

@@ -62,9 +62,7 @@ class WeightAverages(Averages):
     """``Averages`` of the mean weight of a cloud's particles after a scan, not yet normalised.
 
     Each weighs 1 / n before the scan, so the mean falls as n grows. After random poses were drawn
-    the averages start anew; the first scan sets both.
-
-    Source: pf.c.
+    the averages start anew; the first scan sets both. Source: pf.c.
     """
 
     def after(self, log_evidence: float, particles: int) -> "WeightAverages":
@@ -84,18 +82,14 @@ class WeightAverages(Averages):
 
 @dataclass(frozen=True)
 class _Running:
-    """What is carried from step to step.
-
-    ``since`` is the increment since the latest update, (3,), ``heading`` the odometry's at it, rad;
-    ``converged`` tells whether the cloud was small when it was last resampled.
-    """
+    """What is carried from step to step."""
 
     belief: ParticleBelief
-    since: Floats
-    heading: float
+    since: Floats  # the increment since the latest update, (3,)
+    heading: float  # the odometry's at it, rad
     averages: WeightAverages
     updates: int
-    converged: bool
+    converged: bool  # whether the cloud was small when it was last resampled
     rng: np.random.Generator
 
 
@@ -106,13 +100,6 @@ class AdaptiveLocalizer:
     An update moves the cloud, weighs it by the scan and resamples it, in this order (amcl_node.cpp,
     laserReceived). A robot that has not moved enough gets none: its belief is the latest cloud
     moved along the odometry, without noise. The first scan is always used.
-
-    Attributes:
-        interval: updates between two resamplings.
-        selective: whether to resample only if ESS ≤ N / 2.
-        distance, angle: of odometry, one of which is to be exceeded before the next update, in the
-            map's unit and rad; see ``has_moved``.
-        skipping: None: no beam is skipped.
     """
 
     robot: RobotModel
@@ -120,11 +107,11 @@ class AdaptiveLocalizer:
     scan: ScanModel
     kld: KldSampling
     averages: WeightAverages
-    interval: int
-    selective: bool
-    distance: float
-    angle: float
-    skipping: BeamFilter | None = None
+    interval: int  # updates between two resamplings
+    selective: bool  # whether to resample only if ESS ≤ N / 2
+    distance: float  # in the map's unit; this or ``angle`` is exceeded before each update
+    angle: float  # rad
+    skipping: BeamFilter | None = None  # None: no beam is skipped
 
     def __post_init__(self) -> None:
         self._detector = LossDetector.of(self.scan, self.robot.floor_plan)
@@ -234,11 +221,9 @@ def amcl(
     beam_skip_error_threshold: float = 0.9,
     field_cell: float = 0.02,
 ) -> AdaptiveLocalizer:
-    """Return Nav2's AMCL. Lengths are in metres, on a map in px too (1 px is 0.02 m).
+    """Return Nav2's AMCL, with its units: metres on a map in px, too (1 px is 0.02 m).
 
     Args:
-        robot: what it assumes of motion and scan counts only for the types "robot".
-        max_particles, min_particles: bounds of N.
         pf_err, pf_z: ε and z of KLD-sampling, with bins of 0.5 m x 0.5 m x 10°.
         recovery_alpha_slow, recovery_alpha_fast: 0 and 0 never draw random poses; Nav2 recommends
             0.001 and 0.1.
@@ -246,23 +231,15 @@ def amcl(
         selective_resampling: ROS 1's: resample only if the effective sample size is at most N / 2.
         update_min_d, update_min_a: m and rad of odometry before the next scan is used; with 0, any
             movement will do.
-        robot_model_type: "nav2_amcl::DifferentialMotionModel", "nav2_amcl::OmniMotionModel", or
-            "robot": the robot's own motion model.
-        alpha1, alpha2, alpha3, alpha4, alpha5: of the first two; see ``DifferentialMotion`` and
-            ``OmniMotion``.
+        robot_model_type: "nav2_amcl::DifferentialMotionModel" or "nav2_amcl::OmniMotionModel", of
+            ``alpha1`` to ``alpha5``; or "robot": the robot's own motion model.
         laser_model_type: "likelihood_field", "likelihood_field_prob", "beam", or "robot": the
             robot's own scan model, of all beams.
         max_beams: every so many-th beam of a scan is used, so that these are about as many.
-        z_hit, z_short, z_max, z_rand: weights of the parts of a beam, not normalised. The fields
-            have z_hit and z_rand only.
-        sigma_hit: m.
-        lambda_short: 1/m.
-        laser_likelihood_max_dist: m.
-        do_beamskip: whether "likelihood_field_prob" leaves out beams while the cloud is small.
-        beam_skip_distance, beam_skip_threshold, beam_skip_error_threshold: m, and shares; see
-            ``BeamSkipping``.
-        field_cell: m, edge of a cell of the distance table on a map of polygons; a map of cells
-            has its own.
+        z_hit, z_short, z_max, z_rand: weights, not normalised; fields have z_hit and z_rand only.
+        do_beamskip: whether "likelihood_field_prob" leaves out beams while the cloud is small; for
+            its distance and shares see ``BeamSkipping``.
+        field_cell: edge of a cell of the distance table on a map of polygons.
     """
     integer("max_particles", max_particles, low=1, high=MAX_PARTICLES)
     one_of("laser_model_type", laser_model_type, LASER_MODELS)

@@ -1,13 +1,8 @@
 """The first fix from a single scan without learning, and MCL on the map from there.
 
 CBGL (Filotheou 2024, arXiv 2307.14247): many poses are drawn, ranked by the cumulative absolute
-error per ray
-
-    CAER(x) = Σ_b |o_b - min(ô_b(x), max_range)|,   b the usable beams,
-
-the best few are matched to the map, and the one of the least error is where the robot is. Its
-matching is of another kind here: each pose climbs down the same error, as GMapping's matcher does
-(Grisetti, Stachniss & Burgard 2007).
+error CAER(x) = Σ_b |o_b - min(ô_b(x), max_range)| of usable beams, and the best few are matched to
+the map, here by climbing down that error, as GMapping does (Grisetti, Stachniss & Burgard 2007).
 """
 
 import math
@@ -63,14 +58,11 @@ class AbsoluteError:
 
 @dataclass(frozen=True, kw_only=True)
 class Matching:
-    """Compass search: a pose takes the best of six steps, or halves its steps if none is better.
-
-    The ``first`` steps ahead and to the left are in the map's unit, the first ``turn`` in rad.
-    """
+    """Compass search: a pose takes the best of six steps, or halves its steps if none is better."""
 
     error: AbsoluteError
-    first: float = _FIRST[0]
-    turn: float = _FIRST[1]
+    first: float = _FIRST[0]  # the first steps ahead and to the left, in the map's unit
+    turn: float = _FIRST[1]  # the first one, rad
 
     def __call__(self, states: States, scan: Scan) -> tuple[Singles, Floats]:
         """Return poses (3, n), each matched by itself, and their errors, (n,), none grown."""
@@ -110,22 +102,15 @@ class FirstFix:
     The belief before the first scan is the cloud of hypotheses, moved by the commands. Then the
     tracker's particles are put around the best of them, and weighed by that scan; the evidence
     recorded for it is that of the hypotheses.
-
-    Attributes:
-        poses: K, hypotheses, drawn from the prior.
-        matched: k, how many of them are matched.
-        modes: around how many of the matched poses the particles are put, the best ones.
-        spread, spread_heading: standard deviations of a particle around its pose, in x and y, in
-            the map's unit, and in rad.
     """
 
     tracker: ParticleFilter
     matching: Matching
-    poses: int
-    matched: int
-    modes: int
-    spread: float
-    spread_heading: float
+    poses: int  # K, hypotheses, drawn from the prior
+    matched: int  # k, how many of them are matched
+    modes: int  # around how many of the matched poses the particles are put, the best ones
+    spread: float  # standard deviation of a particle around its pose, in x and y, in the map's unit
+    spread_heading: float  # that of its heading, rad
 
     def initial(self, prior: Prior, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
         """Return the belief at t = 0: draws from the prior. The plan is not used."""
@@ -192,19 +177,10 @@ def cbgl(
 ) -> FirstFix:
     """Return MCL on the map that starts at the pose where the first scan has the least error.
 
-    Until the first scan the belief is ``poses`` draws from the prior; at it they are ranked by
-    their absolute error, and then forgotten. A wrong fix is only found again by random poses: see
-    ``recovery_alpha_slow`` and ``recovery_alpha_fast``. ``beam_filter`` counts from the second scan
-    on.
-
-    Args:
-        poses: hypotheses drawn from the prior.
-        matched: how many of them, those of the least error, are matched to the map.
-        modes: around how many of the matched poses the particles are put, in equal numbers; 1 is
-            CBGL.
-        spread: standard deviation of the particles around a matched pose, in the map's unit; None
-            is 12.5 px, or 0.25 m.
-        spread_heading: that of their headings, rad.
+    Until the first scan the belief is ``poses`` draws from the prior; at it they are ranked, and
+    then forgotten. A wrong fix is only found again by random poses: see ``recovery_alpha_slow``.
+    ``beam_filter`` counts from the second scan on. For the numbers see ``FirstFix``: with ``modes``
+    = 1 it is CBGL, and a ``spread`` of None is 12.5 px, or 0.25 m.
     """
     px = pixel(robot.floor_plan.unit)
     poses = integer("poses", poses, low=1, high=MAX_PARTICLES)

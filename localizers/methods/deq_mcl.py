@@ -1,30 +1,7 @@
 """The paper's methods, from MCL to DEQ-MCL, and those that take the plan as evidence.
 
-Each differs from the one before in few parts.
-
-- ``mcl``: p(x_t | a_{1:t}, o_{1:t}, m), without the plan and without collisions. Dellaert et al.
-  1999; Thrun et al. 2005, table 8.2. The map serves the sensor model only.
-- ``mcl-smoother``: p(x_{t-L:t} | a_{1:t}, o_{1:t}, m), fixed-lag smoothing. Kitagawa 1996: the past
-  states of each particle are resampled together with its present, so the observations up to t
-  weight x_{t-L}. At x_t it is MCL, number for number.
-- ``mcl-map``: p(x_t | a_{1:t}, o_{1:t}, every step so far feasible, m). The paper's eq. (1),
-  p(x_t | x_{t-1}, a_t, m) ≈ p(x_t | x_{t-1}, a_t) p(x_t | m); Thrun et al. 2005, section 5.5; Oh et
-  al. 2004.
-- ``deq-mcl``: Q(t) = p(x_{t-L:t+L} | a_{1:t}, â_{t+1:T}, o_{1:t}, m). Taniguchi, Fukawa & Yamakawa
-  2024, eqs. (2)-(3): a queue of past, present and future states; the planned future is drawn ahead,
-  charged for collisions, and resampled together with the present.
-  x_t is drawn L steps before its scan arrives: with a sharp sensor few of those draws survive it
-  (docs/queue.md).
-- ``deq-mcl-fresh``: DEQ-MCL whose future is drawn anew from the present after each scan. Its
-  target is the paper's Q(t): p(x_t) ∝ α_t(x_t) h_t(x_t), α_t of the scans and steps so far and
-  h_t(x) = E[Π g of the next L planned steps | x_t = x], from roll-outs (pilots: Lin, Chen & Liu
-  2013). With ``evidence`` = "plan" the plan is the observation that ``mcl-plan`` makes of it
-  instead, and the future is p(x_{t+1:t+L} | x_t, plan, m), which changes no weight.
-- ``mcl-plan``: p(x_t | a_{1:t}, o_{1:t}, π_{0:t}, m), map-based MCL, each plan shown an observation
-  of x_t. Ours. Authors do not plan through walls, so a plan is evidence of where its author
-  believes the robot to be: p(π_t | x_t, m) ∝ exp(-β C), where C planned steps collide without
-  noise. A plan is only as good as its author's knowledge: one made from the filter's own estimate
-  merely confirms it, and a stale one misleads.
+Taniguchi, Fukawa & Yamakawa 2024; each differs from the one before in few parts. Targets and
+sources stand with the functions that make them, and in docs/equations.md.
 """
 
 from collections.abc import Callable
@@ -58,48 +35,31 @@ FOR_THE_LOST = (
 
 @dataclass(frozen=True, kw_only=True)
 class Shared:
-    """Parameters of several methods; each method takes those it needs.
+    """Parameters of several methods; each method takes those it needs."""
 
-    Attributes:
-        particles: N.
-        lag: L, how many past steps are smoothed, and how many planned steps are read.
-        beta: β ≥ 0; a step that collides is charged exp(-β), inf rejects it outright; None: the
-            robot's.
-        inflation_radius: distance from a wall, in the map's unit, below which a step is charged for
-            where it ends, see ``Inflation``; None: only steps that collide are charged.
-        cost_scaling_factor: how fast that cost falls, per unit of length; None is Nav2's 10 / m.
-        cost_map: instead of these, a file with the cost of each cell, see ``CostImage.load``.
-        beam_filter: which beams of a scan are used: "none", of the filters, all of them;
-            "distance", see ``DistanceFilter``; "entropy", see ``EntropyFilter``.
-        resampler: "systematic", "stratified" or "multinomial".
-        ess_threshold: resample only when the effective sample size is below this share of N;
-            None resamples at every step, as the paper does.
-        plan_beta: β ≥ 0 per colliding step of a plan that is used as evidence; None: the robot's.
-        start_draws: K, draws from the prior per particle, chosen by how feasible the plan shown at
-            reset is from them; 1 ignores the plan. Poses injected after a new route are chosen in
-            the same way.
-        start_jitter: standard deviation added to the chosen draws, in the map's unit; 0 is exact
-            importance sampling.
-        scan_keep: κ, the least share of the effective sample size that a scan leaves; 0 is exact.
-        recovery_alpha_slow, recovery_alpha_fast: rates of ``Recovery``, which injects random poses;
-            0 and 0 inject none.
-    """
-
-    particles: int = 1000
-    lag: int = 20
+    particles: int = 1000  # N
+    lag: int = 20  # L, how many past steps are smoothed, and how many planned steps are read
+    # β ≥ 0; a step that collides is charged exp(-β), inf rejects it outright; None: the robot's
     beta: float | None = None
+    # distance from a wall, in the map's unit, below which a step is charged for where it ends, see
+    # ``Inflation``; None: only steps that collide are charged
     inflation_radius: float | None = None
-    cost_scaling_factor: float | None = None
-    cost_map: str | None = None
+    cost_scaling_factor: float | None = None  # how fast it falls, per length; None: Nav2's 10 / m
+    cost_map: str | None = None  # instead, a file with the cost of each cell: ``CostImage.load``
+    # that chooses beams: "none", "distance" (``DistanceFilter``) or "entropy" (``EntropyFilter``)
     beam_filter: str = "none"
-    resampler: str = "systematic"
+    resampler: str = "systematic"  # "systematic", "stratified" or "multinomial"
+    # resample if the effective sample size is below this share of N; None: always, as in the paper
     ess_threshold: float | None = None
-    plan_beta: float | None = None
+    plan_beta: float | None = None  # β of a colliding step of a plan as evidence; None: the robot's
+    # K, draws from the prior per particle, chosen by how feasible the plan shown at reset is from
+    # them; 1 ignores the plan. Poses injected after a new route are chosen in the same way.
     start_draws: int = 1
+    # standard deviation added to them, in the map's unit; 0 is exact importance sampling
     start_jitter: float = 0.0
-    scan_keep: float = 0.0
-    recovery_alpha_slow: float = 0.0
-    recovery_alpha_fast: float = 0.0
+    scan_keep: float = 0.0  # κ, the least share of the ESS that a scan leaves; 0 is exact
+    recovery_alpha_slow: float = 0.0  # rates of ``Recovery``, which injects random poses
+    recovery_alpha_fast: float = 0.0  # 0 and 0 inject none
 
     def __post_init__(self) -> None:
         integer("particles", self.particles, low=1)
@@ -179,13 +139,10 @@ _F = TypeVar("_F", bound=Filter[Any])
 
 @dataclass(frozen=True)
 class FamilyMethod(Generic[_F]):
-    """A method of the family: ``method(robot, **parameters)`` makes a localizer.
+    """A method of the family: ``method(robot, **parameters)`` makes a localizer."""
 
-    ``build(robot, shared, **own)`` returns its filter, which ``takes`` some of those shared.
-    """
-
-    build: Callable[..., _F]
-    takes: tuple[str, ...]
+    build: Callable[..., _F]  # ``build(robot, shared, **own)`` returns its filter
+    takes: tuple[str, ...]  # which of the shared parameters it has
 
     def __call__(self, robot: RobotModel, **params: Any) -> FilterLocalizer[Any]:
         """Make a localizer for a robot."""
@@ -212,7 +169,10 @@ def method(*takes: str) -> Callable[[Callable[..., _F]], FamilyMethod[_F]]:
 
 @method("particles", "resampler", "ess_threshold", "beam_filter")
 def mcl(robot: RobotModel, shared: Shared) -> ParticleFilter:
-    """Return MCL, of which all other members of the family are variations."""
+    """Return MCL, p(x_t | a_{1:t}, o_{1:t}, m), whose map serves the sensor model only.
+
+    Dellaert et al. 1999; Thrun et al. 2005, table 8.2.
+    """
     scan = robot.scan_model()
     return ParticleFilter(
         motion=robot.motion,
@@ -226,10 +186,11 @@ def mcl(robot: RobotModel, shared: Shared) -> ParticleFilter:
 
 @method(*mcl.takes, "beta", *ON_THE_MAP, *FOR_THE_LOST)
 def mcl_map(robot: RobotModel, shared: Shared) -> ParticleFilter:
-    """Return MCL whose steps are charged exp(-``beta``) if they collide.
+    """Return MCL whose steps are charged exp(-``beta``) if they collide: the paper's eq. (1).
 
-    With an ``inflation_radius`` or a ``cost_map`` they are also charged for where they end. It
-    reads plans only to choose poses, with ``start_draws`` of 2 or more.
+    p(x_t | x_{t-1}, a_t, m) ≈ p(x_t | x_{t-1}, a_t) p(x_t | m); Thrun et al. 2005, section 5.5; Oh
+    et al. 2004. With an ``inflation_radius`` or a ``cost_map`` also for where they end. It reads
+    plans only to choose poses, with ``start_draws`` of 2 or more.
     """
     return replace(
         mcl.build(robot, shared),
@@ -242,7 +203,10 @@ def mcl_map(robot: RobotModel, shared: Shared) -> ParticleFilter:
 
 @method(*mcl.takes, "lag")
 def mcl_smoother(robot: RobotModel, shared: Shared) -> ParticleFilter:
-    """Return MCL with a fixed-lag smoother of ``lag`` = L steps."""
+    """Return MCL with a fixed-lag smoother, p(x_{t-L:t} | a_{1:t}, o_{1:t}, m), L = ``lag``.
+
+    Kitagawa 1996: past states are resampled with the present. At x_t it is MCL, number for number.
+    """
     return replace(mcl.build(robot, shared), past=shared.lag)
 
 
@@ -254,11 +218,11 @@ def mcl_map_smoother(robot: RobotModel, shared: Shared) -> ParticleFilter:
 
 @method(*mcl_map_smoother.takes)
 def deq_mcl(robot: RobotModel, shared: Shared, *, pilots: int = 16) -> ParticleFilter:
-    """Return DEQ-MCL with a queue of ``lag`` = L steps to either side.
+    """Return DEQ-MCL, Q(t) = p(x_{t-L:t+L} | a_{1:t}, â_{t+1:T}, o_{1:t}, m), L = ``lag``.
 
-    Args:
-        pilots: M, rollouts per particle when the executed action or the plan differs from the
-            actions that the queue was drawn with.
+    Taniguchi, Fukawa & Yamakawa 2024, eqs. (2)-(3): the planned future is drawn ahead, charged for
+    collisions, and resampled together with the present. x_t is drawn L steps before its scan, and
+    of these draws few survive a sharp sensor (docs/queue.md). ``pilots`` are those of ``Redraw``.
     """
     base = mcl_map_smoother.build(robot, shared)
     return replace(base, future=shared.lag, pilots=integer("pilots", pilots, low=1))
@@ -272,11 +236,12 @@ def mcl_plan(
     keep: float = 0.8,
     charge: str = "always",
 ) -> ParticleFilter:
-    """Return map-based MCL that uses the first ``lag`` = L steps of every plan as evidence.
+    """Return map-based MCL, p(x_t | a_{1:t}, o_{1:t}, π_{0:t}, m), of plans by their first L steps.
 
-    Args:
-        keep: κ, the least share of the effective sample size that a plan leaves; 0 is exact.
-        charge: "always", or "new": each planned step once, when it comes into view.
+    Ours. p(π_t | x_t, m) ∝ exp(-β C), where C planned steps collide without noise, as nobody plans
+    through walls. A plan made from the filter's own estimate merely confirms it; a stale one
+    misleads. ``keep`` is κ of ``PlanEvidence``, 0 is exact; ``charge`` is "always", or "new": each
+    planned step once, when it comes into view.
     """
     new_only = one_of("charge", charge, ("always", "new")) == "new"
     sensor = shared.sensor(robot)
@@ -296,11 +261,10 @@ def deq_mcl_fresh(
 ) -> ParticleFilter:
     """Return DEQ-MCL whose future is drawn anew from the present after each scan.
 
-    Args:
-        evidence: what judges the present beside scan and map: "future", how feasible the drawn
-            futures are, the paper's target; "plan", the plan as ``mcl_plan`` reads it.
-        pilots: M, roll-outs of each particle, of which one is kept.
-        keep, charge: of "plan" alone, see ``mcl_plan``; None: 0.8 and "new".
+    The target is Q(t): p(x_t) ∝ α_t(x_t) h_t(x_t), α_t of the scans and steps so far, h_t(x) =
+    E[Π g of the next L planned steps | x_t = x] from ``pilots`` roll-outs (Lin, Chen & Liu 2013).
+    With ``evidence`` = "plan" the plan is evidence as ``mcl_plan`` reads it, by ``keep`` and
+    ``charge`` (None: 0.8 and "new"), and p(x_{t+1:t+L} | x_t, plan, m) changes no weight.
     """
     integer("pilots", pilots, low=1)
     if one_of("evidence", evidence, ("future", "plan")) == "plan":
@@ -336,12 +300,10 @@ def mcl_plan_hedged(
     plans: str = "all",
     own_plans: bool = True,
 ) -> Hedge:
-    """Return a hedge of ``mcl_plan``, exact, and ``mcl_map``, each with half of the particles.
+    """Return a ``Hedge`` of ``mcl_plan``, exact, and ``mcl_map``, each with half of the particles.
 
-    Args:
-        shared: see ``Shared``; ``start_draws`` is for the half that is shown plans.
-        switching, trust, mutual, own_plans: see ``Hedge``.
-        plans: "all": each is evidence; "first": they only choose poses, by ``start_draws``.
+    ``plans`` "all": each is evidence; "first": they only choose poses, by ``start_draws``, which
+    are for the half that is shown plans.
     """
     integer("particles", shared.particles, low=2)
     advised = replace(shared, particles=shared.particles // 2)

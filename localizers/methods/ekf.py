@@ -75,10 +75,8 @@ def correct(
     """Take in independent measurements one after another, in place; return how many were gated.
 
     Each has ν = o - h(μ), of variance S = H P Hᵀ + R; left out if ν² > gate S. All are linearised
-    at the mean before the first. P in Joseph's form, which stays symmetric and positive. A beam
-    with S = 0, sure to read max_range because every wall is far beyond it, changes nothing.
-
-    Innovations are o - h at the mean before the first, (B,), slopes H, (B, 3), variances R ≥ 0.
+    at the mean before the first: innovations o - h, (B,), slopes H, (B, 3), variances R ≥ 0. P in
+    Joseph's form stays symmetric and positive. A beam with S = 0, as all walls are far, is skipped.
     """
     moved = np.zeros(3)  # of the mean since the linearisation
     projected, gain = np.empty(3), np.empty(3)
@@ -132,9 +130,8 @@ _EVEN_STEPS = np.array(
 def gaussian_points(mean: Floats, covariance: Floats) -> Floats:
     """Return ``POINTS`` equally weighted poses with exactly this mean and covariance, (n, 3).
 
-    Fixed points that look standard normal, in pairs ±z and with unit covariance, through the
-    Cholesky factor. Six sigma points have these moments too, but they all lie on one ellipsoid: the
-    share of points inside an ellipsoid, which coverage counts, would be meaningless.
+    Fixed points that look standard normal, in pairs ±z, through the Cholesky factor: six sigma
+    points lie on one ellipsoid, so that coverage, which counts points inside, would mean nothing.
     """
     root = cholesky(covariance)
     x, y, z = _standard_points()
@@ -189,7 +186,7 @@ class GaussianBelief(NamedTuple):
     events: GaussianEvents = GaussianEvents()
 
     def points(self, offset: int = 0) -> Points | None:
-        """Return poses (n, 3) of exactly this mean and covariance, equally weighted; at offset 0.
+        """Return equally weighted poses (n, 3) of exactly these moments; at offset 0 only.
 
         The headings are not wrapped: the Gaussian is on the line, not on the circle.
         """
@@ -211,16 +208,12 @@ class GaussianBelief(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class KalmanFilter:
-    """The extended Kalman filter: a Gaussian, predicted and corrected beam by beam.
-
-    ``beam`` has ``hit_moments``, the mean and variance of a beam that hits the expected wall;
-    ``gate`` is the largest ν² / S of a beam that is used.
-    """
+    """The extended Kalman filter: a Gaussian, predicted and corrected beam by beam."""
 
     motion: OdometryMotion
     scan: LidarScan
-    beam: Any
-    gate: float
+    beam: Any  # has ``hit_moments``: mean and variance of a beam that hits the expected wall
+    gate: float  # the largest ν² / S of a beam that is used
     detector: LossDetector
 
     def initial(self, prior: Prior, plan: Floats, rng: np.random.Generator) -> GaussianBelief:
@@ -268,17 +261,12 @@ class KalmanFilter:
 
 
 def ekf(robot: RobotModel, *, gate: float = 0.99) -> FilterLocalizer[GaussianBelief]:
-    """Return the extended Kalman filter.
+    """Return the extended Kalman filter, for ``OdometryMotion`` and a scan with ``hit_moments``.
 
-    A beam is a measurement with the mean and the variance that the robot's scan model gives to a
-    beam that hits the expected wall; its Jacobian is computed by central differences of the ray
-    cast. Random readings are left to the gate. A prior is reduced to its mean and covariance, so a
-    uniform prior over a building becomes one Gaussian, which will hardly find the robot.
-
-    Args:
-        robot: its motion must be an ``OdometryMotion``, its scan model have ``hit_moments``.
-        gate: share of beams that pass if all is as assumed, by the χ² of their innovation; 1 lets
-            every beam pass.
+    A beam is a measurement with these mean and variance; its Jacobian is by central differences of
+    the ray cast. ``gate`` is the share of beams that pass if all is as assumed, by the χ² of their
+    innovation, to which random readings are left; 1 lets every beam pass. A prior is reduced to its
+    mean and covariance: a uniform one over a building will hardly find the robot.
     """
     number("gate", gate, low=0, high=1, above=True)
     if not hasattr(robot.scan, "hit_moments"):
@@ -299,10 +287,7 @@ def ekf(robot: RobotModel, *, gate: float = 0.99) -> FilterLocalizer[GaussianBel
 
 
 def _gaussian(prior: Prior, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Mean of a prior (that of its draws, if it has none) and covariance about it.
-
-    The headings are taken as differences in [-π, π].
-    """
+    """Mean of a prior, or of its draws, and covariance; headings as differences in [-π, π]."""
     draws = np.asarray(prior.sample(PRIOR_DRAWS, rng), dtype=np.float64)
     even = np.full(len(draws), 1 / len(draws))
     mean = np.array(mean_pose(draws, even) if prior.mean is None else prior.mean, np.float64)

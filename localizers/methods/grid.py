@@ -1,13 +1,8 @@
 """p(x_t | a_{1:t}, o_{1:t}, m): Markov localization on a grid over (x, y, θ).
 
-Burgard et al. 1996; Fox, Burgard & Thrun 1999; Thrun et al. 2005, tables 8.1 and 8.2. The target is
-that of MCL, on cells (θ, y, x) instead of particles, (H, Y, X): nothing is random, but a cell hides
-what is inside it.
-
-A cell's mass turns, then drives along the new heading. It moves by the noise's density, shared out
-linearly between the cells around where it lands. That keeps its mean exactly. It adds up to a
-quarter of a cell² of variance per axis and step, the numerical diffusion of the grid: halve the
-cell to see how much it is.
+Burgard et al. 1996; Fox, Burgard & Thrun 1999; Thrun et al. 2005, tables 8.1 and 8.2. Cells are
+(θ, y, x), (H, Y, X). Mass moves by the noise's density, shared out linearly between cells: that
+keeps its mean exactly, and adds up to a quarter of a cell² of variance per axis and step.
 """
 
 import math
@@ -122,10 +117,7 @@ def turn(mass: Floats, shares: Floats, out: Floats) -> None:
 
 @compiled
 def shift(mass: Floats, stencils: Floats, low_row: int, low_column: int, out: Floats) -> None:
-    """out[h, y + j, x + i] = Σ stencils[h, j, i] mass[h, y, x]; what leaves the grid is lost.
-
-    The first row and column of the stencils (H, J, I) move by ``low_row`` and ``low_column``.
-    """
+    """out[h, y + j, x + i] = Σ stencils[h, j, i] mass[h, y, x]; (j, i) from low_row, low_column."""
     headings, rows, columns = mass.shape
     for h in range(headings):
         out[h] = 0.0
@@ -206,10 +198,7 @@ class GridMotion:
         return moved
 
     def _stencils(self, distance: float, bearing: float, sd: float) -> tuple[Floats, int, int]:
-        """Shares by which mass of each heading moves by (rows, columns), (H, J, I), and the first.
-
-        Moves that leave the grid from anywhere are left out.
-        """
+        """Shares of mass of each heading by rows and columns moved, (H, J, I), and the first."""
         headings, rows, columns = self.grid.shape
         nodes, shares = _nodes(
             distance, sd, self.grid.cell, self.grid.cell * math.hypot(rows + 1, columns + 1)
@@ -238,11 +227,7 @@ class GridMotion:
 
 
 def _nodes(mean: float, sd: float, cell: float, reach: float) -> tuple[Floats, Floats]:
-    """Points at most ``reach`` from 0 and the shares of N(mean, sd²) that they stand for, (k,).
-
-    At most an eighth of a standard deviation and of a cell apart, for the kinks of the linear
-    shares: each of these is then right to 1e-3. One point if there is no noise.
-    """
+    """Points at most ``reach`` from 0 and their shares of N(mean, sd²), (k,), right to 1e-3."""
     if sd == 0:
         return (np.array([mean]), np.ones(1)) if abs(mean) <= reach else (np.empty(0), np.empty(0))
     apart = min(sd, cell) / 8
@@ -271,9 +256,8 @@ class GridBelief(NamedTuple):
     def points(self, offset: int = 0) -> Points | None:
         """Return the centres (n, 3) of the heavier cells and their weights; at offset 0 only.
 
-        Cells of less than ``LEAST_SHARE`` of the heaviest one's weight are left out. If more than
-        ``MOST_POINTS`` are left, the cells at that many equidistant quantiles of the mass represent
-        them (systematic selection without randomness), so n is at most ``MOST_POINTS``.
+        Those of ``LEAST_SHARE`` of the heaviest one or more. Of more than ``MOST_POINTS`` the cells
+        at that many equidistant quantiles of the mass represent them.
         """
         if offset != 0:
             return None
@@ -334,12 +318,9 @@ class GridFilter:
 def grid(
     robot: RobotModel, *, cell: float | None = None, headings: int = 72
 ) -> FilterLocalizer[GridBelief]:
-    """Return Markov localization on a grid over the floor plan's bounds.
+    """Return Markov localization on a grid over the floor plan's bounds, by ``OdometryMotion``.
 
-    Args:
-        robot: its motion must be an ``OdometryMotion``.
-        cell: edge of a cell in x and y, in the map's unit; None is 5 px, or 0.1 m.
-        headings: number of cells in θ.
+    A cell has an edge of ``cell``, in the map's unit; None is 5 px, or 0.1 m.
     """
     cells = PoseGrid(
         bounds=robot.floor_plan.bounds,
@@ -356,8 +337,7 @@ def grid(
 def prior_mass(grid: PoseGrid, prior: Prior) -> Floats:
     """Return the prior's probability of each cell, by 2 x 2 x 2 points per cell, (H, Y, X).
 
-    If those points see next to none of it, because it is far narrower than a cell, all of it goes
-    into the cell of its mean, if it has one.
+    If these see next to none of it, as it is far narrower, all goes into the cell of its mean.
     """
     centres = grid.centres().T.astype(np.float64)
     half = np.array([grid.cell, grid.cell, grid.heading_step]) / 4

@@ -1,9 +1,8 @@
 """The beam model that fits readings from known poses best: expectation maximization.
 
-Thrun, Burgard & Fox 2005, section 6.3.2, table 6.2. Two things differ. A reading at the largest
-range is of the part max: a mass, beside which a density counts nothing. And σ and λ are those of
-densities cut to [0, max_range] and [0, ô], for which table 6.2's closed forms are no maximum: they
-are raised by a search along a line instead, so that no round makes readings less likely.
+Thrun, Burgard & Fox 2005, section 6.3.2, table 6.2, but a reading at the largest range is of max
+alone, and σ and λ are those of densities cut to [0, max_range] and [0, ô]: they are raised by a
+search along a line, as closed forms are no maximum there, so that readings get no less likely.
 """
 
 import math
@@ -86,10 +85,7 @@ class _Readings:
         )  # fmt: skip
 
     def owned(self, model: BeamModel) -> tuple[Floats, float]:
-        """Return the probabilities that each reading is of hit, short or rand, (3, k).
-
-        And the mean log-likelihood of all readings, those at the largest range as well.
-        """
+        """Return P(hit, short or rand) of each reading, (3, k); and the mean log-likelihood."""
         shares = arrays.log([model.hit, model.short, model.rand, model.max])
         logs = np.stack([
             shares[0] + self.log_hits(model.sigma),
@@ -139,10 +135,7 @@ class _Readings:
 def _higher(
     value_of: Callable[[float], float], at: float, step: float, bounds: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return a number where a function is no lower than at ``at``, and the step for the next time.
-
-    Of ``at``, a step to either side, and the top of the parabola through the three, in logs.
-    """
+    """Return the best of ``at``, a step to either side, their parabola's top; and the next step."""
     tried = [_times(at, move, bounds) for move in (-step, 0.0, step)]
     low, here, high = values = [value_of(x) for x in tried]
     bend = low - 2 * here + high

@@ -1,8 +1,7 @@
 """The compiled beam models: from exact ranges to the log-likelihood of a scan.
 
 Each multiplies densities in blocks of poses that fit the processor's cache, and takes a logarithm
-of several beams at once. Loops are short and free of branches, so that the compiler turns them
-into SIMD code with its constants in registers.
+of several beams at once. Loops are short and free of branches, so that they become SIMD code.
 """
 
 from typing import Any
@@ -60,10 +59,8 @@ def gaussian_uniform(
 ) -> None:
     """Fill in Σ_b log(hit N(o_b; ô_b, σ²) + floor) for each pose; at the ends of the range, masses.
 
-    They are hit Φ((low - ô) / σ) + atom at o ≤ low, hit Φ((ô - high) / σ) + atom at o ≥ high.
-
-    Ranges o are (B,), expected ones ô (B, n); low, high and atom are -inf, inf and inf where there
-    are no masses.
+    They are hit Φ((low - ô) / σ) + atom at o ≤ low, hit Φ((ô - high) / σ) + atom at o ≥ high; low,
+    high, atom are -inf, inf, inf if there are none. Ranges o are (B,), expected ones ô (B, n).
     """
     peak = hit / (sigma * _SQRT_2PI)
     together = fold(min(floor, atom), peak + floor)
@@ -158,10 +155,8 @@ def latent_share(
     """Fill in log ∫ Beta(u; a, b) Π_b ((1 - u) p_hit + u p_any) du for each pose.
 
     Pólya's urn: after j beams of which k were unexplained, the next is with probability
-    (a + k) / (a + b + j). The probabilities of all k are carried from beam to beam.
-
-    ``sigma`` is of p_hit, a normal density, and its mass beyond the ends of the range, ``counts``
-    are a and b; floor, low, high and atom are of p_any; see ``gaussian_uniform``.
+    (a + k) / (a + b + j), carried for all k; ``counts`` are a and b, the rest is as in
+    ``gaussian_uniform``.
     """
     a, b = counts
     beams, n = ranges.size, expected.shape[1]
@@ -199,10 +194,7 @@ def latent_share(
 def _shares(
     other: float, tiny: float, hit: Floats, miss: Floats, part: Floats, total: Floats
 ) -> None:
-    """Divide p_hit by p_hit + p_any, whose log is added to ``total``; fill in p_any so divided.
-
-    Quotients of p_hit below ``tiny`` become 0.
-    """
+    """Divide p_hit (0 if below ``tiny``) and p_any by their sum, whose log ``total`` gets."""
     count = total.size
     for i in range(count):
         miss[i] = hit[i] + other
@@ -229,10 +221,7 @@ def _drawn(a: float, b: float, j: int, hit: Floats, miss: Floats, urn: Floats) -
 
 @compiled
 def _emptied(urn: Floats, least: float, sums: Floats, part: Floats, total: Floats) -> None:
-    """Divide probabilities of all k, (K, n), by their sums, whose logs are added to ``total``.
-
-    Quotients below ``least`` become 0.
-    """
+    """Divide probabilities (K, n) by their sums, whose logs ``total`` gets; 0 below ``least``."""
     count = total.size
     sums[:] = 0.0
     for k in range(urn.shape[0]):

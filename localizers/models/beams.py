@@ -50,13 +50,9 @@ class BeamDensity(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class _Tempered:
-    """p(o | ô)^power: dependent beams carry less information than independent ones.
+    """p(o | ô)^power: dependent beams carry less information than independent ones."""
 
-    Attributes:
-        power: in (0, 1]; 1 is Bayes' rule for independent beams.
-    """
-
-    power: float = 1.0
+    power: float = 1.0  # in (0, 1]; 1 is Bayes' rule for independent beams
 
     def __post_init__(self) -> None:
         number("scan.power", self.power, low=0, high=1, above=True)
@@ -105,9 +101,7 @@ class _HitOrAnything(_Tempered):
 class GaussianUniform(_HitOrAnything):
     """p(o | ô) = (1 - u) N(o; ô, σ²) + u / max_range.
 
-    Attributes:
-        sigma: σ > 0, in the map's unit.
-        uniform: u, share of beams that read any range.
+    σ = ``sigma`` > 0 is in the map's unit; u = ``uniform`` is the share of beams of any range.
     """
 
     _clips = False
@@ -131,11 +125,7 @@ class CensoredGaussianUniform(_HitOrAnything):
     Inside, p(o | ô) = (1 - u) N(o; ô, σ²) + v; at o = max_range the mass is
     (1 - u) Φ((ô - max_range) / σ) + v s, at o = 0 it is (1 - u) Φ(-ô / σ) + v s, where
     s = max_range / 400 is a step of the range and v = u / (max_range + 2 s): densities and masses
-    together come to 1.
-
-    Attributes:
-        sigma: σ > 0, in the map's unit.
-        uniform: u, share of beams that read any range.
+    together come to 1. σ = ``sigma`` and u = ``uniform`` are those of ``GaussianUniform``.
     """
 
     _clips = True
@@ -151,10 +141,7 @@ class CensoredGaussianUniform(_HitOrAnything):
         return density**self.power
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
-        """Mean and variance of a beam that hits the expected wall, (n, B) each.
-
-        Of a normal variable clipped to [0, max_range].
-        """
+        """Mean and variance of a normal variable clipped to [0, max_range], (n, B) each."""
         low, high = -expected / self.sigma, (max_range - expected) / self.sigma
         inside = normal_cdf(high) - normal_cdf(low)
         at_max, slope = 1 - normal_cdf(high), normal_pdf(low) - normal_pdf(high)
@@ -170,20 +157,14 @@ class CensoredGaussianUniform(_HitOrAnything):
 @final
 @dataclass(frozen=True, kw_only=True)
 class BeamModel(_Tempered):
-    """The four-part beam model of Thrun et al. 2005, table 6.1: hit, short, max, rand.
+    """The four-part beam model of Thrun et al. 2005, table 6.1: hit, short, max, rand."""
 
-    Attributes:
-        hit, short, max, rand: shares of the parts, with sum 1.
-        sigma: σ_hit > 0, in the map's unit.
-        decay: λ_short > 0, per unit of length.
-    """
-
-    hit: float = 0.8
-    short: float = 0.1
-    max: float = 0.05
-    rand: float = 0.05
-    sigma: float = field(default=100.0, metadata=LENGTH)
-    decay: float = field(default=0.01, metadata=PER_LENGTH)
+    hit: float = 0.8  #: share of beams that hit the expected wall; the four have sum 1
+    short: float = 0.1  #: of those that are too short
+    max: float = 0.05  #: of those that read max_range
+    rand: float = 0.05  #: of those that read any range
+    sigma: float = field(default=100.0, metadata=LENGTH)  #: σ_hit > 0, in the map's unit
+    decay: float = field(default=0.01, metadata=PER_LENGTH)  #: λ_short > 0, per unit of length
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -231,10 +212,7 @@ class BeamModel(_Tempered):
         return min(self.sigma, _WIDEST * max_range)
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
-        """Mean and variance of a beam that hits the expected wall, (n, B) each.
-
-        Of a normal variable cut to [0, max_range].
-        """
+        """Mean and variance of a normal variable cut to [0, max_range], (n, B) each."""
         seen, sigma = np.minimum(expected, max_range), self._width(max_range)
         low, high = -seen / sigma, (max_range - seen) / sigma
         inside = normal_cdf(high) - normal_cdf(low)
@@ -251,16 +229,11 @@ class LatentShare(_Tempered):
     p(o | ô) = ∫ Beta(u) Π_b ((1 - u) p_hit(o_b | ô_b) + u p_any(o_b)) du: a crowd hides many beams
     of one scan and none of the next. u is summed out exactly. Of one beam it is a
     ``CensoredGaussianUniform``; of several, each unexplained beam makes the next one likelier.
-
-    Attributes:
-        sigma: σ > 0, in the map's unit.
-        uniform: E[u], the mean share of beams that read any range.
-        concentration: c > 0: u ~ Beta(c E[u], c (1 - E[u])); the larger, the more alike are scans,
-            and in the limit u is E[u] in all.
     """
 
-    sigma: float = field(default=100.0, metadata=LENGTH)
-    uniform: float = 0.05
+    sigma: float = field(default=100.0, metadata=LENGTH)  #: σ > 0, in the map's unit
+    uniform: float = 0.05  #: E[u], the mean share of beams that read any range
+    #: c > 0, u ~ Beta(c E[u], c (1 - E[u])); the larger, the more alike scans are; at ∞ u is E[u]
     concentration: float = 2.0
 
     def __post_init__(self) -> None:

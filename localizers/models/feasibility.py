@@ -1,9 +1,8 @@
 """How feasible a step is on the map, and a plan from a pose: nobody plans through walls.
 
-g(x', x) = exp(-β C(x', x)) is the paper's p(x_t | m), whether a step is feasible on the map;
-p(π_t | x_t, m) is its product over the steps of a plan. The paper's p(x_t | m) is "based on the
-configuration space (C-space) or cost map": ``FreeSpace`` is the former, ``CostMap`` the latter, on
-which a step costs more the nearer to a wall it ends (nav2_costmap_2d, inflation_layer).
+g(x', x) = exp(-β C(x', x)) is the paper's p(x_t | m), "based on the configuration space (C-space)
+or cost map": ``FreeSpace`` or ``CostMap``, where a step costs more the nearer to a wall it ends
+(nav2_costmap_2d, inflation_layer). p(π_t | x_t, m) is its product over the steps of a plan.
 """
 
 import os
@@ -61,11 +60,9 @@ class PlanSensor:
     """Log p(π_t | x_t, m) = -β C(x_t, π_t), up to a constant; C planned steps collide.
 
     C = Σ_k C(y_{k-1}, y_k), y_0 = x_t and y_k = y_{k-1} moved by the k-th planned action without
-    noise: the author corrects for noise on the way, so a plan is feasible as written. All
-    poses follow one path, rotated and shifted; nothing is drawn. Only collisions count, also where
-    steps are charged by a ``CostMap``: that nobody plans through walls holds of every author, how
-    far from them he keeps does not, and L small costs would add up to a claim about him. β ≥ 0; inf
-    rules out poses from which a planned step collides.
+    noise, as its author corrects for that on the way. Only collisions count, also beside a
+    ``CostMap``: nobody plans through walls, but how far from them authors keep is not known. β ≥ 0;
+    inf rules out poses from which a planned step collides.
     """
 
     floor_plan: Map
@@ -130,9 +127,8 @@ _OF_METRE = 10.0  # cost_scaling_factor, Nav2's default
 class CostMap:
     """Log g = -β cost: 1 if the step x' → x collides, as in ``FreeSpace``, else the cost at x.
 
-    A step is charged for where it ends, not for its way: the next step begins there, so a way is
-    charged by the states along it, each once. β ≥ 0; at inf every step that costs anything is
-    rejected. ``cost`` counts where the robot does not collide.
+    A step is charged for where it ends, not for its way: a way is charged by the states along it,
+    each once. β ≥ 0; at inf every step that costs anything is rejected.
     """
 
     floor_plan: Map
@@ -157,17 +153,12 @@ class Inflation:
     """exp(-cost_scaling_factor (d - radius)) up to d = inflation_radius from a wall, 0 beyond.
 
     d is the exact distance of the robot's centre from the nearest wall; Nav2 takes that of cells.
-
-    Attributes:
-        radius: of the robot's disc, Nav2's inscribed radius.
-        inflation_radius: at least ``radius``; equal, nothing but a collision costs.
-        cost_scaling_factor: per unit of length; None is Nav2's 10 / m, 0.2 / px.
     """
 
     floor_plan: Map
-    radius: float
-    inflation_radius: float
-    cost_scaling_factor: float | None = None
+    radius: float  # of the robot's disc, Nav2's inscribed radius
+    inflation_radius: float  # at least ``radius``; equal, nothing but a collision costs
+    cost_scaling_factor: float | None = None  # per unit of length; None is Nav2's 10 / m, 0.2 / px
 
     def __post_init__(self) -> None:
         unit = self.floor_plan.unit
@@ -199,15 +190,11 @@ class Inflation:
 @final
 @dataclass(frozen=True, kw_only=True)
 class CostImage:
-    """The costs of square cells, each of its whole square; 0 off the image.
+    """The costs of square cells, each of its whole square; 0 off the image."""
 
-    They are from 0 to 1, the lowest row first, (rows, columns). A cell has an edge of
-    ``resolution``, in the map's unit, the first one its lower left corner at ``origin``, a pose.
-    """
-
-    costs: Floats
-    resolution: float
-    origin: tuple[float, float, float]
+    costs: Floats  # 0 to 1, the lowest row first, (rows, columns)
+    resolution: float  # edge of a cell, in the map's unit
+    origin: tuple[float, float, float]  # pose of the first cell's lower left corner
 
     @classmethod
     def load(cls, path: str, floor_plan: Map, radius: float) -> "CostImage":

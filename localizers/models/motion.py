@@ -39,12 +39,10 @@ def normal_pairs(
     first: Singles,
     second: Singles,
 ) -> None:
-    """Fill in pairs of independent normal numbers, each made of one uniform number.
+    """Fill in pairs of independent normal numbers, each made of a multiple of 2⁻⁵³ in [0, 1).
 
     Box & Muller 1958: √(-2 log u) (cos 2πv, sin 2πv), u of the first 24 bits of the uniform number,
     v of its other 29. The largest is 5.9 standard deviations.
-
-    ``uniforms`` are multiples of 2⁻⁵³ in [0, 1), (n,).
     """
     n = uniforms.size
     radius, angle = np.empty(n, np.float32), np.empty(n, np.float32)
@@ -106,16 +104,11 @@ class OdometryMotion:
     (forward, left, φ) with (forward, left) = d (u, v); (u, v) = (1, 0) for a robot that drives
     straight ahead. Cf. Thrun et al. 2005, chapter 5. Two noises for three coordinates: there is no
     transition density. The defaults are what the filters of the paper preset assume.
-
-    Attributes:
-        drive: σ_dd, distance noise per distance driven.
-        turn: σ_φφ, rad of heading noise per rad turned.
-        drift: σ_φd, rad of heading noise per unit of length driven.
     """
 
-    drive: float = 0.2
-    turn: float = 0.3
-    drift: float = field(default=0.05, metadata=PER_LENGTH)
+    drive: float = 0.2  #: σ_dd, distance noise per distance driven
+    turn: float = 0.3  #: σ_φφ, rad of heading noise per rad turned
+    drift: float = field(default=0.05, metadata=PER_LENGTH)  #: σ_φd, heading, rad per length driven
 
     def __post_init__(self) -> None:
         for name in ("drive", "turn", "drift"):
@@ -135,10 +128,7 @@ class OdometryMotion:
         return after
 
     def moves(self, actions: Floats, uniforms: Floats) -> Singles:
-        """Return increments (F, 3) with noise, (F, 3, n).
-
-        Each uniform number in [0, 1), (F, n), makes two normal ones.
-        """
+        """Return increments (F, 3) with noise, (F, 3, n), of uniform numbers in [0, 1), (F, n)."""
         steps, n = uniforms.shape
         moves = np.empty((steps, 3, n), np.float32)
         if actions.shape != (steps, 3) or actions.dtype != np.float64:
@@ -150,15 +140,13 @@ class OdometryMotion:
     def fitted(cls, meant: Floats, done: Floats) -> Self:
         """Return the noise of turn and drive that fits steps of a log best.
 
-        ε_d and ε_φ are what the reference did beyond the odometry at each step. σ_dd is such that
-        99 % of ``|ε_d| / |d|`` lie within 2.58 σ_dd, and never less than their root mean square:
-        odometry that goes the wrong way for some steps (a speed without its sign, wheels that slip)
-        must stay possible. Of the steps only the longer half counts, as the reference has noise of
-        its own. σ_φφ and σ_φd maximize the likelihood of all
-        ``ε_φ ~ N(0, (σ_φφ |φ| + σ_φd |d|)²)``, on a grid that is refined around its best point.
+        ε_d and ε_φ are what the reference, ``done``, did beyond the odometry, ``meant``, (k, 3).
+        σ_dd is such that 99 % of ``|ε_d| / |d|`` lie within 2.58 σ_dd, and never less than their
+        root mean square: odometry that fails for some steps must stay possible. Only the longer
+        half of the steps counts, as the reference has noise, too. σ_φφ and σ_φd maximize the
+        likelihood of all ``ε_φ ~ N(0, (σ_φφ |φ| + σ_φd |d|)²)``, on an ever finer grid.
 
-        ``meant`` are increments of the odometry, ``done`` those of the reference, (k, 3) each; rows
-        with NaN are left out. Of one whose ``left`` alone is NaN only the way ahead and the turn
+        Rows with NaN are left out; of one whose ``left`` alone is NaN the way ahead and the turn
         are known. Fewer than 10 steps with movement and a reference are refused.
         """
         told, true, _ = moving(meant, done)
@@ -238,10 +226,7 @@ class ChargedDrives:
     def __call__(
         self, states: Singles, actions: Floats, rng: np.random.Generator, *, keep: bool
     ) -> tuple[Callable[[Indices], list[Singles]], Floats]:
-        """Draw one path of poses from each of ``states``; see ``Walk``.
-
-        Of paths that are kept, only the random numbers are: few are asked for, and drawn again.
-        """
+        """Draw one path of poses from each of ``states``, see ``Walk``; those kept are redrawn."""
         (_, n), steps = states.shape, len(actions)
         block = max(1, _DRAWS // (2 * n))
         uniforms = np.empty((steps if keep else min(block, steps), n))
@@ -292,7 +277,7 @@ def longer_half(drive: Floats) -> Bools:
 
 
 def most_likely(errors: Floats, features: Floats) -> tuple[float, ...]:
-    """Return α ≥ 0 that maximizes the likelihood of errors (k,) ~ N(0, Σ α_j f_j), f (J, k).
+    """Return α ≥ 0 of greatest likelihood of errors (k,) ~ N(0, Σ α_j f_j), f (J, k).
 
     By multiplicative steps, none of which lowers the likelihood (Févotte & Idier 2011).
     """

@@ -43,23 +43,15 @@ class DifferentialMotion:
     - of ρ: α3 ρ² + α4 (r1² + r2²).
 
     Lengths are in the map's unit. The defaults are Nav2's, for a map in metres; for one in px, take
-    ``deqmcl_gym.maps.map.scaled(DifferentialMotion(), 50)``, as 1 px is 0.02 m.
-
-    Source: differential_motion_model.cpp.
-
-    Attributes:
-        alpha1: of a turn from turning, pure number.
-        alpha2: of a turn from driving, rad² per length².
-        alpha3: of a drive from driving, pure number.
-        alpha4: of a drive from turning, length² per rad².
-        still: ρ below which the increment has no direction.
+    ``deqmcl_gym.maps.map.scaled(DifferentialMotion(), 50)``, as 1 px is 0.02 m. Source:
+    differential_motion_model.cpp.
     """
 
-    alpha1: float = 0.2
-    alpha2: float = field(default=0.2, metadata=PER_SQUARE)
-    alpha3: float = 0.2
-    alpha4: float = field(default=0.2, metadata=SQUARE)
-    still: float = field(default=0.01, metadata=LENGTH)
+    alpha1: float = 0.2  #: of a turn from turning, pure number
+    alpha2: float = field(default=0.2, metadata=PER_SQUARE)  #: a turn from driving, rad² / length²
+    alpha3: float = 0.2  #: of a drive from driving, pure number
+    alpha4: float = field(default=0.2, metadata=SQUARE)  #: a drive from turning, length² / rad²
+    still: float = field(default=0.01, metadata=LENGTH)  #: ρ below which there is no direction
 
     def __post_init__(self) -> None:
         _check(self)
@@ -81,10 +73,9 @@ class DifferentialMotion:
     def turn_and_drive(self) -> OdometryMotion:
         """The two noises of the same variances, for estimators that need them in closed form.
 
-        Of a straight drive ρ and the heading after it have exactly these variances, but for α4.
-        All noise of the heading comes before the drive, so that across it the variance is twice
-        that of rot1. Of a turn the standard deviations from turning and driving add up, which is
-        never less.
+        Of a straight drive ρ and the heading after it have exactly these variances, but for α4;
+        across it the variance is twice that of rot1, as all noise of the heading comes before. Of a
+        turn the standard deviations from turning and driving add up, which is never less.
         """
         turn, drive, drift = math.sqrt(self.alpha1), math.sqrt(self.alpha3), 2 * self.alpha2
         return OdometryMotion(drive=drive, turn=turn, drift=math.sqrt(drift))
@@ -93,13 +84,10 @@ class DifferentialMotion:
     def fitted(cls, meant: Floats, done: Floats) -> Self:
         """Return the model of greatest likelihood for steps of a log.
 
-        A drive that the odometry tells without its sign is an error of ρ, not half a turn. α3 is
-        then raised until 99 % of the errors of ρ lie within 2.58 standard deviations: odometry that
-        fails in one step of fifty must stay possible. As the reference has noise of its own,
-        directions and ρ count for the longer half of the steps, the sum of both turns for all.
-
-        The steps are as for ``OdometryMotion.fitted``. Of one whose ``left`` alone is NaN the way
-        ahead has a sign.
+        Steps are as for ``OdometryMotion.fitted``. A drive that the odometry tells without its sign
+        is an error of ρ, not half a turn. α3 is then raised until 99 % of the errors of ρ lie
+        within 2.58 standard deviations: odometry that fails now and then must stay possible.
+        Directions and ρ count for the longer half of the steps, the sum of both turns for all.
         """
         told, true, directed = moving(meant, done)
         still = cls().still
@@ -138,20 +126,13 @@ class OmniMotion:
     Lengths and defaults as ``DifferentialMotion``.
 
     Source: omni_motion_model.cpp.
-
-    Attributes:
-        alpha1: of the turn from turning, pure number.
-        alpha2: of the turn from driving, rad² per length².
-        alpha3: of the way along from driving, pure number.
-        alpha4: of both ways from turning, length² per rad².
-        alpha5: of the way across from driving, pure number.
     """
 
-    alpha1: float = 0.2
-    alpha2: float = field(default=0.2, metadata=PER_SQUARE)
-    alpha3: float = 0.2
-    alpha4: float = field(default=0.2, metadata=SQUARE)
-    alpha5: float = 0.2
+    alpha1: float = 0.2  #: of the turn from turning, pure number
+    alpha2: float = field(default=0.2, metadata=PER_SQUARE)  #: turn from driving, rad² / length²
+    alpha3: float = 0.2  #: of the way along from driving, pure number
+    alpha4: float = field(default=0.2, metadata=SQUARE)  #: both ways from turning, length² / rad²
+    alpha5: float = 0.2  #: of the way across from driving, pure number
 
     def __post_init__(self) -> None:
         _check(self)

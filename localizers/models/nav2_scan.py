@@ -32,10 +32,7 @@ def table_at_ends(
     frame: tuple[float, float, float, float, float],
     out: Singles,
 ) -> None:
-    """Fill in the table's value at the cell that each beam ends in, (B, n); inf off the table.
-
-    Table and frame are as in ``DistanceTable``, ``origins`` those of the beams, (3, n).
-    """
+    """Fill in a ``DistanceTable``'s value where each beam from ``origins`` ends, (B, n), or inf."""
     x0, y0, cos_yaw, sin_yaw, cell = frame
     rows, columns = table.shape
     n = origins.shape[1]
@@ -62,10 +59,7 @@ def table_at_ends(
 def weigh(
     squares: Singles, cut: float, scale: float, hit: float, rand: float, cubes: bool, out: Floats
 ) -> None:
-    """Fill in log(1 + Σ_b q³), or else Σ_b log q; q = hit exp(scale min(d², cut)) + rand.
-
-    ``squares`` are the d² of beams and poses, (B, n).
-    """
+    """Fill in log(1 + Σ_b q³) or Σ_b log q, q = hit exp(scale min(d², cut)) + rand, d² (B, n)."""
     out[:] = 1.0 if cubes else 0.0
     q = np.empty(out.size)
     for beam in range(squares.shape[0]):
@@ -118,27 +112,20 @@ _BLOCK = 8192  # poses at a time
 
 
 class DistanceTable(NamedTuple):
-    """Distances of square cells' centres to the nearest wall.
+    """Distances of square cells' centres to the nearest wall."""
 
-    Attributes:
-        squares: squared distances in cells, (rows, columns), the lowest row first: whole numbers,
-            exact in float32, on a map of cells.
-        frame: lower left corner (x, y) of the first cell, cos and sin of the table's yaw, and a
-            cell's edge.
-    """
-
+    # squared, in cells, (rows, columns), lowest row first: on a map of cells exact whole numbers
     squares: Singles
+    # lower left corner (x, y) of the first cell, cos and sin of the table's yaw, and a cell's edge
     frame: tuple[float, float, float, float, float]
 
     @classmethod
     def of(cls, floor_plan: Map, farthest: float, cell: float) -> "DistanceTable":
-        """Return the table of a map, up to a distance.
+        """Return the table of a map, up to a distance; map_cspace.cpp, but distances are exact.
 
         Of a map of cells its own, from centre to centre of *occupied* ones: unknown is no wall.
         Of a map of polygons cells of edge ``cell``, as far around it as the table tells distances;
         walls are lines, seen from both sides.
-
-        Source: map_cspace.cpp; distances are exact here.
         """
         if isinstance(floor_plan, GridMap):
             x, y, yaw = floor_plan.origin
@@ -177,22 +164,16 @@ def _of_polygons(
 
 @dataclass(frozen=True, kw_only=True)
 class _Field:
-    """q = z_hit exp(-d² / 2σ²) + z_rand / max_range of each beam, by the distance d of its end.
-
-    Attributes:
-        farthest: the largest d, also that of ends off the map, in the map's unit.
-        max_beams: at least 2.
-        cell: edge of the table's cells on a map of polygons.
-    """
+    """q = z_hit exp(-d² / 2σ²) + z_rand / max_range of each beam, by the distance d of its end."""
 
     floor_plan: Map
     lidar: Lidar
     sigma: float
-    farthest: float
+    farthest: float  # the largest d, also that of ends off the map, in the map's unit
     hit: float = 0.5
     rand: float = 0.5
-    max_beams: int = 60
-    cell: float
+    max_beams: int = 60  # at least 2
+    cell: float  # edge of the table's cells on a map of polygons
 
     _cubes: ClassVar[bool]  # whether they, or else logarithms, are added up over beams
 
@@ -250,10 +231,7 @@ class _Field:
 @final
 @dataclass(frozen=True, kw_only=True)
 class LikelihoodField(_Field):
-    """w ∝ 1 + Σ over beams of q³: blunt on purpose, which is why it rarely loses a robot.
-
-    Source: likelihood_field_model.cpp. Attributes as ``_Field``.
-    """
+    """w ∝ 1 + Σ over beams of q³: blunt, so it rarely loses a robot; likelihood_field_model.cpp."""
 
     _cubes = True
 
@@ -261,10 +239,7 @@ class LikelihoodField(_Field):
 @final
 @dataclass(frozen=True, kw_only=True)
 class LikelihoodFieldProb(_Field):
-    """w ∝ Π over beams of q, as if beams were independent.
-
-    Source: likelihood_field_model_prob.cpp. Attributes as ``_Field``.
-    """
+    """w ∝ Π over beams of q, as if they were independent: likelihood_field_model_prob.cpp."""
 
     _cubes = False
 
@@ -312,9 +287,8 @@ class BeamCubes:
     """w ∝ 1 + Σ over beams of q³, q of four parts by the range z* that the map would give.
 
     q = z_hit exp(-(z - z*)² / 2σ²) + [z < z*] z_short λ exp(-λ z) + [z = max_range] z_max +
-    [z < max_range] z_rand / max_range. Rays stop at unknown cells, and are 0 from outside.
-
-    Source: beam_model.cpp, map_range.c; rays are exact here.
+    [z < max_range] z_rand / max_range. Rays stop at unknown cells, and are 0 from outside. Source:
+    beam_model.cpp, map_range.c; rays are exact here.
     """
 
     floor_plan: Map

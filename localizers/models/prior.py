@@ -67,16 +67,11 @@ class PolygonRegion:
 
 @dataclass(frozen=True, kw_only=True)
 class AnnulusRegion:
-    """Points at a distance of ``beyond`` to ``within`` from a point: near a door, say.
+    """Points at a distance of ``beyond`` to ``within`` from a point: near a door, say."""
 
-    Attributes:
-        centre: (x, y) in the map's unit.
-        within, beyond: distances, in the map's unit; beyond = 0 is a disc.
-    """
-
-    centre: tuple[float, float] = field(metadata=LENGTH)
-    within: float = field(metadata=LENGTH)
-    beyond: float = field(default=0.0, metadata=LENGTH)
+    centre: tuple[float, float] = field(metadata=LENGTH)  #: (x, y) in the map's unit
+    within: float = field(metadata=LENGTH)  #: largest distance, in the map's unit
+    beyond: float = field(default=0.0, metadata=LENGTH)  #: least distance; 0 is a disc
 
     def __post_init__(self) -> None:
         x, y = array("the prior's centre", self.centre, (2,)).tolist()
@@ -150,10 +145,7 @@ def _even_shares(start: int, count: int = _BLOCK) -> Floats:
 def _free(
     floor_plan: Map, shares: Floats, radius: float = 0.0, region: Region | None = None
 ) -> Floats:
-    """Those of the poses at ``shares`` of the ground and of a turn where a disc fits, (k, 3).
-
-    The ground is the map's bounds, or the open cells of a grid that has few, or a region.
-    """
+    """Poses at ``shares`` of the ground and of a turn where a disc fits, (k, 3)."""
     if region is not None:
         poses = _within(region.bounds, shares)
         poses = poses[region.contains(poses)]
@@ -184,17 +176,12 @@ _SD_IN_PX = 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class GaussianPrior:
-    """x_0 ~ N(mean, diag(sd_position², sd_position², sd_heading²)).
+    """x_0 ~ N(mean, diag(sd_position², sd_position², sd_heading²))."""
 
-    Attributes:
-        mean: (x, y, θ rad).
-        sd_position: in x and in y, in the map's unit; None is 10 px, refused on maps in metres.
-        sd_heading: in rad.
-    """
-
-    mean: tuple[float, float, float] = field(metadata=POSE)
+    mean: tuple[float, float, float] = field(metadata=POSE)  #: (x, y, θ rad)
+    #: in x and in y, in the map's unit; None is 10 px, refused on maps in metres
     sd_position: float = field(default=None, metadata=LENGTH)  # type: ignore[assignment]
-    sd_heading: float = 0.1
+    sd_heading: float = 0.1  #: in rad
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_in_px", self.sd_position is None)
@@ -233,16 +220,11 @@ class GaussianPrior:
 
 @dataclass(frozen=True, kw_only=True)
 class UniformPrior:
-    """x_0 is anywhere in the free space of a region, with any heading: the robot must be found.
-
-    Attributes:
-        radius: of a disc that must fit at x_0, in the map's unit.
-        region: ``PolygonRegion`` or ``AnnulusRegion``; None is the whole map.
-    """
+    """x_0 is anywhere in the free space of a region, with any heading: the robot must be found."""
 
     floor_plan: Map
-    radius: float = field(default=0.0, metadata=LENGTH)
-    region: Region | None = None
+    radius: float = field(default=0.0, metadata=LENGTH)  #: of a disc that must fit at x_0
+    region: Region | None = None  #: ``PolygonRegion`` or ``AnnulusRegion``; None is the whole map
 
     def __post_init__(self) -> None:
         number("prior.radius", self.radius, low=0)
@@ -271,8 +253,7 @@ class UniformPrior:
     def log_density(self, poses: Floats) -> Floats:
         """Log p(x_0) of poses (n, 3): one number in free space, -inf elsewhere, (n,).
 
-        Exact for a region that is free all over. Else the share of its area that is free is counted
-        at even points, to about one percent.
+        Exact for a region that is free all over, else to about one percent, by even points.
         """
         if self.region is None:
             if _is_rare(plan := self.floor_plan):
@@ -301,13 +282,10 @@ class UniformPrior:
 
 @dataclass(frozen=True, kw_only=True)
 class MixturePrior:
-    """p(x_0) = Σ w_k p_k(x_0): one of several places.
-
-    ``weights`` are above 0 with any sum; None: all equal.
-    """
+    """p(x_0) = Σ w_k p_k(x_0): one of several places."""
 
     parts: tuple[Prior, ...]
-    weights: tuple[float, ...] | None = None
+    weights: tuple[float, ...] | None = None  #: above 0 with any sum; None is all equal
 
     def __post_init__(self) -> None:
         parts = tuple(self.parts)

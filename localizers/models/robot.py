@@ -18,23 +18,20 @@ _COARSEST = 0.1  # px: the largest spacing of float32 poses that is allowed
 
 @dataclass(frozen=True, kw_only=True)
 class RobotModel:
-    """The robot as a localizer knows it: its map, its sensor and the assumed noise.
-
-    Attributes:
-        radius: of the robot's disc, in the map's unit; None is 8 px, or 0.16 m.
-        motion: p(x_t | x_{t-1}, a_t); None is ``OdometryMotion``'s default, or on a map in metres
-            that of ``DifferentialMotion``.
-        scan: p(o | ô) of one beam; None is ``GaussianUniform``'s default, or with σ = 0.2 m, as
-            Nav2's sigma_hit. Or what makes a model of whole scans, such as ``ScanPlugIn``.
-        beta: β ≥ 0 of methods that are given none: a step that collides on the map, carried out or
-            planned, is charged exp(-β).
-    """
+    """The robot as a localizer knows it: its map, its sensor and the assumed noise."""
 
     floor_plan: Map
     lidar: Lidar
+    #: of the robot's disc, in the map's unit; None is 8 px, or 0.16 m
     radius: float = field(default=None, metadata=LENGTH)  # type: ignore[assignment]
+    #: p(x_t | x_{t-1}, a_t); None is ``OdometryMotion``'s default, or on a map in metres that of
+    #: ``DifferentialMotion``
     motion: Motion = None  # type: ignore[assignment]
+    #: p(o | ô) of one beam; None is ``GaussianUniform``'s default, or with σ = 0.2 m, as Nav2's
+    #: sigma_hit. Or what makes a model of whole scans, such as ``ScanPlugIn``.
     scan: BeamDensity | ScanSource = None  # type: ignore[assignment]
+    #: β ≥ 0 of methods that are given none; a step that collides on the map, carried out or
+    #: planned, is charged exp(-β)
     beta: float = 10.0
 
     def __post_init__(self) -> None:

@@ -47,15 +47,11 @@ class ScanModel(Protocol):
     """p(o_t | x_t, m)."""
 
     def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
-        """Log-likelihood of a scan at each of n poses.
+        """Log-likelihood of a scan at each of n poses, (n,), finite or -inf, up to a constant.
 
-        Args:
-            states: poses as rows x, y (in the map's unit), θ (rad), float32, (3, n); any pose, also
-                in a wall or off the map. Not to be written to.
-            scan: its ranges, (B,), in the map's unit, and which are usable. Not to be written to.
-
-        Returns:
-            (n,), finite or -inf, up to a constant that is the same for all poses and scans.
+        Poses are rows x, y (in the map's unit), θ (rad), float32, (3, n): any, also in a wall or
+        off the map. They and the scan's ranges, (B,), in the map's unit, are not to be written to.
+        The constant is the same for all poses and scans.
         """
 
 
@@ -135,11 +131,7 @@ class LidarScan:
 
     @cached_property
     def _outside(self) -> float:
-        """Log-likelihood of each usable beam at a pose outside the outer wall.
-
-        -30, or the log of the least density of a beam, the smaller of the two: a scan is never
-        likelier outside than at any pose inside, whatever the number of its beams.
-        """
+        """Least of -30 and of a beam's log-density: no scan is likelier outside than inside."""
         least = self.beam.least_density(self.lidar.max_range)
         return min(OUTSIDE, float(arrays.log(least)))
 
