@@ -132,7 +132,6 @@ def test_what_is_written_of_a_limit_is_read_again():
     ("changes", "named"),
     [
         ({"limit": {"name": "mcl", "filter_seeds": 0}}, ["filter_seeds of the limit", "0"]),
-        ({"limit": {"name": "mlc"}}, ["'mlc'"]),
         (
             {"limit": [{"name": "mcl", "of": ["mcl"]}, {"name": "mcl-map", "of": ["mcl"]}]},
             ["'mcl'", "2 limits"],

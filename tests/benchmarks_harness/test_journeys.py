@@ -43,17 +43,18 @@ def fixes(distance, angle=0.0, quality=math.nan, *, steps=None, count=None, stri
 
 
 @pytest.mark.parametrize(
-    ("distance", "metres"),
+    ("distance", "metres", "lost_at"),
     [
-        ([0, 0, 0, 0], 0.0),
-        ([5, 5, 0.9, 1.0], 1.0),
-        ([5, 0, 0, 5, 5, 0, 0, 0], 2.5),  # lost again: from where on it stays so
-        ([0, 0, 0, 1.001], NEVER),  # lost in the last step
-        ([5, 5, 5], NEVER),
+        ([0, 0, 0, 0], 0.0, None),
+        ([5, 5, 0.9, 1.0], 1.0, None),
+        ([5, 0, 0, 5, 5, 0, 0, 0], 2.5, None),  # lost again: from where on it stays so
+        ([0, 5, 0, 5, 1.001], NEVER, 3),  # to the end
+        ([5, 5, 5], NEVER, 0),
     ],
 )
-def test_metres_to_localize_are_those_from_where_on_it_stays_localized(distance, metres):
-    assert fixes(distance).metres_to_localize == metres
+def test_metres_to_localize_are_those_from_where_on_it_stays_localized(distance, metres, lost_at):
+    run = fixes(distance)
+    assert (run.metres_to_localize, run.lost_at) == (metres, lost_at)
 
 
 def test_both_the_distance_and_the_angle_must_be_near():
