@@ -25,6 +25,7 @@ class FakeBelief:
     """Holds points by offset; what is not in ``held`` is not held."""
 
     held: dict
+    quality: object = None
 
     def points(self, offset=0):
         return self.held.get(offset)

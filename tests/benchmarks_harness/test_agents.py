@@ -12,7 +12,7 @@ from benchmarks.report.verdict import conclusion
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.overrides import Named
 from benchmarks.sweeps.sweepfile import read_sweep, sweep_of
-from benchmarks.tables.panels import baseline_of, panels
+from benchmarks.tables.panels import baseline_of
 from benchmarks.trials.attempt import key_of
 from benchmarks.trials.spec import Method, Trial
 from benchmarks.trials.stage import Stage
@@ -52,22 +52,11 @@ def test_agents_are_compared_on_the_same_worlds_with_the_same_localizer():
         row = rows.loc[f"Seeker with {localizer}"]
         assert (row["diff"], row.paired_worlds) == (-5.0, 12)
         assert row.reference == f"still with {localizer}"
-    assert conclusion(told).startswith("Seeker with mcl is best: ")
+    assert conclusion(told).startswith("Seeker with mcl is best: 10.5 px, 32 % below still with ")
+    ranked = told.panels[0].ranked.set_index("label")
+    assert ranked.loc["Seeker with mcl-map", "relation"] == "better"
     assert told.panels[0].agents == ["still", "Seeker"]
     assert "/far" not in conclusion(told)
-
-
-def test_the_verdict_tells_which_agent_is_best_and_the_table_what_each_is_beside():
-    rising = [float(e) for e in range(10, 22)]
-    records = []
-    for localizer, more in (("mcl", 0.0), ("mcl-map", 1.0)):
-        records += driven([e + more for e in rising], "still", localizer)
-        records += driven([e + more - 5 for e in rising], "spin", localizer)
-    told = results(records, baseline="still")
-    assert conclusion(told).startswith("spin with mcl is best: 10.5 px, 32 % below still with mcl ")
-    rows = told.panels[0].ranked.set_index("label")
-    assert rows.loc["spin with mcl-map", "reference"] == "still with mcl-map"
-    assert rows.loc["spin with mcl-map", "relation"] == "better"
 
 
 def test_a_baseline_that_is_a_localizer_is_compared_with_those_of_the_same_agent():
@@ -76,26 +65,6 @@ def test_a_baseline_that_is_a_localizer_is_compared_with_those_of_the_same_agent
     against = [baseline_of(method, methods, "mcl") for method in methods]
     assert against == [methods[0], methods[0], methods[2], methods[2]]
     assert [baseline_of(m, methods, "a") for m in methods] == [*methods[:2], *methods[:2]]
-
-
-def test_a_number_of_an_agent_that_is_swept_has_a_panel_for_each_value():
-    records = []
-    for shift in (0.0, 50.0):
-        for localizer in ("mcl", "mcl-map"):
-            records += driven([1.0, 2.0], "misplaced", localizer, shift=shift)
-    found = panels(records)
-    assert [panel.title for panel in found] == [
-        "scenario paper, agent.shift 0.0", "scenario paper, agent.shift 50.0"
-    ]  # fmt: skip
-    assert [list(panel.labels.values()) for panel in found] == [["mcl", "mcl-map"]] * 2
-
-
-def test_a_report_with_one_method_compares_it_with_nothing():
-    records = trials("mcl-map", [3.0, 4.0]) + trials("mcl-map", [5.0, 6.0], scenario="sharp")
-    told = results(records)
-    assert conclusion(told).startswith("2 settings, nothing to compare in them: ")
-    alone = conclusion(results(records[:2]))
-    assert alone == "mcl-map alone, nothing to compare it with: 3.50 px."
 
 
 def test_a_sweep_names_agents_and_their_parameters_and_trials_without_one_are_as_before(tmp_path):
@@ -143,7 +112,6 @@ def test_an_agent_of_a_trial_drives_and_its_code_is_in_the_key(tmp_path):
 @pytest.mark.parametrize(
     ("said", "named"),
     [
-        ({"agent": {"params": {}}}, ["agent has no name"]),
         ({"agent": 3}, ["agent is 3", "a name, or {name"]),
         ({"vary": [{"agent": {"shift": [1.0]}}]}, ["agent.shift", "no agent is named"]),
         ({"agent": "stale", "baseline": "mcl-plan"}, ["baseline", "stale"]),
@@ -159,7 +127,6 @@ def test_a_sweep_with_a_bad_agent_is_refused(said, named):
     ("agent", "named"),
     [
         (Named("stale", {"shift": 1.0}), ["parameter of agent 'stale'", "shift"]),
-        (Named("misplaced", {"shfit": 1.0}), ["did you mean 'shift'"]),
         (Named("misplaced", {"shift": -1.0}), ["shift is -1"]),
     ],
 )
@@ -179,7 +146,6 @@ BAD = AGENT.replace("        return np.array", "        {}\n        return np.ar
 @pytest.mark.parametrize(
     ("law", "code"),
     [
-        ("answers with actions", "raise ValueError('no')"),
         ("answers with actions", "return [0.0], None"),
         ("same rng same result", "import os; self.by = os.urandom(1)[0] / 1e3"),
         ("inputs not changed", "info['collided'] = 3"),

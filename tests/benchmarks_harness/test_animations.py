@@ -112,11 +112,14 @@ def test_a_baseline_without_a_trial_on_the_world_is_not_named():
     assert best.caption.startswith("World 0, mcl-pilots resampler=stratified: error")
 
 
+def lap_of(*trials):
+    keys = tuple(map(key_of, trials))
+    return Animation(name="lap", title="", caption="", trials=trials, labels=("a", "b"), keys=keys)
+
+
 def test_an_animation_shows_the_whole_way_of_each_method_side_by_side():
     same = Trial(scenario="paper", localizer="mcl", params=(), lag=1, seed=0, trial=0)
-    trials = same, replace(same, localizer="dead-reckoning")
-    keys = tuple(map(key_of, trials))
-    lap = Animation(name="lap", title="", caption="", trials=trials, labels=("a", "b"), keys=keys)
+    lap = lap_of(same, replace(same, localizer="dead-reckoning"))
     with Processes(1) as pool:
         drawn = pool.submit(animations.filmed, lap).result()
     animation = PIL.Image.open(io.BytesIO(drawn.webp))
@@ -128,7 +131,5 @@ def test_a_hedge_is_animated_beside_a_method_that_sees_no_plan():
     same = Trial(
         scenario="guided", localizer="mcl", params={"particles": 20}, lag=0, seed=0, trial=0
     )
-    trials = same, replace(same, localizer="mcl-plan-hedged")
-    keys = tuple(map(key_of, trials))
-    lap = Animation(name="lap", title="", caption="", trials=trials, labels=("a", "b"), keys=keys)
+    lap = lap_of(same, replace(same, localizer="mcl-plan-hedged"))
     assert animations.filmed(lap).webp.startswith(b"RIFF")

@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from report_cases import changed, finished, lines_of, panel_of, table_of
+from report_cases import changed, finished, lines_of, panel_of
 
 from benchmarks.report.tables import detection_table
 from benchmarks.setup.scenario import Thresholds
@@ -62,18 +62,6 @@ def test_auroc_is_the_share_of_pairs_in_order_with_ties_counted_half(seed):
     assert detection(records[::-1]) == found
 
 
-@pytest.mark.parametrize(
-    ("steps", "expected"),
-    [
-        ([(0.7, AWAY), (0.7, NEAR), (0.7, NEAR)], 0.5),  # a constant tells nothing
-        ([(1 - 1e-15, AWAY), (1.0, NEAR)], 1.0),  # order, not distance
-        ([(0.9, AWAY), (0.3, NEAR)], 0.0),
-    ],
-)
-def test_a_constant_quality_has_one_half_a_perfect_one_1_and_a_reversed_one_0(steps, expected):
-    assert detection([trial(w, steps) for w in range(3)]).auroc.mean == expected
-
-
 def test_the_interval_is_that_of_resampling_whole_worlds_one_after_the_other():
     # a resample without a far step is left out: two of the five worlds have none
     records = random_trials(3, steps=6, seeds=2)
@@ -112,24 +100,6 @@ def test_steps_with_a_quality_are_matched_with_their_own_states(at, auroc, share
     assert found.far_steps == share
 
 
-@pytest.mark.parametrize(
-    ("step", "share", "worlds"),
-    [((0.2, NEAR), 0.0, 0), ((0.2, AWAY), 1.0, 3), ((None, AWAY), math.nan, math.nan)],
-)
-def test_with_one_kind_of_step_only_there_is_no_auroc_but_the_share_is_known(step, share, worlds):
-    found = detection([trial(w, [step, step]) for w in range(3)])
-    assert all(map(math.isnan, found.auroc))
-    assert found.far_steps == pytest.approx(share, nan_ok=True)
-    assert found.far_worlds == pytest.approx(worlds, nan_ok=True)
-
-
-def test_far_steps_in_one_world_only_have_no_interval():
-    records = [trial(w, [(0.2, AWAY if w == 0 else NEAR), (0.9, NEAR)]) for w in range(5)]
-    found = detection(records)
-    assert [math.isnan(x) for x in found.auroc] == [False, True, True]
-    assert (found.far_worlds, found.far_steps) == (1, 0.1)
-
-
 KINDS = {
     "rated": [(0.2, AWAY), (0.9, NEAR)],
     "never": [(0.2, NEAR), (0.9, NEAR)],
@@ -156,14 +126,3 @@ def test_the_table_says_the_auroc_or_why_there_is_none():
         ["always", "n/a: every step is far off", "100.0 %", "3 of 3"],
         ["blind", "n/a: gives no quality", "n/a", "n/a"],
     ]
-
-
-def test_the_report_has_no_table_where_no_method_has_an_auroc():
-    panel = panel_of(reported(["never", "blind"]))
-    assert detection_table(panel) is None
-
-
-def test_other_offsets_than_the_present_have_no_auroc():
-    rows = table_of([finished("x", w, 20.0, offsets=(0, -20), quality=0.5) for w in (0, 1)])
-    assert rows.loc["x", 0].far_worlds == 0
-    assert math.isnan(rows.loc["x", -20].far_worlds)

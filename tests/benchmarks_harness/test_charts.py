@@ -76,25 +76,6 @@ def test_charts_of_a_panel_draw_its_numbers(panel):
     assert (heights.min(), heights.max()) == pytest.approx((low, high))
 
 
-def test_every_mark_of_every_world_is_where_the_line_of_its_world_is():
-    rng = np.random.default_rng(0)
-    records = [finished(n, w, rng.uniform(1, 9)) for n in ("mcl", "deq-mcl") for w in range(40)]
-    axes = charts.points_chart(panel_of(records)).figure.axes[0]
-    drawn = [one.get_xydata() for one in axes.lines]
-    worlds, marks = np.array(drawn[:40]), [one for one in drawn[40:] if len(one) == 40]
-    assert len(marks) == 2
-    for place, own in enumerate(marks):
-        assert np.array_equal(own, worlds[:, place])
-
-
-def test_a_method_with_a_long_name_has_room_beside_its_chart():
-    name = "./a/folder/with/a/long/name/localizer.py:Localizer"
-    records = [one for method in ("mcl", name) for one in trials(method, [1.0, 2.0])]
-    chart = charts.points_chart(panel_of(records))
-    chart.figure.draw_without_rendering()
-    assert chart.figure.axes[0].get_position().width > 0.3
-
-
 def test_a_label_looks_the_same_in_every_chart_and_others_have_another_look():
     labels = [f"method {n}" for n in range(40)]
     frame = pd.DataFrame({"label": pd.Categorical(labels, categories=labels), "x": 1.0, "y": 2.0})
@@ -102,12 +83,6 @@ def test_a_label_looks_the_same_in_every_chart_and_others_have_another_look():
     assert len(set(looks)) == 40
     part = frame[frame["label"].isin(labels[7:9])]
     assert [(one.get_color(), one.get_marker()) for one in line(part, "x", "y").lines] == looks[7:9]
-
-
-def test_the_same_chart_gives_the_same_bytes(panel):
-    for form in ("svg", "png", "pdf"):
-        once, again = (charts.offset_chart(panel).drawn(form) for _ in range(2))
-        assert once == again
 
 
 @pytest.mark.parametrize("names", [1, 2, 3, 4, 5, 7])
@@ -169,13 +144,6 @@ def test_where_two_numbers_are_swept_there_is_a_chart_for_each_value_of_the_othe
         "Error over particles: lidar.sigma 20.0",
         "Error over particles: lidar.sigma 50.0",
     ]
-
-
-def test_where_only_one_value_was_run_there_is_no_chart():
-    records = trials("mcl", [1.0], scenario="sharp", lag=5)
-    for lag in (5, 20):
-        records += trials("mcl", [1.0], scenario="matched", lag=lag)
-    assert [chart.title for chart in curves(records)[0]] == ["Error over lag: scenario matched"]
 
 
 def test_what_changes_together_is_one_curve_over_what_has_the_values_of_most():

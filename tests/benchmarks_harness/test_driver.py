@@ -112,10 +112,3 @@ def test_no_more_trials_are_in_flight_than_there_are_slots():
     next(running)
     assert executor.submitted == ["a", "b", "c"]
     running.close()
-
-
-def test_a_failed_trial_is_an_outcome_like_any_other():
-    failed = Outcome(reason="ArithmeticError: broken")
-    found, executor = run({"a": [failed]})
-    assert found["a"] == failed
-    assert executor.submitted == ["a", "b", "c"]

@@ -3,7 +3,6 @@
 import errno
 import os
 import tempfile
-from pathlib import Path
 
 import pytest
 from deqmcl_command import files
@@ -67,21 +66,6 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_beside_it(
     assert isinstance(error, KeyboardInterrupt) or caught.value.filename == str(target)
     assert sorted(os.listdir(tmp_path)) == ["table.csv"]
     assert target.read_text() == "old\n"
-
-
-def test_a_write_becomes_visible_only_when_it_is_whole(tmp_path, monkeypatch):
-    target = tmp_path / "table.csv"
-    write_text(target, "old\n")
-    really, seen = os.replace, []
-
-    def look(source, destination):
-        seen.append((target.read_text(), Path(source).read_text(), Path(source).parent))
-        really(source, destination)
-
-    monkeypatch.setattr(os, "replace", look)
-    write_text(target, "new\n")
-    assert seen == [("old\n", "new\n", tmp_path)]
-    assert target.read_text() == "new\n"
 
 
 @pytest.mark.parametrize("kind", [errno.EACCES, errno.EROFS, errno.ENOSPC])

@@ -8,11 +8,11 @@ import pytest
 from refusals import refused
 from report_cases import changed, finished, parsed, results, trials
 
-from benchmarks.setup.overrides import NOTHING, Overrides
+from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps.design import Limit, Sweep
 from benchmarks.sweeps.results import limits_apart
 from benchmarks.sweeps.sweepfile import sweep_of
-from benchmarks.tables.comparison import LimitRuns, limit_of
+from benchmarks.tables.comparison import LimitRuns
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.stats import paired_bootstrap
 from benchmarks.trials.spec import Method
@@ -46,12 +46,6 @@ def test_each_method_is_held_against_the_limit_of_its_own_target():
     assert {row.method for row in gaps(records, own)} == {"mcl", "mcl-plan"}
 
 
-def test_the_gap_of_the_limit_to_itself_is_zero_even_if_it_is_also_compared():
-    limits = [limit_run(w, 10.0 + w, seed=s) for w in range(3) for s in (0, 1)]
-    (row,) = gaps([*limits, limit_run(3, 99.0)], limits)
-    assert (row.gap, row.gap_low, row.gap_high, row.worlds) == (0.0, 0.0, 0.0, 3)
-
-
 def test_the_gap_is_taken_over_shared_worlds_only_and_runs_are_averaged_before():
     limits = [limit_run(w, 10.0 * w + s, seed=s) for w in (0, 1, 2) for s in (0, 1)]
     records = [finished("mcl", w, 10.0 * w + 4.0 + w) for w in (1, 2, 3, 4)]
@@ -76,16 +70,6 @@ def test_a_setting_or_an_offset_without_a_limit_has_no_gap():
     records += [finished("deq-mcl", 0, 2.0, scenario="sharp"), finished("mcl", 7, 2.0)]
     found = [(row.method, row.offset) for row in gaps(records, limits)]
     assert found == [("mcl-pilots", 0), ("mcl-pilots", -20), ("deq-mcl", 0), ("deq-mcl", -20)]
-
-
-def test_the_limit_of_a_method_has_its_value_of_what_the_limits_differ_in():
-    limits = [Method("mcl-pilots", (("beta", b), ("particles", 100_000))) for b in (1, 10)]
-    varied = Method("mcl-map", (("beta", 10), ("particles", 300)))
-    assert limit_of(NOTHING, varied, limits) == limits[1]
-    assert limit_of(NOTHING, Method("mcl-map", (("beta", 5),)), limits) is None
-    assert limit_of(NOTHING, Method("mcl", (("particles", 300),)), limits) == limits[0]
-    assert limit_of(Overrides({"beta": 10}), Method("mcl"), limits) == limits[1]  # the panel's
-    assert limit_of(NOTHING, Method("mcl"), []) is None
 
 
 def test_gaps_csv_holds_a_method_without_the_swept_parameter_against_each_panels_limit():
@@ -127,26 +111,12 @@ def test_the_limit_runs_on_the_first_worlds_and_is_not_compared():
     assert [len(apart.records), len(limit.records), len(apart.finished)] == [30, 8, 38]
 
 
-def test_a_limit_has_as_many_worlds_as_the_sweep_at_most():
-    fewer = replace(SWEEP, trials=1)
-    assert {trial.trial for trial in fewer.limiting(*SWEEP.limits)} == {0}
-    assert fewer.combinations == 2 * 3 + 4 == len(fewer.distinct()) == fewer.planned
-
-
 def test_an_axis_over_what_the_limit_fixes_runs_it_once():
     varied = {"vary": [{"params.particles": [10, 20, 30]}]}
     sweep = sweep_of(SWEEP.canonical() | varied, title="varied")
     assert len({t.params for t in sweep.limiting(*sweep.limits)}) == 1
     assert sweep.combinations - len(sweep.distinct()) == 2 * 8 + 2 * 15  # and dead reckoning
     assert sweep.planned == len(sweep.distinct())
-
-
-def test_a_trial_that_is_the_limits_and_a_methods_counts_in_both():
-    sweep = replace(SWEEP, limits=(Limit(method=Method(name="mcl"), trials=2, filter_seeds=1),))
-    apart = limits_apart(sweep, results(ran(sweep)))
-    assert sweep.planned == len(sweep.distinct())
-    (limit,) = apart.limits
-    assert [len(apart.records), len(limit.records), len(apart.finished)] == [30, 2, 30]
 
 
 def test_what_is_written_of_a_limit_is_read_again():
@@ -162,19 +132,11 @@ def test_what_is_written_of_a_limit_is_read_again():
     ("changes", "named"),
     [
         ({"limit": {"name": "mcl", "filter_seeds": 0}}, ["filter_seeds of the limit", "0"]),
-        ({"limit": {"name": "mlc"}}, ["'mlc'"]),
-        ({"limit": {"trials": 2}}, ["limit has no name"]),
-        ({"limit": {"name": "mcl", "seeds": 2}}, ["'seeds'", "limit"]),
-        ({"limit": 3}, ["limit", "3", "table"]),
-        ({"limit": [{"name": "mcl", "of": ["mlc"]}]}, ["'mlc'"]),
-        ({"limit": [{"name": "mcl", "of": "mcl"}]}, ["of in limit", "'mcl'", "list"]),
-        ({"limit": [{"name": "mcl"}, {"name": "mcl-map"}]}, ["of", "2 limits"]),
         (
             {"limit": [{"name": "mcl", "of": ["mcl"]}, {"name": "mcl-map", "of": ["mcl"]}]},
             ["'mcl'", "2 limits"],
         ),
         ({"baseline": "mcl-map"}, ["baseline", "'mcl-map'", "dead-reckoning"]),
-        ({"baseline": 3}, ["baseline", "3"]),
     ],
 )
 def test_a_limit_or_a_baseline_that_cannot_be_is_refused(changes, named):

@@ -14,9 +14,7 @@ from benchmarks.setup.names import scenario, scenario_digest
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials.attempt import key_of
 from benchmarks.trials.stage import Stage
-from deqmcl_gym.logs.motion import increments_of, lengths_of
-from localizers import OdometryMotion
-from localizers.models.nav2_motion import MOTION_MODELS, DifferentialMotion, unknown_motion
+from localizers.models.nav2_motion import unknown_motion
 
 WORLD = """
 log = "data/lap.csv"
@@ -66,8 +64,7 @@ def trials(folder, text=SWEEP):
 
 
 def test_methods_see_the_same_segment_and_worlds_begin_anywhere(folder):
-    first, *_ = listed = trials(folder)
-    seen = [list(Stage.of(trial).moments()) for trial in listed]
+    seen = [list(Stage.of(trial).moments()) for trial in trials(folder)]
     mcl, other = seen[:3], seen[3:]
     for ours, theirs in zip(mcl, other, strict=True):
         for one, two in zip(ours, theirs, strict=True):
@@ -75,26 +72,6 @@ def test_methods_see_the_same_segment_and_worlds_begin_anywhere(folder):
             np.testing.assert_array_equal(one.truth, two.truth)
             np.testing.assert_array_equal(one.action, two.action)
     assert len({tuple(moments[0].truth) for moments in mcl}) == 3
-    whole = Stage.of(first).room.log
-    for moments in mcl:
-        truths = np.array([moment.truth for moment in moments])
-        begin = np.flatnonzero((whole.reference == truths[0]).all(axis=1))[0]
-        end = begin + len(moments)
-        np.testing.assert_array_equal(truths, whole.reference[begin:end])
-        driven = lengths_of(whole.increments[begin : end - 1])
-        assert driven[:-1].sum() < 3.0 <= driven.sum() + 1e-9
-
-
-def test_a_scenario_is_found_beside_the_sweep_file_and_its_data_beside_the_scenario(folder):
-    (folder / "halls").mkdir()
-    (folder / "hall.toml").rename(folder / "halls" / "hall.toml")
-    (folder / "data").rename(folder / "halls" / "data")
-    own, (base, _) = "halls/hall.toml", SWEEP.split("[world]")
-    alone = trials(folder, base.replace('"log"', '"halls/hall.toml"'))
-    assert {trial.scenario for trial in alone} == {own}
-    assert len(list(Stage.of(alone[0]).moments())) > 5
-    vary = '[[vary]]\nscenario = ["halls/hall.toml", "paper"]'
-    assert {trial.scenario for trial in trials(folder, base + vary)} == {own, "paper"}
 
 
 def test_the_prior_is_around_the_reference_where_the_segment_begins(folder):
@@ -110,7 +87,7 @@ def test_the_prior_is_around_the_reference_where_the_segment_begins(folder):
     assert anywhere.mean is None
 
 
-@pytest.mark.parametrize("kind", [None, *MOTION_MODELS])
+@pytest.mark.parametrize("kind", [None, "odometry", "omni"])
 def test_the_noise_is_that_of_the_log_unless_it_is_given(folder, kind):
     chosen = {} if kind is None else {"motion.kind": kind}
     name, value = ("drive", 0.5) if kind == "odometry" else ("alpha3", 0.5)
@@ -128,35 +105,6 @@ def test_on_a_log_beta_is_tempered_as_scans_are_and_in_rooms_and_offices_it_is_n
     for name, factor in ((str(folder / "hall.toml"), power), ("paper", 1.0), ("lost", 1.0)):
         ours = scenario(name).changed(assumed={"scan.power": power}).in_building(0)
         assert ours.robot_model(ours.room()).beta == 10.0 * factor
-
-
-def test_the_kind_of_motion_is_told_in_scenario_and_sweep_files(folder):
-    (folder / "hall.toml").write_text(SCENARIO + '[assumed]\nmotion.kind = "omni"\n')
-    ours = scenario(str(folder / "hall.toml"))
-    assert ours.robot_model(ours.room()).motion == motion_noise(ours.room().log, "omni")
-    kinds = SWEEP + '[[vary]]\nassumed.motion.kind = ["odometry", "differential"]\n'
-    both = [Stage.of(trial).scenario for trial in trials(folder, kinds)]
-    made = {type(one.robot_model(one.room()).motion) for one in both}
-    assert made == {OdometryMotion, DifferentialMotion}
-
-
-@pytest.mark.parametrize("plan", ["odometry", "reference", "none"])
-def test_the_plan_shown_is_the_one_asked_for_and_the_log_is_played(folder, plan):
-    trial = trials(folder, SWEEP.replace("segment", f'plan = "{plan}"\nsegment'))[0]
-    room = Stage.of(trial).room
-    _, info = room.reset(seed=trial.world_seed)
-    own = room.log.segment(room.log.times.tolist().index(room.record.time), 4)
-    shown = {
-        "odometry": own.increments,
-        "reference": increments_of(own.reference),
-        "none": np.empty((0, 3)),
-    }[plan]
-    count = info["planned_count"]
-    np.testing.assert_allclose(info["planned_actions"][: min(count, 3)], shown, rtol=0, atol=1e-6)
-    moments = list(Stage.of(trial).moments())
-    assert len(moments) > 5
-    driven = [moment.action for moment in moments[1:4]]
-    np.testing.assert_allclose(driven, own.increments, rtol=0, atol=1e-6)
 
 
 def test_a_result_is_named_by_what_is_in_the_files_of_its_world(folder):
@@ -185,15 +133,9 @@ def test_a_sweep_goes_over_a_log_and_says_what_is_damaged(folder, capsys):
 KIDNAP = 'kind = "kidnap"\nstep = 3'
 BAD = [
     ("log = ", "", "names no log"),
-    ("map = ", "", "names no map"),
     ("reference = ", "", "no reference to score by"),
-    ("lap.csv", "lop.csv", "lop.csv does not exist"),
     ("segment = 3.0", "segment = 900.0", "no stretch as long as that"),
-    ("segment = 3.0", "segment = 0.0", "segment is 0"),
     ("segment", "sigment", "did you mean 'segment'?"),
-    ("segment", 'plan = "odo"\nsegment', "plan"),
-    ("[params]", '[assumed]\nmotion.kind = "omny"\n[params]', "did you mean 'omni'?"),
-    ("[params]", "[assumed]\nmotion.drive = 0.1\n[params]", "'motion.drive'"),
     ("[params]", f"[[disturbance]]\n{KIDNAP}\n[params]", "needs deqmcl_gym/Room-v0"),
 ]
 

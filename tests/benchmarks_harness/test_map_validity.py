@@ -119,10 +119,6 @@ def test_the_trust_in_a_plan_is_a_signal_of_those_who_doubt_it():
     assert "trusted" in told_apart_table(panel_of(ours)).frame
 
 
-def test_a_sweep_on_worlds_that_are_their_map_has_no_table():
-    assert told_apart_table(panel_of([finished("mcl", 0, 1.0)])) is None
-
-
 def test_only_a_trial_whose_world_differs_from_the_map_keeps_signals():
     def record_of(**world):
         trial = Trial(

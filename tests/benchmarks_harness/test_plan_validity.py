@@ -9,7 +9,7 @@ from report_cases import changed, finished, lines_of, results
 
 from benchmarks.report.tables import validity_table
 from benchmarks.tables.panels import panels
-from benchmarks.tables.signals import RECENT, plans_table
+from benchmarks.tables.signals import plans_table
 from benchmarks.trials.scoring import ErrorCurve
 from benchmarks.trials.trace import PLAN_COLUMNS, plan_columns, plan_row
 from localizers.inference.belief import PlanReading
@@ -80,19 +80,6 @@ def test_the_trust_of_a_lap_is_its_least_and_is_told_of_hedges_only():
     assert (found["trusted_lap"], found["trusted"]) == (1.0, 0.0)
     blind = [lap(w, [0.0, 1.0], [None, None], "guided") for w in (0, 1)]
     assert not {"trusted", "trusted_lap"} & set(signals(blind).index)
-
-
-def test_recent_evidence_is_the_mean_of_the_steps_so_far_at_most_twenty():
-    steps = RECENT + 10
-    evidence = [0.0] * (steps - 2) + [-3.0, None]
-    conflict = [0.0] * (steps - 2) + [1.0, 1.0]
-    records = [
-        run(w, conflict, [0.5] * steps, scenario="guided", evidence=evidence) for w in (0, 1)
-    ]
-    rows = signals(records)
-    assert rows.loc[f"log_evidence_{RECENT}", "auroc"] == 1.0
-    # the last one is not known
-    assert rows.loc["log_evidence", "conflict_steps"] == 1 / (steps - 1)
 
 
 def test_a_sweep_without_plans_or_without_conflict_has_no_table():

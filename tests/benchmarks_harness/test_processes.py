@@ -13,7 +13,6 @@ import calls
 import pytest
 
 from benchmarks.execution import engines
-from benchmarks.execution.engines import Where
 from benchmarks.execution.processes import (
     CannotStartError,
     Processes,
@@ -21,7 +20,6 @@ from benchmarks.execution.processes import (
     WorkerDiedError,
 )
 from benchmarks.execution.starting import ONE_THREAD, sheltered
-from benchmarks.sweeps.suites import paper_sweep
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 
@@ -52,12 +50,6 @@ def test_a_call_gives_what_the_function_returns_or_raises_in_another_process(poo
 
 def test_what_a_call_forks_gives_no_answer(pool):
     assert [pool.submit(calls.fork, value).result() for value in range(5)] == [*range(5)]
-
-
-def test_what_cannot_be_sent_to_a_process_fails_its_call_only(pool):
-    with pytest.raises(Exception, match=r"[Pp]ickle|local object"):
-        pool.submit(lambda: None).result()
-    assert pool.submit(calls.add, 1, 1).result() == 2
 
 
 @pytest.mark.parametrize(
@@ -99,17 +91,6 @@ def test_a_call_that_takes_too_long_is_given_up_by_name_and_its_process_killed()
             pool.submit(calls.sleep, 1000).result()
         assert gone([process])
         assert pool.submit(calls.add, 1, 1).result() == 2
-
-
-@pytest.mark.parametrize(
-    ("jobs", "trials", "slots"),
-    [(2, 10, 3), (64, 2, 3), (1, 10, 1)],  # no more workers than trials; here nothing can wait
-)
-def test_one_call_waits_beside_the_workers_so_that_none_waits_for_the_store(jobs, trials, slots):
-    with Where(jobs=jobs).engine(
-        paper_sweep(localizers=["mcl"], trials=trials).distinct()
-    ) as engine:
-        assert engine.slots == slots
 
 
 def test_leaving_kills_what_runs_and_begins_nothing_more():
@@ -166,10 +147,8 @@ def test_a_command_that_ends_without_leaving_ends_its_workers_too(tmp_path):
 V1, V2 = "cpu/cpu.cfs_{}_us", "cpu.max"
 QUOTAS = {
     "none": ({}, math.inf),
-    "no limit": ({V2: "max 100000"}, math.inf),
     "one and a half": ({V2: "150000 100000"}, 1.5),
     "of version 1": ({V1.format("quota"): "300000\n", V1.format("period"): "100000\n"}, 3.0),
-    "none of version 1": ({V1.format("quota"): "-1\n", V1.format("period"): "100000\n"}, math.inf),
 }
 
 

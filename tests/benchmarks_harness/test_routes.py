@@ -78,19 +78,6 @@ def test_a_trial_has_its_building_and_its_journey_whatever_the_localizer():
     np.testing.assert_array_equal(first.truth, other.truth)
 
 
-def test_a_building_of_a_given_seed_is_that_of_all_trials_and_widths_can_be_varied():
-    seeded = (("floor_plan.office.seed", 7),)
-    one, other = (
-        Stage.of(trial("lost", k, world=seeded)).scenario.world.floor_plan for k in (0, 1)
-    )
-    assert one is other
-    wide = (("floor_plan.office.corridor", 3.0), ("route.min_length", 30.0))
-    varied = [Stage.of(trial("lost", k, world=wide)).scenario for k in (0, 1)]
-    assert varied[0].world.floor_plan is not varied[1].world.floor_plan
-    assert varied[0].world.floor_plan is Office(corridor=3.0, seed=0).grid
-    assert varied[0].world.route.min_length == 30.0
-
-
 def test_trials_take_turns_in_the_buildings_of_a_range_of_seeds(tmp_path):
     path = tmp_path / "unseen.toml"
     path.write_text('base = "searching"\nenv.floor_plan.office = { wings = 1, seeds = [50, 53] }\n')
@@ -187,17 +174,6 @@ def test_an_agent_that_believes_anything_acts_and_plans_through_free_space():
         action, plan = driver.act(Sure(pose), info)
         assert room.action_space.contains(np.asarray(action, np.float32))
         assert not clear or contacts(room, pose, np.vstack([action, plan])) == 0
-
-
-def test_after_a_contact_it_turns_away_and_at_the_goal_it_looks_round():
-    _, info, driver = driving()
-    action, plan = driver.act(Sure(info["truth"]), {**info, "collided": True})
-    assert np.vstack([action, plan])[:, 1].sum() == pytest.approx(np.radians(120), rel=1e-6)
-    assert np.vstack([action, plan])[:, 0].sum() == pytest.approx(0.4)
-    _, info, driver = driving()
-    action, plan = driver.act(Sure((*info["goal"], 0.0)), info)
-    assert action[0] == 0 < action[1]
-    assert len(plan) == 0
 
 
 @pytest.mark.parametrize("agent", [ToGoal, OldRoute])

@@ -32,17 +32,13 @@ def test_our_scan_models_keep_all_laws(kind):
 @pytest.mark.parametrize(
     ("law", "code"),
     [
-        ("answers with numbers", "raise ValueError('no')"),
         ("answers with numbers", "found = found[1:]"),
         ("answers with numbers", "found[0] = np.nan if scan.beams < scan.ranges.size else 0"),
         ("same input same answer", "found += self.asked"),
-        ("same input same answer", "import os; found += os.urandom(1)[0]"),
         ("inputs not changed", "states[2] = 0"),
-        ("inputs not changed", "scan.ranges[0] = 0"),
         ("each pose by itself", "found -= found.max()"),
         ("global rng untouched", "np.random.random()"),
         ("the truth is likelier", "found[:] = 0"),
-        ("the truth is likelier", "found = -found"),
     ],
 )
 def test_each_law_is_broken_by_a_scan_model(tmp_path, law, code):

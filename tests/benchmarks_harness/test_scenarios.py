@@ -9,13 +9,9 @@ import pytest
 from refusals import refused
 
 from benchmarks.pictures.film import camera_of
-from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup.names import (
-    absolute_scenario,
     make_agent,
-    plug_ins_of,
     scenario,
-    scenario_names,
 )
 from benchmarks.setup.priors import Places
 from benchmarks.setup.scenario import Thresholds
@@ -73,13 +69,6 @@ def test_what_is_assumed_as_in_the_world_is_the_worlds_and_follows_its_changes(t
     assert own.prior.sd_position == own.world.start.sd_position
 
 
-def test_another_kind_of_beam_model_keeps_what_both_kinds_have():
-    changed = scenario("sharp").changed(assumed={"scan.decay": 0.5, "scan.kind": "beam-model"})
-    assert changed.scan == BeamModel(sigma=5.0, decay=0.5)
-    same = scenario("sharp").changed(assumed={"scan.kind": "censored-gaussian-uniform"})
-    assert same.scan == scenario("sharp").scan
-
-
 @pytest.mark.parametrize("kind", ["differential", "omni"])
 def test_another_kind_of_motion_has_its_own_defaults_in_the_worlds_unit(kind):
     sharp, assumed = scenario("sharp"), {"motion.kind": kind, "motion.alpha3": 0.1}
@@ -92,16 +81,6 @@ def test_another_kind_of_motion_has_its_own_defaults_in_the_worlds_unit(kind):
     assert kept == replace(unknown_motion(other, "px"), alpha3=0.1)
     moments = list(Stage.of(trial(localizer="mcl", assumed=tuple(assumed.items()))).moments())
     assert len(moments) > 5
-
-
-def test_a_uniform_prior_is_over_free_space_and_has_no_mean():
-    changed = scenario("paper").changed(assumed={"prior.kind": "uniform"})
-    room = changed.room()
-    prior = changed.prior_in(room)
-    poses = prior.sample(500, np.random.default_rng(0))
-    assert room.floor_plan.free(poses, room.world.robot.radius).all()
-    assert np.ptp(poses[:, 0]) > 0.8 * np.ptp(np.array(room.floor_plan.outer)[:, 0])
-    assert prior.mean is None
 
 
 PLACES = """
@@ -152,51 +131,24 @@ def test_places_keep_their_size_when_the_unit_changes():
         assert (near.near, near.within) == (pytest.approx((2.0, 4.0)), pytest.approx(1.0))
 
 
-def test_disturbances_are_stacked():
-    both = ((("kind", "kidnap"), ("step", 5)), (("kind", "dropout"), ("probability", 1.0)))
-    moments = list(Stage.of(trial(disturbance=both)).moments())
-    assert np.isinf([m.ranges for m in moments]).all()
-    assert np.hypot(*(moments[5].truth - moments[4].truth)[:2]) > 20  # no step is so long
-
-
 BAD = [
     ({"world": (("lidr.beams", 9),)}, ["'lidr'", "did you mean 'lidar'?"]),
-    ({"world": (("lidar.beans", 9),)}, ["'beans'", "did you mean 'beams'?"]),
     ({"world": (("lidar", 9),)}, ["lidar", "9", "mapping"]),
     ({"world": (("driver", "nobody"),)}, ["driver", "'nobody'", "none"]),
     ({"world": (("driver", "none"), ("driver.look_ahead", 9.0))}, ["driver", "whole and by key"]),
-    ({"world": (("ends_at_goal", True),)}, ["'ends_at_goal'"]),
     ({"assumed": (("scan.sigm", 9),)}, ["'scan.sigm'", "did you mean 'scan.sigma'?"]),
-    ({"assumed": {"scan.power": "world"}}, ["'scan.power'", "did you mean 'scan.sigma'?"]),
-    ({"assumed": (("scan", 9),)}, ["scan", "9", "scan.sigma"]),
-    ({"assumed": (("scna.sigma", 9),)}, ["'scna'", "did you mean 'scan'?"]),
     ({"assumed": (("scan.kind", "beam"),)}, ["'beam'", "did you mean 'beam-model'?"]),
     ({"assumed": (("motion.kind", "diff"),)}, ["kind of motion 'diff'", "omni"]),
     ({"assumed": (("motion.kind", "omni"), ("motion.drive", 1))}, ["'motion.drive'", "alpha1"]),
-    ({"assumed": (("motion.kind", "omni"), ("motion.alpha5", -1))}, ["alpha5", "-1"]),
-    ({"assumed": (("prior.kind", "gauss"),)}, ["'gauss'", "did you mean 'gaussian'?"]),
     ({"assumed": (("prior.kind", "uniform"), ("prior.mean", 3))}, ["'prior.mean'", "prior.kind"]),
     ({"assumed": {"prior.kind": "uniform", "prior.near": (1, 2)}}, ["near and within"]),
-    (
-        {"assumed": {"prior.kind": "uniform", "prior.polygon": ((0, 0), (9, 9))}},
-        ["2 corners", "polygon"],
-    ),
     ({"assumed": {"prior.kind": "places"}}, ["no place", "[[prior.places]]"]),
-    (
-        {"assumed": {"prior.kind": "places", "prior.places": ({"kind": "gausian"},)}},
-        ["did you mean 'gaussian'?"],
-    ),
     (
         {"assumed": {"prior.kind": "places", "prior.places": ({"kind": "gaussian"},)}},
         ["needs mean and sd_position"],
     ),
-    ({"assumed": {"prior.kind": "places", "prior.places": ({},)}}, ["kind of a place"]),
     ({"assumed": {"prior.kind": "places", "prior.places": (3,)}}, ["a place", "table"]),
-    ({"assumed": (("prior.sd_position", -1),)}, ["prior.sd_position", "-1"]),
-    ({"disturbance": ((("step", 3),),)}, ["no kind", "kidnap"]),
-    ({"disturbance": ((("kind", "kidnapp"),),)}, ["did you mean 'kidnap'?"]),
     ({"disturbance": ((("kind", "kidnap"),),)}, ["'kidnap'", "step"]),
-    ({"disturbance": ((("kind", "kidnap"), ("stop", 3)),)}, ["did you mean 'step'?"]),
     ({"disturbance": ((("kind", "dropout"), ("probability", 2)),)}, ["probability", "2"]),
 ]
 
@@ -291,37 +243,20 @@ def test_a_file_that_is_edited_makes_results_of_another_key(room, edited):
     assert key_of(trial(scenario=str(room))) != before
 
 
-def test_a_file_that_is_edited_leads_to_its_plug_ins_of_now(tmp_path):
-    path = tmp_path / "room.toml"
-    for agent in ("one.py:Mine", "two.py:Mine"):
-        path.write_text(f'agent = "{agent}"')
-        assert plug_ins_of(scenario(f"{path}")) == (f"{tmp_path}/{agent}",)
-
-
-def test_a_relative_name_is_made_absolute_and_others_stay(room, monkeypatch):
-    monkeypatch.chdir(room.parent)
-    assert absolute_scenario("room.toml") == absolute_scenario("./room.toml") == str(room)
-    assert absolute_scenario("my.py:ROOM") == f"{room.parent}/my.py:ROOM"
-    assert absolute_scenario("package.module:ROOM") == "package.module:ROOM"
-    assert [absolute_scenario(name) for name in scenario_names()] == list(scenario_names())
-
-
 BAD_FILES = [
     ("wrods = 'x'", ["'wrods'", "did you mean 'words'?"]),
-    ("words = ''", ["words", "text"]),
-    ("base = 'papr'", ["did you mean 'paper'?"]),
     ("base = 'room.toml'", ["its own base"]),
     ("base = '~nobody/x.toml'", ["x.toml", "is not there"]),
     ("[env]\nfloor_plan = '~nobody/x.yaml'", ["x.yaml", "does not exist"]),
-    ("[env]\nfloor_plan = '~nobody/x.json'", ["x.json", "does not exist"]),
     ("env = 3", ["env", "3", "table"]),
-    ("[env.lidar]\nbeans = 3", ["'beans'", "did you mean 'beams'?"]),
     ("[env.floor_plan]\nouter = [[0, 0], [1, 0]]", ["outer", "3"]),
-    ("[assumed.scan]\nsigm = 3", ["did you mean 'scan.sigma'?"]),
-    ("prior.sd_position = nan", ["prior.sd_position", "nan"]),
     ("[thresholds]\nfar = 0", ["thresholds.far", "0"]),
     ("agent = 3", ["agent", "3", "a name, or"]),
     ("words = 'x", ["not valid TOML"]),
+    ("agent = 'open-lop'", ["did you mean 'open-loop'"]),
+    ("[env]\nhorizon = -3", ["horizon is -3"]),
+    ("[env.floor_plan.office]", ["lap.waypoints"]),
+    ("base = 'log'", ["names no log"]),
 ]
 
 
@@ -330,30 +265,7 @@ def test_a_bad_scenario_file_is_refused_by_name(tmp_path, text, named):
     path = tmp_path / "room.toml"
     path.write_text(text)
     with refused(str(path), *named):
-        scenario(str(path))
-
-
-@pytest.mark.parametrize(
-    ("text", "named"),
-    [
-        ("agent = 'open-lop'", "did you mean 'open-loop'"),
-        ("[env]\nhorizon = -3", "horizon is -3"),
-        ("[env.floor_plan.office]", "lap.waypoints"),
-        ("base = 'log'", "names no log"),
-    ],
-)
-def test_what_is_wrong_when_it_is_built_names_the_scenarios_file(tmp_path, text, named):
-    path = tmp_path / "room.toml"
-    path.write_text(text)
-    with refused(str(path), named):
         Stage.of(trial(scenario=str(path))).check()
-
-
-def test_files_that_build_on_each_other_without_end_are_refused(tmp_path):
-    for i in range(400):
-        (tmp_path / f"{i}.toml").write_text(f"base = '{i + 1}.toml'")
-    with refused("0.toml", "scenario files build on each other"):
-        scenario(str(tmp_path / "0.toml"))
 
 
 agent = partial(make_agent, robot=None)
@@ -363,10 +275,8 @@ agent = partial(make_agent, robot=None)
     ("find", "name", "named"),
     [
         (scenario, "papr", ["'papr'", "did you mean 'paper'?", "room.toml or file.py:NAME"]),
-        (scenario, "gone.toml", ["gone.toml", "is not there"]),
         (scenario, "gone.py:ROOM", ["the scenario", "gone.py", "No such file"]),
         (scenario, "math:pi", ["the scenario 'math:pi' is of type float", "a Scenario"]),
-        (agent, "open-lop", ["'open-loop'?", "file.py:NAME"]),
         (agent, "math:pi", ["'math:pi'", "float", "NAME(robot"]),
         (agent, "math:sqrt", ["'math:sqrt'", "raised TypeError"]),
     ],
@@ -377,26 +287,17 @@ def test_a_scenario_or_agent_that_is_not_there_or_is_none_is_refused(find, name,
 
 
 @pytest.mark.parametrize(
-    "name", [name for name, built_in in SCENARIOS.items() if built_in.world.route is None]
+    ("name", "spread"), [("paper", 0.0), ("matched", 50.0), ("guided", 50.0), ("driving", 0.5)]
 )
-def test_the_prior_is_centred_on_the_planned_start_not_on_the_truth(name):
+def test_the_prior_is_centred_on_the_planned_start_not_on_the_truth(name, spread):
     found = scenario(name)
-    room = found.room()
-    truths = {tuple(room.reset(seed=seed)[1]["truth"]) for seed in range(3)}
-    assert found.prior_in(room).mean == room.course.start
-    # drawn from the prior, or the start
-    spread = name == "matched" or name.startswith("guided")
-    assert len(truths) == (3 if spread else 1)
-
-
-def test_the_prior_of_a_journey_is_centred_on_its_planned_start():
-    found = scenario("driving")
     room = found.room()
     for seed in range(3):
         truth = room.reset(seed=seed)[1]["truth"]
         mean = found.prior_in(room).mean
         assert mean == room.course.start
-        assert 0 < np.hypot(*(truth - mean)[:2]) < 0.5  # 5 sd
+        assert 0 <= np.hypot(*(truth - mean)[:2]) <= spread  # 5 sd
+        assert (truth != mean).any() == (spread > 0)
 
 
 @pytest.mark.parametrize("name", ["matched", "guided", "driving"])

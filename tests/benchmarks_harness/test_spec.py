@@ -10,7 +10,6 @@ from refusals import refused
 
 from benchmarks.setup.overrides import Named, Overrides, of_json
 from benchmarks.sweeps.design import Sweep
-from benchmarks.sweeps.suites import PAPER_METHODS, paper_sweep
 from benchmarks.trials.spec import Method, Trial
 
 PARAMS = {"lag": 20, "particles": 1000}
@@ -58,48 +57,6 @@ def test_world_seeds_differ_and_are_whole_numbers_that_any_json_reader_holds_exa
     assert len(set(seeds)) == len(seeds)
     assert all(isinstance(seed, int) and 0 <= seed < 2**53 for seed in seeds)
     assert max(seeds) > 2**52  # the range is used
-
-
-@pytest.mark.parametrize(("lag", "offsets"), [(0, {0}), (1, {0, -1, 1}), (20, {0, -20, 20})])
-def test_the_present_and_the_lag_to_both_sides_are_scored(lag, offsets):
-    assert sorted(replace(TRIAL, lag=lag).offsets) == sorted(offsets)
-
-
-def test_a_method_gets_only_the_parameters_it_has_a_use_for():
-    suite = paper_sweep(localizers=PAPER_METHODS, trials=1, lag=5, particles=10).distinct()
-    given = {trial.localizer: dict(trial.params) for trial in suite}
-    both = {"lag": 5, "particles": 10}
-    assert given == {
-        "mcl": {"particles": 10},
-        "mcl-map": {"particles": 10},
-        "mcl-smoother": both,
-        "mcl-map-smoother": both,
-        "deq-mcl": both,
-        "dead-reckoning": {},
-    }
-
-
-VALUES = {
-    "b.c": [1, [2.0, "x"]],
-    "a": math.inf,
-    "wrappers": [{"kind": "kidnap", "at": [-math.inf]}],
-}
-
-
-def test_changes_are_made_again_of_their_json_and_cannot_be_changed():
-    made = Overrides(VALUES)
-    written = made.json()
-    json.dumps(written, allow_nan=False)
-    assert list(written) == ["a", "b.c", "wrappers"]
-    again = Overrides(of_json(json.loads(json.dumps(written))))
-    assert again == made
-    assert hash(again) == hash(made)
-    assert made["b.c"] == (1, (2.0, "x"))
-    assert made["wrappers"] == ({"kind": "kidnap", "at": (-math.inf,)},)
-    assert (made | {"a": 1})["a"] == 1
-    assert made["a"] == math.inf
-    with pytest.raises(TypeError, match="item assignment"):
-        made["a"] = 3
 
 
 def test_values_that_are_other_json_are_other_methods_and_are_read_back_as_they_were():

@@ -2,13 +2,13 @@
 
 import math
 from dataclasses import replace
-from statistics import median_high
 
-import numpy as np
 from report_cases import changed, finished
 
 from benchmarks.tables.starts import starts_table
 from benchmarks.trials.collecting import WholeRun
+
+COLUMNS = ["runs", "localized", "metres_median", "steps_median"]
 
 
 def run_of(world, way, distance, angle, *, name="mcl", off=0.0, segment=6.0, **params):
@@ -20,26 +20,19 @@ def run_of(world, way, distance, angle, *, name="mcl", off=0.0, segment=6.0, **p
 
 
 def test_a_run_is_localized_from_where_it_stays_near_to_its_end():
-    rng = np.random.default_rng(0)
-    runs, expected = [], []
-    for world in range(200):
-        n = int(rng.integers(1, 12))
-        off = np.where(rng.random(n) < 0.3, 1.5, 0.2).tolist()
-        turned = np.where(rng.random(n) < 0.2, 0.6, 0.1).tolist()
-        way = np.cumsum(rng.random(n)).tolist()
-        runs.append(run_of(world, way, off, turned))
-        near = [d <= 1 and a <= math.radians(30) for d, a in zip(off, turned, strict=True)]
-        never = math.inf, math.inf
-        expected.append(next(((way[i], i) for i in range(n) if all(near[i:])), never))
-        one = starts_table(runs[-1:]).iloc[0]
-        assert (one["metres_median"], one["steps_median"]) == expected[-1]
-        assert one["localized"] == (expected[-1][0] <= 3)  # half of the segment
-    (row,) = starts_table(runs).to_dict("records")
-    ways, steps = zip(*expected, strict=True)
-    assert (row["runs"], row["localized"]) == (200, sum(way <= 3 for way in ways))
-    assert (row["metres_median"], row["steps_median"]) == (median_high(ways), median_high(steps))
-    assert len(set(expected)) > 20
-    assert never in expected
+    way, near, astray = [0.0, 1.0, 2.0, 3.5], [0.2] * 4, [1.5] * 4
+    expected = [  # distance, angle, metres and steps; within half of the segment
+        (near, [0.1] * 4, 0.0, 0, 1),
+        ([0.2, 1.5, 1.0, 0.2], [0.1] * 4, 2.0, 2, 1),
+        (near, [0.1, 0.6, 0.6, 0.5], 3.5, 3, 0),
+        (near, [0.1, 0.1, 0.1, 0.6], math.inf, math.inf, 0),
+        (astray, [0.1] * 4, math.inf, math.inf, 0),
+    ]
+    runs = [run_of(w, way, *curves) for w, (*curves, _, _, _) in enumerate(expected)]
+    for run, (*_, metres, steps, soon) in zip(runs, expected, strict=True):
+        rows = starts_table([run])[COLUMNS].to_numpy().tolist()
+        assert rows == [[1, soon, metres, steps]]
+    assert starts_table(runs)[COLUMNS].to_numpy().tolist() == [[5, 2, 3.5, 3]]
 
 
 def test_ten_metres_are_soon_enough_however_long_a_run_is():

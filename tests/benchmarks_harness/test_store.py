@@ -83,9 +83,7 @@ def test_a_torn_last_line_is_no_trial_and_the_next_one_is(tmp_path, cut):
 
 DAMAGED = {
     "is truncated, or not JSON": b"error,entropy",
-    "is not a JSON object": b"[]",
     "cannot be read (it is not UTF-8)": b'"\xff"',
-    "has no key": b"{}",
     "neither a record nor a reason": b'{"key": "x", "trial": {}}',
     "has null instead of array at record.scores": None,
     "is not as it was written": b'{"key":"x","trial":{},"reason":"it slept","crc":1}',

@@ -83,13 +83,6 @@ def test_what_a_file_does_not_say_is_as_in_the_paper_and_its_name_is_the_title(t
     assert (first.world, first.assumed, first.disturbance, first.params) == ({}, {}, (), {})
 
 
-def test_a_combination_asked_for_twice_is_run_once_in_its_first_place(tmp_path):
-    sweep = read(tmp_path, 'localizers = ["deq-mcl", "mcl"]\n[[vary]]\nparams.beta = [1, 2, 1]')
-    assert sweep.combinations == 60
-    found = [(t.localizer, dict(t.params).get("beta")) for t in sweep.distinct() if t.trial == 0]
-    assert found == [("deq-mcl", 1), ("mcl", None), ("deq-mcl", 2)]
-
-
 def test_the_file_in_the_documents_says_what_they_say_of_it(tmp_path):
     document = Path(__file__).parents[2] / "docs" / "sweeps.md"
     text, changed = re.findall(r"```toml\n(.*?)\n```", document.read_text(), re.DOTALL)
@@ -122,9 +115,7 @@ trials = 1
 """
 
 
-@pytest.mark.parametrize(
-    "name", ["own.py:Own", "./own.py:Own", "sub/../own.py:Own", "{}/own.py:Own", "own.py"]
-)
+@pytest.mark.parametrize("name", ["sub/../own.py:Own", "{}/own.py:Own", "own.py"])
 def test_a_localizer_in_a_file_is_found_beside_it_from_any_folder(tmp_path, monkeypatch, name):
     folder, elsewhere = tmp_path / "file's", tmp_path / "current"
     for place, parameter in ((folder, "theirs"), (elsewhere, "other")):
@@ -184,35 +175,26 @@ def test_an_action_with_a_third_number_is_repeated_so_many_times(tmp_path):
 
 BAD = [  # a file, and what the sentence must name
     ("", ["localizers", "missing"]),
-    ("localizers = []", ["no localizer", "no combinations"]),
-    ('localizers = ["mcl"]\ntrails = 3', ["'trails'", "did you mean 'trials'?"]),
     ('localizers = ["mcl"', ["not valid TOML", "Unclosed"]),
     ('localizers = "mcl"', ["localizers", "'mcl'", "list"]),
     ("localizers = [{ nam = 'mcl' }]", ["'nam'", "did you mean 'name'?"]),
-    ("localizers = [{ params = {} }]", ["no name"]),
-    ("localizers = [{ name = 3 }]", ["name of an entry of localizers", "3"]),
-    ('localizers = ["dec-mcl"]', ["'dec-mcl'", "did you mean 'deq-mcl'?"]),
-    ('localizers = ["mcl"]\ntrials = 0', ["trials", "0"]),
     ('localizers = ["mcl"]\ntrials = 1.5', ["trials", "1.5", "whole"]),
     ('localizers = ["mcl"]\nscenario = "papr"', ["'papr'", "did you mean 'paper'?"]),
-    ('localizers = ["mcl"]\ntitle = ""', ["title", "text"]),
     ('localizers = ["mcl"]\nworld = 3', ["world", "3", "table"]),
-    ('localizers = ["mcl"]\n[params]\nparticels = 3', ["'particels'", "did you mean 'particles'?"]),
     ('localizers = ["mcl"]\n[world]\nnoise.drive = 1\n"noise.drive" = 2', ["noise.drive", "twice"]),
     ('localizers = ["mcl"]\n[world]\nnoise.drive = nan', ["world.noise.drive", "nan"]),
-    ('localizers = ["mcl"]\n[world]\nnoise.drive = 2020-01-01', ["world.noise.drive", "2020"]),
     ('localizers = ["mcl"]\n[vary]\nlag = [1]', ["vary", "[[vary]]"]),
     ('localizers = ["mcl"]\n[[vary]]\nlag = []', ["lag", "empty"]),
-    ('localizers = ["mcl"]\n[[vary]]\n', ["[[vary]]", "empty"]),
     ('localizers = ["mcl"]\n[[vary]]\nlag = [1, 2]\nworld.x = [3]', ["lag: 2", "x: 1"]),
     ('localizers = ["mcl"]\n[[vary]]\nlag = [1]\n[[vary]]\nlag = [2]', ["lag", "twice"]),
     ('localizers = ["mcl"]\n[[vary]]\ntrials = [1, 2]', ["'trials'", "params.…"]),
-    ('localizers = ["mcl"]\n[[vary]]\nscenario = ["papr"]', ["did you mean 'paper'?"]),
     ('localizers = ["mcl"]\ndisturbance = ["kidnap"]', ["'kidnap'", "{kind = "]),
+    ("a = " + "[" * 10**5, ["nested too deeply"]),
+    ("a = " + "1" * 5000, ["valid TOML: Exceeds the limit (4300 digits)"]),
 ]
 
 
-@pytest.mark.parametrize(("text", "named"), BAD, ids=[text or "empty" for text, _ in BAD])
+@pytest.mark.parametrize(("text", "named"), BAD, ids=[text[:40] or "empty" for text, _ in BAD])
 def test_a_bad_file_is_refused_with_the_name_of_file_and_key(tmp_path, text, named):
     with refused("my-sweep.toml", *named):
         read(tmp_path, text)
@@ -225,41 +207,13 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path):
         read_sweep(tmp_path)
 
 
-TEXT = 'title = "θ"\nlocalizers = ["mcl"]\ntrials = 3\n'
-REFUSED = {
-    "utf-16": "is not UTF-8 (byte 0xff in line 1)",
-    "utf-16-le": "is not UTF-8 (byte 0xb8 in line 1)",
-    "iso-8859-7": "is not UTF-8 (byte 0xe8 in line 1)",
-}
-
-
-@pytest.mark.parametrize("ending", ["\n", "\r\n", "\r"])
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", *REFUSED])
-def test_a_file_is_read_with_or_without_a_mark_and_another_encoding_is_named(
-    tmp_path, encoding, ending
-):
-    path = tmp_path / "own.toml"
-    path.write_bytes(TEXT.replace("\n", ending).encode(encoding))
-    if encoding not in REFUSED:
-        assert read_sweep(path) == read(tmp_path, TEXT)
-        return
-    with refused(REFUSED[encoding]):
-        read_sweep(path)
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (b"a = " + b"[" * 10**5, "nested too deeply"),
-        (b"world" + b".a" * 5000 + b" = 1", "nested too deeply"),
-        (b"a = " + b"1" * 5000, "valid TOML: Exceeds the limit (4300 digits)"),
-        (b"a = 1\0", "is not valid TOML"),
-    ],
-)
-def test_what_only_a_machine_would_write_is_refused(tmp_path, content, words):
-    path = tmp_path / "own.toml"
-    path.write_bytes(content)
-    with refused("own.toml", words):
+def test_a_file_is_read_with_or_without_a_mark_and_another_encoding_is_named(tmp_path):
+    path, text = tmp_path / "own.toml", 'title = "θ"\nlocalizers = ["mcl"]\ntrials = 3\n'
+    for ending in ("\r\n", "\r"):
+        path.write_bytes(text.replace("\n", ending).encode("utf-8-sig"))
+        assert read_sweep(path) == read(tmp_path, text)
+    path.write_bytes(text.encode("iso-8859-7"))
+    with refused("is not UTF-8 (byte 0xe8 in line 1)"):
         read_sweep(path)
 
 

@@ -7,7 +7,7 @@ from report_cases import changed, finished, paired, parsed, table_of, trials, tr
 
 from benchmarks.tables.frames import csv_of, timings_table
 from benchmarks.tables.table_1 import reading, table_1
-from benchmarks.tables.text import WORDS, csv_text
+from benchmarks.tables.text import WORDS
 
 PRINTED = {  # typed from Table 1 of the paper: error, SD, entropy, variances of x, y, cos θ, sin θ
     "deq-mcl": ("20.95 (17.66)", "7.82", "419.92", "290.04", "0.09", "0.07"),
@@ -104,9 +104,3 @@ def test_timings_csv_has_a_line_per_trial_in_seconds_and_milliseconds_per_step()
     timed = [changed(finished("mcl", 0, 1.0), seconds=seconds) for seconds in (0.3, None)]
     lines = parsed(csv_of(timings_table(timed)))
     assert [(line["seconds"], line["ms_per_step"]) for line in lines] == [("0.3", "5.0"), ("", "")]
-
-
-@pytest.mark.parametrize("unknown", [None, float("nan")])
-def test_what_is_not_available_is_an_empty_cell_and_numbers_are_read_back_exactly(unknown):
-    text = csv_text(["a", "b", "c"], [[unknown, 0.0, 0.1 + 0.2]])
-    assert text == "a,b,c\n,0.0,0.30000000000000004\n"

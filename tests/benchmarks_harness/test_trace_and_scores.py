@@ -77,8 +77,8 @@ def test_only_states_of_the_lap_that_were_held_are_scored_even_if_others_are_bel
         assert states == {0: [*range(T + 1)], -L: [*range(T - L + 1)], L: [*range(L, T + 1)]}
 
 
-@pytest.mark.parametrize("lag", [T + 1, 10 * T, 10**15])
-def test_a_lag_longer_than_the_episode_leaves_the_present_and_no_window(lag):
+def test_a_lag_longer_than_the_episode_leaves_the_present_and_no_window():
+    lag = 10**15
     rows = scored(traced(T, (0, -lag, lag)), lag)
     assert set(rows) == {0}
     assert rows[0]["error"] == pytest.approx(mean_error(range(1, T + 1), 0), **CLOSE)
@@ -220,6 +220,7 @@ def test_a_belief_is_scored_as_it_was_when_it_was_given():
             yield Step(t, truth_of(t), USABLE, Reused(), 0.0)
 
     error = recorded(trace_of(moments(), OFFSETS, TASK))["curves"]
+    assert {k: curve["first_state"] for k, curve in error.items()} == {"0": 0, "-3": 0, "3": L}
     assert error["0"]["error"] == [*range(T + 1)]
     assert error[str(L)]["error"] == [abs(t - L) for t in range(T - L + 1)]
     assert error[str(-L)]["error"] == [t + 2 * L for t in range(T - L + 1)]
@@ -239,18 +240,10 @@ def test_the_time_of_a_trial_leaves_the_reset_out():
     assert traced(4, (0,), seconds=0.25).seconds == 4 * 0.25
 
 
-class RatedBelief(FakeBelief):
-    """Says its quality, or None."""
-
-    def __init__(self, held, quality):
-        super().__init__(held)
-        self.quality = quality
-
-
 def rated(*qualities):
     """The trace of an episode whose beliefs have these qualities at t = 0, 1, …"""
     moments = [
-        Step(t, truth_of(t), USABLE, RatedBelief({0: one_point(t, 0)}, quality), 0.0)
+        Step(t, truth_of(t), USABLE, FakeBelief({0: one_point(t, 0)}, quality), 0.0)
         for t, quality in enumerate(qualities)
     ]
     return trace_of(moments, (0,), TASK)
@@ -283,13 +276,6 @@ def test_a_record_is_strict_json_with_null_for_what_is_unknown():
     assert result["thresholds"] == {"far": 40.0, "lost": 50.0, "lost_steps": 20}
 
 
-def test_the_curve_of_a_record_begins_at_its_first_state_and_holds_every_error():
-    curves = recorded(traced(T, OFFSETS))["curves"]
-    assert {k: v["first_state"] for k, v in curves.items()} == {"0": 0, "-3": 0, "3": L}
-    # written with six digits: relative rounding at most 5e-6
-    assert curves["3"]["error"] == pytest.approx([5 * 2.0**s for s in range(L, T + 1)], rel=5e-6)
-
-
 @pytest.mark.parametrize("silent", [range(T + 1), [4], [T]])
 def test_a_belief_without_points_of_the_present_is_refused_at_whatever_step(silent):
     moments = [
@@ -316,4 +302,5 @@ def test_a_belief_may_be_lists_in_whole_runs_too():
     moments = [Step(t, truth_of(t), USABLE, believed, 0.0, forth if t else None) for t in (0, 1)]
     asked = JourneyLog(TASK, groups_named(["lost", "ambiguity"]))
     found = trace_of(moments, (0,), TASK, asked)
-    assert found.journey.scores["metres_to_localize"] == 0
+    scores = found.journey.scores
+    assert (scores["metres_to_localize"], scores["mass_split"]) == (0, 0)
