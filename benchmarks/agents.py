@@ -20,9 +20,9 @@ from benchmarks.policies import (
     four_deep,
     rng_of,
 )
-from benchmarks.setup.interfaces import Agent
+from benchmarks.setup import Agent
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics.types import Floats, Point, Pose, Reals
+from deqmcl_gym.numerics import Floats, Point, Pose, Reals
 from deqmcl_gym.validation import InputError, number
 from deqmcl_gym.world.config import Driver, World
 from deqmcl_gym.world.course import Course

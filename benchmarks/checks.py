@@ -9,13 +9,13 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from benchmarks.setup.interfaces import Agent
+from benchmarks.setup import Agent
 from benchmarks.setup.names import absolute_agent, absolute_scenario, make_agent
 from benchmarks.setup.overrides import Named, Overrides
 from benchmarks.trials.episode import moments
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from deqmcl_gym.numerics.types import Reals, Singles
+from deqmcl_gym.numerics import Reals, Singles
 from deqmcl_gym.validation import InputError, array
 from localizers import Belief, UniformPrior, absolute_name, make
 from localizers.checks import Report, laws

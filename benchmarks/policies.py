@@ -12,7 +12,7 @@ import numpy as np
 
 from deqmcl_gym.maps.clusters import drawn_poses
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics.types import Floats, Reals, Singles
+from deqmcl_gym.numerics import Floats, Reals, Singles
 from deqmcl_gym.validation import InputError, integer
 from deqmcl_gym.world.driver import NO_PLAN
 from localizers import Belief, RobotModel

@@ -23,7 +23,7 @@ from typing import IO, Any, NoReturn
 
 import msgspec
 
-from deqmcl_gym.numerics.types import T
+from deqmcl_gym.numerics import T
 from deqmcl_gym.validation import InputError
 
 PREFIX, SUFFIX = ".deqmcl-", ".tmp"  # of the temporary file that an interrupted write leaves

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.numerics.types import Floats, T
+from deqmcl_gym.numerics import Floats, T
 
 LARGEST = 1e12  # magnitude of a number: products of two are finite in float32
 SUM_TOLERANCE = 1e-3  # of weights: a million of float32 add up to 1 within this

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps.clusters import Cluster, best_cluster, mean_pose
-from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.numerics import Floats, Reals
 from deqmcl_gym.validation import InputError, array, digits, number
 
 Points = tuple[Reals, Floats]

@@ -8,13 +8,13 @@ from typing import Any, Self, final
 import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map
-from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.numerics import Floats, Singles
 from deqmcl_gym.validation import number
 from localizers.api import Localizer
 from localizers.kinds import Kind, absolute_name, raised, split_path
 from localizers.methods.amcl import amcl
 from localizers.methods.cbgl import cbgl
-from localizers.methods.dead_reckoning import dead_reckoning
+from localizers.methods.classical import dead_reckoning, ekf
 from localizers.methods.deq_mcl import (
     deq_mcl,
     deq_mcl_fresh,
@@ -25,7 +25,6 @@ from localizers.methods.deq_mcl import (
     mcl_plan_hedged,
     mcl_smoother,
 )
-from localizers.methods.ekf import ekf
 from localizers.methods.grid import grid
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan, ScanModel

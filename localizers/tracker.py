@@ -17,8 +17,7 @@ from deqmcl_gym.logs.odometry import FASTEST, Odometry, Taken, frame_of
 from deqmcl_gym.logs.scans import resampled
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import PIXELS, pixel
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Pose, Reals
+from deqmcl_gym.numerics import Floats, Pose, Reals, arrays
 from deqmcl_gym.validation import InputError, number, one_of
 from localizers.api import Belief, Localizer, Prior, best_cluster, quality_of
 

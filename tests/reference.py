@@ -7,7 +7,7 @@ all items, nothing clever.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics import Floats
 
 
 def ranges(walls: ArrayLike, poses: ArrayLike, bearings: ArrayLike) -> Floats:

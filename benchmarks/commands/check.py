@@ -38,8 +38,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command, printing each law as it is tried; return the last line."""
+    from benchmarks.execution import prepare
     from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
-    from benchmarks.execution.starting import prepare
     from deqmcl_gym.validation import InputError, number
 
     number("--timeout", options.timeout, low=0, high=1e6, above=True)

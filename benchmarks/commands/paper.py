@@ -34,7 +34,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.execution.starting import prepare
+    from benchmarks.execution import prepare
 
     prepare()  # while this process loads what it needs
     from benchmarks.execution.engines import Where
@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> str:
 
 
 def _table(sweep: "Sweep", results: "Results", style: str) -> str:
-    from benchmarks.tables.table_1 import reading, table_1
+    from benchmarks.tables.comparison import reading, table_1
     from benchmarks.tables.text import short_name
 
     worlds = "1 world" if sweep.trials == 1 else f"{sweep.trials} worlds"

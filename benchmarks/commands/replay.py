@@ -12,7 +12,7 @@ from benchmarks.commands import shared
 from benchmarks.console import doing
 
 if TYPE_CHECKING:  # --help loads nothing heavy
-    from benchmarks.replay.nav2 import Amcl
+    from benchmarks.robots.nav2 import Amcl
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -73,7 +73,7 @@ def add_nav2(parser: shared.Options, words: str) -> None:
 
 def nav2_of(options: argparse.Namespace) -> "Amcl | None":
     """Return what that file says; None: there is none."""
-    from benchmarks.replay.nav2 import read_nav2
+    from benchmarks.robots.nav2 import read_nav2
     from deqmcl_gym.validation import InputError
 
     if options.node is not None and options.nav2 is None:
@@ -83,7 +83,7 @@ def nav2_of(options: argparse.Namespace) -> "Amcl | None":
 
 def settings_of(options: argparse.Namespace) -> dict[str, Any]:
     """Return what is set, ``--every`` among it."""
-    from benchmarks.sweeps.settings import settings
+    from benchmarks.setup.documents import settings
     from deqmcl_gym.validation import InputError
 
     values = settings(options.set)
@@ -98,7 +98,7 @@ def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.engines import Where
     from benchmarks.pictures.messages import shown_again
-    from benchmarks.replay.command import planned, run_replay, sweep_file
+    from benchmarks.robots.replaying import planned, run_replay, sweep_file
     from benchmarks.sweeps.running import Options, complete
 
     where = Where(jobs=options.jobs, timeout=options.timeout)

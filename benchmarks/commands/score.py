@@ -42,9 +42,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.replay.options import reading_among
-    from benchmarks.replay.theirs import estimates_of, played_before, played_by_replay, score
-    from benchmarks.sweeps.settings import settings
+    from benchmarks.robots.played import reading_among
+    from benchmarks.robots.scoring import estimates_of, played_before, played_by_replay, score
+    from benchmarks.setup.documents import settings
     from deqmcl_gym.logs import read_tum
     from deqmcl_gym.validation import InputError
 

@@ -140,7 +140,7 @@ def setting_sweep(
 ) -> "Sweep":
     """Return the localizers on the worlds of the setting, with what is set."""
     from benchmarks.experiment import sweep
-    from benchmarks.sweeps.settings import settings
+    from benchmarks.setup.documents import settings
     from deqmcl_gym.validation import integer
 
     refuse_twice(localizers)

@@ -53,7 +53,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.execution.starting import prepare
+    from benchmarks.execution import prepare
 
     if options.executor == "process":
         prepare()  # while this process loads what it needs
@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> str:
 
 def _misfits(sweep: "Sweep") -> list[str | None]:
     """Read the logs of a sweep; return warnings of them, and that one does not fit its map."""
-    from benchmarks.replay.command import disagreement
+    from benchmarks.robots.replaying import disagreement
     from benchmarks.setup.logs import LogScenario
     from benchmarks.setup.names import scenario
 
@@ -108,7 +108,7 @@ def _misfits(sweep: "Sweep") -> list[str | None]:
 def asked(options: argparse.Namespace) -> "Sweep":
     """Return the sweep that is asked for."""
     from benchmarks.experiment import sweep
-    from benchmarks.sweeps.settings import settings
+    from benchmarks.setup.documents import settings
     from benchmarks.sweeps.sweepfile import with_localizers
     from deqmcl_gym.validation import InputError, integer
     from localizers import parameters

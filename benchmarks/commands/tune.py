@@ -13,9 +13,9 @@ from benchmarks.commands.replay import add_every, add_nav2, nav2_of, settings_of
 from benchmarks.console import doing, log_warnings, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
-    from benchmarks.replay.nav2 import Amcl
-    from benchmarks.replay.options import Replay
-    from benchmarks.tuning.search import Task
+    from benchmarks.robots.nav2 import Amcl
+    from benchmarks.robots.played import Replay
+    from benchmarks.robots.search import Task
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,9 +65,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.engines import Where
+    from benchmarks.robots.search import GOALS, searching
+    from benchmarks.robots.written import write_tuned
     from benchmarks.sweeps.running import Options
-    from benchmarks.tuning.search import GOALS, searching
-    from benchmarks.tuning.written import write_tuned
     from deqmcl_gym.validation import InputError, integer, number, one_of
 
     named = shared.localizers_named(options.localizer)
@@ -93,12 +93,12 @@ def run(options: argparse.Namespace) -> str:
 
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":
     """Return what is searched for, of the options."""
-    from benchmarks.replay.nav2 import usual_params
-    from benchmarks.replay.options import length_and_angle, params_among
+    from benchmarks.robots.nav2 import usual_params
+    from benchmarks.robots.played import length_and_angle, params_among
+    from benchmarks.robots.search import Task, cut
+    from benchmarks.robots.space import space_of
     from benchmarks.setup.overrides import Overrides
     from benchmarks.sweeps.sweepfile import params_by_localizer
-    from benchmarks.tuning.search import Task, cut
-    from benchmarks.tuning.space import space_of
     from deqmcl_gym.validation import integer, number
     from localizers import parameters
     from localizers.methods.deq_mcl import Shared
@@ -134,9 +134,9 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
 
 def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "list[Replay]":
     """Return the logs as the default would play them."""
-    from benchmarks.replay.calibration import calibrated
-    from benchmarks.replay.command import disagreement
-    from benchmarks.replay.options import replay_of
+    from benchmarks.robots.calibration import calibrated
+    from benchmarks.robots.played import replay_of
+    from benchmarks.robots.replaying import disagreement
     from deqmcl_gym.validation import InputError
 
     files = [Path(log).resolve() for log in options.logs]

@@ -21,7 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
-    from benchmarks.execution.starting import prepare
+    from benchmarks.execution import prepare
 
     prepare()  # while this process loads what it needs
     from benchmarks.execution.engines import Where

@@ -19,13 +19,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from benchmarks.execution import ONE_THREAD, sheltered
 from benchmarks.execution.processes import (
     GUEST_SECONDS,
     Processes,
     TimedOutError,
     WorkerDiedError,
 )
-from benchmarks.execution.starting import ONE_THREAD, sheltered
 from benchmarks.trials.attempt import Outcome, attempt, guest_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError, in_words, integer, number

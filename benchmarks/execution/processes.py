@@ -18,7 +18,7 @@ from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
 from typing import Any
 
-from benchmarks.execution.starting import CONTEXT, sheltered, unshelter
+from benchmarks.execution import CONTEXT, sheltered, unshelter
 from deqmcl_gym.validation import InputError, in_words
 
 # Seconds a thread gets to end. It may never: a Ctrl-C that comes while futures are waited for can

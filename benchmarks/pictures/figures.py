@@ -17,7 +17,7 @@ from benchmarks.files import own_folder, write_files
 from benchmarks.pictures import styled
 from benchmarks.pictures.film import Camera, Film, camera_of, png, side_by_side, webp
 from benchmarks.pictures.messages import showing
-from benchmarks.setup.interfaces import TrialEnv
+from benchmarks.setup import TrialEnv
 from benchmarks.tables.text import short_name, state_name
 from benchmarks.trials.clouds import belief_moments, cloud_of, joined
 from benchmarks.trials.episode import Step
@@ -28,7 +28,7 @@ from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.logs import Log, Trajectory, check_writable, write
 from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics.types import Floats, Indices, Reals
+from deqmcl_gym.numerics import Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief
 

@@ -15,8 +15,7 @@ from benchmarks.trials.stage import Stage
 from benchmarks.trials.tracks import Fixes, way_driven
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps.map import metre, pixel
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.numerics import Floats, Reals, arrays
 from deqmcl_gym.world.drawing import (
     BLACK,
     GRAY,

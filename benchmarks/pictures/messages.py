@@ -27,8 +27,7 @@ from deqmcl_gym.files import PREFIX, SUFFIX
 from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.maps.polygons import edges_of
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Reals
+from deqmcl_gym.numerics import Floats, Reals, arrays
 from deqmcl_gym.validation import InputError
 from localizers import best_cluster, quality_of
 from localizers.inference.hedge import HedgedBelief

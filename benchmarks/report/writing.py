@@ -6,11 +6,11 @@ from pathlib import Path
 
 from benchmarks.console import doing
 from benchmarks.files import own_folder, write_files
+from benchmarks.report.swept import starts_table
 from benchmarks.sweeps.manifest import MANIFEST
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import INNER, csv_of, timings_table, trials_frame
-from benchmarks.tables.starts import starts_table
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, shown
 

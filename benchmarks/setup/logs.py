@@ -8,8 +8,8 @@ from typing import Any, Self
 
 import numpy as np
 
+from benchmarks.setup import TrialEnv
 from benchmarks.setup.documents import digest_of_file
-from benchmarks.setup.interfaces import TrialEnv
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.setup.priors import Gaussian
 from benchmarks.setup.scenario import Scenario, Thresholds
@@ -17,8 +17,7 @@ from deqmcl_gym.envs.log import LogEnv, log_of
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import increments_of, lengths_of
 from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Indices
+from deqmcl_gym.numerics import Floats, Indices, arrays
 from deqmcl_gym.validation import InputError, integer
 from localizers import GaussianUniform, RobotModel
 from localizers.models.beams import METRE_SIGMA

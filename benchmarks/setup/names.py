@@ -11,9 +11,8 @@ from typing import Any
 
 from benchmarks.agents import AGENTS
 from benchmarks.scenarios import SCENARIOS
-from benchmarks.setup import documents
+from benchmarks.setup import Agent, documents
 from benchmarks.setup.documents import digest_of_file, from_folder
-from benchmarks.setup.interfaces import Agent
 from benchmarks.setup.overrides import Named, Overrides
 from benchmarks.setup.scenario import Scenario, Thresholds
 from deqmcl_gym.validation import InputError, part

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from benchmarks.setup.interfaces import TrialEnv
+from benchmarks.setup import TrialEnv
 from deqmcl_gym.maps.map import LENGTH, POSE, pixel, scaled
 from deqmcl_gym.numerics import arrays
 from deqmcl_gym.validation import InputError, number, one_of, pose

@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from benchmarks.setup.interfaces import TrialEnv
+from benchmarks.setup import TrialEnv
 from benchmarks.setup.overrides import NOTHING, Named, Overrides, located
 from benchmarks.setup.priors import PRIORS, Gaussian, Places, Uniform, changed
 from deqmcl_gym.envs.room import RoomEnv

@@ -17,7 +17,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 
-from benchmarks.execution.starting import ONE_THREAD
+from benchmarks.execution import ONE_THREAD
 
 if __name__ == "__main__":
     os.environ.update(ONE_THREAD)  # read by the libraries when they are loaded, below
@@ -33,7 +33,7 @@ from benchmarks.trials.stage import Stage
 from deqmcl_gym import ENV_ID as ROOM
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import Lidar, Map, Office, PolygonMap
-from deqmcl_gym.numerics.types import Floats, Reals, Singles
+from deqmcl_gym.numerics import Floats, Reals, Singles
 from deqmcl_gym.registration import JOURNEY_ENV_ID as JOURNEY
 from deqmcl_gym.world.presets import PAPER_ROOM
 from localizers import GaussianPrior, GaussianUniform, OdometryMotion, Prior, RobotModel, make

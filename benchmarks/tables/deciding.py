@@ -15,7 +15,7 @@ import pandas as pd
 from benchmarks.tables.frames import paired_worlds, scored, whole_runs
 from benchmarks.tables.stats import ALPHA, NOT_KNOWN, Interval
 from benchmarks.trials.scores import Score
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics import Floats
 
 FIRST, _BLOCK = 20, 10  # worlds before the first look, and between two looks
 

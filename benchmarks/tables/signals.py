@@ -17,7 +17,7 @@ from benchmarks.tables.frames import PANEL, ends
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import NOT_KNOWN, QUANTILES, Interval, multiplicities
 from benchmarks.trials.scoring import Finished
-from deqmcl_gym.numerics.types import Bools, Floats, Indices
+from deqmcl_gym.numerics import Bools, Floats, Indices
 
 RECENT = 20  # steps over which log-evidence is averaged, too
 WRONG = 0.1  # of the returns: if more contradict the map at the true pose, it is wrong here

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics import Floats
 
 ALPHA = 0.05
 QUANTILES = (1 - 0.95) / 2, (1 + 0.95) / 2  # ends of an interval; 0.025 would change last digits

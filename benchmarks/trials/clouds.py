@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.numerics import Floats, Ints, Reals, Singles
 from deqmcl_gym.numerics.arrays import cholesky, fit
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import FARTHEST, atan2_64, cos64, sin64, sincos32, wrapped64
-from deqmcl_gym.numerics.types import Floats, Ints, Reals, Singles
 from deqmcl_gym.validation import SUM_TOLERANCE, InputError, digits
 
 Scalar = Any  # a float64 inside a kernel

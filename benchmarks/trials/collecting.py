@@ -28,8 +28,7 @@ from benchmarks.trials.tracks import (
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Reals
+from deqmcl_gym.numerics import Reals, arrays
 from deqmcl_gym.validation import InputError
 from localizers import best_cluster, quality_of
 

@@ -13,8 +13,8 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.setup.interfaces import Agent
-from deqmcl_gym.numerics.types import Reals
+from benchmarks.setup import Agent
+from deqmcl_gym.numerics import Reals
 from deqmcl_gym.world.driver import NO_PLAN
 from localizers import Belief, Localizer, Prior
 

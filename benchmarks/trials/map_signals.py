@@ -16,7 +16,7 @@ from benchmarks.trials.episode import Step
 from benchmarks.trials.tracks import FOUND, NEAR
 from deqmcl_gym.maps import GridMap, Lidar, Map
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Ints, Reals
+from deqmcl_gym.numerics import Bools, Floats, Indices, Ints, Reals
 from localizers import best_cluster, quality_of
 
 CLEAR = 0.2  # m by which a reading differs from all that the map says from poses nearby

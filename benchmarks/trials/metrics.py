@@ -19,8 +19,7 @@ from benchmarks.trials.clouds import (
     steps_back,
     weights_beyond,
 )
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Reals
+from deqmcl_gym.numerics import Bools, Floats, Reals, arrays
 
 
 @dataclass(frozen=True, kw_only=True)

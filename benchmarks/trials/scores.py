@@ -34,7 +34,7 @@ from benchmarks.trials.tracks import (
     ScoredTrack,
 )
 from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics import Floats
 
 LEVELS = (50, 80, 95)  # of the credible regions, per cent
 _FAR_WORDS = "weight far from the truth, common states"

@@ -13,8 +13,8 @@ from typing import Any, Self
 import gymnasium as gym
 import numpy as np
 
+from benchmarks.setup import Agent, TrialEnv
 from benchmarks.setup.documents import errors_name
-from benchmarks.setup.interfaces import Agent, TrialEnv
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.overrides import located
 from benchmarks.setup.scenario import Scenario

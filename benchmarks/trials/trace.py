@@ -20,7 +20,7 @@ from benchmarks.trials.collecting import JourneyLog, RecordedTrack, TrackLog, Wh
 from benchmarks.trials.episode import Step
 from benchmarks.trials.map_signals import MapSignals
 from benchmarks.trials.scores import METRICS
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
+from deqmcl_gym.numerics import Bools, Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
 from localizers.models.feasibility import PlanSensor

@@ -18,9 +18,8 @@ from deqmcl_gym.logs.motion import lengths_of, relative
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.clusters import Near
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Bools, Floats, Indices, Reals, arrays
 from deqmcl_gym.numerics.arrays import fits
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Reals
 
 NEAR = {"05m": Near(0.5, math.radians(10)), "1m": Near(1.0, math.radians(30))}
 FOUND = "1m"  # of NEAR: the one for metres to localize

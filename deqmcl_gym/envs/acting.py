@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from deqmcl_gym.envs.belief import BeliefView, Estimator, Seen
 from deqmcl_gym.maps import Box, Offices
 from deqmcl_gym.maps.clusters import Near, best_cluster
-from deqmcl_gym.numerics.types import Floats, Point, Pose, Singles
+from deqmcl_gym.numerics import Floats, Point, Pose, Singles
 from deqmcl_gym.validation import InputError, NoEpisodeError, integer, number, one_of
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import centred_heading

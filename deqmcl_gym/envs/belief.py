@@ -10,8 +10,7 @@ import numpy as np
 from deqmcl_gym.maps import Box, Map
 from deqmcl_gym.maps.clusters import drawn_poses, two_clusters
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Reals, Singles
+from deqmcl_gym.numerics import Floats, Reals, Singles, arrays
 from deqmcl_gym.validation import InputError, integer, number, shown
 from deqmcl_gym.world.rules import StepResult
 

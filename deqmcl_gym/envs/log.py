@@ -15,7 +15,7 @@ from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import increments_of
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics.types import Floats, Indices, Pose, Singles
+from deqmcl_gym.numerics import Floats, Indices, Pose, Singles
 from deqmcl_gym.validation import (
     InputError,
     NoEpisodeError,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import Lidar, Map
-from deqmcl_gym.numerics.types import Pose, Singles
+from deqmcl_gym.numerics import Pose, Singles
 from deqmcl_gym.validation import InputError, NoEpisodeError, integer, one_of, pose
 from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start, World
 from deqmcl_gym.world.course import MAX_STEPS, Course, check_free

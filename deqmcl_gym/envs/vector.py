@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.envs.vector_rooms import Rooms
 from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics.types import Bools, Indices, RoomActions
+from deqmcl_gym.numerics import Bools, Indices, RoomActions
 from deqmcl_gym.registration import MAX_EPISODE_STEPS
 from deqmcl_gym.validation import (
     InputError,

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from deqmcl_gym.maps.grid_kernels import cast_cells, distances, enters_circle, first_contact
+from deqmcl_gym.numerics import Bools, Floats, Indices, Singles
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
 from deqmcl_gym.world.path_kernels import (
     drive_along,
     judged_step,

@@ -9,7 +9,7 @@ import numpy as np
 from deqmcl_gym.envs import vector_kernels as kernels
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.maps.map import Caster
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
+from deqmcl_gym.numerics import Bools, Floats, Indices, Singles
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import MAX_STEPS, Course
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan, Underway

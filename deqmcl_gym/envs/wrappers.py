@@ -13,7 +13,7 @@ from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Lidar
-from deqmcl_gym.numerics.types import Floats, Pose, Singles
+from deqmcl_gym.numerics import Floats, Pose, Singles
 from deqmcl_gym.validation import InputError, NoEpisodeError, boolean, integer, number, shown
 from deqmcl_gym.world.rules import StepResult, scan_space
 from deqmcl_gym.world.sensor import Stream

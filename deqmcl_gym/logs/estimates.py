@@ -30,7 +30,7 @@ from deqmcl_gym.logs.raw_records import stamped
 from deqmcl_gym.logs.ros import warn_of_frames
 from deqmcl_gym.logs.trajectory import Trajectory, sound_poses, tum_rows
 from deqmcl_gym.logs.transforms import MAP_FRAME, ODOMETRY, PoseRows, Transforms
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import InputError
 
 _POSE = ("time", "x", "y", "heading")

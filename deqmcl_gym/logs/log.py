@@ -14,8 +14,7 @@ from deqmcl_gym.logs.motion import dead_reckoned, has_moved, increments_of, leng
 from deqmcl_gym.logs.scans import mark_unmeasured
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import LENGTH, PIXELS
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Pose, Singles
+from deqmcl_gym.numerics import Bools, Floats, Indices, Pose, Singles, arrays
 from deqmcl_gym.validation import InputError, array, integer, number, one_of, real
 
 _NAMES = ("angles", "mounting", "turn", "mounts", "max_range", "min_range", "sigma")

@@ -10,8 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Pose
+from deqmcl_gym.numerics import Bools, Floats, Indices, Pose, arrays
 
 
 def increments_of(poses: Floats) -> Floats:

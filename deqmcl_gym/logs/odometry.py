@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike
 
 from deqmcl_gym.logs.motion import composed, has_moved, increments_of, one_pose, relative
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Pose
+from deqmcl_gym.numerics import Bools, Floats, Indices, Pose, arrays
 from deqmcl_gym.validation import LARGEST
 
 FASTEST = 250.0, 2 * math.pi  # px/s (5 m/s), rad/s: what a robot can drive

@@ -28,8 +28,7 @@ from deqmcl_gym.logs.scans import (
     dropped_words,
     no_return_codes,
 )
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Singles
+from deqmcl_gym.numerics import Bools, Floats, Indices, Singles, arrays
 from deqmcl_gym.validation import LARGEST, InputError, tell
 
 UNREADABLE = "unreadable"

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.numerics.types import Floats, Indices, Reals, Singles
+from deqmcl_gym.numerics import Floats, Indices, Reals, Singles
 from deqmcl_gym.validation import LARGEST, InputError, array
 
 _TURN = 2 * math.pi

@@ -16,8 +16,7 @@ from deqmcl_gym.logs.motion import between, composed, heading_of, nearest_in_tim
 from deqmcl_gym.logs.odometry import jumps_in, times_words
 from deqmcl_gym.logs.raw_records import NOT_FINITE, UNREADABLE, ascending, usable, warn_of_few
 from deqmcl_gym.maps.map import PIXELS
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Indices
+from deqmcl_gym.numerics import Bools, Floats, Indices, arrays
 from deqmcl_gym.validation import LARGEST, InputError, array, number, real, shown, tell
 
 MAX_GAP = 2.0  # m

@@ -10,7 +10,7 @@ import numpy as np
 
 from deqmcl_gym.logs.motion import heading_of
 from deqmcl_gym.maps import Mount
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import InputError, one_of, tell
 
 ODOMETRY = "nav_msgs/msg/Odometry"

@@ -16,7 +16,7 @@ from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.map import Map, pixel
 from deqmcl_gym.maps.polygon_map import PolygonMap
 from deqmcl_gym.maps.polygons import Polygon, oriented_edges, outlines_of, signed_area
-from deqmcl_gym.numerics.types import Bools, Floats, Indices
+from deqmcl_gym.numerics import Bools, Floats, Indices
 from deqmcl_gym.validation import InputError
 
 _THICKEST, _SHORTEST, _LONGEST = 100.0, 15.0, 100.0  # px: of a wall; longer ones are cut

@@ -12,7 +12,7 @@ from deqmcl_gym.maps.map import Box, Caster
 from deqmcl_gym.maps.polygons import Polygon, as_box, oriented_edges
 from deqmcl_gym.maps.ray_kernels import AllWalls
 from deqmcl_gym.maps.stride_kernels import CellTable
-from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.numerics import Floats, Singles
 
 _PER_WALL = 4  # cells; the fastest of 2 to 16 among 256 and 1,024 walls
 

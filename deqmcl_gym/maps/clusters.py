@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Reals
+from deqmcl_gym.numerics import Bools, Floats, Reals, arrays
 
 SECTORS = 12  # of 30°
 _COUNTED = 2**20  # cells whose weights are counted in one table

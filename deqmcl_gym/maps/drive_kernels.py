@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from deqmcl_gym.numerics import Bools, Ints, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import sincos32, wrapped32
-from deqmcl_gym.numerics.types import Bools, Ints, Singles
 
 LANES = 64
 POSE_BLOCK = 2048

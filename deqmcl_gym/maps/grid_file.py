@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.files import UnreadableError, as_number, content_of, write_bytes, yaml_of
-from deqmcl_gym.numerics.types import Floats, T
+from deqmcl_gym.numerics import Floats, T
 from deqmcl_gym.validation import InputError, number, one_of, pose
 
 Occupancy = NDArray[np.int8]

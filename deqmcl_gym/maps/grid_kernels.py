@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.maps.drive_kernels import POSE_BLOCK, copy_columns, directed, drive, put
 from deqmcl_gym.maps.stride_kernels import FARTHEST_CELL, Reach, cast_among, no_walls
+from deqmcl_gym.numerics import Bools, Floats, Ints, Scalar, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos32, sin32
-from deqmcl_gym.numerics.types import Bools, Floats, Ints, Scalar, Singles
 
 CellRuns = NDArray[np.int16]
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)

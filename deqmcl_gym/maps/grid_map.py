@@ -26,8 +26,7 @@ from deqmcl_gym.maps.map import (
 )
 from deqmcl_gym.maps.polygons import faces_of
 from deqmcl_gym.maps.stride_kernels import Reach
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Ints, Point, Singles
+from deqmcl_gym.numerics import Bools, Floats, Indices, Ints, Point, Singles, arrays
 from deqmcl_gym.validation import InputError, keep_plain, number, one_of, pose
 
 Unknown = str | float  # "obstacle", "transparent", "free", or an occupancy from 0 to 1

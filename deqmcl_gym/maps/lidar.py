@@ -11,9 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps.drive_kernels import mounted
 from deqmcl_gym.maps.map import LENGTH, Caster, Map
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Bools, Floats, Point, Singles, arrays
 from deqmcl_gym.numerics.elementary import cos64, sin64
-from deqmcl_gym.numerics.types import Bools, Floats, Point, Singles
 from deqmcl_gym.validation import (
     InputError,
     array,

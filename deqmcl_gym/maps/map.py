@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps.drive_kernels import drive, lay_path
-from deqmcl_gym.numerics.types import Bools, Floats, Ints, Point, Singles, T
+from deqmcl_gym.numerics import Bools, Floats, Ints, Point, Singles, T
 from deqmcl_gym.validation import InputError, number, one_of, real
 
 _LARGEST_HEADING = 1e3  # rad: float32 resolves 6e-5 there

@@ -8,7 +8,7 @@ import numpy as np
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED
 from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.polygon_map import PolygonMap
-from deqmcl_gym.numerics.types import Bools
+from deqmcl_gym.numerics import Bools
 from deqmcl_gym.validation import (
     InputError,
     boolean,

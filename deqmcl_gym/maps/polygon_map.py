@@ -40,7 +40,7 @@ from deqmcl_gym.maps.polygons import (
     parse_polygon,
     thinned,
 )
-from deqmcl_gym.numerics.types import Bools, Floats, Ints, Point, Singles
+from deqmcl_gym.numerics import Bools, Floats, Ints, Point, Singles
 from deqmcl_gym.validation import InputError, number, one_of, shown
 
 _ZERO_LENGTH = 1e-3  # px: a shorter edge counts as having no length

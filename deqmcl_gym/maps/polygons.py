@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.maps.map import Box
+from deqmcl_gym.numerics import Bools, Floats, Indices
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.types import Bools, Floats, Indices
 from deqmcl_gym.validation import InputError, array, digits, shown
 
 

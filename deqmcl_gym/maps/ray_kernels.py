@@ -14,9 +14,9 @@ import numpy as np
 
 from deqmcl_gym.maps.drive_kernels import wind
 from deqmcl_gym.maps.stride_kernels import CellTable, cast_among
+from deqmcl_gym.numerics import Bools, Single, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos32, sin32, sincos32
-from deqmcl_gym.numerics.types import Bools, Single, Singles
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.numerics import Bools, Floats, Ints, Single, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import sincos32
-from deqmcl_gym.numerics.types import Bools, Floats, Ints, Single, Singles
 
 Reach = NDArray[np.uint8]
 FARTHEST_CELL = 255  # cells told apart by the reach

@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.numerics import elementary
+from deqmcl_gym.numerics import Floats, elementary
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.types import Floats
 
 
 def _of_arrays(loop: Callable[..., None]) -> Callable[..., Floats]:

@@ -7,8 +7,8 @@ inner loop needs that to become SIMD code. Coefficients: Moshier's Cephes librar
 
 import numpy as np
 
+from deqmcl_gym.numerics import Scalar
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.types import Scalar
 
 _F = np.float32
 ARRAY_LANES = 512  # of an array worked on in one go: what they need fits the fastest cache

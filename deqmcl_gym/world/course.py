@@ -10,9 +10,8 @@ import numpy as np
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.maps.polygons import signed_area
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Floats, Point, Pose, Singles, arrays
 from deqmcl_gym.numerics.elementary import TURN, atan2_64, centred64
-from deqmcl_gym.numerics.types import Floats, Point, Pose, Singles
 from deqmcl_gym.validation import InputError, digits
 from deqmcl_gym.world import path_kernels
 from deqmcl_gym.world.config import World

@@ -17,8 +17,7 @@ from deqmcl_gym.maps import GridMap, Map
 from deqmcl_gym.maps.altered import Piece, altered, comes_near, free_area, inner_walls
 from deqmcl_gym.maps.map import LENGTH, pixel, scaled
 from deqmcl_gym.maps.polygons import signed_area
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics import Floats, arrays
 from deqmcl_gym.validation import (
     InputError,
     array,

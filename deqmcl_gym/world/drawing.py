@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import InputError
 
 Image = NDArray[np.uint8]

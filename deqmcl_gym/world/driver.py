@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from deqmcl_gym.maps import GridMap, Map
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Pose, RoomActions
+from deqmcl_gym.numerics import Bools, Floats, Indices, Pose, RoomActions, arrays
 from deqmcl_gym.validation import InputError, integer
 from deqmcl_gym.world.config import Driver, World
 from deqmcl_gym.world.course import MAX_STEPS, Course, Path

@@ -11,7 +11,7 @@ import pymunk
 
 from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.maps.polygons import oriented_edges
-from deqmcl_gym.numerics.types import Floats, Point, Pose, Singles
+from deqmcl_gym.numerics import Floats, Point, Pose, Singles
 from deqmcl_gym.world.config import Route, World
 from deqmcl_gym.world.driver import GuidedPlan, Underway
 from deqmcl_gym.world.path_kernels import judged_step, noisy_drive

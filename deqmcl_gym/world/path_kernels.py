@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.maps.grid_kernels import distances, feasible_in_cells
+from deqmcl_gym.numerics import Floats, RoomActions
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import TURN, atan2_64, centred64, cos64, sin64
-from deqmcl_gym.numerics.types import Floats, RoomActions
 
 
 @compiled

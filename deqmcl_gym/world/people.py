@@ -8,10 +8,9 @@ import numpy as np
 
 from deqmcl_gym.maps.grid_kernels import enters_circle
 from deqmcl_gym.maps.map import LENGTH, Caster, Map, pixel
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Bools, Floats, Indices, Point, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Point, Singles
 from deqmcl_gym.validation import InputError, integer, keep_plain, number
 from deqmcl_gym.world.differences import ordered
 

@@ -10,7 +10,7 @@ import numpy as np
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.altered import altered
 from deqmcl_gym.maps.map import Caster
-from deqmcl_gym.numerics.types import Floats, Point, Pose
+from deqmcl_gym.numerics import Floats, Point, Pose
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import Course
 from deqmcl_gym.world.differences import WallChanges, Way

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.maps.map import Map, pixel
+from deqmcl_gym.numerics import Bools, Floats, Indices, Point, Pose
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Point, Pose
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.config import Route, World
 from deqmcl_gym.world.course import Course, Path

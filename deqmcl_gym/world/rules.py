@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym import validation
 from deqmcl_gym.maps import Box, Lidar, Offices, PolygonMap
+from deqmcl_gym.numerics import Bools, Floats, Pose, RoomActions, Singles
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.types import Bools, Floats, Pose, RoomActions, Singles
 from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of, shown
 from deqmcl_gym.world.config import Robot, World, extent_of, offices_of
 from deqmcl_gym.world.course import MAX_STEPS, Course, centred_heading

@@ -12,8 +12,8 @@ import numpy as np
 
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import Caster
+from deqmcl_gym.numerics import Floats, Point, Pose, Singles
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.types import Floats, Point, Pose, Singles
 from deqmcl_gym.world.differences import Glass
 
 

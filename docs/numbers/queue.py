@@ -20,8 +20,8 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.pictures import styled
-from benchmarks.replay.options import replay_of
 from benchmarks.report.charts import STYLE, Chart, canvas, line
+from benchmarks.robots.played import replay_of
 from benchmarks.tables.text import csv_text
 from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Trial

@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.maps import GridMap, Map, PolygonMap
+from deqmcl_gym.numerics import Floats
 from deqmcl_gym.numerics.arrays import wrapped
-from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError
 from localizers.api import mean_pose
 from localizers.checks import process

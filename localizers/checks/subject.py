@@ -9,7 +9,7 @@ import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import SUM_TOLERANCE, digits, one_of
 from localizers.api import Belief, Localizer
 from localizers.checks import process

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.maps import Lidar
+from deqmcl_gym.numerics import Floats
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import FARTHEST
-from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, array, shown
 from localizers.api import Prior
 from localizers.models.motion import increments

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Floats, Indices, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
-from deqmcl_gym.numerics.types import Floats, Indices
 from deqmcl_gym.validation import InputError, number, one_of
 from localizers.api import best_cluster
 from localizers.inference.particles import (

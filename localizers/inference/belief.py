@@ -8,7 +8,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from deqmcl_gym.numerics.types import Bools, Floats, Indices
+from deqmcl_gym.numerics import Bools, Floats, Indices
 from localizers.inference.loss_detector import LossDetector, Watch
 from localizers.inference.particles import (
     Actions,

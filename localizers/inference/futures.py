@@ -11,10 +11,9 @@ from functools import cached_property
 
 import numpy as np
 
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Floats, Indices, Ints, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
-from deqmcl_gym.numerics.types import Floats, Indices, Ints
 from deqmcl_gym.validation import number
 from localizers.api import Motion
 from localizers.inference.belief import ParticleBelief, PlanReading

@@ -12,10 +12,9 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Floats, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
-from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, boolean, number
 from localizers.api import Belief, Localizer, Points, Prior, quality_of
 from localizers.inference.bayes_filter import Filter, FilterLocalizer

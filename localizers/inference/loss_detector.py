@@ -13,10 +13,9 @@ from functools import cached_property, partial
 import numpy as np
 
 from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Floats, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64
-from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, digits, number
 from localizers.inference.particles import Actions, States, log_sum_exp
 from localizers.models.prior import even_poses

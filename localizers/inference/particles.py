@@ -10,9 +10,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from deqmcl_gym.numerics import Floats, Indices
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
-from deqmcl_gym.numerics.types import Floats, Indices
 from localizers.models.scan import Scan
 
 States = NDArray[Any]  # (d, n)

@@ -8,7 +8,7 @@ the present and to the oldest state, which are read at every step; named tuples 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from deqmcl_gym.numerics.types import Indices
+from deqmcl_gym.numerics import Indices
 from localizers.inference.particles import States
 
 Link = Indices | None  # None: the identity

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from deqmcl_gym.numerics import Floats, Indices, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64
-from deqmcl_gym.numerics.types import Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, integer, number
 from localizers.inference.particles import Weights, effective_sample_size, maximum
 

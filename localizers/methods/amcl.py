@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.maps.map import pixel, scaled
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics import Floats, arrays
 from deqmcl_gym.validation import InputError, boolean, integer, number, one_of
 from localizers.api import Motion, Prior
 from localizers.inference.bayes_filter import (

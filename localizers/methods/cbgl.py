@@ -12,8 +12,7 @@ import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.numerics import Floats, Singles, arrays
 from deqmcl_gym.validation import InputError, integer, number
 from localizers.api import Prior
 from localizers.inference.belief import ParticleBelief

@@ -13,10 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Floats, Indices, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
-from deqmcl_gym.numerics.types import Floats, Indices, Singles
 from deqmcl_gym.validation import InputError, integer, keep_plain, number
 from localizers.api import Points, Prior
 from localizers.inference.bayes_filter import FilterLocalizer

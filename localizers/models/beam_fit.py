@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Floats, Reals, arrays
 from deqmcl_gym.numerics.arrays import normal_cdf
-from deqmcl_gym.numerics.types import Floats, Reals
 from deqmcl_gym.validation import InputError
 from localizers.models.beams import BeamModel
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from deqmcl_gym.numerics import Floats, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, logs64
-from deqmcl_gym.numerics.types import Floats, Singles
 
 _Scalar = Any  # a float64 inside a kernel
 _POSES = 512  # looked at in one go

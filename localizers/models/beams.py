@@ -10,9 +10,8 @@ from typing import Any, ClassVar, Protocol, final
 import numpy as np
 
 from deqmcl_gym.maps.map import LENGTH, PER_LENGTH
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Floats, Singles, arrays
 from deqmcl_gym.numerics.arrays import normal_cdf
-from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import InputError, digits, keep_plain, number, one_of, part
 from localizers.models import beam_kernels
 

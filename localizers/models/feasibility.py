@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from deqmcl_gym.maps import GridMap, Map
 from deqmcl_gym.maps.grid_file import image_with_place
 from deqmcl_gym.maps.map import PIXELS, pixel
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Floats, Ints, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
-from deqmcl_gym.numerics.types import Floats, Ints, Singles
 from deqmcl_gym.validation import InputError, number
 from localizers.models.motion import ChargedDrives, OdometryMotion, increments
 

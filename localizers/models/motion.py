@@ -14,10 +14,9 @@ from deqmcl_gym.logs.motion import lengths_of
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.drive_kernels import drive as drive_poses
 from deqmcl_gym.maps.map import PER_LENGTH
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Bools, Floats, Indices, Ints, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import log32, sincos32
-from deqmcl_gym.numerics.types import Bools, Floats, Indices, Ints, Singles
 from deqmcl_gym.validation import InputError, number
 
 _HALF, _MINUS_TWO = np.float32(0.5), np.float32(-2.0)

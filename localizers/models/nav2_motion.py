@@ -15,10 +15,9 @@ import numpy as np
 
 from deqmcl_gym.maps import drive_kernels
 from deqmcl_gym.maps.map import LENGTH, PER_SQUARE, PIXELS, SQUARE, pixel, scaled
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Floats, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import sincos32, wrapped32
-from deqmcl_gym.numerics.types import Floats, Singles
 from deqmcl_gym.validation import number, one_of
 from localizers.models.motion import (
     OdometryMotion,

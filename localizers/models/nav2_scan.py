@@ -15,10 +15,9 @@ import numpy as np
 from deqmcl_gym.maps import GridMap, Lidar, Map
 from deqmcl_gym.maps.drive_kernels import to_nearest
 from deqmcl_gym.maps.map import LENGTH, PER_LENGTH, pixel
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Bools, Floats, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, exp64, log64, sin64
-from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from deqmcl_gym.validation import InputError, integer
 from localizers.models.scan import Scan
 

@@ -12,8 +12,7 @@ import numpy as np
 from deqmcl_gym.maps import GridMap, Map
 from deqmcl_gym.maps.map import LENGTH, POSE, Box
 from deqmcl_gym.maps.polygons import edges_of, parse_polygon, signed_area
-from deqmcl_gym.numerics import arrays
-from deqmcl_gym.numerics.types import Bools, Floats, Singles
+from deqmcl_gym.numerics import Bools, Floats, Singles, arrays
 from deqmcl_gym.validation import LARGEST, InputError, array, number, pose
 from localizers.api import Prior
 

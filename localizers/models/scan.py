@@ -7,9 +7,8 @@ from typing import NamedTuple, Protocol, final, runtime_checkable
 import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Bools, Floats, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.numerics.types import Bools, Floats, Singles
 from deqmcl_gym.validation import InputError
 from localizers.models.beams import BeamDensity
 

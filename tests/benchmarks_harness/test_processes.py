@@ -12,14 +12,13 @@ from concurrent.futures import ThreadPoolExecutor
 import calls
 import pytest
 
-from benchmarks.execution import engines
+from benchmarks.execution import ONE_THREAD, engines, sheltered
 from benchmarks.execution.processes import (
     CannotStartError,
     Processes,
     TimedOutError,
     WorkerDiedError,
 )
-from benchmarks.execution.starting import ONE_THREAD, sheltered
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 

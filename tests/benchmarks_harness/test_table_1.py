@@ -5,8 +5,8 @@ import math
 import pytest
 from report_cases import changed, finished, paired, parsed, table_of, trials, trials_csv
 
+from benchmarks.tables.comparison import reading, table_1
 from benchmarks.tables.frames import csv_of, timings_table
-from benchmarks.tables.table_1 import reading, table_1
 from benchmarks.tables.text import WORDS
 
 PRINTED = {  # typed from Table 1 of the paper: error, SD, entropy, variances of x, y, cos θ, sin θ

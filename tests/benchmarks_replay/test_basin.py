@@ -10,9 +10,9 @@ from deqmcl_command import exit_code
 from hall import recorded_in_a_hall, write_lap
 from refusals import refused
 
+from benchmarks.report.swept import starts_table
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.results import results_in
-from benchmarks.tables.starts import starts_table
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps import GridMap

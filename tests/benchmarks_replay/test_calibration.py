@@ -12,7 +12,7 @@ import pytest
 import test_yardstick
 from refusals import refused
 
-from benchmarks.replay.calibration import (
+from benchmarks.robots.calibration import (
     LEVEL,
     PART,
     beams_of,
@@ -20,9 +20,9 @@ from benchmarks.replay.calibration import (
     judged_alike,
     with_fitted_beams,
 )
-from benchmarks.replay.command import replay_sweep
-from benchmarks.replay.options import replay_of
-from benchmarks.sweeps.settings import settings
+from benchmarks.robots.played import replay_of
+from benchmarks.robots.replaying import replay_sweep
+from benchmarks.setup.documents import settings
 from benchmarks.trials.attempt import attempt, key_of
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs

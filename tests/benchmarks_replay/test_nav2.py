@@ -15,9 +15,9 @@ from refusals import refused
 
 import localizers
 from benchmarks.cli import main
-from benchmarks.replay.command import planned
-from benchmarks.replay.nav2 import nav2_document, read_nav2, usual_params
-from benchmarks.sweeps.settings import sweep_text
+from benchmarks.robots.nav2 import nav2_document, read_nav2, usual_params
+from benchmarks.robots.replaying import planned
+from benchmarks.setup.documents import sweep_text
 from benchmarks.sweeps.sweepfile import read_sweep
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap

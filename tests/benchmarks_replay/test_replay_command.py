@@ -14,8 +14,6 @@ from hall import recorded_in_a_hall, write_lap
 from report_cases import lines_of, panel_of, table_of
 
 from benchmarks.cli import main
-from benchmarks.replay.command import methods_of
-from benchmarks.replay.options import replay_of
 from benchmarks.report.tracks import (
     differences_table,
     middle_run,
@@ -25,6 +23,8 @@ from benchmarks.report.tracks import (
     tables_of,
     worst_run,
 )
+from benchmarks.robots.played import replay_of
+from benchmarks.robots.replaying import methods_of
 from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.collecting import TrackLog
@@ -504,7 +504,7 @@ def test_the_power_of_scans_is_fitted_only_where_a_localizer_uses_it(
 ):
     fitted = []
     monkeypatch.setattr(
-        "benchmarks.replay.command.calibrated", lambda replay: fitted.append(1) or replay
+        "benchmarks.robots.replaying.calibrated", lambda replay: fitted.append(1) or replay
     )
     assert replay(*KNOWN, "--seeds", "1", *words, "--out", "o") == 0
     assert bool(fitted) is fits

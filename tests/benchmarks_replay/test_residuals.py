@@ -9,7 +9,7 @@ import pytest
 from hall import recorded_in_a_hall
 
 from benchmarks.cli import main
-from benchmarks.replay.residuals import HIT, THROUGH, Residuals
+from benchmarks.robots.residuals import HIT, THROUGH, Residuals
 from benchmarks.trials.map_signals import CLEAR, Expected, known_part
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap

@@ -14,13 +14,10 @@ from deqmcl_command import exit_code, lose, records
 from hall import recorded_in_a_hall, write_lap
 from refusals import refused
 
-from benchmarks.replay.nav2 import nav2_document, read_nav2, usual_params
-from benchmarks.replay.options import replay_of
-from benchmarks.setup.overrides import Overrides
-from benchmarks.sweeps.sweepfile import read_sweep
-from benchmarks.tables.frames import RUN
-from benchmarks.tuning.search import GOALS, RUNS, Candidate, Tuning, cut
-from benchmarks.tuning.space import (
+from benchmarks.robots.nav2 import nav2_document, read_nav2, usual_params
+from benchmarks.robots.played import replay_of
+from benchmarks.robots.search import GOALS, RUNS, Candidate, Tuning, cut
+from benchmarks.robots.space import (
     Choice,
     Range,
     built_in,
@@ -28,7 +25,10 @@ from benchmarks.tuning.space import (
     neighbour,
     read_space,
 )
-from benchmarks.tuning.written import gain, importance, segments_table
+from benchmarks.robots.written import gain, importance, segments_table
+from benchmarks.setup.overrides import Overrides
+from benchmarks.sweeps.sweepfile import read_sweep
+from benchmarks.tables.frames import RUN
 from deqmcl_gym import logs
 
 COMMAND = ("tune", "lap.csv", "--map", "hall.yaml", "--segment", "0.8", "--gap", "0.1")

@@ -12,7 +12,7 @@ from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps import Lidar, PolygonMap
 from localizers.methods import dead_reckoning
 from localizers.methods import ekf as kernels
-from localizers.methods.ekf import gaussian_points
+from localizers.methods.classical import gaussian_points
 
 
 def test_it_adds_the_commands_up_and_rolls_the_plan_out(robot, prior):

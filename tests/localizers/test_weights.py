@@ -25,7 +25,7 @@ from localizers.inference.resampling import (
     systematic,
 )
 from localizers.methods import grid as grid_motion
-from localizers.methods.ekf import gaussian_points, sigma_points
+from localizers.methods.classical import gaussian_points, sigma_points
 from localizers.models.scan import Scan
 
 INF = math.inf

@@ -21,12 +21,12 @@ import PIL.Image
 import deqmcl_gym  # noqa: F401 # registers the environments
 from benchmarks.agents import AGENTS
 from benchmarks.pictures.film import webp
-from benchmarks.setup.interfaces import Agent
+from benchmarks.setup import Agent
 from benchmarks.tables.stats import wilson
 from deqmcl_gym.envs.acting import ActingEnv, TrackEnv
 from deqmcl_gym.files import write_bytes
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics.types import Floats, Singles
+from deqmcl_gym.numerics import Floats, Singles
 from localizers.tasks import BEAM_POWER, OFFICE, robot_model
 
 _BUILDINGS = 20  # of Localize-v0: episode k takes place in that of seed k modulo this

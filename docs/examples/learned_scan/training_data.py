@@ -20,7 +20,7 @@ from benchmarks.setup.names import scenario as scenario_named
 from benchmarks.setup.scenario import RoomScenario
 from deqmcl_gym.files import write_bytes
 from deqmcl_gym.maps import GridMap
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import InputError, integer
 
 Arrays = dict[str, NDArray[Any]]

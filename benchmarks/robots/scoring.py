@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.files import own_folder, write_files
-from benchmarks.replay.options import EVERY, NO_ERROR, first_referenced
 from benchmarks.report.tracks import (
     accuracy,
     run_of_track,
@@ -24,6 +23,7 @@ from benchmarks.report.tracks import (
     tracks_table,
     tracks_trials,
 )
+from benchmarks.robots.played import EVERY, NO_ERROR, first_referenced
 from benchmarks.setup.logs import REPLAY, ReplayScenario, check_inside
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.results import results_in
@@ -37,7 +37,7 @@ from deqmcl_gym.logs import Log, Scanner, Trajectory, referenced
 from deqmcl_gym.logs.estimates import read_estimate, with_covariances
 from deqmcl_gym.logs.motion import between, composed, relative
 from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics.types import Indices
+from deqmcl_gym.numerics import Indices
 from deqmcl_gym.validation import InputError
 
 _ALL = 0.99  # share of the records that an estimate need not cover without being told

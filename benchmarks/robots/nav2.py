@@ -16,7 +16,7 @@ from typing import Any
 
 import yaml
 
-from benchmarks.replay.options import Replay
+from benchmarks.robots.played import Replay
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import UnreadableError, content_of, yaml_of
 from deqmcl_gym.maps import Lidar, PolygonMap

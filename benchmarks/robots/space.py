@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from benchmarks.setup import documents
 from benchmarks.setup.overrides import NOTHING, Overrides
 from deqmcl_gym.files import UnreadableError, typed
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import InputError, boolean, one_of, shown
 from localizers import parameters
 

@@ -15,10 +15,10 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.pictures import styled
-from benchmarks.replay.options import Replay
 from benchmarks.report.charts import INK, STYLE, Chart
 from benchmarks.report.tables import Table
 from benchmarks.report.tracks import ended, map_axes
+from benchmarks.robots.played import Replay
 from benchmarks.tables.text import percent
 from benchmarks.trials.map_signals import (
     APART,
@@ -33,7 +33,7 @@ from benchmarks.trials.map_signals import (
 from deqmcl_gym.files import utf8
 from deqmcl_gym.maps import GridMap, Lidar, Map
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics.types import Bools, Indices, Reals
+from deqmcl_gym.numerics import Bools, Indices, Reals
 
 HIT, THROUGH = "hit in free space", "seen through"
 HEADING = "Where is the map wrong?"

@@ -1,8 +1,6 @@
-"""N(μ_t, P_t) ≈ p(x_t | a_{1:t}, o_{1:t}, m): the extended Kalman filter on ray-cast ranges.
+"""Two classical estimators: the extended Kalman filter, and dead reckoning.
 
-Leonard & Durrant-Whyte 1991; Thrun et al. 2005, sections 3.3 and 7.4, with gated beams instead of
-landmarks. A single Gaussian can track a robot, but not find a lost one. Compiled, without BLAS, so
-that every machine gives the same bits.
+Dead reckoning: x_t = x_{t-1} ⊕ a_t from the prior's mean, without scan, map and noise.
 """
 
 import math
@@ -12,16 +10,22 @@ from statistics import NormalDist
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Floats, Pose, arrays
 from deqmcl_gym.numerics.arrays import cholesky
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
-from deqmcl_gym.numerics.types import Floats
 from deqmcl_gym.validation import InputError, number
 from localizers.api import Points, Prior, mean_pose
-from localizers.inference.bayes_filter import FilterLocalizer
+from localizers.inference.bayes_filter import (
+    FilterLocalizer,
+    checked_action,
+    checked_plan,
+    checked_rng,
+    require_reset,
+)
 from localizers.inference.belief import Events
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particles import log_evidence
@@ -294,3 +298,65 @@ def _gaussian(prior: Prior, rng: np.random.Generator) -> tuple[Floats, Floats]:
     apart = draws - mean
     apart[:, 2] = arrays.wrapped(apart[:, 2])
     return mean, covariance_of(apart.T)
+
+
+_KEPT = 10_000  # poses, at least
+
+
+@dataclass(frozen=True)
+class _Track:
+    """The last poses, a list that later steps append to, and the plan from the present on."""
+
+    driven: list[Pose]
+    present: int
+    plan: Floats
+
+    def points(self, offset: int = 0) -> tuple[Floats, Floats] | None:
+        index = self.present + offset
+        if not 0 <= index <= self.present + len(self.plan):
+            return None
+        pose = self.driven[min(index, self.present)]
+        for action in self.plan[: max(offset, 0)].tolist():
+            pose = _moved(pose, *action)
+        return np.array([pose]), np.ones(1)
+
+
+class DeadReckoning:
+    """Integrates the commands from the prior's mean, and the plan up to the offset asked for."""
+
+    def __init__(self) -> None:
+        self._driven: list[Pose] | None = None
+
+    def reset(self, prior: Prior, plan: ArrayLike, rng: np.random.Generator) -> _Track:
+        """Start at the prior's mean; see ``Localizer.reset``."""
+        checked_rng(rng)
+        if (mean := getattr(prior, "mean", None)) is None:
+            raise InputError(
+                f"the prior is a {type(prior).__name__} without a mean, but dead reckoning needs "
+                "one to start from: give a GaussianPrior, or use another localizer."
+            )
+        track = _Track([mean], 0, checked_plan(plan))
+        self._driven = track.driven
+        return track
+
+    def update(self, ranges: ArrayLike, action: ArrayLike, plan: ArrayLike) -> _Track:
+        """Add one command; see ``Localizer.update``."""
+        driven = require_reset(self._driven)
+        command, ahead = checked_action(action), checked_plan(plan)
+        if len(driven) >= 2 * _KEPT:
+            self._driven = driven = driven[-_KEPT:]
+        driven.append(_moved(driven[-1], *command.tolist()))
+        return _Track(driven, len(driven) - 1, ahead)
+
+
+def dead_reckoning(robot: RobotModel) -> DeadReckoning:
+    """Return dead reckoning; it does not use the robot model."""
+    del robot
+    return DeadReckoning()
+
+
+def _moved(pose: Pose, forward: float, left: float, turn: float) -> Pose:
+    x, y, heading = pose
+    heading += turn
+    cosine, sine = cos64(heading), sin64(heading)
+    return x + (forward * cosine - left * sine), y + (forward * sine + left * cosine), heading

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.replay.options import NAME, Replay
+from benchmarks.robots.played import NAME, Replay
 from benchmarks.setup.overrides import Overrides
 from benchmarks.tables.text import percent
 from benchmarks.trials.collecting import TrackLog

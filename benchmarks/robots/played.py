@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 
 from benchmarks.setup import documents
+from benchmarks.setup.documents import parsed
 from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise, shows_noise
 from benchmarks.setup.names import absolute_assumed, scenario
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.setup.priors import Gaussian
-from benchmarks.sweeps.settings import parsed
 from benchmarks.trials.tracks import absolute
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.logs import Log, LogWarning, Trajectory, referenced
 from deqmcl_gym.logs.trajectory import tolerance_of
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics.types import Floats, Pose
+from deqmcl_gym.numerics import Floats, Pose
 from deqmcl_gym.validation import InputError, one_of, pose
 from localizers import OmniMotion, RobotModel
 from localizers.models.nav2_motion import MotionModel, kind_of

@@ -11,17 +11,17 @@ import pandas as pd
 import yaml
 
 from benchmarks.files import write_files
-from benchmarks.replay.nav2 import nav2_document
 from benchmarks.report.writing import load, no_report
+from benchmarks.robots.nav2 import nav2_document
+from benchmarks.robots.search import RUNS, Candidate, Task, Tuning
+from benchmarks.robots.space import Space
+from benchmarks.setup.documents import sweep_text
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
-from benchmarks.sweeps.settings import sweep_text
 from benchmarks.tables.frames import by_world, csv_of
 from benchmarks.tables.stats import Interval, estimate
 from benchmarks.tables.text import estimated, fixed, percent, significant
-from benchmarks.tuning.search import RUNS, Candidate, Task, Tuning
-from benchmarks.tuning.space import Space
 from deqmcl_gym.files import command_line, utf8
-from deqmcl_gym.numerics.types import Floats
+from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import InputError
 
 NAV2 = "nav2.yaml"

@@ -18,7 +18,8 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.files import is_empty
-from benchmarks.replay.options import NAME, Replay
+from benchmarks.robots.played import NAME, Replay
+from benchmarks.robots.space import ASSUMED, Space, latin_hypercube, neighbour
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
@@ -30,7 +31,6 @@ from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_SCORES, Score
 from benchmarks.trials.scoring import Finished, TrialRecord
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage, check_trials
-from benchmarks.tuning.space import ASSUMED, Space, latin_hypercube, neighbour
 from deqmcl_gym.files import UnreadableError, content_of, json_of, write_bytes
 from deqmcl_gym.validation import InputError
 

@@ -17,10 +17,6 @@ from benchmarks.console import doing, log_warnings, warn
 from benchmarks.execution.engines import Where
 from benchmarks.experiment import knowing, named_localizers
 from benchmarks.files import write_files
-from benchmarks.replay.calibration import calibrated, judged_alike, uses_scan, with_fitted_beams
-from benchmarks.replay.nav2 import Amcl, read_nav2
-from benchmarks.replay.options import EVERY, NAME, OFTEN, Replay, params_among, replay_of
-from benchmarks.replay.residuals import PICTURE, TABLE, Residuals, files_of, residuals_of
 from benchmarks.report.tracks import (
     accuracy,
     differences_table,
@@ -32,12 +28,16 @@ from benchmarks.report.tracks import (
 )
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import load, no_report
+from benchmarks.robots.calibration import calibrated, judged_alike, uses_scan, with_fitted_beams
+from benchmarks.robots.nav2 import Amcl, read_nav2
+from benchmarks.robots.played import EVERY, NAME, OFTEN, Replay, params_among, replay_of
+from benchmarks.robots.residuals import PICTURE, TABLE, Residuals, files_of, residuals_of
+from benchmarks.setup.documents import sweep_text
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.running import Options, begun, check
-from benchmarks.sweeps.settings import sweep_text
 from benchmarks.sweeps.sweepfile import params_by_localizer
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import file_words, percent

@@ -1,1 +1,0 @@
-"""Localizers on recorded logs: ``deqmcl replay`` and ``score``."""
