@@ -1,12 +1,9 @@
 """A world of five states on a ring, small enough to enumerate γ_t exactly.
 
-γ_t = p(x_0) Π_{s ≤ t+F_t} p(x_s | x_{s-1}, u_s) g(x_{s-1}, x_s) · Π_{s ≤ t} p(o_s | x_s)
-
-times Π_{s ≤ t} p(π_s | x_s) where plans are evidence.
+γ_t = p(x_0) Π_{s ≤ t+F_t} p(x_s | x_{s-1}, u_s) g(x_{s-1}, x_s) Π_{s ≤ t} p(o_s | x_s) p(π_s | x_s)
 
 A particle filter's unnormalised estimate, exp(log_evidence) Σ W φ, has expectation γ_t(φ) at every
-number of particles and however it resamples. So thousands of filters with eight particles each
-must average to the enumerated figure, for every t, every state of the queue and every value.
+number of particles, however it resamples; p(π_s | x_s) = 1 unless plans are evidence.
 """
 
 import math
