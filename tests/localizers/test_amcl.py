@@ -202,8 +202,8 @@ def test_navs_models_assume_nothing_that_the_robot_model_does(kind):
 
 
 def test_the_robots_own_motion_and_scan_are_used_if_asked(robot, prior):
-    omni = {"robot_model_type": OMNI, "alpha5": 0.3}
-    named = [{}, omni, {"laser_model_type": "robot"}, {"robot_model_type": "robot"}, ROBOTS_OWN]
+    omni, own = {"robot_model_type": OMNI}, {"robot_model_type": "robot"}
+    named = [{}, omni, omni | {"alpha5": 0.3}, {"laser_model_type": "robot"}, own, ROBOTS_OWN]
     beliefs = [updated("amcl", robot, prior, [150.0], (30, 0.3), **p).present for p in named]
     for k, one in enumerate(beliefs):
         for other in beliefs[k + 1 :]:

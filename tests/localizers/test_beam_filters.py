@@ -14,6 +14,7 @@ from deqmcl_gym.maps import Lidar, PolygonMap
 from localizers import GaussianPrior, GaussianUniform, RobotModel
 from localizers.checks import check_localizer
 from localizers.inference.beam_filters import (
+    JUDGES,
     DistanceFilter,
     EntropyFilter,
     PlaceCells,
@@ -131,6 +132,14 @@ def test_cells_are_squares_and_sectors_wherever_headings_are_wrapped():
     places = PlaceCells(5.0)(poses.T)
     assert places[0] == places[1] == places[3]
     assert len({places[0], places[2], places[4]}) == 3
+
+
+def test_many_particles_are_represented_by_evenly_spaced_ones_and_few_by_all():
+    states = np.arange(3 * 2000.0).reshape(3, 2000)
+    for n, apart in ((2000, 4.0), (JUDGES, 1.0)):
+        some, weights = judges(states[:, :n], np.where(np.arange(n) % 4, 0.0, -np.inf))
+        assert np.unique(np.diff(some[0])).tolist() == [apart]
+        assert weights.sum() == pytest.approx(1)  # also where those taken all weigh 0
 
 
 @dataclass(frozen=True)
