@@ -1,12 +1,9 @@
 """A world of five states on a ring, small enough to enumerate γ_t exactly.
 
-γ_t = p(x_0) Π_{s ≤ t+F_t} p(x_s | x_{s-1}, u_s) g(x_{s-1}, x_s) · Π_{s ≤ t} p(o_s | x_s)
-
-times Π_{s ≤ t} p(π_s | x_s) where plans are evidence.
+γ_t = p(x_0) Π_{s ≤ t+F_t} p(x_s | x_{s-1}, u_s) g(x_{s-1}, x_s) Π_{s ≤ t} p(o_s | x_s) p(π_s | x_s)
 
 A particle filter's unnormalised estimate, exp(log_evidence) Σ W φ, has expectation γ_t(φ) at every
-number of particles and however it resamples. So thousands of filters with eight particles each
-must average to the enumerated figure, for every t, every state of the queue and every value.
+number of particles, however it resamples; p(π_s | x_s) = 1 unless plans are evidence.
 """
 
 import math
@@ -232,7 +229,7 @@ PLANS = {
     "start": started_by_plan,
     "start, two draws": partial(started_by_plan, draws=2),
     "start and plans": informed_throughout,
-    "start and plans, when new": partial(informed_throughout, steps=3, new_only=True),
+    "start and plans, when new": partial(informed_throughout, steps=2, new_only=True),
 }
 
 
@@ -248,18 +245,16 @@ def plans_shown(ring: ParticleFilter, drive: Drive) -> np.ndarray | None:
     evidence, start, beta = ring.lookahead, ring.start, ring.feasibility.beta
     if not isinstance(evidence, PlanEvidence) and not isinstance(start, InformedStart):
         return None
-    figures = np.ones((STEPS + 1, STATES))
+    figures, read = np.ones((STEPS + 1, STATES)), ()  # what was read of the last plan
     for s, plan in enumerate(drive.plans):
         if s == 0 and isinstance(start, InformedStart):
-            figures[s] = likely(plan, beta)
+            figures[s], read = likely(plan, beta), plan
         elif isinstance(evidence, PlanEvidence):
             first, seen = 0, plan[: evidence.steps]
-            if s > 0 and evidence.new_only:
-                whole = s == 1 and isinstance(start, InformedStart)
-                last = drive.plans[s - 1][: None if whole else evidence.steps][1:]
-                while first < min(len(last), len(seen)) and last[first] == seen[first]:
+            if evidence.new_only:
+                while first < min(len(read) - 1, len(plan)) and read[first + 1] == plan[first]:
                     first += 1
-            figures[s] = likely(seen, beta, first)
+            figures[s], read = likely(seen, beta, first), plan[: max(len(seen), first)]
     return figures
 
 

@@ -49,10 +49,7 @@ def log_density(x, ranges, expected, max_range):
 def test_it_finds_the_parameters_that_made_the_readings_within_their_standard_errors(
     model, max_range
 ):
-    """By the information of the scores at the truth; shares have sum 1, so one follows the others.
-
-    |z| > 5 at one of 5 parameters of two settings: by chance once in 170,000 times.
-    """
+    """By the information of the scores at the truth; shares add up to 1: one follows the others."""
     ranges, expected = readings(model, max_range)
     fit = fitted(ranges, expected, max_range)
     own = ranges < max_range

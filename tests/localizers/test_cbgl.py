@@ -82,26 +82,6 @@ def test_matching_never_makes_the_error_larger_and_ends_where_no_small_step_help
         assert (error(beside, scan) >= found[best] - 1e-4).all()
 
 
-def test_each_pose_is_matched_by_itself(office, anywhere):
-    scan = seen_from(office, anywhere.sample(1, RNG(1))[0])
-    begun = np.ascontiguousarray(anywhere.sample(40, RNG(2)).T, np.float32)
-    matching = Matching(error=error_of(office), first=0.5, turn=0.2)
-    together = matching(begun, scan)[0]
-    alone = [matching(np.ascontiguousarray(begun[:, i : i + 1]), scan)[0] for i in range(40)]
-    assert np.array_equal(together, np.hstack(alone))
-
-
-def test_the_best_hypotheses_are_matched_and_returned_best_first(office, anywhere):
-    scan = seen_from(office, anywhere.sample(1, RNG(1))[0])
-    fix = localizers.make("cbgl", office, poses=3000, matched=20, modes=7).filter
-    states = np.ascontiguousarray(anywhere.sample(3000, RNG(2)).T, np.float32)
-    error = fix.matching.error(states, scan)
-    chosen = sorted(range(3000), key=lambda i: error[i])[:20]
-    poses, matched = fix.matching(states[:, chosen], scan)
-    best = sorted(range(20), key=lambda i: matched[i])[:7]
-    assert np.array_equal(fix.fixes(states, scan), poses[:, best])
-
-
 def test_one_scan_without_noise_finds_the_robot_in_a_building(office, anywhere):
     found = 0
     for world in range(10):

@@ -7,7 +7,7 @@ import pytest
 from following import follow, same
 from PIL import Image
 from refusals import refused
-from ring import COLLIDES, DRIVES, GRADED, METHODS, PLANS, RingMap, worst, z_scores
+from ring import DRIVES, GRADED, METHODS, PLANS, RingMap, worst, z_scores
 
 from deqmcl_gym.maps import GridMap
 from localizers import make
@@ -38,13 +38,6 @@ def test_with_graded_steps_the_unnormalised_estimate_is_unbiased_for_gamma(name,
     walls = CostMap(floor_plan=RingMap(), radius=0.0, cost=RingMap(), beta=1.0)
     ring = (METHODS | PLANS)[name](1.0, feasibility=walls)
     assert worst(z_scores(ring, DRIVES[drive], replicates=600, costs=GRADED)) < 5
-
-
-def test_the_enumeration_tells_graded_steps_from_collisions():
-    # Else the test above could not tell them apart either.
-    walls = CostMap(floor_plan=RingMap(), radius=0.0, cost=RingMap(), beta=1.0)
-    ring = METHODS["deq"](1.0, feasibility=walls)
-    assert worst(z_scores(ring, DRIVES["as planned"], replicates=600, costs=COLLIDES)) > 20
 
 
 def test_a_step_costs_1_if_it_collides_else_what_the_nearest_wall_makes_of_its_end(room):
@@ -151,19 +144,6 @@ def test_a_published_cost_map_is_translated_back(tmp_path):
     found = image.at(HALL.placed(np.column_stack([np.arange(7) + 0.5, np.full(7, 4.5)])).T)
     expected = [*np.minimum(costs / 252, 1), 0]
     np.testing.assert_allclose(found, expected, atol=251 / 97 / 252)  # one step of the translation
-
-
-def test_an_image_of_the_inflation_costs_as_the_inflation_to_its_rounding(tmp_path):
-    inflation = Inflation(
-        floor_plan=HALL, radius=0.2, inflation_radius=1.5, cost_scaling_factor=1.0
-    )
-    rows, columns = np.mgrid[:10, :14]
-    centres = HALL.placed(np.column_stack([columns.ravel(), rows.ravel()]) + 0.5)
-    costs = inflation.at(centres.T.astype(np.float32))
-    path = written(tmp_path, np.rint(252 * costs).reshape(10, 14))
-    image = CostImage.load(str(path), HALL, 0.2)
-    assert 0.3 < np.mean(costs > 0) < 1
-    np.testing.assert_allclose(image.at(centres.T.astype(np.float32)), costs, atol=0.5 / 252)
 
 
 @pytest.mark.parametrize(

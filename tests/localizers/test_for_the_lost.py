@@ -1,11 +1,11 @@
 """What finds a robot: any localizer from a uniform prior, tempered scans, poses from anywhere."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from following import follow, robot_of, same, sample_size, varied
+from following import follow, same, sample_size
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -24,49 +24,17 @@ from ring import (
 )
 
 import localizers
-from deqmcl_gym.maps import GridMap, Lidar
-from deqmcl_gym.maps.office import Office
+from deqmcl_gym.maps import GridMap
 from deqmcl_gym.validation import InputError
 from localizers.inference.loss_detector import Recovery
 from localizers.inference.particle_filter import Injection, is_new
 from localizers.inference.resampling import power_that_keeps
 from localizers.models.feasibility import PlanSensor
+from localizers.models.motion import increments
 from localizers.models.prior import even_poses, random_poses
 
 RNG = np.random.default_rng
-SMALL = {  # parameters that make a method quick in a building
-    "grid": {"cell": 0.5, "headings": 16},
-    "amcl": {"max_particles": 300, "min_particles": 100},
-    "ekf": {},
-    "cbgl": {"particles": 300, "poses": 2000, "modes": 10},
-}
 FOR_THE_LOST = ["mcl-map", "mcl-plan"]
-
-
-@pytest.fixture(scope="module")
-def office() -> localizers.RobotModel:
-    lidar = Lidar(beams=16, field_of_view=2 * math.pi * 15 / 16, max_range=12.0)
-    return robot_of(Office(seed=3, wings=1, corridors=1).grid, lidar, (0.1, 0.1, 0.05), sigma=0.1)
-
-
-@pytest.mark.parametrize("name", sorted(set(localizers.names()) - {"dead-reckoning"}))
-def test_every_localizer_takes_the_uniform_prior_in_an_office(name, office):
-    localizer = localizers.make(name, office, **SMALL.get(name, {"particles": 300}))
-    anywhere = localizers.UniformPrior(floor_plan=office.floor_plan, radius=office.radius)
-    truth = anywhere.sample(1, RNG(1))
-    scan = np.fmin(office.floor_plan.ranges(truth, office.lidar.bearings)[0], 12.0)
-    plan = np.tile([0.0, 0.05], (6, 1))
-    belief = localizer.reset(anywhere, plan, RNG(0))
-    poses, weights = belief.points()
-    spread = np.sqrt(weights @ np.square(poses - weights @ poses))
-    x0, y0, x1, y1 = office.floor_plan.bounds
-    assert spread[0] > (x1 - x0) / 5  # uniform over all: 0.29
-    assert spread[1] > (y1 - y0) / 5
-    for t in range(3):
-        belief = localizer.update(scan, plan[t], plan[t + 1 :])
-        poses, weights = belief.points()
-        assert np.isfinite(poses).all()
-        assert weights.sum() == pytest.approx(1)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.7])
@@ -87,10 +55,10 @@ def test_a_place_is_found_on_a_map_that_is_nearly_full(angle):
         random_poses(full, 50_000, RNG(0), 1.1)
 
 
-def test_dead_reckoning_has_no_use_for_it_and_says_so_in_a_sentence(office):
-    anywhere = localizers.UniformPrior(floor_plan=office.floor_plan)
+def test_dead_reckoning_has_no_use_for_it_and_says_so_in_a_sentence(robot):
+    anywhere = localizers.UniformPrior(floor_plan=robot.floor_plan)
     with pytest.raises(InputError, match=r"^the prior is a UniformPrior without a mean, .{,120}$"):
-        localizers.make("dead-reckoning", office).reset(anywhere, [], RNG(0))
+        localizers.make("dead-reckoning", robot).reset(anywhere, [], RNG(0))
 
 
 @settings(max_examples=200)
@@ -163,10 +131,7 @@ class Doubt(Recovery):
 
 @pytest.mark.parametrize("strategy", RESAMPLING)
 def test_with_a_given_share_the_mixture_is_exact(strategy):
-    """α_t = [(1 - s) α_{t-1} T + s |α_{t-1} T| u] p(o_t | x), for eight particles; see ring.
-
-    Fails at |z| > 5, for 50 figures: a false alarm in 3e-5 runs; the seeds are fixed.
-    """
+    """α_t = [(1 - s) α_{t-1} T + s |α_{t-1} T| u] p(o_t | x), for eight particles; see ring."""
     share, beta, replicates = 0.3, 1.0, 1_000
     everywhere = np.full(STATES, 1 / STATES)
 
@@ -195,13 +160,9 @@ DRIVE, TURN, BACK = (5.0, 0.0), (5.0, 0.3), (-5.0, 0.0)
 @pytest.mark.parametrize(
     ("last", "plan", "new"),
     [
-        ([DRIVE, TURN, BACK], [TURN, BACK], False),
         ([DRIVE, TURN, BACK], [TURN, BACK, BACK], False),  # the window moves on
-        ([DRIVE, TURN, BACK], [TURN], False),
         ([DRIVE, TURN, BACK], [], False),
         ([DRIVE, TURN, BACK], [TURN, DRIVE], True),
-        ([DRIVE, TURN, BACK], [DRIVE, TURN, BACK], True),
-        ([], [], False),
         ([], [DRIVE, TURN], True),
         ([DRIVE], [TURN, BACK], True),  # the goal was reached, and another one given
     ],
@@ -212,43 +173,27 @@ def test_a_route_is_new_that_does_not_go_on_as_the_one_before(last, plan, new):
 
 
 @pytest.mark.parametrize("name", FOR_THE_LOST)
-def test_after_a_new_route_poses_are_drawn_by_it_and_otherwise_anywhere(name, robot, prior, drive):
-    actions, scans = drive
-    route = np.tile([5.0, 0.0], (40, 1))  # 200 px straight on: fits few poses in this room
-    plans = [actions[t:] for t in range(6)] + [route[t:] for t in range(7)]
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_after_a_new_route_poses_are_drawn_by_it_and_otherwise_anywhere(
+    name, share, robot, prior, drive
+):
+    straight = np.tile([5.0, 0.0, 0.0], (40, 1))  # 200 px: fits few poses in this room
+    route = increments(drive[0])
     made = localizers.make(name, robot, particles=400, start_draws=20, plan_beta=10.0)
-    start = made.filter.start
     anywhere = localizers.UniformPrior(floor_plan=robot.floor_plan, radius=robot.radius)
-    injection = Injection(recovery=Doubt(always=0.5), poses=anywhere, start=start)
-    seen: list[tuple[int, float]] = []
-
-    class Watched(Injection):
-        def __call__(self, belief, plan, rng):
-            after = super().__call__(belief, plan, rng)
-            others = (after.present != belief.present).any(axis=0)
-            poses = np.ascontiguousarray(after.present[:, others])
-            sensor = PlanSensor(floor_plan=robot.floor_plan, radius=robot.radius)
-            seen.append((len(plan), float((sensor.collisions(poses, plan) == 0).mean())))
-            return after
-
-    watched = Watched(**vars(injection))
-    follow(varied(made, injection=watched), prior, (actions, scans), plans=plans)
-    fits = dict(seen)
-    assert all(share < 0.5 for steps, share in seen[:5] if steps > 6)
-    assert all(share > 0.9 for steps, share in seen[5:9])  # as long as 1 / α_fast = 4 steps
-    assert all(share < 0.5 for steps, share in seen[9:])
-    assert len(fits) == 12
-
-
-@pytest.mark.parametrize("share", [0.0, 0.3])
-def test_a_route_is_news_only_for_a_while_however_lost_the_robot_is(robot, prior, drive, share):
-    actions, scans = drive
-    made = localizers.make("mcl-map", robot, particles=50, start_draws=2, recovery_alpha_fast=0.25)
-    made = varied(made, injection=replace(made.filter.injection, recovery=Doubt(always=share)))
-    route = np.tile([5.0, 0.1], (40, 1))
-    plans = [actions, actions[1:], *(route[t:] for t in range(11))]
-    news = [b.watch.news for b in follow(made, prior, (actions, scans), plans=plans)]
-    assert news == [0, 0, 4, 3, 2, 1, *[0] * 7]
+    injection = Injection(recovery=Doubt(always=share), poses=anywhere, start=made.filter.start)
+    sensor = PlanSensor(floor_plan=robot.floor_plan, radius=robot.radius)
+    belief = injection.begun(made.reset(prior, drive[0], RNG(0)), route)
+    rng, news, fits = RNG(1), [], []
+    for plan in (route[1:], *(straight[t:] for t in range(8))):
+        before, belief = belief, injection(belief, plan, rng)
+        news.append(belief.watch.news)
+        if share > 0:
+            drawn = (belief.present != before.present).any(axis=0)
+            poses = np.ascontiguousarray(belief.present[:, drawn])
+            fits.append(float((sensor.collisions(poses, plan) == 0).mean()) > 0.9)
+    assert news == [0, 4, 3, 2, 1, 0, 0, 0, 0]  # as long as 1 / α_fast = 4 steps
+    assert fits == [count > 0 for count in news[: len(fits)]]
 
 
 def test_random_poses_come_by_the_ratio_of_the_two_averages():

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 import localizers
 from deqmcl_gym.validation import InputError
-from localizers.inference.bayes_filter import FilterLocalizer
 from localizers.inference.belief import ParticleBelief
 from localizers.inference.hedge import Hedge, mixed, predictive, probability_of, switched, weighed
 from localizers.inference.queue import Queue
@@ -49,12 +48,6 @@ def test_what_is_unknown_or_impossible_to_both_moves_no_trust():
     doubt = math.log(1 - probability_of(0.3))
     assert weighed(0.3, -math.inf, -2.0) == (-math.inf, pytest.approx(doubt - 2.0))
     assert weighed(math.inf, -math.inf, -2.0) == (math.inf, -math.inf)  # never doubted
-
-
-@given(q=st.floats(1e-9, 1 - 1e-9), switching=st.floats(0.0, 0.5))
-def test_odds_switch_as_probabilities_do(q, switching):
-    ahead = probability_of(switched(math.log(q) - math.log1p(-q), switching))
-    assert ahead == pytest.approx(q * (1 - switching) + (1 - q) * switching, rel=1e-9)
 
 
 def misled(drive, seed):
@@ -99,14 +92,6 @@ def test_of_members_one_of_which_is_never_doubted_it_is_that_one(make, prior, dr
     # its protected member draws what it would draw alone
     alone = follow(make("mcl-map-smoother", particles=N // 2), prior, drive)
     assert same([belief.protected for belief in beliefs], alone, offsets=range(-20, 1))
-
-
-def test_between_two_equal_members_trust_stays_at_one_half(robot, prior, drive):
-    members = [localizers.make("grid", robot, cell=35.0, headings=12).filter for _ in range(2)]
-    hedge = FilterLocalizer(robot, Hedge(advised=members[0], protected=members[1]))
-    beliefs = follow(hedge, prior, drive)
-    assert [belief.trusted for belief in beliefs] == [0.5] * len(beliefs)
-    assert not math.isnan(beliefs[-1].scan_log_evidence)
 
 
 def test_it_is_both_clouds_with_their_shares(make, prior, drive):
@@ -199,16 +184,6 @@ def test_many_particles_are_the_two_modes_enumerated(author, mutual):
             states, weights = member.points()
             found = np.bincount(states[:, 0], weights, ring.STATES)
             assert found == pytest.approx(cloud, abs=TOLERANCE)
-
-
-@pytest.mark.parametrize("author", ["anew", "stale"])
-def test_protection_and_the_exact_two_modes_differ_by_far_more_than_that(author):
-    # Else the test above could not tell them apart.
-    told = [
-        two_modes(ring.AUTHORS[author], BETA, SWITCHING, TRUST, mutual=mutual)[-1]
-        for mutual in (False, True)
-    ]
-    assert np.abs(told[0][2] - told[1][2]).max() > 3 * TOLERANCE
 
 
 @dataclass

@@ -36,13 +36,6 @@ def test_it_is_the_other_method(make, prior, drive, name, params, parts, other, 
     assert same(one, follow(make(other, **others), prior, drive), offsets=offsets)
 
 
-@pytest.mark.parametrize("future", [0, 2, 5])
-def test_beta_zero_is_g_one_at_equal_future(make, prior, drive, future):
-    deq = varied(make("deq-mcl", lag=5, beta=0.0), future=future)
-    free = varied(deq, feasibility=None)
-    assert same(follow(deq, prior, drive), follow(free, prior, drive), offsets=BOTH)
-
-
 def test_beta_zero_is_g_one_also_where_the_future_is_redrawn(make, prior, drive):
     actions, scans = drive
     planned = actions + np.array([0.0, 0.1])
@@ -64,14 +57,6 @@ def test_the_methods_do_differ_from_mcl_where_they_should(make, prior, drive, na
     assert not same(other, follow(make("mcl"), prior, drive), offsets=[offset])
 
 
-@pytest.mark.parametrize("name", ["mcl", "mcl-map", "deq-mcl"])
-def test_an_ess_threshold_of_one_is_resampling_always(robot, prior, drive, name):
-    # Weights differ after every step here, so the effective sample size is always below n.
-    always = localizers.make(name, robot, particles=60)
-    whenever = localizers.make(name, robot, particles=60, ess_threshold=1.0)
-    assert same(follow(always, prior, drive), follow(whenever, prior, drive), offsets=BOTH)
-
-
 def test_an_ess_threshold_of_zero_never_resamples_so_weights_are_products_of_likelihoods(
     robot, prior, drive
 ):
@@ -84,14 +69,6 @@ def test_an_ess_threshold_of_zero_never_resamples_so_weights_are_products_of_lik
     expected = np.exp(total - total.max())
     assert last.points()[1] == pytest.approx(expected / expected.sum(), rel=1e-9)
     assert last.log_evidence == pytest.approx(np.log(np.exp(total).mean()), rel=1e-9)
-
-
-def test_all_methods_start_from_the_same_cloud(robot, prior):
-    clouds = [
-        localizers.make(name, robot, particles=60).reset(prior, [], np.random.default_rng(3))
-        for name in ("mcl", "mcl-map", "mcl-smoother", "deq-mcl")
-    ]
-    assert all(same([cloud], [clouds[0]]) for cloud in clouds)
 
 
 def test_two_localizers_do_not_disturb_each_other(robot, prior, drive):

@@ -135,13 +135,6 @@ def test_a_walk_in_one_pass_has_the_bits_of_one_step_after_the_other(
     assert alone.tobytes() == log_g.tobytes()
 
 
-def test_no_step_is_no_path_and_no_charge(room):
-    rollout = Rollout(MOTION, FreeSpace(floor_plan=room, radius=8.0))
-    paths, log_g = rollout.futures(cloud(5), PLAN[:0], 3, RNG(0))
-    assert paths(np.zeros(5, int)) == []
-    assert np.array_equal(log_g, np.zeros((3, 5)))
-
-
 def test_parts_of_ones_own_are_asked_step_by_step(room):
     class Straight:
         def sample(self, states, action, rng):
@@ -158,18 +151,3 @@ def test_parts_of_ones_own_are_asked_step_by_step(room):
     walls = FreeSpace(floor_plan=Solid(), radius=8.0, beta=2.0)
     _, log_g = Rollout(MOTION, walls).futures(cloud(5), PLAN, 1, RNG(0))
     assert np.array_equal(log_g, np.full((1, 5), -2.0 * len(PLAN)))
-
-
-@pytest.mark.parametrize("beta", [0.0, 2.0, math.inf])
-@pytest.mark.parametrize("radius", [0.0, 5.0, 20.0])
-def test_a_step_whose_swept_disc_collides_is_charged_beta_and_a_free_one_nothing(
-    room, beta, radius
-):
-    rng = np.random.default_rng(1)
-    before = rng.uniform((0, 0, -3), (350, 300, 3), (2000, 3)).astype(np.float32).T
-    after = before + rng.normal(0, 15, (3, 2000)).astype(np.float32)
-    log_g = FreeSpace(floor_plan=room, radius=radius, beta=beta).log_g(before, after)
-    collides = room.collides(before.T, after.T, radius)
-    assert 0.1 < collides.mean() < 0.9
-    assert log_g.dtype == np.float64
-    assert np.array_equal(log_g, np.where(collides, -beta, 0.0))

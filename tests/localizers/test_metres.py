@@ -1,13 +1,4 @@
-"""A room scaled by 0.02 and called metres: every localizer, without a parameter, does the same.
-
-Ray casts and particles are float32, so a range of 400 px differs by 6e-8 of itself and a weight by
-about 1e-6: means agree to CLOSE. But the sums of weights before each particle may pass one of the
-pointers of resampling, with a probability of about 1e-6 N each: a single particle is then another
-one. The seeds are such that this happens to none before step EARLY, so all means are CLOSE there.
-From then on a few particles of a thousand may be others, and their descendants: half a standard
-deviation of the cloud is allowed. Of amcl one: where KLD-sampling takes another particle more, all
-later draws are others, and these are two independent runs of 500 particles.
-"""
+"""A room scaled by 0.02 and called metres: every localizer, without a parameter, does the same."""
 
 import math
 
@@ -20,8 +11,11 @@ from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.maps.map import scaled
 
 M = 0.02  # to the px
-STEPS, EARLY = 48, 10
-CLOSE = 0.001  # px
+STEPS = 48
+# float32 weights differ by 1e-6: means are CLOSE until resampling takes another particle, before
+# step EARLY never with these seeds; then half a standard deviation is allowed. Of amcl one: where
+# KLD-sampling takes a particle more, all later draws are others.
+EARLY, CLOSE = 10, 0.001  # steps, px
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference import mounted
 from scipy.spatial import cKDTree
 
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
@@ -109,18 +108,6 @@ def three_beams(**params) -> dict:
 HERE = np.array([[2.025], [1.025], [0.0]], np.float32)
 
 
-def test_three_beams_weigh_as_computed_by_hand():
-    # ends (2.025, 0.925): 1 m and 2 cells off; (3.025, 1.025): on the cell; (2.025, 5.525): off map
-    scan = np.array([0.1, 1.0, 4.5])
-    far, random = math.exp(-(2.0**2) / 0.08), 0.5 / 10.0
-    near = math.exp(-(1.0**2 + 0.1**2) / 0.08)
-    q = [0.5 * near + random, 0.5 + random, 0.5 * far + random]
-    cubes = log_w(LikelihoodField(**three_beams(**FIELD)), HERE, scan)
-    assert math.exp(cubes[0]) == pytest.approx(1 + sum(v**3 for v in q), rel=1e-7)
-    product = log_w(LikelihoodFieldProb(**three_beams(**FIELD)), HERE, scan)
-    assert math.exp(product[0]) == pytest.approx(math.prod(q), rel=1e-6)
-
-
 def test_three_beams_of_the_beam_model_weigh_as_computed_by_hand():
     # rays: 1.025 m to the edge of the map; 0.975 m to the cell's face; 2.975 m to the edge
     scan = np.array([0.9, 1.2, 10.0])
@@ -147,13 +134,6 @@ def test_rays_stop_at_unknown_cells_whatever_the_map_says_of_them(unknown):
     assert math.exp(beyond[0]) == pytest.approx(1 + 0.05**3, rel=1e-5)
 
 
-@pytest.mark.parametrize("unknown", ["free", "obstacle"])
-def test_an_unknown_cell_is_no_wall_of_the_field(building, unknown):
-    known = building.occupancy.clip(0)
-    plans = replace(building, unknown=unknown), replace(building, occupancy=known)
-    assert np.array_equal(*(DistanceTable.of(plan, 2.0, 0.02).squares for plan in plans))
-
-
 def test_a_map_without_an_occupied_cell_is_as_far_from_walls_as_can_be():
     hall = GridMap(occupancy=np.zeros((20, 20), np.int8), resolution=0.05)
     assert np.isinf(DistanceTable.of(hall, 2.0, 0.02).squares).all()
@@ -170,22 +150,6 @@ def test_the_table_of_polygons_is_the_distance_of_its_cells_centres_also_around_
     exact = np.minimum(np.where(inside > 0, inside, off), 1.0)
     told = np.minimum(0.1 * np.sqrt(table.squares.astype(float)), 1.0)
     np.testing.assert_allclose(told, exact, atol=1e-5)  # float32 of 7 m
-
-
-def test_weights_in_a_room_of_pixels_are_those_of_the_same_room_in_metres():
-    corners = np.array([(0, 0), (300, 0), (300, 200), (0, 200)])
-    found = []
-    for unit, length in (("px", 1.0), ("m", 0.02)):
-        room = PolygonMap(outer=(corners * length).tolist(), unit=unit)
-        lidar = Lidar(beams=9, field_of_view=3.0, max_range=400 * length, sigma=length)
-        pose = np.array([[103.3 * length], [77.7 * length], [0.4]], np.float32)
-        scan = np.linspace(40.3, 170.7, 9) * length
-        common = {"floor_plan": room, "lidar": lidar, "sigma": 10 * length}
-        field = {"farthest": 100 * length, "cell": 1.0 * length, **common}
-        cubes = BeamCubes(decay=0.1 * 0.02 / length, **common)
-        models = LikelihoodField(**field), LikelihoodFieldProb(**field), cubes
-        found.append([log_w(model, pose, scan)[0] for model in models])
-    np.testing.assert_allclose(found[0], found[1], rtol=1e-4)
 
 
 def skipping_case(error_threshold: float):
@@ -227,39 +191,3 @@ def test_beams_with_which_few_particles_agree_are_skipped_unless_too_many_would_
     np.testing.assert_array_equal(kept(skipping, states, scan), scan)
     skipping, states, scan = skipping_case(0.3)  # 3 of 10 are as many as may be lost
     np.testing.assert_array_equal(kept(skipping, states, scan), scan)
-
-
-@pytest.mark.parametrize("seed", range(30))
-def test_beams_are_skipped_as_a_plain_transcription_of_the_definition_has_it(seed):
-    rng = np.random.default_rng(seed)
-    threshold, error_threshold = rng.uniform(0, 1, 2)
-    skipping, _, scan = skipping_case(error_threshold)
-    skipping = replace(skipping, threshold=threshold, distance=rng.choice([0.1, 0.5, 1.0]))
-    scan[rng.integers(10, size=3)] = rng.choice([0.3, 0.8, np.nan, 10.0], 3)
-    states = np.zeros((3, 20), np.float32)
-    states[0], states[1] = rng.uniform(1.2, 2.8, 20), rng.uniform(1.5, 2.5, 20)
-    wall = 3.025  # the centres of the column of occupied cells, of 0.05 m
-    agreed = []
-    for range_, bearing in zip(scan, skipping.field.lidar.bearings, strict=True):
-        agreeing = 0
-        for x in states[0].astype(float):
-            end = math.floor((x + range_ * math.cos(bearing)) / 0.05) if range_ < 10.0 else -999
-            agreeing += abs(0.05 * (end + 0.5) - wall) < skipping.distance - 1e-9
-        agreed.append(range_ < 10.0 and agreeing / 20 > threshold)
-    too_many = 10 - sum(agreed) >= 10 * error_threshold
-    expected = scan if too_many else np.where(np.array(agreed) | ~(scan < 10.0), scan, np.nan)
-    np.testing.assert_array_equal(kept(skipping, states, scan), expected)
-
-
-@pytest.mark.parametrize("model", [LikelihoodField, LikelihoodFieldProb, BeamCubes])
-def test_beams_start_where_the_scanner_is_mounted_on_the_robot(building, model):
-    field = {} if model is BeamCubes else FIELD
-    poses = thousand_poses(building)[:50].astype(float)
-    scan = noisy_scan(building)
-    moved, scanners = replace(LIDAR, mounting=(0.4, -0.2)), mounted(poses, (0.4, -0.2))
-    told = [
-        log_w(model(floor_plan=building, lidar=lidar, **field), at.T, scan)
-        for lidar, at in ((moved, poses), (LIDAR, scanners))
-    ]
-    # float32 of both: a beam in a hundred thousand ends in the next cell
-    assert np.isclose(*told, rtol=1e-3).mean() > 0.95

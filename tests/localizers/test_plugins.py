@@ -1,10 +1,8 @@
 """Names, parameters and plug-ins: one resolver for every way to name a localizer; digests."""
 
 import inspect
-import multiprocessing
 import os
 import sys
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 from types import ModuleType
@@ -14,11 +12,9 @@ from deqmcl_command import python
 from refusals import refused
 
 import localizers
-from benchmarks.setup.names import AGENT
 from benchmarks.trials.attempt import attempt, key_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
-from localizers import kinds
 from localizers.digests import UNREAD
 from localizers.methods.deq_mcl import mcl
 from localizers.registry import LOCALIZER
@@ -128,13 +124,10 @@ def digest(factory):
     ("before", "after"),
     [
         ("particles=10", "particles=11"),
-        ("GAIN, TABLE = 1.0", "GAIN, TABLE = 2.0"),
         ('"z"', '"w"'),
-        ("x * GAIN", "x - GAIN"),
         ("POWER = 1.0", "POWER = True"),
         ("sigma: float = 3.0", "sigma: float = 4.0"),
         ("class Mine(Base)", "class Mine(MyLocalizer)"),
-        ('"p", ', ""),
     ],
 )
 def test_what_a_cell_defines_has_a_digest_of_all_that_it_uses(notebook, before, after):
@@ -231,13 +224,6 @@ def test_malformed_entry_points_of_one_package_hide_no_other(module, install, tm
     localizers.resolve("theirs")
 
 
-def test_installed_packages_are_looked_through_once(monkeypatch):
-    localizers.names()
-    monkeypatch.setattr(kinds, "distributions", None)
-    assert localizers.names() == BUILT_IN
-    AGENT.names()
-
-
 @pytest.mark.parametrize("other", ["", "class Other:\n    pass\n\n", "def _other(robot): ...\n"])
 def test_a_file_with_one_localizer_means_that(tmp_path, robot, other):
     file = tmp_path / "one.py"
@@ -255,18 +241,13 @@ def test_a_file_with_one_localizer_means_that(tmp_path, robot, other):
     [
         ("dec-mcl", ["did you mean 'deq-mcl'?", "package.module:NAME", "path/to/file.py:NAME"]),
         ("no_such_pack:Mine", ["No module named 'no_such_pack': install it", "PYTHONPATH"]),
-        ("pack.good.deep:Mine", ["No module named 'pack.good.deep'"]),
         ("pack.good:Mien", ["pack.good has no 'Mien' (did you mean 'Mine'?)", "OnlyRobot"]),
         ("pack.good:number", ["is of type int", "must be a class or a function for NAME(robot"]),
-        ("pack.good:", ["must be package.module:NAME"]),
-        (":Mine", ["must be package.module:NAME"]),
         ("pack.good:Mine()", ["must be package.module:NAME"]),
         ("pack/goood.py:Mine", ["No such file", "(did you mean 'good.py'?)"]),
         ("./:Mine", ["is a folder"]),
         ("pipe.py:Mine", ["is a named pipe"]),
         ("pack/good.py", ["has Mine, OnlyRobot, NoRobot", "as in pack/good.py:Mine"]),
-        ("pack/raises.py", ["its own code raised ArithmeticError: no luck (raises.py, line 2)"]),
-        ("pack/torn.py", ["SyntaxError: invalid syntax (torn.py, line 2)."]),
     ],
 )
 def test_what_cannot_be_resolved_is_said_in_one_sentence(module, name, words):
@@ -284,7 +265,6 @@ def test_what_cannot_be_resolved_is_said_in_one_sentence(module, name, words):
         ("import absent\n", "No module named 'absent' (bad.py, line 1): install it"),
         ("\n\nx = 1 / 0\n", "ZeroDivisionError: division by zero (bad.py, line 3)."),
         ("def __getattr__(name):\n    1 / 0\n", "ZeroDivisionError: division by zero (bad.py"),
-        ("import sys\nsys.exit('bye')\n", "SystemExit: bye (bad.py, line 2)."),
         ("", "has no 'Mine'; it defines nothing."),
         ("from localizers import PoseBelief\ndef mines(robot): ...", "defines mines."),
     ],
@@ -304,23 +284,11 @@ def test_bad_code_is_said_in_one_sentence_and_a_file_is_read_again_when_mended(m
         ("none", "is of type NoneType, without reset and update"),
         ("refuses", r"its own code raised ValueError: not this robot (mine.py, line "),
         ("NoRobot", "cannot be made by NAME(robot, **params): its own code raised TypeError"),
-        ("leaves", "its own code raised SystemExit: bye (mine.py, line "),
     ],
 )
 def test_what_is_no_localizer_is_refused_when_it_is_made(robot, file, attribute, words):
     with refused(f"{file}:{attribute}", words):
         localizers.make(f"{file}:{attribute}", robot)
-
-
-def test_a_file_is_resolved_again_in_a_spawned_process(robot, file, monkeypatch):
-    monkeypatch.chdir(file.parent)
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        for name in ("mine.py:Mine", f"{file}:Mine"):
-            digest = localizers.source_digest(name)
-            assert pool.submit(localizers.source_digest, name).result() == digest
-            there = pool.submit(localizers.make, name, robot, gain=2.0)
-            assert localizers.parameters(name) == ("gain",)  # loads the class of the answer
-            assert there.result().gain == 2.0
 
 
 def test_the_digest_of_a_file_changes_with_its_text_alone_wherever_it_lies(file, tmp_path):

@@ -1,10 +1,8 @@
 """The queue by ancestry, and what it holds: L states back, min(L, what is planned) ahead."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from following import STILL, follow, same
+from following import follow
 
 import localizers
 from localizers.inference.queue import Queue
@@ -110,18 +108,6 @@ def test_the_queue_holds_lag_states_to_either_side_as_far_as_they_exist(robot, p
         assert held(belief) == list(range(-min(lag, t), min(lag, T - t) + 1))
 
 
-@pytest.mark.parametrize(
-    ("name", "params", "past"),
-    [("mcl", {}, 0), ("mcl-map", {}, 0), ("mcl-smoother", {"lag": 4}, 4)],
-)
-def test_a_method_without_future_holds_none_whatever_the_plan(
-    robot, prior, drive, name, params, past
-):
-    localizer = localizers.make(name, robot, particles=20, **params)
-    for t, belief in enumerate(follow(localizer, prior, drive)):
-        assert held(belief) == list(range(-min(past, t), 1))
-
-
 @pytest.mark.parametrize("empty", [[], np.empty(0), [[]]])
 def test_an_empty_plan_may_come_in_any_shape(robot, prior, drive, empty):
     localizer = deq(robot, 3)
@@ -137,12 +123,6 @@ def test_a_plan_shorter_than_the_lag_shrinks_the_window(robot, prior, drive, hor
     for t, belief in enumerate(beliefs):
         assert held(belief) == list(range(-min(5, t), min(horizon, T - t) + 1))
     assert beliefs[-1].events.replanned_steps == 0  # it ends earlier and grows by itself
-
-
-def test_a_plan_longer_than_the_lag_is_looked_at_no_further(robot, prior, drive):
-    window = [drive[0][t : t + 4] for t in range(T + 1)]
-    whole, cut = (follow(deq(robot, 4), prior, drive, plans=plans) for plans in (None, window))
-    assert same(whole, cut, offsets=range(-5, 6))
 
 
 def test_a_plan_that_is_cut_and_grows_again_is_followed_and_the_cut_is_counted(robot, prior, drive):
@@ -176,28 +156,3 @@ def test_a_changed_action_is_redrawn_once_and_the_steps_before_it_are_kept(
     for offset in range(-4, 5):
         equal = np.array_equal(after.points(offset)[0], kept.points(offset)[0])
         assert equal == (offset < change)
-
-
-def test_an_action_equal_to_the_planned_one_in_value_is_no_change_whatever_its_type(
-    robot, prior, drive
-):
-    actions, scans = drive
-    localizer = deq(robot, 4)
-    localizer.reset(prior, [tuple(a) for a in actions.tolist()], np.random.default_rng(0))
-    for t in range(4):
-        belief = localizer.update(list(scans[t]), tuple(actions[t]), actions[t + 1 :].tolist())
-    assert belief.events.replanned_steps == 0
-
-
-def test_the_queued_future_is_the_plan_rolled_out(robot, prior):
-    exact = replace(robot, motion=STILL)
-    plan = np.array([(10.0, 0.0), (10.0, np.pi / 2), (10.0, 0.0)])
-    belief = deq(exact, 3, beta=0.0).reset(prior, plan, np.random.default_rng(0))
-    (start, _), (end, _) = belief.points(0), belief.points(3)
-    # equal weights: systematic resampling keeps everyone in its place
-    x, y, heading = start.astype(float).T
-    ahead = np.array([np.cos(heading), np.sin(heading)])
-    left = np.array([-ahead[1], ahead[0]])
-    # float32 at 100 px: 4e-6 per operation, three steps
-    assert np.abs(end[:, :2].T - (np.array([x, y]) + 10 * ahead + 20 * left)).max() < 5e-5
-    assert np.abs(end[:, 2] - heading - np.pi / 2).max() < 2e-6

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from following import follow, same
 from refusals import refused
 
 import localizers
@@ -63,20 +64,15 @@ def errors(trial):
 
 
 @pytest.mark.parametrize("name", ["mcl", "mcl-map-smoother", "deq-mcl-fresh", "mcl-plan-hedged"])
-def test_a_plug_in_that_is_the_built_in_model_gives_the_same_beliefs(file, robot, name):
+def test_a_plug_in_that_is_the_built_in_model_gives_the_same_beliefs(
+    file, robot, prior, drive, name
+):
     ours = replace(robot, scan=localizers.GaussianUniform(sigma=30.0))
     theirs = replace(robot, scan=ScanPlugIn(kind=str(file), params={"sigma": 30.0}))
-    prior = localizers.GaussianPrior(mean=(100.0, 100.0, 0.0), sd_position=20.0, sd_heading=0.2)
-    plan = np.tile([5.0, 0.0], (10, 1))
-    found = []
-    for known in (ours, theirs):
-        localizer = localizers.make(name, known, particles=60)
-        localizer.reset(prior, plan, np.random.default_rng(1))
-        ranges = np.full(known.lidar.beams, 40.0)
-        belief = [localizer.update(ranges, plan[0], plan[i:]) for i in range(1, 4)][-1]
-        found.append(belief.points())
-    assert np.array_equal(found[0][0], found[1][0])
-    assert np.array_equal(found[0][1], found[1][1])
+    runs = [
+        follow(localizers.make(name, known, particles=60), prior, drive) for known in (ours, theirs)
+    ]
+    assert same(*runs)
 
 
 def test_the_power_scales_its_log_likelihood_also_of_more_poses_than_a_block(file, robot):
@@ -140,8 +136,6 @@ def test_a_model_that_answers_amiss_fails_its_trial_in_a_sentence(tmp_path, answ
     ("kind", "words"),
     [
         ("away.py", ["scan model 'away.py' cannot be read"]),
-        ("away.py:Same", ["away.py", "No such file"]),
-        ("mine.py:Sam", ["has no 'Sam'", "it defines Same"]),
         ("json:loads", ["'json:loads' cannot be made", "TypeError"]),
         ("builtins:dict", ["'builtins:dict' is of type dict, without log_likelihood"]),
         ("gausian-uniform", ["did you mean 'gaussian-uniform'?", "or your own as file.py:NAME"]),

@@ -59,16 +59,6 @@ def test_with_infinite_beta_and_all_colliding_the_weights_are_those_of_the_scan_
     assert_sound(collapsed)
 
 
-@pytest.mark.parametrize("name", ["mcl-map", "deq-mcl"])
-def test_with_infinite_beta_a_step_that_collides_is_rejected_outright(robot, prior, drive, name):
-    # no 0 · inf: particles whose step collided weigh exactly nothing, the others are sound
-    localizer = localizers.make(name, robot, particles=300, beta=INF, ess_threshold=0.0)
-    beliefs = follow(localizer, prior, drive)
-    for belief in beliefs:
-        assert_sound(belief)
-    assert (beliefs[2].points()[1] == 0).any()
-
-
 def test_a_scan_model_that_can_be_zero_collapses_and_is_counted(room, start):
     scan = localizers.GaussianUniform(sigma=0.5, uniform=0.0)
     robot = localizers.RobotModel(floor_plan=room, lidar=Lidar(), scan=scan)
@@ -79,9 +69,9 @@ def test_a_scan_model_that_can_be_zero_collapses_and_is_counted(room, start):
     assert localizer.update([300.0], [0.0, 0.0], []).events.weight_collapses == 1
 
 
-@pytest.mark.parametrize("ess_threshold", [None, 0.0, 0.5, 1.0])
+@pytest.mark.parametrize("ess_threshold", [None, 0.0, 0.5])
 @pytest.mark.parametrize("pilots", [1, 16])
-@pytest.mark.parametrize("beta", [10.0, 200.0, INF])
+@pytest.mark.parametrize("beta", [200.0, INF])
 @pytest.mark.parametrize("planned", [INTO_THE_WALL, np.tile([-25.0, 0.0], (6, 1))])
 def test_a_plan_into_the_wall_that_is_given_up_leaves_sound_weights(
     steady, start, planned, beta, pilots, ess_threshold
