@@ -7,11 +7,16 @@ import numpy as np
 
 ROOM_ID = "deqmcl_gym:deqmcl_gym/Room-v0"
 STEPS = 200
+WORLDS = {
+    "paper": {},
+    "guided": {"preset": "guided"},
+    "otherwise": {"clutter": {}, "changed_walls": {}, "people": {}, "glass": {}},
+}
 
 
-def trace(seed: int, preset: str = "paper") -> dict[str, np.ndarray]:
+def trace(seed: int, world: str) -> dict[str, np.ndarray]:
     """Everything the env says in ``STEPS`` steps: the plan, and every 7th step something else."""
-    env = gym.make(ROOM_ID, preset=preset, lidar={"beams": 3}, ends_at_goal=False)
+    env = gym.make(ROOM_ID, **WORLDS[world], lidar={"beams": 3}, ends_at_goal=False)
     agent = np.random.default_rng(99)
     scan, info = env.reset(seed=seed)
     said = [(scan, 0.0, False, False, info)]
