@@ -15,9 +15,7 @@ from deqmcl_gym.world.config import SKIN
 EXACT = 1e-10
 # PolygonMap computes in float32: coordinates to 3e-5 px, a clearance by a handful of operations.
 BAND = 1e-3
-
-# A robot with long arms: steps up to 60 px meet walls often, and reach past obstacle corners.
-LONG = {"max_distance": 60.0, "max_turn": math.pi}
+LONG = {"max_distance": 60.0, "max_turn": math.pi}  # steps that reach past obstacle corners
 
 
 def random_drives(floor_plan: dict, radius: float, n: int, noise: dict):
