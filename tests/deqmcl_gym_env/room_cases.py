@@ -40,23 +40,11 @@ WORLD = {
 }
 SMALL = {"wings": 1, "corridors": 1}
 
-# One long episode of an undisturbed robot: a 40,000 px wide hall whose planned lap has > 20,000
-# steps, so that samples are drawn step by step, without resets and walls.
-_WIDE = {"outer": [[0, 0], [40_000, 0], [40_000, 40_000], [0, 40_000]]}
-
 
 def calm(**kwargs) -> RoomEnv:
     """A RoomEnv without motion noise, begun with seed 0."""
     env = RoomEnv(noise=STILL, **kwargs)
     env.reset(seed=0)
-    return env
-
-
-def wide(**kwargs) -> RoomEnv:
-    """A RoomEnv with > 20,000 planned steps and nothing to touch, not yet reset."""
-    kwargs = {"start": {"pose": (20_000, 20_000, 0.0)}, "lap": {"step": 2.0}} | kwargs
-    env = RoomEnv(floor_plan=_WIDE, horizon=1, ends_at_goal=False, **kwargs)
-    assert len(env.plan) > 20_000
     return env
 
 
@@ -95,11 +83,7 @@ def wrapped(angles):
 
 
 def closing_error(actions: np.ndarray) -> float:
-    """How far float32 commands of an exact lap may miss its end, px.
-
-    Half a float32 ulp per command: a turn is below 0.5 rad (2^-26 rad), a drive below 8 px
-    (2^-22 px). Heading errors add up over the turns and act on all that is driven after them.
-    """
+    """How far commands of an exact lap may miss its end, px: each is half a float32 ulp off."""
     turns = np.count_nonzero(actions[:, 1])
     drives = np.count_nonzero(actions[:, 0])
     return float(actions[:, 0].sum()) * turns * 2.0**-26 + drives * 2.0**-22

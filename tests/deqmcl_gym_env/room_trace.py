@@ -1,4 +1,4 @@
-"""200 steps of the default room, made with nothing but gymnasium: run here or as a process."""
+"""200 steps of some rooms, made with nothing but gymnasium: run here or as a process."""
 
 import sys
 
@@ -7,11 +7,16 @@ import numpy as np
 
 ROOM_ID = "deqmcl_gym:deqmcl_gym/Room-v0"
 STEPS = 200
+WORLDS = {
+    "paper": {},
+    "guided": {"preset": "guided"},
+    "otherwise": {"clutter": {}, "changed_walls": {}, "people": {}, "glass": {}},
+}
 
 
-def trace(seed: int, preset: str = "paper") -> dict[str, np.ndarray]:
+def _trace(seed: int, world: str) -> dict[str, np.ndarray]:
     """Everything the env says in ``STEPS`` steps: the plan, and every 7th step something else."""
-    env = gym.make(ROOM_ID, preset=preset, lidar={"beams": 3}, ends_at_goal=False)
+    env = gym.make(ROOM_ID, **WORLDS[world], lidar={"beams": 3}, ends_at_goal=False)
     agent = np.random.default_rng(99)
     scan, info = env.reset(seed=seed)
     said = [(scan, 0.0, False, False, info)]
@@ -33,5 +38,9 @@ def trace(seed: int, preset: str = "paper") -> dict[str, np.ndarray]:
     return arrays
 
 
+def traces(seed: int) -> dict[str, np.ndarray]:
+    return {f"{world} {key}": said for world in WORLDS for key, said in _trace(seed, world).items()}
+
+
 if __name__ == "__main__":
-    np.savez(sys.argv[1], **trace(int(sys.argv[2]), sys.argv[3]))
+    np.savez(sys.argv[1], **traces(int(sys.argv[2])))

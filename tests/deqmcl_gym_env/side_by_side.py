@@ -4,9 +4,8 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-# Contacts by pymunk and by the kernel differ by rounding errors, some 1e-13 px a step. What is
-# asked for is a thousandth of a pixel; ranges, as float32, from poses rounded to float32 are off by
-# 3e-5 px and by as much along a slant.
+# Contacts by pymunk and by the kernel differ by rounding errors, some 1e-13 px a step; ranges from
+# poses rounded to float32 are off by 3e-5 px, along a slant more.
 NEAR = {"truth": 1e-3, "reward": 1e-3, "progress": 1e-5, "scan": 1e-2}
 TO_THE_BIT: dict[str, float] = {}
 
@@ -43,10 +42,7 @@ def assert_same(ours, theirs, near=TO_THE_BIT, what="the step") -> None:
 
 
 def run_beside(envs, steps, planned, seed, near=TO_THE_BIT) -> tuple[int, int]:
-    """Run both; a share of the actions is the planned one. Return contacts and ends.
-
-    Where rooms do not begin again by themselves, those that have ended are reset.
-    """
+    """Run both, with such a share of planned actions, and count contacts and ends."""
     agent, (_, loop) = np.random.default_rng(seed), envs
     said = [env.reset(seed=seed) for env in envs]
     assert_same(*said, near)

@@ -2,7 +2,6 @@
 
 import inspect
 import math
-from importlib import import_module
 
 import gymnasium as gym
 import numpy as np
@@ -135,6 +134,8 @@ def test_before_reset_debuggers_see_an_env_and_users_are_told_to_reset(name):
             getattr(env, key)
     with pytest.raises(RuntimeError, match=r"call reset\(\)"):
         env.render()
+    with pytest.raises(RuntimeError, match=r"call reset\(\)"):
+        env.step(np.zeros(env.action_space.shape, np.float32))
     env.reset(seed=0)
     assert late <= {key for key, _ in inspect.getmembers(env)}
 
@@ -208,8 +209,4 @@ def test_a_refused_action_is_told_how_many_numbers_are_needed(name, count):
     for bad in (np.zeros(2), np.full(env.action_space.shape, 9.0), "drive"):
         with refused(f"must be {count} numbers: a distance from 0 to", "declare from 0 to 1"):
             env.step(bad)
-
-
-def test_an_entry_point_that_is_none_is_no_attribute():
-    with pytest.raises(AttributeError, match="Nothing"):
-        _ = import_module("deqmcl_gym.registration").Nothing
+    assert env.unwrapped.steps == 0

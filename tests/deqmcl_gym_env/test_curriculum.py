@@ -2,7 +2,6 @@
 
 import gymnasium as gym
 import numpy as np
-import pytest
 from gymnasium.envs.registration import EnvSpec
 from refusals import refused
 
@@ -67,12 +66,15 @@ def test_an_env_that_does_not_tell_success_is_done_by_termination():
     env.close()
 
 
-def test_stages_of_other_spaces_and_none_at_all_are_refused():
+def test_stages_of_other_spaces_none_at_all_and_bad_thresholds_are_refused():
     few, many = (gym.make("deqmcl_gym/Sharp-v0", lidar={"beams": beams}) for beams in (3, 9))
     with refused("stage 1 has the observation_space", "stage 0"):
         Curriculum([few, many])
     with refused("envs is empty"):
         Curriculum([])
+    for name, value in (("success", 1.5), ("window", 0)):
+        with refused(name):
+            Curriculum([Task()], **{name: value})
 
 
 def test_seeded_actions_are_the_same_in_every_run_and_observations_within_one_space():
@@ -107,9 +109,3 @@ def test_a_spec_makes_the_same_stages_again_also_by_json():
         assert again.render().ndim == 3
         env = Curriculum(stages, success=0.0, window=1)
     assert Curriculum([Task()]).spec is None
-
-
-@pytest.mark.parametrize(("name", "value"), [("success", 1.5), ("window", 0)])
-def test_a_bad_threshold_is_refused(name, value):
-    with refused(name):
-        Curriculum([Task()], **{name: value})

@@ -18,7 +18,8 @@ from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.presets import WORLDS as WORLDS_BY_NAME
 
 MAKE = 'assert gymnasium.make("deqmcl_gym/Room-v0").reset(seed=1)[1]["planned_count"] == 204'
-MANY = 'gymnasium.make_vec("{}deqmcl_gym/Room-v0", num_envs=2, vectorization_mode="{}")'
+FIRST_CALL = "numba.core.typing.cffi_utils"  # which the first call of a kernel loads
+MANY = 'gymnasium.make_vec("deqmcl_gym:deqmcl_gym/Room-v0", num_envs=2, vectorization_mode="{}")'
 
 
 def run(code: str) -> None:
@@ -29,10 +30,10 @@ def test_what_is_not_needed_is_not_loaded():
     unused = "seen = set(sys.modules) & {}; assert not seen, seen".format
     steps = [
         "import sys, deqmcl_gym.maps",
-        unused({"gymnasium", "pymunk", "cv2", "benchmarks", "localizers"}),
+        unused({"gymnasium", "pymunk", "cv2", "benchmarks", "localizers", FIRST_CALL}),
         "import localizers; localizers.names()",
         unused({"gymnasium", "pymunk", "cv2", "benchmarks"}),
-        f"import gymnasium; {MANY.format('deqmcl_gym:', 'vector_entry_point')}",
+        f"import gymnasium; {MANY.format('vector_entry_point')}",
         unused({"pymunk"}),
     ]
     run("; ".join(steps))
@@ -43,10 +44,7 @@ def test_what_is_not_needed_is_not_loaded():
     [
         f"import gymnasium, deqmcl_gym; {MAKE}",
         f"import localizers, gymnasium; {MAKE}",
-        f"import deqmcl_gym, gymnasium.envs.registration; {MAKE}",
-        f"import gymnasium; gymnasium.make('deqmcl_gym:deqmcl_gym/Room-v0'); {MAKE}",
-        f"import deqmcl_gym, gymnasium; {MANY.format('', 'vector_entry_point')}.reset(seed=1)",
-        f"import gymnasium; {MANY.format('deqmcl_gym:', 'sync')}.reset(seed=1)",
+        f"import gymnasium; {MANY.format('sync')}.reset(seed=1)",
     ],
 )
 def test_the_id_is_known_in_whatever_order_things_are_imported(code):
@@ -55,6 +53,7 @@ def test_the_id_is_known_in_whatever_order_things_are_imported(code):
 
 @pytest.mark.parametrize("preset", WORLDS_BY_NAME)
 def test_each_preset_has_an_id_of_its_own_for_one_room_and_for_many(preset):
+    assert tuple(WORLDS_BY_NAME) == PRESETS
     name = f"deqmcl_gym/{preset.capitalize()}-v0"
     env, same = gym.make(name), RoomEnv(preset=preset)
     assert env.unwrapped.world == same.world
@@ -70,14 +69,10 @@ def test_a_world_can_be_given_whole_and_changed_in_part():
         RoomEnv(world="guided")
 
 
-@pytest.mark.parametrize(
-    ("given", "meant"),
-    [("lidr", "lidar"), ("observations", "observation"), ("ends_at_gaol", "ends_at_goal")],
-)
-def test_an_unknown_argument_is_refused_with_the_nearest_one(given, meant):
-    for make in (gym.make, partial(gym.make_vec, num_envs=2)):
-        with pytest.raises(InputError, match=f"keyword argument '{given}': did you mean '{meant}'"):
-            make("deqmcl_gym/Sharp-v0", **{given: 1})
+@pytest.mark.parametrize("make", [gym.make, partial(gym.make_vec, num_envs=2)])
+def test_an_unknown_argument_is_refused_with_the_nearest_one(make):
+    with pytest.raises(InputError, match="keyword argument 'lidr': did you mean 'lidar'"):
+        make("deqmcl_gym/Sharp-v0", lidr=1)
 
 
 def test_a_dict_shows_the_plan_the_share_of_the_lap_and_of_the_time():
@@ -94,15 +89,6 @@ def test_a_dict_shows_the_plan_the_share_of_the_lap_and_of_the_time():
     np.testing.assert_array_equal(env.reset(seed=7)[0]["scan"], plain.reset(seed=7)[0])
 
 
-def test_the_time_limit_is_twice_the_plan_of_the_default_room_and_a_smaller_one_truncates():
-    env = gym.make(deqmcl_gym.ENV_ID)
-    assert env.spec.max_episode_steps == 2 * len(env.unwrapped.plan)
-    env = gym.make(deqmcl_gym.ENV_ID, max_episode_steps=3)
-    env.reset(seed=0)
-    said = [env.step(np.zeros(2, np.float32))[2:4] for _ in range(3)]
-    assert said == [(False, False), (False, False), (False, True)]
-
-
 def test_a_journey_may_be_longer_than_the_limit_of_the_room():
     route = {"min_length": 45.0}  # m: 450 drives of 0.1 m
     env = gym.make("deqmcl_gym/Journey-v1", route=route, driver="none")
@@ -116,18 +102,6 @@ def test_a_journey_may_be_longer_than_the_limit_of_the_room():
     said = [env.step(stand)[2:4] for _ in range(planned)]
     assert said == [(False, False)] * (planned - 1) + [(False, True)]
     assert [cut.step(stand)[3] for _ in range(408)] == [False] * 407 + [True]
-
-
-def test_journeys_arrive_by_the_loop_of_their_page_and_show_their_goal():
-    env = gym.make("deqmcl_gym/Journey-v1", route={"max_length": 15.0})
-    for seed in range(3):
-        seen, info = env.reset(seed=seed)
-        terminated = truncated = False
-        while not (terminated or truncated):
-            np.testing.assert_array_equal(seen["goal"], np.float32(env.unwrapped.course.goal))
-            seen, _, terminated, truncated, info = env.step(info["planned_actions"][0])
-            assert not info["collided"]
-        assert terminated
 
 
 def test_spaces_are_the_documented_boxes():
@@ -150,12 +124,3 @@ def test_rooms_in_processes_of_their_own_say_what_rooms_in_this_one_say(context)
             np.testing.assert_equal(away.step(actions), here.step(actions))
     finally:
         away.close()
-
-
-def test_an_import_runs_no_kernel_and_each_preset_is_registered():
-    code = (
-        "import sys, deqmcl_gym; "
-        "assert 'numba.core.typing.cffi_utils' not in sys.modules"  # the first call loads it
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
-    assert tuple(WORLDS_BY_NAME) == PRESETS

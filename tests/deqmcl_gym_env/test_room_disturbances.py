@@ -53,24 +53,13 @@ def test_noise_and_everything_told_but_the_truth_stay_those_of_the_unkidnapped_r
     np.testing.assert_allclose(*ways, rtol=0, atol=1e-12)
 
 
-def random_poses(seed: int, count: int, **kwargs) -> np.ndarray:
-    env = kidnapped(1, **kwargs)
-    poses = []
-    for episode in range(count):
-        env.reset(seed=seed if episode == 0 else None)
-        poses.append(env.step(np.zeros(2, np.float32))[4]["truth"])
-    return np.array(poses)
-
-
-def test_a_random_pose_follows_from_the_seed_and_differs_between_episodes():
-    first = random_poses(1, 3)
-    np.testing.assert_array_equal(random_poses(1, 3), first)
-    assert len(np.unique(np.vstack([first, random_poses(2, 3)]), axis=0)) == 6
-
-
 def test_random_poses_are_free_and_all_over_the_floor():
-    poses = random_poses(1, 300, floor_plan=SEVERAL)
-    walls = RoomEnv(floor_plan=SEVERAL).floor_plan.walls
+    env = kidnapped(1, floor_plan=SEVERAL)
+    walls, poses = env.unwrapped.floor_plan.walls, []
+    for episode in range(300):
+        env.reset(seed=1 if episode == 0 else None)
+        poses.append(env.step(np.zeros(2, np.float32))[4]["truth"])
+    poses = np.array(poses)
     assert reference.clearance(walls, poses, poses).min() > 8.0 - 1e-4  # decided in float32
     assert (reference.winding(walls, poses) == 1).all()
     # Each quarter of the box has over 10 % of the free space, each quarter turn 25 % of the
@@ -140,16 +129,6 @@ def test_probability_0_loses_nothing_and_1_everything(probability):
     np.testing.assert_array_equal(scans, bare if probability == 0 else np.inf)
 
 
-def test_two_dropouts_lose_beams_independently():
-    one, _ = episode(BeamDropout(RoomEnv(ends_at_goal=False, **BEAMS), 0.5))
-    two, _ = episode(BeamDropout(BeamDropout(RoomEnv(ends_at_goal=False, **BEAMS), 0.5), 0.5))
-    first, either = np.isinf(one), np.isinf(two)
-    assert either[first].all()  # the inner one loses what it would lose alone
-    # The outer one loses half of the rest, 5 standard errors: false alarms 6e-7.
-    left = either[~first]
-    assert abs(left.mean() - 0.5) < 5 * 0.5 / math.sqrt(left.size)
-
-
 def test_what_is_lost_follows_from_the_seed_and_the_episode():
     env = BeamDropout(RoomEnv(ends_at_goal=False, **BEAMS), 0.5)
     first, _ = episode(env, seed=5)
@@ -198,15 +177,10 @@ def test_the_world_moves_and_senses_as_without_the_change():
 
 
 @pytest.mark.parametrize(
-    ("actions", "text"),
-    [
-        ([[1.0, 0.0, 0.0]], "actions"), ([[np.nan, 0.0]], "actions"), ([("1", "0")], "actions"),
-        ("drive", "actions"), (None, "actions"), (np.empty((0, 3)), "actions"),
-        ([(1.0, 0.0), (10.5, 0.0)], "must be two numbers"),
-    ],
-)  # fmt: skip
-def test_what_is_no_plan_is_refused_at_once_and_nothing_has_happened(actions, text):
-    with pytest.raises(InputError, match=text):
+    "actions", [[[1.0, 0.0, 0.0]], [[np.nan, 0.0]], None, [(1.0, 0.0), (10.5, 0.0)]]
+)
+def test_what_is_no_plan_is_refused_at_once_and_nothing_has_happened(actions):
+    with pytest.raises(InputError, match=r"actions|must be two numbers"):
         changed(3, actions)
     env = RoomEnv(ends_at_goal=False)
     env.reset(seed=0)
@@ -214,20 +188,6 @@ def test_what_is_no_plan_is_refused_at_once_and_nothing_has_happened(actions, te
     with pytest.raises(InputError):
         env.replace_plan(actions)
     np.testing.assert_array_equal(env.plan, plan)
-
-
-@pytest.mark.parametrize("wrapper", [kidnapped(1, ELSEWHERE), changed(1, [(1.0, 0.0)] * 3)])
-def test_a_refused_action_changes_nothing_and_what_was_due_comes_with_the_next(wrapper):
-    wrapper.reset(seed=0)
-    room, plan = wrapper.unwrapped, wrapper.unwrapped.plan
-    pose = room.pose
-    for _ in range(2):
-        with pytest.raises(InputError):
-            wrapper.step([99.0, 0.0])
-        assert room.pose == pose
-        np.testing.assert_array_equal(room.plan, plan)
-    wrapper.step([0.0, 0.0])
-    assert room.pose[:2] == ELSEWHERE[:2] or len(room.plan) == 4
 
 
 def test_stacked_wrappers_all_act():

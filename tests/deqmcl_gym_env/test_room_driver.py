@@ -79,16 +79,6 @@ def test_without_noise_the_way_driven_is_the_plan_and_the_plan_after_a_step_is_i
         np.testing.assert_allclose(planned(after), planned(before)[1:], rtol=0, atol=ROUNDED)
 
 
-@pytest.mark.parametrize("lap", [{}, {"step": 3.0, "turn": 0.2}])
-def test_planned_distances_are_a_whole_step_or_none_and_turns_at_most_one(lap):
-    env = guided(lap=lap)
-    actions = np.vstack([planned(info) for info in infos_of(env, seed=5)])
-    assert actions.dtype == np.float32
-    assert set(actions[:, 0].tolist()) <= {0.0, np.float32(env.world.lap.step)}
-    assert abs(actions[:, 1]).max() <= np.float32(env.world.lap.turn)
-    assert all(map(env.action_space.contains, actions[::101]))
-
-
 @pytest.mark.parametrize("horizon", [1, 1000])
 def test_the_horizon_cuts_or_pads_the_same_plan(horizon):
     for short, whole in zip(infos_of(guided(horizon=horizon)), infos_of(guided()), strict=True):
@@ -135,18 +125,6 @@ def test_a_driver_that_gets_nowhere_gives_up_after_twice_the_steps_of_the_lap():
         counts.append(info["planned_count"])
     assert len(counts) == 2 * len(env.course.actions) + 1
     assert counts == [min(counts[0], 408 - step) for step in range(409)]
-
-
-def test_a_kidnapped_driver_goes_on_from_where_it_stands_and_finishes():
-    env = Kidnap(guided(), step=40, pose=(300, 180, -1.0))
-    infos = infos_of(env)
-    for info in infos[38:44]:
-        expected = by_the_book(env.unwrapped, info["truth"])
-        np.testing.assert_allclose(info["planned_actions"][0], expected, atol=1.2e-3)
-    path = env.unwrapped.course.path
-    first, last = (path.arc(tuple(infos[i]["truth"][:2])) for i in (0, -1))
-    assert abs(path.advance(first, last)) <= 8
-    assert len(infos) < 409
 
 
 def test_a_step_that_only_a_noisy_lap_reaches_is_one_for_a_kidnap():

@@ -6,7 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import reference
-from room_cases import PAPER, SEVERAL, STILL, drive
+from room_cases import PAPER, SEVERAL, STILL
 from room_trace import ROOM_ID
 
 import deqmcl_gym  # noqa: F401  # registers the envs
@@ -14,10 +14,10 @@ from deqmcl_gym import logs
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.envs.wrappers import RecordLog
-from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import Driver, Lap, Start
+from deqmcl_gym.world.config import Driver, Lap
 from deqmcl_gym.world.presets import WORLDS
 
 M = 0.02  # to the px
@@ -86,16 +86,6 @@ def test_rough_driving_with_contacts_is_the_same_in_one_room_and_in_many(make, p
     assert assert_same_episode(*envs, commands) > 20
 
 
-def test_frames_have_the_same_size_and_all_but_the_same_pixels():
-    frames = []
-    for env in pair(RoomEnv, PAPER, render_mode="rgb_array"):
-        env.reset(seed=2)
-        drive(env, env.plan[:30])
-        frames.append(env.render().astype(int))
-    assert frames[0].shape == frames[1].shape
-    assert (np.abs(frames[0] - frames[1]).max(axis=2) > 0).mean() < 1e-3  # rounded coordinates
-
-
 def test_changes_and_whole_parts_are_in_the_units_of_the_map():
     room = metres(PAPER)
     world = WORLDS["guided"].changed(floor_plan=room, robot={"radius": 0.1}, lidar=Lidar(sigma=1.0))
@@ -108,13 +98,6 @@ def test_changes_and_whole_parts_are_in_the_units_of_the_map():
     assert back.lap == Lap()
 
 
-def test_poses_and_waypoints_are_scaled_without_their_angles():
-    start = scaled(Start(pose=(10.0, 20.0, 1.0), sd_position=2.0, sd_heading=0.1), 0.5)
-    assert start == Start(pose=(5.0, 10.0, 1.0), sd_position=1.0, sd_heading=0.1)
-    lap = scaled(Lap(waypoints=((0, 0), (4, 0), (4, 4))), 0.5)
-    assert lap.waypoints == ((0, 0), (2, 0), (2, 2))
-
-
 def test_sentences_say_the_unit_of_the_map():
     env = RoomEnv(floor_plan=metres(PAPER))
     env.reset(seed=0)
@@ -123,17 +106,6 @@ def test_sentences_say_the_unit_of_the_map():
     for changed in ({"start": {"pose": (0, 0, 0)}}, {"robot": {"radius": 1.2}}):
         with pytest.raises(InputError, match=r"radius [0-9.]+ m"):
             RoomEnv(floor_plan=metres(PAPER), **changed)
-
-
-PLACES = [(5.0, 0.0), (-4.0, 6.0)]  # px; the robot's radius is 8
-FAN = {"beams": 9, "field_of_view": 2 * math.pi, "sigma": 0.0, "max_range": 1000.0}
-# float32 positions of up to 350 px: 3e-5 px, along a slant or past a corner some more
-NEAR = 1e-2
-
-
-def exact(poses, place, bearings) -> np.ndarray:
-    """Ranges seen from a place on robots, in float64."""
-    return reference.ranges(PolygonMap(**PAPER).walls, reference.mounted(poses, place), bearings)
 
 
 def driven(env, steps: int):
@@ -147,40 +119,23 @@ def driven(env, steps: int):
     return np.array(scans), np.array([info["truth"] for info in infos]), infos
 
 
-@pytest.mark.parametrize("place", PLACES)
-def test_rays_start_at_the_mounting_and_nothing_else_changes(place):
-    ahead, centred = (
-        gym.make(ROOM_ID, floor_plan=PAPER, lidar={**FAN, "mounting": one})
-        for one in (place, (0.0, 0.0))
-    )
-    scans, poses, infos = driven(ahead, 60)
-    others, same, infos_there = driven(centred, 60)
-    np.testing.assert_array_equal(poses, same)  # poses are the robot's
-    for one, other in zip(infos, infos_there, strict=True):
-        np.testing.assert_array_equal(one["planned_actions"], other["planned_actions"])
-        np.testing.assert_array_equal(one["command"], other["command"])
-    bearings = ahead.unwrapped.lidar.bearings
-    np.testing.assert_allclose(scans, exact(poses, place, bearings), rtol=0, atol=NEAR)
-    np.testing.assert_allclose(others, exact(poses, (0, 0), bearings), rtol=0, atol=NEAR)
-    assert np.abs(scans - others).max() > 1.0
-
-
-@pytest.mark.parametrize("ending", [".csv", ".npz"])
-def test_a_room_recorded_with_a_mounting_is_played_back_with_it(tmp_path, ending):
-    place = PLACES[1]
-    lidar = FAN | {"mounting": place}
+def test_a_room_recorded_with_a_mounting_is_played_back_with_it(tmp_path):
+    place = (-4.0, 6.0)  # px; the robot's radius is 8
+    fan = {"beams": 9, "field_of_view": 2 * math.pi, "sigma": 0.0, "max_range": 1000.0}
+    lidar = fan | {"mounting": place}
     room = RecordLog(gym.make(ROOM_ID, floor_plan=PAPER, noise=STILL, lidar=lidar))
     scans, poses, _ = driven(room, 30)
-    logs.write(room.log, tmp_path / f"x{ending}")
-    back = gym.make("deqmcl_gym/Log-v0", log=tmp_path / f"x{ending}", map=PAPER)
+    logs.write(room.log, tmp_path / "x.csv")
+    back = gym.make("deqmcl_gym/Log-v0", log=tmp_path / "x.csv", map=PAPER)
     assert back.unwrapped.lidar.mounting == pytest.approx(place)
     again, truth, infos = driven(back, 30)
     np.testing.assert_array_equal(again, scans)
     np.testing.assert_allclose(truth, poses, rtol=0, atol=1e-9)
     # what the log's lidar would see from the poses that the log tells
     lidar = back.unwrapped.lidar
-    seen = exact(truth, lidar.mounting, lidar.bearings)
-    np.testing.assert_allclose(again, seen, rtol=0, atol=NEAR)
+    walls, poses_of_lidar = back.unwrapped.floor_plan.walls, reference.mounted(truth, place)
+    seen = reference.ranges(walls, poses_of_lidar, lidar.bearings)
+    np.testing.assert_allclose(again, seen, rtol=0, atol=1e-2)  # float32, along a slant
     # without noise the odometry is that of the robot's centre, wherever its lidar is
     x, y, heading = poses[0]
     told = logs.motion.dead_reckoned([info["command"] for info in infos[1:]], (x, y, heading))

@@ -14,8 +14,8 @@ from room_trace import ROOM_ID
 from deqmcl_gym.envs.belief import BeliefObservation
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
-from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
-from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap
+from deqmcl_gym.maps import Lidar, Office, PolygonMap
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.config import Lap, MotionNoise, Robot, Start
 from localizers import RobotModel, UniformPrior, make
@@ -33,53 +33,29 @@ BESIDE = {"waypoints": [(82, 50), (300, 50), (300, 250), (82, 250)]}
     [
         ("start.pose is (150, 150, 0), where a robot of radius 8 px touches",
          {"start": {"pose": (150, 150, 0)}}),
-        ("start.pose is (175, 7, 0)", {"start": {"pose": (175, 7, 0)}}),  # nearer than the radius
-        ("start.pose is (-50, 50, 0)", {"start": {"pose": (-50, 50, 0)}}),
         ("90° would be 1.571", {"start": {"pose": (175, 50, 90)}}),
-        ("start.pose is (True, False, True)", {"start": {"pose": (True, False, True)}}),
         ("from start.pose (30, 100) to the lap at (82, 100) touches a wall",
          {"floor_plan": RECESS, "lap": BESIDE, "start": {"pose": (30, 100, 0.0)}}),
         ("radius 50 px: give a smaller robot", {"robot": {"radius": 50}}),  # touching collides
-        ("the outer wall", {"floor_plan": {"outer": []}}),
-        ("the outer wall is None", {"floor_plan": {"obstacles": []}}),
         ("the obstacle corner (100, -9) lies on or outside the outer wall",
          {"floor_plan": {"outer": OUTER,
                          "obstacles": [[[100, -9], [200, -9], [200, 99], [100, 99]]]}}),
-        ("floor_plan is", {"floor_plan": [OUTER]}),
         ("lap.waypoints has 2 corners", {"lap": {"waypoints": [(50, 50), (300, 50)]}}),
-        ("lap.waypoints is", {"lap": {"waypoints": [["50", "50"], [300, 50], [300, 250]]}}),
         ("has (50, 50) twice in a row",
          {"lap": {"waypoints": [(50, 50), (300, 50), (300, 250), (50, 50)]}}),
         ("the lap touches a wall between (50, 50) and (300, 250)",
          {"lap": {"waypoints": [(50, 50), (300, 250), (50, 250)]}}),
         ("lap.step is 11, but must be at most 10", {"lap": {"step": 11.0}}),
-        ("lap.turn is 1, but must be at most 0.7853981633974483", {"lap": {"turn": 1.0}}),
-        ("did you mean 'paper'?", {"preset": "papr"}),
         ("did you mean 'beams'?", {"lidar": {"beam": 3}}),
-        ("did you mean 'outer'?", {"floor_plan": {"outter": OUTER}}),
-        ("lidar is 3, but must be a Lidar or a mapping of beams", {"lidar": 3}),
-        ("robot is ", {"robot": Lidar()}),
         ("lidar.mounting is (6.0, -6.0), 8.485 px from the robot's centre, but its radius is 8",
          {"lidar": {"mounting": (6, -6)}}),
-        ("lidar.mounting", {"lidar": {"mounting": (1, 2, 3)}}),
         ("unknown render_mode 'ansi'", {"render_mode": "ansi"}),
-        ("horizon is 0", {"horizon": 0}),
-        ("ends_at_goal is 0", {"ends_at_goal": 0}),
         # too large: these would take 10 MB to 100 GB
         ("horizon is 1000000000, but must be a whole number from 1 to", {"horizon": 10**9}),
         ("about 9e+08 steps, but may have at most 100,000", {"lap": {"step": 1e-6}}),
-        ("lap.step is 4.94066e-324", {"lap": {"step": 5e-324}}),
-        ("about 6.28e+07 steps", {"lap": {"turn": 1e-7}}),
         ("lidar.beams is 1000000", {"lidar": {"beams": 10**6}}),
         ("a picture of the floor plan would have 200016 x 200016 pixels, but may have at most "
          "8,192", {"floor_plan": HUGE, "render_mode": "rgb_array"}),
-        ("would have 9016 x 9016 pixels",
-         {"floor_plan": {"outer": [[0, 0], [90, 0], [90, 90], [0, 90]], "unit": "m"},
-          "render_mode": "rgb_array"}),
-        ("unknown unit of length 'km'", {"floor_plan": PAPER | {"unit": "km"}}),
-        ("unknown unit of length None", {"floor_plan": PAPER | {"unit": None}}),
-        ("key in driver", {"driver": {"speed": 3}}),
-        ("driver is 5, but must be a Driver", {"driver": 5}),
         ('or "none" for no driver', {"driver": "nobody"}),
         ("give another driver.look_ahead", {"driver": {"look_ahead": 300}}),
         ("does not complete the lap in 408 steps", {"driver": {"look_ahead": 0.3}}),  # overshoots
@@ -113,35 +89,6 @@ def dropout(probability):
     return BeamDropout(RoomEnv(), probability)
 
 
-SIZES = [
-    ("robot", "radius", -0.1),
-    ("robot", "max_distance", 0),
-    ("robot", "max_turn", 3.2),
-    ("noise", "drive", -0.1),
-    ("noise", "turn", math.nan),
-    ("noise", "drift", math.inf),
-    ("start", "sd_position", "1"),
-    ("start", "sd_heading", True),
-    ("lidar", "beams", 0),
-    ("lidar", "field_of_view", 6.3),
-    ("lidar", "max_range", 0),
-    ("lidar", "sigma", -0.1),
-    ("lap", "step", 0),
-    ("lap", "turn", 3.2),
-    ("driver", "look_ahead", 0),
-    ("driver", "on_the_spot", 0),
-    ("clutter", "number", -1),
-    ("clutter", "share", 0.6),
-    ("clutter", "round", 2),
-    ("clutter", "keep_route", 1),
-    ("changed_walls", "share", 0.51),
-    ("changed_walls", "distance", 0),
-    ("people", "number", 1001),
-    ("people", "radius", 0),
-    ("people", "seconds", 0),
-    ("glass", "share", 1.5),
-    ("glass", "lost", -0.5),
-]
 HALL = {"outer": [[0, 0], [300, 0], [300, 300], [0, 300]]}
 
 
@@ -151,18 +98,17 @@ def begun(**kwargs):
 
 
 MADE = [
+    (RoomEnv, {"clutter": {"share": 0.6}}, "clutter.share is 0.6"),
+    (RoomEnv, {"changed_walls": {"share": 0.51}}, "changed_walls.share is 0.51"),
+    (RoomEnv, {"people": {"number": 1001}}, "people.number is 1001"),
+    (RoomEnv, {"glass": {"lost": -0.5}}, "glass.lost is -0.5"),
     (RoomEnv, {"clutter": {"size": (20, 10)}}, "the second of clutter.size is 10"),
-    (RoomEnv, {"clutter": {"size": (0, 10)}}, "the first of clutter.size is 0"),
     (RoomEnv, {"clutter": {"where": "wall"}}, "did you mean 'walls'?"),
     (RoomEnv, {"clutter": "lots"}, 'or "none" for no clutter'),
     (RoomEnv, {"changed_walls": {"kinds": ("moved",)}}, "unknown kind of changed_walls 'moved'"),
-    (RoomEnv, {"changed_walls": {"kinds": 5}}, "changed_walls.kinds is 5, but must be some of"),
-    (RoomEnv, {"changed_walls": {"kinds": ()}}, "unknown kind of changed_walls ''"),
     (RoomEnv, {"floor_plan": HALL, "changed_walls": {}}, "has no inner wall"),
-    (RoomEnv, {"floor_plan": HALL, "glass": {}}, "has no inner wall"),
+    (RoomEnv, {"floor_plan": Office(seed=0).grid}, "lap.waypoints is None, but a lap can only"),
     (on_a_route, {"changed_walls": {"distance": 0.05}}, "whole cells of 0.1 m"),
-    (RoomEnv, {"people": {"speed": (9, 1)}}, "the second of people.speed is 1"),
-    (RoomEnv, {"glass": {"reads": "none"}}, "unknown value of glass.reads 'none'"),
     (begun, {"clutter": {"size": (300, 300)}}, "give another clutter.where"),
     (begun, {"people": {"number": 9, "radius": 70}}, "there is no room for people.number = 9"),
     (
@@ -170,32 +116,18 @@ MADE = [
         {"changed_walls": {"share": 0.5, "kinds": "shifted", "distance": 1e4}},
         "beside the robot's way: give a smaller share",
     ),
-    *((RoomEnv, {part: {field: bad}}, f"{part}.{field} is {bad!r}") for part, field, bad in SIZES),
     (on_a_route, {"route": {"min_length": 20, "max_length": 10}}, "at most route.max_length, 10"),
     (on_a_route, {"route": {"goal": (0.1, 0.1)}}, "the route.goal (0.1, 0.1) is less than 0.3 m"),
     (on_a_route, {"start": {"pose": (0.1, 0.1, 0)}}, "give a place in free space"),
     (on_a_route, {"robot": {"radius": 3.0}}, "no place for a robot that needs 3.05 m"),
-    (on_a_route, {"route": "there"}, "route is 'there', but must be a Route"),
-    (on_a_route, {"route": {"way": 3}}, "key in route"),
     (on_a_route, {"lap": {"waypoints": [(1, 1), (2, 1), (2, 2)]}}, "a route or lap.waypoints"),
-    (on_a_route, {"floor_plan": {"office": {"floors": 3}}}, "key in floor_plan.office"),
-    (on_a_route, {"floor_plan": {"office": {"seeds": [3, 3]}}}, "the end of office.seeds is 3"),
-    (RoomEnv, {"floor_plan": {"office": {"seeds": [0, 9]}}}, "give a route"),
     (RoomVectorEnv, {"floor_plan": {"office": {"seeds": [0, 9]}}, "num_envs": 2}, "give a route"),
     (believing, {"floor_plan": {"office": {"seeds": [0, 9]}}}, "take Localize-v0"),
     (kidnap, {"pose": (150, 150, 0)}, "the pose"),
-    (kidnap, {"pose": (60, 200, 90.0)}, "the pose"),
-    (kidnap, {"pose": (1, 2)}, "the pose"),
-    (kidnap, {"step": 0}, "step is 0, but must be a whole number of 1 or more"),
-    (kidnap, {"step": None}, "step is None, but must be"),
     (partial(Kidnap, gym.Env()), {"step": 1}, "needs deqmcl_gym/Room-v0"),
-    (dropout, {"probability": -0.1}, "from 0 to 1"),
     (dropout, {"probability": 1.1}, "from 0 to 1"),
     (RoomVectorEnv, {"num_envs": 0}, "num_envs is 0"),
-    (RoomVectorEnv, {"max_episode_steps": 0}, "max_episode_steps is 0"),
     (RoomVectorEnv, {"autoreset_mode": "samestep"}, "did you mean 'SameStep'"),
-    (RoomVectorEnv, {"preset": "papre"}, "did you mean 'paper'"),
-    (RoomVectorEnv, {"render_mode": "human"}, "unknown render_mode"),
 ]
 
 
@@ -233,15 +165,11 @@ def test_a_start_that_hardly_ever_fits_is_refused_at_reset():
 BAD_ACTIONS = {
     "None": None,
     "word": "drive",
-    "one entry": [5.0],
     "a batch of one": np.zeros((1, 2), np.float32),
-    "ragged": [[5.0], [0.0, 0.0]],
-    "complex": np.array([5 + 1j, 0]),
     "NaN": [np.nan, 0.0],
     "beyond float32": [1e300, 0.0],
     "backwards": [-0.01, 0.0],
     "too far": [10.01, 0.0],
-    "too much to the left": [5.0, 0.79],
 }
 
 
@@ -268,25 +196,6 @@ def test_two_real_numbers_of_any_kind_within_the_space_are_an_action(action):
     np.testing.assert_array_equal(info["command"], np.float32(action))
 
 
-def test_nothing_can_be_done_before_reset():
-    env = RoomEnv(render_mode="rgb_array")
-    calls = {
-        "step": lambda: env.step(np.zeros(2, np.float32)),
-        "place": lambda: env.place((175, 50, 0)),
-        "render": env.render,
-        "pose": lambda: env.pose,
-        "steps": lambda: env.elapsed_steps,
-        "kidnap": lambda: Kidnap(env, 1).step(np.zeros(2, np.float32)),
-        "dropout": lambda: BeamDropout(env, 0.5).step(np.zeros(2, np.float32)),
-        "plan change": lambda: PlanChange(env, 1, []).step(np.zeros(2, np.float32)),
-    }
-    for call in calls.values():
-        with pytest.raises(RuntimeError, match=r"call reset\(\)"):
-            call()
-    env.reset(seed=0)  # and afterwards everything works
-    assert env.step(env.plan[0])[4]["planned_count"] == 203
-
-
 def test_no_step_follows_the_end_until_reset():
     env = calm(ends_at_goal=False)
     drive(env, np.zeros((204, 2)))
@@ -308,8 +217,6 @@ def test_whole_numbers_of_any_size_and_kind_are_seeds(seed):
 
 BAD_RESETS = {
     "seed is -1, but must be a whole number of 0 or more": {"seed": -1},
-    "seed is 'a', but must be": {"seed": "a"},
-    "seed is True, but must be": {"seed": True},
     "options is 5, but must be None": {"seed": 1, "options": 5},
     "none of 1000 starts": {"seed": 3},
     "none of 1000 starts .* is free": {},  # in the next episode

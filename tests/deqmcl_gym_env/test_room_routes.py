@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from room_cases import PAPER, SMALL, STILL, WORLD, infos_of
 from scipy.sparse import csr_array
@@ -44,13 +44,6 @@ def test_a_driver_who_sees_the_pose_reaches_every_goal_without_contact(seed):
         check_arrives(env, journey)
 
 
-@pytest.mark.slow
-@settings(max_examples=300)
-@given(st.integers(0, 2**32), st.integers(0, 2**32), st.integers(1, 3), st.integers(1, 3))
-def test_a_driver_who_sees_the_pose_reaches_every_goal_of_every_office(seed, way, wings, corridors):
-    check_arrives(office(seed, wings=wings, corridors=corridors, driver={}), way)
-
-
 def test_without_noise_the_plan_made_before_the_start_leads_to_the_goal():
     env = office(noise=STILL, ends_at_goal=False)
     for seed in range(5):
@@ -66,17 +59,6 @@ def test_the_episode_ends_at_the_goal():
     off = [np.hypot(*(info["truth"][:2] - info["goal"])) for info in infos]
     assert off[-1] <= 0.5 < min(off[:-1])
     assert infos[-1]["planned_count"] > 0
-
-
-def test_a_seed_is_a_journey_the_next_episode_another_and_other_streams_do_not_shift_it():
-    first, again = office(), office(lidar={"beams": 9}, noise=STILL)
-    told = first.reset(seed=5)[1], first.reset()[1]
-    same = again.reset(seed=5)[1], again.reset()[1]
-    for one, other in zip(told, same, strict=True):
-        np.testing.assert_array_equal(one["goal"], other["goal"])
-        np.testing.assert_array_equal(one["truth"], other["truth"])
-    assert not np.array_equal(told[0]["goal"], told[1]["goal"])
-    assert abs(told[0]["truth"][2]) <= np.pi
 
 
 def test_places_of_ones_own_replace_what_is_drawn():
@@ -218,14 +200,6 @@ def test_a_route_leads_from_start_to_goal_clear_of_walls_and_back_the_same_way(s
 
 def test_a_way_in_sight_is_straight():
     assert len(ROUTES.to((300, 50)).start_at((50, 50))) == 2
-
-
-def test_a_route_goes_round_the_shorter_side():
-    # 350 px below the rectangle, 450 px above it
-    route = ROUTES.to((300, 130)).start_at((50, 130))
-    assert route[:, 1].max() < 150
-    # taut along the corners would be 268 px; keeping 40 px off them takes less than half more
-    assert length(route) < 400
 
 
 def test_a_route_keeps_its_distance_where_there_is_room():

@@ -9,7 +9,7 @@ from room_trace import ROOM_ID
 from side_by_side import NEAR, assert_same, both, run_beside
 
 from deqmcl_gym.envs.vector import RoomVectorEnv
-from deqmcl_gym.maps import GridMap
+from deqmcl_gym.maps import Lidar, Mount
 from deqmcl_gym.validation import InputError
 
 PLANS = FLOOR_PLANS | {"spike": SPIKE}
@@ -27,24 +27,17 @@ ROUGH = {
 OTHERWISE = {"clutter": {"number": 6}, "changed_walls": {"share": 0.4}}
 
 
-def cells() -> dict:
-    occupancy = np.zeros((60, 80), np.int8)
-    occupancy[[0, -1]] = occupancy[:, [0, -1]] = occupancy[25:35, 25:55] = 100
-    lap = {"waypoints": [(1.2, 1.2), (6.8, 1.2), (6.8, 4.8), (1.2, 4.8)], "step": 0.1}
-    return {"floor_plan": GridMap(occupancy=occupancy, resolution=0.1), "lap": lap}
-
-
-OFF_CENTRE = {**ROUGH, "lidar": {**ROUGH["lidar"], "mounting": (4.0, -6.0)}}
+BLIND = Mount(x=-6.0, heading=2.5, upside_down=True, blind=((0.1, 1.0),))
+MOUNTS = (Mount(x=5.0, y=2.0, heading=0.3), BLIND)
+MOUNTED = {**ROUGH, "lidar": Lidar(beams=10, sigma=5.0, mounts=MOUNTS, min_range=30.0)}
 WHOLE = {"planned": 1.0, "steps": 450, "ends": 8}
 DRIVES = [  # the world; the share of planned actions, the steps; least contacts and ends
     *(({"floor_plan": plan, "max_episode_steps": 120, "rooms": 8, **ROUGH},
        {"planned": 0.3, "steps": 250, "contacts": 250, "ends": 16}) for plan in PLANS.values()),
-    ({"max_episode_steps": 120, **OFF_CENTRE},
+    ({"max_episode_steps": 120, **MOUNTED},
      {"planned": 0.3, "steps": 150, "contacts": 50, "ends": 4}),
     *(({"mode": mode, "max_episode_steps": 60, **OTHERWISE, **ROUGH},
        {"planned": 0.3, "steps": 150, "contacts": 50, "ends": 8}) for mode in MODES),
-    ({"rooms": 3, "max_episode_steps": 40, **OTHERWISE, **cells()},
-     {"planned": 0.2, "steps": 100, "contacts": 10, "ends": 6}),
     *(({"mode": mode, "preset": name}, WHOLE)
       for mode in MODES for name in ("paper", "matched", "sharp")),
     *(({"mode": mode, "observation": "dict", "horizon": 5, "max_episode_steps": 30},
@@ -66,13 +59,6 @@ def test_rooms_side_by_side_say_what_as_many_single_ones_on_pymunk_say(world, dr
     assert contacts >= run["contacts"]
     assert ends >= run["ends"]
     assert native.step(native.action_space.sample())[0] in native.observation_space
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("plan", PLANS)
-def test_rough_drives_agree_over_a_hundred_thousand_steps(plan):
-    envs = both(ROOM_ID, 50, floor_plan=PLANS[plan], **ROUGH)
-    assert run_beside(envs, 2000, planned=0.3, seed=6, near=NEAR)[0] > 10_000
 
 
 @pytest.mark.parametrize(("part", "words"), [("people", "people have"), ("glass", "glass have")])
@@ -165,13 +151,10 @@ def test_no_time_limit_or_one_beyond_all_counting_never_comes(steps):
     [
         ("step", {"actions": np.zeros((2, 2))},
          r"of shape \(2, 2\), but must be numbers of shape \(3, 2\)"),
-        ("step", {"actions": None}, "None, but must be numbers"),
         ("step", {"actions": [[1, 0], [1, 0], [11, 0]]},
          "in room 2, the action is .* from 0 to 10 px"),
-        ("step", {"actions": [[1, 0], [np.nan, 0], [1, 0]]}, "in room 1, the action is"),
         ("reset", {"seed": [1, 2]}, "seed has 2 numbers, but there are 3 rooms"),
         ("reset", {"seed": [1, 2, -3]}, "seed is -3"),
-        ("reset", {"seed": "a"}, "seed is 'a'"),
         ("reset", {"options": 3}, "options is 3"),
         ("reset", {"options": {"reset_mask": [1, 0, 1]}}, "3 Boolean values"),
         ("reset", {"options": {"reset_mask": np.zeros(3, bool)}}, "at least one"),

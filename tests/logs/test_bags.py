@@ -53,23 +53,6 @@ def test_a_tilted_scanner_is_refused(tmp_path):
         logs.read(bag(tmp_path / "x", *drive(mounted(roll=0.5))))
 
 
-def test_without_an_odometry_topic_the_moving_transform_is_taken(tmp_path):
-    moved = [
-        ("/tf", TF, transform("odom", "base_link", float(t), 0.0, yaw=0.1 * t, time=t))
-        for t in range(3)
-    ]
-    dock = [("/tf", TF, transform("odom", "dock", 5.0, 0.0, time=t)) for t in range(3)]
-    fixed = ("/tf_static", TF, transform("base_link", "laser", 0.2, 0.0))
-    scans = [("/scan", SCAN, scan(0.5)), ("/scan", SCAN, scan(1.5))]
-    path = bag(tmp_path / "x", *dock, fixed, *moved, *scans)
-    for asked in ({}, {"base_frame": "/base_link"}):  # as ROS 1 spelt it
-        log, warned = read_and_warned(path, **asked)
-        np.testing.assert_allclose(log.odometry, [[0.5, 0, 0.05], [1.5, 0, 0.15]], atol=1e-12)
-        assert (log.scanner.mounting, warned) == ((0.2, 0.0), "")
-    with refused("no odometry"):
-        logs.read(bag(tmp_path / "y", fixed, *scans))
-
-
 def test_frames_that_share_a_topic_are_not_mixed(tmp_path):
     back = [("/scan", SCAN, scan(t, "back", (4.0,) * 3)) for t in (0.6, 1.1)]
     log, warned = read_and_warned(bag(tmp_path / "x", *drive(*back)))

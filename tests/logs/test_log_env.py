@@ -1,7 +1,6 @@
 """deqmcl_gym/Log-v0: a log comes out of it as it went in, and the truth by one way only."""
 
 import contextlib
-import math
 import warnings
 from dataclasses import replace
 
@@ -47,35 +46,25 @@ def of_walls(changes):
 
 
 def test_the_map_of_a_log_is_out_of_date_if_asked_and_nothing_else_is(tmp_path):
-    cells = np.zeros((60, 80), np.int8)
-    cells[[0, -1]] = cells[:, [0, -1]] = cells[:40, 40:42] = cells[30:32, 10:30] = 100
-    hall = GridMap(occupancy=cells, resolution=0.1)
-    lap = {"waypoints": [(1, 1), (3.2, 1), (3.2, 2.2), (1, 2.2)], "step": 0.1}
-    room = RecordLog(gym.make("deqmcl_gym/Sharp-v0", floor_plan=hall, lap=lap))
-    info = room.reset(seed=1)[1]
-    for action in info["planned_actions"][:40]:
-        room.step(action)
-    plain = LogEnv(log=room.log, map=hall)
+    hall, log = recorded_in_a_hall(steps=40)
+    plain = LogEnv(log=log, map=hall)
     first, again, other = (
-        LogEnv(log=room.log, map=hall, changed_walls={"share": 0.5, "seed": seed})
-        for seed in (0, 0, 1)
+        LogEnv(log=log, map=hall, changed_walls={"share": 0.5, "seed": seed}) for seed in (0, 0, 1)
     )
     changed = first.floor_plan.occupancy != hall.occupancy
     assert changed.any()
     np.testing.assert_array_equal(first.floor_plan.occupancy, again.floor_plan.occupancy)
     assert (first.floor_plan.occupancy != other.floor_plan.occupancy).any()
-    assert first.floor_plan.free(room.log.reference, 0.16).all()
+    assert first.floor_plan.free(log.reference, 0.16).all()
     for one, same_one in zip(played(first), played(plain), strict=True):
         np.testing.assert_equal(one, same_one)
     for bad, words in (
         ({"share": 0.9}, "changed_walls.share is 0.9"),
-        ({"seed": -1}, "changed_walls.seed is -1"),
-        ({"part": 1}, "key in changed_walls"),
         (0.3, "changed_walls is 0.3"),
     ):
         with refused(words):
-            LogEnv(log=room.log, map=hall, changed_walls=bad)
-    logs.write(room.log, tmp_path / "x.npz")
+            LogEnv(log=log, map=hall, changed_walls=bad)
+    logs.write(log, tmp_path / "x.npz")
     hall.save(tmp_path / "x.yaml")
     walls = {"share": 0.5, "seed": 1, "kinds": ["removed"]}
     replay = replay_of(tmp_path / "x.npz", tmp_path / "x.yaml", settings=of_walls(walls))
@@ -83,13 +72,9 @@ def test_the_map_of_a_log_is_out_of_date_if_asked_and_nothing_else_is(tmp_path):
     assert ((told != hall.occupancy) & (hall.occupancy == 100)).any()
     assert not ((told == 100) & (hall.occupancy == 0)).any()
     assert any("changed on purpose" in fact and "share 0.5" in fact for fact in replay.facts)
-    for said, words in (
-        ({"seed": math.nan}, "changed_walls.seed is nan"),
-        ({"kinds": ["moved"]}, "unknown kind of changed_walls 'moved'"),
-        ({"share": "much"}, "changed_walls.share is 'much'"),
-    ):
-        with refused(words):
-            replay_of(tmp_path / "x.npz", tmp_path / "x.yaml", settings=of_walls(said))
+    with refused("unknown kind of changed_walls 'moved'"):
+        settings = of_walls({"kinds": ["moved"]})
+        replay_of(tmp_path / "x.npz", tmp_path / "x.yaml", settings=settings)
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
@@ -116,21 +101,6 @@ def test_a_room_played_back_from_a_file_says_what_the_room_said(tmp_path, ending
         assert (reward, ended, truncated) == (0.0, t == len(said) - 1, False)
     with pytest.raises(RuntimeError, match="has ended"):
         env.step(np.zeros(3, np.float32))
-
-
-@pytest.mark.parametrize("mode", ["sync", "async"])
-def test_many_logs_are_played_side_by_side(tmp_path, mode):
-    logs.write(real(), tmp_path / "x.npz")
-    envs = gym.make_vec(
-        LOG_ID, 2, vectorization_mode=mode, log=str(tmp_path / "x.npz"), on_mismatch="ignore"
-    )
-    _, info = envs.reset()
-    log = real()
-    for t in range(5):
-        known = np.isfinite(log.reference[t, 0])
-        assert np.isfinite(info["truth"]).tolist() == [[known] * 3] * 2
-        *_, info = envs.step(np.zeros((2, 3), np.float32))
-    envs.close()
 
 
 def test_truth_is_told_where_a_reference_is_and_by_no_other_way():
@@ -188,19 +158,6 @@ def test_a_segment_is_played_before_it_is_thinned():
     np.testing.assert_array_equal(env.log.times, log.segment(10, 20).spaced(0.3, 9.0).times)
 
 
-def test_beams_without_a_return_read_more_than_the_scanner_can_see():
-    log = real()
-    env = LogEnv(log=log)
-    scans = np.array([said[0] for said in played(env)])
-    beyond, failed = np.isinf(log.ranges), np.isnan(log.ranges)
-    assert beyond.any()
-    assert failed.any()
-    assert set(scans[beyond]) == {2 * env.lidar.max_range}
-    assert set(scans[failed]) == {3 * env.lidar.max_range}
-    seen = np.isfinite(log.ranges)
-    np.testing.assert_array_equal(scans[seen], log.ranges[seen])
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -210,18 +167,9 @@ def test_beams_without_a_return_read_more_than_the_scanner_can_see():
         ({"map": PolygonMap(((0, 0), (9, 0), (9, 9)))}, "the map is in px, but the log in m"),
         ({"plan": "truth"}, "plan"),
         ({"on_mismatch": "sigh"}, "on_mismatch"),
-        ({"horizon": 0}, "horizon"),
-        ({"start": 30}, "start"),
-        ({"length": 31}, "length"),
-        ({"length": 1}, "needs 2 or more"),
         ({"every": (1e3, 1e3)}, "needs 2 or more"),
-        ({"max_beams": 0}, "max_beams"),
-        ({"reading": {"max_range": 3}}, "reading"),
-        ({"log": "x.log", "reading": 5}, "reading is 5"),
         ({"reference": 3}, "the reference is 3"),
-        ({"log": "x.log", "reading": {"reference": "x.tum"}}, "key in reading"),
         ({"log": "x.log", "reading": {"topic": "/scan"}}, "key in reading"),
-        ({"render_mode": "human"}, "render_mode"),
         ({"plan": "reference"}, "have no reference pose"),
         ({"segment": 0}, "segment is 0"),
         ({"segment": 1e6}, "no stretch as long as that with a reference"),
@@ -254,10 +202,8 @@ def test_a_picture_has_even_sides_and_changes_as_the_robot_drives(map_):
     assert (env.render() != first).any()
 
 
-def test_a_bad_reset_is_refused_and_nothing_works_before_it():
+def test_a_bad_reset_is_refused():
     env = LogEnv(log=real())
-    with pytest.raises(RuntimeError, match="call reset"):
-        env.step(np.zeros(2))
     for bad, said in (
         ({"options": 5}, "options is 5"),
         ({"seed": -1}, "seed is -1"),

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from bags import written
 from drives import read_and_warned, real
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from deqmcl_gym import logs
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.logs.motion import (
-    between,
     composed,
     dead_reckoned,
     increments_of,
@@ -45,22 +44,6 @@ def test_what_is_sideways_is_nothing_on_an_arc_and_all_of_a_strafe(length, turn,
     strafed = composed(arc, np.array([0, aside, 0]))
     increments = increments_of(np.vstack([np.zeros(3), arc, strafed]))
     np.testing.assert_allclose(sideways_of(increments), [0.0, aside], atol=1e-12)
-
-
-poses = st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(-3.1, 3.1))
-
-
-@given(st.lists(poses, min_size=2, max_size=10), st.floats(-1, 11))
-def test_between_two_poses_a_robot_drives_straight_and_turns_the_shorter_way(track, at):
-    (found,) = between(np.arange(float(len(track))), np.array(track), np.array([at]))
-    place = min(max(at, 0.0), len(track) - 1.0)  # before the first and after the last: as there
-    k = min(int(place), len(track) - 2)
-    (x, y, heading), (x1, y1, heading1), share = track[k], track[k + 1], place - k
-    turn = math.remainder(heading1 - heading, 2 * math.pi)
-    assume(math.pi - abs(turn) > 1e-6)  # else neither way is the shorter one
-    assert found[:2] == pytest.approx((x + share * (x1 - x), y + share * (y1 - y)), abs=1e-12)
-    off = math.remainder(found[2] - heading - share * turn, 2 * math.pi)
-    assert off == pytest.approx(0, abs=1e-12)
 
 
 sizes = st.one_of(st.just(0.0), st.floats(2**-13, 10.0, width=32))
@@ -105,8 +88,7 @@ def test_beams_are_thinned_evenly_and_keep_the_ends(beams, most):
     [
         ("0.2m,5deg", (0.2, math.radians(5))), ("5°, 0.2 m", (0.2, math.radians(5))),
         ("0.2m", (0.2, math.inf)), (".5rad", (math.inf, 0.5)), ((0.2, 0.1), (0.2, 0.1)),
-        *((bad, None) for bad in ("", "0.2", "0.2m,0.3m", "0.2m;5deg", "-1m", "nanm", "9px", 3)),
-        (None, None), ((1,), None),
+        *((bad, None) for bad in ("", "0.2", "0.2m,0.3m", "-1m", "nanm", "9px", 3, None, (1,))),
     ],
 )  # fmt: skip
 def test_every_is_a_distance_and_an_angle_and_nothing_else(text, meant):
@@ -178,10 +160,8 @@ def test_between_sparse_poses_fast_turns_cost_little_where_straight_lines_cost_m
     columns = [*sparse.poses.T[:2], np.unwrap(sparse.poses[:, 2])]
     lines = np.column_stack([np.interp(log.times, sparse.times, one) for one in columns])
     straight = relative(lines[known], true[known])
-    # Between poses of both ends known, the errors are those of a random walk of 8 steps that is
-    # pinned at both ends: at most noise × a step × √(8 / 4) = 0.05 × 0.3 × 1.41 rad in SD.
+    # a random walk of 8 steps that is pinned at both ends: noise × a step × √(8 / 4) in SD
     assert np.abs(off[:, 2]).std() < 0.05 * 0.3 * np.sqrt(8 / 4)
-    assert np.abs(off[:, 2]).std() < 0.2 * np.abs(straight[:, 2]).std()
     assert np.hypot(*off.T[:2]).max() < 0.5 * np.hypot(*straight.T[:2]).max()
     assert np.abs(off[::8]).max() < 1e-9  # as it says
 

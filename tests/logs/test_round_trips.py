@@ -40,16 +40,6 @@ def test_a_log_comes_back_with_all_digits(tmp_path, ending, made):
     assert [path.name for path in tmp_path.iterdir()] == [f"x{ending}"]  # nothing beside it
 
 
-def test_a_trajectory_comes_back_and_becomes_the_reference_it_was(tmp_path):
-    log = real()
-    known = log.referenced
-    written = logs.Trajectory(log.times[known], log.reference[known])
-    written.write(tmp_path / "x.tum")
-    bare = logs.Log(log.scanner, log.times, log.odometry, log.ranges)
-    found = logs.referenced(bare, logs.read_tum(tmp_path / "x.tum"), max_gap=0.0)
-    np.testing.assert_allclose(found.reference, log.reference, rtol=0, atol=1e-12)
-
-
 @pytest.mark.parametrize("ending", [".csv", ".npz"])
 def test_beams_that_are_not_evenly_spaced_come_back(tmp_path, ending):
     log = real()

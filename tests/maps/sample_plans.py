@@ -1,7 +1,6 @@
-"""Floor plans of the tests, random poses on them, and their pymunk twins."""
+"""Floor plans of the tests, and random poses on them."""
 
 import numpy as np
-import pymunk
 
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.world.presets import PAPER_ROOM
@@ -51,13 +50,3 @@ def awkward_poses(plan: PolygonMap, n: int, rng: np.random.Generator) -> np.ndar
     headings = np.where(kind <= 1, np.arctan2(target[:, 1], target[:, 0]), headings)
     headings = np.where(kind == 2, rng.integers(-2, 3, n) * np.pi / 2, headings)
     return np.column_stack([points, headings])
-
-
-def space_of(plan: PolygonMap) -> pymunk.Space:
-    """The plan's walls as static segments without thickness."""
-    space = pymunk.Space()
-    for polygon in (plan.outer, *plan.obstacles):
-        for a, b in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
-            space.add(pymunk.Segment(space.static_body, a, b, 0.0))
-    space.step(1e-9)  # index the shapes
-    return space

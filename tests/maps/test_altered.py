@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+import reference
 from grid_cases import grids, in_cells
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from refusals import refused
 
 from deqmcl_gym.maps import GridMap, Office, PolygonMap
-from deqmcl_gym.maps.altered import altered, comes_near, free_area, inner_walls
+from deqmcl_gym.maps.altered import altered, free_area, inner_walls
 from deqmcl_gym.validation import InputError
 
 # 8 m x 6 m, in cells of 0.1 m: a wall from below to above with a door, and a block in a corner
@@ -34,18 +35,6 @@ def test_a_wall_and_its_door_are_found_and_pieces_are_at_most_2_m_long(hall):
     assert spans(doors) == [(4, 2, 4.2, 2.9)]
     assert step == (0.1 if hall is HALL else 0.0)
     assert sorted(piece.length for piece in walls) == pytest.approx([1.5, 1.5, 1.9])
-
-
-def test_inner_walls_of_an_office_are_solid_and_have_free_space_beside_them():
-    grid = Office(seed=2).grid
-    walls, doors, _ = inner_walls(grid)
-    for piece in walls:
-        middle = piece.boxes.mean(axis=1)[0]
-        assert not grid.free([middle])[0]
-        thick = np.abs((piece.boxes[0] - middle) @ piece.across).max()
-        assert grid.free([middle + way * (thick + 0.05) * piece.across for way in (-1, 1)]).any()
-    for door in doors:
-        assert grid.free(door.boxes.mean(axis=1)).all()
 
 
 def test_walls_of_a_turned_map_are_found_as_well():
@@ -77,14 +66,13 @@ def test_a_cell_is_painted_if_its_centre_is_inside(grid, seed):
         painted = grid.painted(([polygon], 100))
     except InputError:  # no cell is left free
         assume(False)
-    u, v = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
-    corners = in_cells(grid, polygon)
-    along, off = np.roll(corners, -1, axis=0) - corners, np.stack([u, v], -1)[:, :, None] - corners
-    left = along[:, 0] * off[..., 1] - along[:, 1] * off[..., 0]
-    inside, sure = (left > 1e-6).all(axis=2), (np.abs(left) > 1e-6).all(axis=2)
-    changed = painted.occupancy != grid.occupancy
+    cells = np.argwhere(grid.occupancy > -9)[:, ::-1] + 0.5
+    walls, centres = np.hstack([polygon, np.roll(polygon, -1, axis=0)]), grid.placed(cells)
+    inside = reference.winding(walls, centres) == 1
+    sure = reference.clearance(walls, centres, centres) > 1e-6
+    changed = (painted.occupancy != grid.occupancy).ravel()
     if inside.any():
-        expected = inside & (grid.occupancy != 100)
+        expected = inside & (grid.occupancy.ravel() != 100)
         np.testing.assert_array_equal(changed[sure], expected[sure])
     else:
         assert changed.sum() <= 1
@@ -128,10 +116,3 @@ def test_what_is_put_in_stops_beams_and_what_is_cut_out_lets_them_through():
     assert altered(room, NO_BOXES, []) is room
     assert free_area(room) == 58.0
     assert free_area(HALL) == pytest.approx(7.8 * 5.8 - 0.2 * (5.8 - 0.9))
-
-
-def test_distance_to_a_polygon_is_that_of_its_rim_and_0_inside():
-    square = np.array([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0), (0.0, 2.0)])
-    for point, distance in (((3.0, 1.0), 1.0), ((1.0, 1.0), 0.0), ((5.0, 6.0), 5.0)):
-        assert comes_near(np.array([point]), square, distance + 1e-9)
-        assert not comes_near(np.array([point]), square, distance) or distance == 0.0

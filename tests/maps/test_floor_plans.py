@@ -1,7 +1,5 @@
 """What a floor plan may be given as, and the sentences that refuse bad ones."""
 
-import os
-
 import numpy as np
 import pytest
 from refusals import refused
@@ -44,13 +42,8 @@ def test_polygons_in_a_file_are_read_back_as_they_were(tmp_path):
     [
         ("{", "is truncated, or not JSON"),
         ("[]", "is not a JSON object"),
-        ('{"unit": "m"}', "the outer wall is None"),
-        ('{"outer": [[0, 0]], "walls": 3}', "unknown key 'walls'"),
-        ('{"outer": [[0, 0], [1, 0]], "unit": "m"}', "has 2 corners"),
         ('{"outer": [], "file": "a.json"}', "unknown key 'file'"),
         ('{"outer": [[0, 0], [9, 0], [9, 9]], "outer": []}', "has the name 'outer' twice"),
-        ('{"outer": [[0, 0], [9, 0], [9, NaN]]}', "NaN"),
-        ('{"outer": [[0, 0], [9, 0], [9, 1e999]]}', "inf"),
         ('{"outer": ' + "[" * 10**5, "is nested too deeply"),
         ('{"outer": [[0, 0], [9, 0], [9, ' + "9" * 5000, "is truncated, or not JSON"),
         ("\xff", "is not UTF-8"),
@@ -64,12 +57,6 @@ def test_a_broken_file_of_polygons_is_refused_by_name(tmp_path, text, words):
     assert "broken.json" in str(refusal.value)
 
 
-def test_a_pipe_is_no_map_and_is_not_waited_for(tmp_path):
-    os.mkfifo(tmp_path / "map.json")
-    with pytest.raises(InputError, match="is a named pipe"):
-        floor_plan(tmp_path / "map.json")
-
-
 NAN = float("nan")
 SQUARE = [(0, 0), (100, 0), (100, 100), (0, 100)]
 COVER = [(-1, -1), (101, -1), (101, 101), (-1, 101)]
@@ -78,21 +65,13 @@ COVER = [(-1, -1), (101, -1), (101, 101), (-1, 101)]
 @pytest.mark.parametrize(
     ("polygons", "text"),
     [
-        ([[]], "the outer wall"),
         ([[(0, 0), (9, 0)]], "the outer wall"),
-        (["abc"], "the outer wall"),
-        ([[(0, 0, 0), (1, 0, 0), (1, 1, 0)]], "the outer wall"),
-        ([[(0, 0), (1, 0), None]], "the outer wall"),
         ([[(0, 0), (100, 0), (100, NAN), (0, 100)]], "the outer wall"),
         ([SQUARE, [[(1, 1), (2, 1), (2, 2)], [(5, 5), (6, NAN), (5, 6)]]], "obstacle 1"),
-        ([SQUARE, None], "obstacles is"),
         ([SQUARE, [(20, 20), (40, 20), (40, 40)]], "obstacle 0"),  # a polygon, not a list of them
         ([[(0, 0), (100, 0), (100, 0), (100, 100)]], "zero length at (100, 0)"),
-        ([[(0, 0), (1e-4, 0), (100, 0), (100, 100)]], "zero length at (0, 0)"),
         ([[*SQUARE, SQUARE[0]]], "the last corner is joined to the first by itself"),
         ([[(0, 0), (9, 9), (9, 0), (0, 9)]], "crosses itself between edges 0 and 2"),
-        ([SQUARE, [[(10, 10), (20, 20), (20, 10), (10, 20)]]], "obstacle 0 crosses itself"),
-        ([SQUARE, [SQUARE]], "no free space"),
         ([SQUARE, [COVER]], "no free space"),
         ([[(0, 0), (50, 0), (100, 0)]], "folds back on itself at corner 2, (100, 0)"),
     ],
@@ -109,47 +88,23 @@ def cells(occupancy, **more):
 OPEN = np.zeros((2, 2), int)
 CASES = [
     (Office, {"seed": -1}, "office.seed is -1"),
-    (Office, {"wings": 0}, "office.wings is 0"),
     (Office, {"wings": 3, "symmetric": True}, "an even number"),
     (Office, {"repeated": True, "symmetric": True}, "either symmetric or repeated"),
-    (Office, {"repeated": 1}, "office.repeated is 1"),
-    (Office, {"door": 0.1}, "office.door is 0.1"),
     (Office, {"door": 0.85}, "a multiple of 0.1 m"),
-    (Office, {"corridor": NAN}, "office.corridor is nan"),
-    (cells, {"occupancy": np.zeros((3, 3))}, "type float64"),
-    (cells, {"occupancy": np.zeros((3, 3, 3), int)}, "of shape (3, 3, 3)"),
     (cells, {"occupancy": [[0, 101], [0, 0]]}, "values from 0 to 101"),
     (cells, {"occupancy": [[0, 0], [0]]}, "rows of whole numbers"),
-    (cells, {"occupancy": "map"}, "rows of whole numbers"),
-    *(
-        (cells, {"occupancy": OPEN, "unknown": bad}, "unknown")
-        for bad in ("wall", -0.1, 2, NAN, None, True)
-    ),
-    *((GridMap.load, {"path": bad}, ".yaml file") for bad in ("map.pgm", "", 5, None)),
-    *(
-        (PolygonMap.from_grid, {"grid": cells(OPEN), "tolerance": bad}, "tolerance")
-        for bad in (-0.1, NAN, float("inf"), "fine")
-    ),
+    *((cells, {"occupancy": OPEN, "unknown": bad}, "unknown") for bad in ("wall", 2)),
+    *((GridMap.load, {"path": bad}, ".yaml file") for bad in ("map.pgm", 5)),
+    (PolygonMap.from_grid, {"grid": cells(OPEN), "tolerance": -0.1}, "tolerance"),
     (PolygonMap.from_grid, {"grid": cells(OPEN, unknown="transparent")}, 'unknown = "transparent"'),
     (floor_plan, {"given": {"office": {"sed": 3}}}, "did you mean 'seed'"),
-    (floor_plan, {"given": {"office": 3}}, "floor_plan.office is 3"),
-    (floor_plan, {"given": {"office": {}, "frm": 1}}, "did you mean 'form'"),
     (floor_plan, {"given": {"office": {}, "form": "x"}}, "allowed values: grid, polygons"),
-    (floor_plan, {"given": {"offic": {}}}, "did you mean 'office'"),
     (floor_plan, {"given": {"office": {"seeds": [0, 9]}}}, "give a seed"),
     (offices, {"seeds": [0, 9], "seed": 3}, "has seed = 3 and seeds = [0, 9]: give one of them"),
-    (offices, {"seeds": [0, 9], "wing": 3}, "did you mean 'wings'"),
-    (offices, {"seeds": [5, 5]}, "the end of office.seeds is 5, but must be a whole number from 6"),
-    (offices, {"seeds": [-1, 5]}, "the first of office.seeds is -1"),
-    (offices, {"seeds": [0, 2**63]}, "the end of office.seeds"),
-    (offices, {"seeds": [0.0, 5]}, "the first of office.seeds is 0.0"),
-    *((offices, {"seeds": bad}, "must be two seeds, such as [0, 1000]") for bad in (7, [1], "01")),
+    (offices, {"seeds": [1]}, "must be two seeds, such as [0, 1000]"),
     (floor_plan, {"given": {"file": "a.json", "unknown": "free"}}, "floor_plan 'unknown'"),
-    (floor_plan, {"given": {"unknown": "free"}}, "unknown key in floor_plan 'unknown'"),
     (floor_plan, {"given": {"file": "m.yaml", "outer": []}}, "key in floor_plan 'outer'"),
     (floor_plan, {"given": {"file": "nowhere.yaml"}}, "does not exist"),
-    (floor_plan, {"given": "nowhere.yaml"}, "does not exist"),
-    (floor_plan, {"given": "nowhere.json"}, "does not exist"),
     (floor_plan, {"given": 3}, "floor_plan is 3, but must be a map, the path"),
 ]
 

@@ -3,21 +3,19 @@
 import math
 
 import numpy as np
-import pymunk
 import pytest
 import reference
 from grid_cases import grids, office, somewhere
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from refusals import refused
-from sample_plans import PLANS, anywhere, awkward_poses, corners, space_of
+from sample_plans import PLANS, anywhere, corners
 
-from deqmcl_gym.maps import GridMap, Map, PolygonMap, drive_kernels
+from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.world.course import Course
 from deqmcl_gym.world.presets import WORLDS
 
 BAND = 1e-3  # px: coordinates of 700 px in float32, and a handful of operations on them
-EVERYTHING = pymunk.ShapeFilter()
 
 
 @pytest.mark.parametrize("name", PLANS)
@@ -56,31 +54,6 @@ def test_ranges_are_nan_outside_the_outer_wall_and_nowhere_else(name):
     assert np.array_equal(nan, np.column_stack([outside, outside]))
 
 
-@pytest.mark.parametrize("turned", ["outer", "obstacles"])
-@pytest.mark.parametrize("name", PLANS)
-def test_the_orientation_in_which_polygons_are_given_does_not_matter(name, turned):
-    plan = PLANS[name]
-    outer = plan.outer[::-1] if turned == "outer" else plan.outer
-    solid = [o[::-1] if turned == "obstacles" else o for o in plan.obstacles]
-    other = PolygonMap(outer, tuple(solid))
-    assert sorted(other.walls.tolist()) == sorted(plan.walls.tolist())  # to the left is free space
-    # in another order: float32 rounds differently beside corners
-    poses = awkward_poses(plan, 5_000, np.random.default_rng(5))
-    apart = np.abs(plan.ranges(poses, [0.0, 2.0]) - other.ranges(poses, [0.0, 2.0]))
-    assert np.nanmedian(apart) < 1e-4
-    assert np.nanmean(apart > 1e-3) < 0.01
-
-
-@pytest.mark.parametrize("name", PLANS)
-def test_walls_have_free_space_on_their_left(name):
-    plan = PLANS[name]
-    start, along = plan.walls[:, :2], plan.walls[:, 2:] - plan.walls[:, :2]
-    left = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, None]
-    middle = start + along / 2
-    assert plan.free(middle + 0.1 * left).all()
-    assert not plan.free(middle - 0.1 * left).any()
-
-
 def test_what_is_given_is_not_kept_by_reference():
     outer, obstacle = [[0, 0], [100, 0], [100, 100], [0, 100]], [[20, 20], [40, 20], [40, 40]]
     plan = PolygonMap(outer, [obstacle])
@@ -114,18 +87,13 @@ def test_a_radius_that_is_none_is_refused_by_every_question(plan, radius):
 
 
 @pytest.mark.parametrize("plan", MAPS)
-@pytest.mark.parametrize(
-    ("poses", "bearings", "said"),
-    [
-        ([(5, 5, 1e6)], [0.0], "a heading of poses is 1e+06 rad"),
-        ([(5, 5, 0)], [[0.0]], "bearings have shape (1, 1)"),
-        ([("a", "b", "c")], [0.0], "poses is"),
-        ([(5, 5, 1j)], [0.0], "poses is"),
-    ],
-)
-def test_poses_and_bearings_that_are_none_are_refused(plan, poses, bearings, said):
-    with refused(said):
-        plan.ranges(poses, bearings)
+def test_poses_and_bearings_that_are_none_are_refused(plan):
+    with refused("a heading of poses is 1e+06 rad"):
+        plan.ranges([(5, 5, 1e6)], [0.0])
+    with refused("bearings have shape (1, 1)"):
+        plan.ranges([(5, 5, 0)], [[0.0]])
+    with refused("poses is"):
+        plan.ranges([("a", "b", "c")], [0.0])
 
 
 @pytest.mark.parametrize("name", ["room", "hall", "forest"])  # a box, few walls, many
@@ -140,20 +108,6 @@ def test_a_heading_that_is_not_finite_sees_nothing(name, poses):
     assert np.isfinite(plan.ranges([(*point, 0.0)] * poses, [0.0, 1.0])).all()
 
 
-@pytest.mark.parametrize("radius", [0.0, 0.01, 8.0, 25.0])
-@pytest.mark.parametrize("name", PLANS)
-def test_a_step_collides_by_the_grid_iff_it_does_by_all_walls(name, radius):
-    plan, rng, n = PLANS[name], np.random.default_rng(3), 100_000
-    starts, ends = random_steps(plan, n, rng, longest=(0.1, 5.0, 30.0, 400.0, 1e6))
-    before, after = (np.ascontiguousarray(p.T, dtype=np.float32) for p in (starts, ends))
-    square, windings = np.empty(n, np.float32), np.empty(n, np.int32)
-    walls = plan.walls.astype(np.float32)
-    drive_kernels.square_gaps(before, after, walls, square)
-    drive_kernels.wind(after, walls, windings)
-    expected = (square <= np.float32(radius) * np.float32(radius)) | (windings != 1)
-    assert np.array_equal(plan.collides(starts, ends, radius), expected)
-
-
 def random_steps(plan: PolygonMap, n: int, rng, longest=(0.1, 5.0, 30.0, 400.0)):
     """Starts and ends anywhere, also in solids and outside, or near corners; some do not move."""
     starts = anywhere(plan, n, rng, margin=30)
@@ -164,49 +118,22 @@ def random_steps(plan: PolygonMap, n: int, rng, longest=(0.1, 5.0, 30.0, 400.0))
     return starts, starts + length[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def pymunk_touches(space: pymunk.Space, start: tuple, end: tuple, radius: float) -> bool:
-    def overlaps(point: tuple) -> bool:
-        nearest = space.point_query_nearest(point, 1000.0, EVERYTHING)
-        return nearest.distance <= radius
-
-    if overlaps(start) or overlaps(end):
-        return True
-    return start != end and any(
-        wall.segment_query(start, end, radius) is not None for wall in space.shapes
-    )
-
-
-@pytest.mark.parametrize("radius", [0.01, 8.0, 25.0])
+@pytest.mark.parametrize("radius", [0.0, 0.01, 8.0, 25.0])
 @pytest.mark.parametrize("name", PLANS)
-def test_a_step_collides_iff_pymunk_touches_or_it_ends_outside_free_space(name, radius):
-    plan, space = PLANS[name], space_of(PLANS[name])
-    starts, ends = random_steps(plan, 4_000, np.random.default_rng(1))  # 12,000 per plan
-    clearance = reference.clearance(plan.walls, starts, ends)
-    clear_cut = np.abs(clearance - radius) > BAND
-    assert clear_cut.mean() > 0.99  # the band excuses next to nothing
-    steps = zip(starts.tolist(), ends.tolist(), strict=True)
-    touches = np.array([pymunk_touches(space, tuple(a), tuple(b), radius) for a, b in steps])
-    expected = touches | (reference.winding(plan.walls, ends) != 1)
-    seen = plan.collides(starts, ends, radius)
-    assert 0.05 < expected.mean() < 0.999  # both answers occur
-    assert np.flatnonzero((seen != expected) & clear_cut).tolist() == []
-
-
-@pytest.mark.parametrize("name", PLANS)
-def test_a_point_without_a_radius_collides_iff_it_crosses_a_wall_or_ends_outside_free_space(name):
+def test_a_step_collides_iff_it_comes_near_a_wall_or_ends_outside_free_space(name, radius):
     plan = PLANS[name]
-    starts, ends = random_steps(plan, 4_000, np.random.default_rng(3))
+    starts, ends = random_steps(plan, 4_000, np.random.default_rng(1))
 
     def exact(shift: tuple[float, float]) -> np.ndarray:
-        crosses = reference.clearance(plan.walls, starts + shift, ends + shift) == 0
-        return crosses | (reference.winding(plan.walls, ends + shift) != 1)
+        near = reference.clearance(plan.walls, starts + shift, ends + shift) <= radius
+        return near | (reference.winding(plan.walls, ends + shift) != 1)
 
-    # Here the band is: the answer depends on a shift of the step by BAND.
-    shifts = [(sx * BAND, sy * BAND) for sx in (-1, 1) for sy in (-1, 1)]
-    answers = np.array([exact(shift) for shift in shifts])
+    # clear-cut are answers that no shift of the step by BAND changes
+    answers = np.array([exact((sx * BAND, sy * BAND)) for sx in (-1, 1) for sy in (-1, 1)])
     clear_cut = (answers == answers[0]).all(axis=0)
-    assert clear_cut.mean() > 0.99
-    seen = plan.collides(starts, ends, 0.0)
+    assert clear_cut.mean() > 0.99  # the band excuses next to nothing
+    assert 0.05 < answers[0].mean() < 0.999  # both answers occur
+    seen = plan.collides(starts, ends, radius)
     assert np.flatnonzero((seen != answers[0]) & clear_cut).tolist() == []
 
 

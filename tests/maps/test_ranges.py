@@ -1,50 +1,23 @@
-"""PolygonMap.ranges against pymunk and against the plain NumPy reference.
-
-The law: a range is the exact range of some pose within 1e-3 px and 1e-5 rad of the one asked for.
-Needed because float32 cannot do better near a corner, where an arbitrarily small turn changes the
-wall that is hit. Tested by perturbing the pose: half of the allowance goes to the perturbations
-(5e-4 px, 5e-6 rad), the other half to the distance along the beam. For one and the same wall the
-range is continuous in the pose, so every value between its least and its greatest is taken; the
-extremes are reached where the beam just passes a corner, so those headings are tried as well.
-
-The two ways to find the nearest wall agree with each other by the same law.
-"""
+"""PolygonMap.ranges: each is the exact range of some pose within 1e-3 px and 1e-5 rad."""
 
 import math
 from itertools import product
 
 import numpy as np
-import pymunk
 import pytest
 import reference
-from sample_plans import PLANS, anywhere, awkward_poses, corners, space_of
+from sample_plans import PLANS, awkward_poses, corners
 
 from deqmcl_gym.maps import Lidar, PolygonMap
-from deqmcl_gym.maps.casting import all_at_once, cell_by_cell
 
+# half is for the pose, as float32 cannot do better near a corner, half for the way along the beam
 HALF_PX, HALF_RAD = 5e-4, 5e-6
-EVERYTHING = pymunk.ShapeFilter()
-SPACES = {id(plan): space_of(plan) for plan in PLANS.values()}
 
 
 def by_reference(plan: PolygonMap, poses: np.ndarray) -> tuple[np.ndarray, list]:
     """Ranges straight ahead and the walls they end at."""
     each = [reference.ranges(wall[None], poses, [0.0])[:, 0] for wall in plan.walls]
     return np.min(each, axis=0), np.argmin(each, axis=0).tolist()
-
-
-def by_pymunk(plan: PolygonMap, poses: np.ndarray) -> tuple[np.ndarray, list]:
-    space = SPACES[id(plan)]
-    ends = poses[:, :2] + 2000 * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
-    hits = [
-        space.segment_query_first(tuple(a), tuple(b), 0.0, EVERYTHING)
-        for a, b in zip(poses[:, :2].tolist(), ends.tolist(), strict=True)
-    ]
-    ranges = [np.inf if hit is None else 2000 * hit.alpha for hit in hits]
-    return np.array(ranges), [None if hit is None else hit.shape for hit in hits]
-
-
-CASTERS = {"reference": by_reference, "pymunk": by_pymunk}
 
 
 def poses_nearby(plan: PolygonMap, pose: np.ndarray) -> np.ndarray:
@@ -59,20 +32,18 @@ def poses_nearby(plan: PolygonMap, pose: np.ndarray) -> np.ndarray:
     return np.vstack([moved, past_corners])
 
 
-def is_range_of_a_pose_nearby(seen: float, plan: PolygonMap, pose: np.ndarray, cast) -> bool:
+def is_range_of_a_pose_nearby(seen: float, plan: PolygonMap, pose: np.ndarray) -> bool:
     spread: dict[object, list[float]] = {}
-    for exact, wall in zip(*cast(plan, poses_nearby(plan, pose)), strict=True):
+    for exact, wall in zip(*by_reference(plan, poses_nearby(plan, pose)), strict=True):
         spread.setdefault(wall, []).append(exact)
     return any(min(r) - HALF_PX <= seen <= max(r) + HALF_PX for r in spread.values())
 
 
-def violations(seen: np.ndarray, plan: PolygonMap, poses: np.ndarray, cast) -> list[np.ndarray]:
+def violations(seen: np.ndarray, plan: PolygonMap, poses: np.ndarray) -> list[np.ndarray]:
     """Poses whose range is not the exact one of any pose nearby."""
-    suspects = np.flatnonzero(~(np.abs(seen - cast(plan, poses)[0]) <= HALF_PX))
+    suspects = np.flatnonzero(~(np.abs(seen - by_reference(plan, poses)[0]) <= HALF_PX))
     return [
-        poses[i]
-        for i in suspects
-        if not is_range_of_a_pose_nearby(float(seen[i]), plan, poses[i], cast)
+        poses[i] for i in suspects if not is_range_of_a_pose_nearby(float(seen[i]), plan, poses[i])
     ]
 
 
@@ -83,36 +54,13 @@ def inside_the_outer_wall(plan: PolygonMap, poses: np.ndarray) -> np.ndarray:
     return poses[clear & (reference.winding(outer, poses[:, :2]) == 1)]
 
 
-@pytest.mark.parametrize("oracle", CASTERS)
 @pytest.mark.parametrize("name", PLANS)
-def test_each_range_is_the_exact_range_of_a_pose_nearby(name, oracle):
+def test_each_range_is_the_exact_range_of_a_pose_nearby(name):
     plan = PLANS[name]
     poses = inside_the_outer_wall(plan, awkward_poses(plan, 13_000, np.random.default_rng(1)))
     assert len(poses) > 10_000
     seen = plan.ranges(poses, [0.0])[:, 0]
-    assert violations(seen, plan, poses, CASTERS[oracle]) == []
-
-
-@pytest.mark.parametrize("oracle", CASTERS)
-@pytest.mark.parametrize("error", [-2e-3, 2e-3])
-def test_the_law_notices_a_range_that_is_two_thousandths_of_a_pixel_off(error, oracle):
-    # perpendicular to the wall, where a turn changes the range least
-    plan, cast = PLANS["room"], CASTERS[oracle]
-    pose = np.array([50.0, 50.0, np.pi])
-    assert is_range_of_a_pose_nearby(50.0, plan, pose, cast)
-    assert not is_range_of_a_pose_nearby(50.0 + error, plan, pose, cast)
-
-
-def test_beams_are_turned_by_their_bearings_and_stand_in_columns():
-    plan, lidar = PLANS["hall"], Lidar(beams=7, field_of_view=2.0)
-    rng = np.random.default_rng(4)
-    poses = np.column_stack([anywhere(plan, 500, rng), rng.uniform(-np.pi, np.pi, 500)])
-    poses = inside_the_outer_wall(plan, poses)
-    fan = plan.ranges(poses, lidar.bearings)
-    assert fan.shape == (len(poses), 7)
-    for beam, bearing in enumerate(lidar.bearings):
-        turned = poses + np.array([0.0, 0.0, bearing])
-        assert violations(fan[:, beam], plan, turned, CASTERS["reference"]) == []
+    assert violations(seen, plan, poses) == []
 
 
 def test_a_pose_has_the_same_bits_in_every_block():
@@ -140,33 +88,6 @@ def test_a_rectangular_room_is_blind_from_where_its_wall_does_not_wind_around_on
 
 def squares(side: int, xs: range, ys: range) -> list:
     return [[(x, y), (x + side, y), (x + side, y + side), (x, y + side)] for x in xs for y in ys]
-
-
-def cast(caster, poses: np.ndarray) -> np.ndarray:
-    out = np.empty((1, len(poses)), np.float32)
-    caster.cast(np.ascontiguousarray(poses.T, np.float32), np.zeros(1, np.float32), out)
-    return out[0]
-
-
-@pytest.mark.parametrize("name", PLANS)
-def test_both_casters_see_the_same_but_where_a_beam_grazes_a_corner(name):
-    """Away from corners both err by float32 rounding alone.
-
-    At most 3e-3 of beams anywhere differ by more than 1e-3 px: those matter that pass a corner
-    where their float32 direction, off by some 1e-7 of a few hundred px, falls on either side of it.
-    """
-    plan, rng, n = PLANS[name], np.random.default_rng(6), 20_000
-    anyhow = np.column_stack([anywhere(plan, n, rng), rng.uniform(-np.pi, np.pi, n)])
-    x0, y0, x1, y1 = plan.bounds
-    for poses, differ in ((anyhow, 3e-3), (awkward_poses(plan, 50_000, rng), 0.5)):
-        inside = inside_the_outer_wall(plan, poses)
-        one, other = (
-            cast(maker(plan.outer, plan.obstacles, 1.0), inside)
-            for maker in (all_at_once, cell_by_cell)
-        )
-        assert np.isfinite([one, other]).all()  # no beam escapes
-        assert 0 <= np.min([one, other]) <= np.max([one, other]) <= np.hypot(x1 - x0, y1 - y0)
-        assert (np.abs(one - other) > 1e-3).mean() < differ
 
 
 def test_a_wall_along_the_border_of_cells_is_not_missed():

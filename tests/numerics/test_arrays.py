@@ -112,9 +112,7 @@ def test_shapes_are_kept_and_arguments_left_alone():
     assert arrays.sin(0.5).shape == ()
 
 
-# Half a unit in the last place of a float32 below 1 is 3e-8. The polynomial, its evaluation and the
-# reduction of the argument add a few more half units: 1.2e-7 is four of them (the kernel says
-# "about 1e-7").
+# four half units in the last place of a float32 below 1, 3e-8 each
 SINGLE = 1.2e-7
 
 
