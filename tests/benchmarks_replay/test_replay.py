@@ -5,8 +5,6 @@ from dataclasses import replace
 import gymnasium as gym
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from playing import played, tracked
 
 import deqmcl_gym  # noqa: F401  # registers the envs
@@ -16,7 +14,7 @@ from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.envs.wrappers import RecordLog
 from deqmcl_gym.logs import Log
-from localizers import PointsBelief, best_cluster, make
+from localizers import PointsBelief, make
 
 
 class Spy:
@@ -96,19 +94,3 @@ def test_a_track_has_a_pose_for_each_record_and_its_errors_are_of_those_with_a_r
     np.testing.assert_allclose(track.errors.translation, off * 0.02)
     assert np.median(off) < 20
     assert len(kept.kept()[0].curves["way"]) == len(log) - 30
-
-
-def test_the_best_cluster_is_the_heavier_of_two_places_not_their_mean():
-    rng = np.random.default_rng(0)
-    here, there = rng.normal((0, 0, 3.1), 0.02, (300, 3)), rng.normal((9, 9, 0), 0.02, (200, 3))
-    poses = np.concatenate([here, there])
-    best = best_cluster(poses, np.full(500, 1 / 500), unit="m")
-    assert best.share == pytest.approx(0.6)
-    assert best.mean == pytest.approx(here.mean(axis=0), abs=1e-3)
-
-
-@given(st.floats(-3.1, 3.1), st.floats(-50, 50), st.floats(-50, 50))
-def test_a_cluster_on_the_edge_of_cells_is_whole(heading, x, y):
-    rng = np.random.default_rng(1)
-    poses = rng.normal((x, y, heading), 0.05, (100, 3))
-    assert best_cluster(poses, np.full(100, 0.01), unit="m").share == pytest.approx(1.0)

@@ -13,6 +13,7 @@ from hall import recorded_in_a_hall, write_lap
 from refusals import refused
 
 from benchmarks.replay.nav2 import nav2_document, read_nav2, usual_params
+from benchmarks.replay.options import replay_of
 from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.tables.frames import RUN

@@ -2,10 +2,8 @@
 
 import csv
 import math
-from itertools import pairwise
 from pathlib import Path
 
-import gymnasium as gym
 import numpy as np
 import pytest
 import reference
@@ -114,42 +112,6 @@ def test_estimates_in_numpy_are_ours_within_their_scatter():
     # Welch's t with some 15 to 22 degrees of freedom; |t| > 5 in 4 components: below 1 in 1,000
     assert (np.abs(ours - theirs) < 5 * error).all()
     assert error[:2].max() < 2.0  # px: agreement means something
-
-
-def test_the_recorded_lap_ends_where_it_starts():
-    lap = speed.recorded_lap()
-    x, y, heading = lap.prior.mean
-    for _, (distance, turn), _ in lap.steps:
-        heading += turn
-        x, y = x + distance * math.cos(heading), y + distance * math.sin(heading)
-    assert math.hypot(x - lap.prior.mean[0], y - lap.prior.mean[1]) < 1e-2
-
-
-def test_the_plan_of_the_replanned_lap_is_new_at_every_step():
-    lap = speed.replanned_lap()
-    plans = [lap.first, *(plan for _, _, plan in lap.steps)]
-    pairs = list(pairwise(plan for plan in plans if len(plan) > 1))
-    changed = [not np.array_equal(old[1:][: len(new)], new[: len(old) - 1]) for old, new in pairs]
-    assert np.mean(changed) > 0.95
-
-
-def test_a_trial_is_what_more_worlds_add_to_a_sweep_and_a_share_its_localizers_median(monkeypatch):
-    # starting a sweep takes 9 s, a trial 0.5, its localizer 0.25
-    monkeypatch.setattr(speed, "_seconds_of_sweep", lambda name, n: (9 + 0.5 * n, 0.25))
-    both = [speed.trials("mcl", localizer_only=only) for only in (False, True)]
-    assert rates(both, ONCE) == [2.0, 4.0]
-
-
-def test_a_single_env_is_driven_along_its_plan(monkeypatch):
-    env = gym.make(speed.ROOM)
-    planned = np.array(env.reset(seed=0)[1]["planned_actions"])
-    told, step = [], env.step
-    env.step = lambda action: (told.append(action.tolist()), step(action))[1]
-    monkeypatch.setattr(gym, "make", lambda name, **how: env)
-    job = speed.env_steps()
-    for _ in range(150):
-        job.call()
-    assert told == planned[:150].tolist()
 
 
 BOUNDS = {  # of ratios within one process, never a time; far from what we aim at

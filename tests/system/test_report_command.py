@@ -100,12 +100,9 @@ def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_p
     ("content", "why"),
     [
         ("{", "is truncated, or not JSON"),
-        ("[]", "is not a JSON object"),
         ("[" * 100_000, "is nested too deeply"),
-        ('{"configuration": {"scenario": "paper"}}', "has no schema"),
         ('{"schema": 3}', "an older version"),
         (f'{{"schema": {SCHEMA + 1}}}', "a newer version"),
-        (f'{{"schema": {SCHEMA}}}', "has no identity"),
         (f'{{"schema": {SCHEMA}, "identity": {{"sweep": null}}}}', "null instead of object"),
     ],
 )
@@ -131,8 +128,7 @@ def seen(page, folder, width, dark):
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
-@pytest.mark.parametrize("dark", [False, True])
-@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize(("width", "dark"), [(1280, False), (390, True)])
 def test_a_browser_finds_the_tables_and_pictures_and_can_read_them(animated, tmp_path, width, dark):
     found = seen(animated / "report.html", tmp_path, width, dark)
     assert found["inner"] == width

@@ -1,8 +1,6 @@
 """A sweep that is stopped, killed or hung: what stays, and that it goes on as if nothing was."""
 
 import os
-import random
-import shutil
 import signal
 import subprocess
 import sys
@@ -89,27 +87,6 @@ def test_a_sweep_that_is_killed_again_and_again_ends_as_if_nothing_had_been(tmp_
     assert tables(out) == tables(finished)
     assert records(out) == records(finished)
     assert not [name for name in files(out) if name.endswith(".tmp")]
-
-
-@pytest.mark.slow  # those at known moments are told from below and above
-def test_signals_at_any_moment_leave_what_the_next_run_ends_as_if_nothing_had_been(tmp_path):
-    file, finished, out = write_small(tmp_path, trials=6), tmp_path / "finished", tmp_path / "out"
-    assert sweep(file, finished) == 0
-    dice = random.Random(25)
-    for case in range(25):
-        how = dice.choice([signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-        running = Running(file, out)
-        time.sleep(dice.uniform(0.0, 3.0))
-        running.process.send_signal(how)
-        code, _, said = running.ended()
-        assert code in (0, 128 + how, -how), (case, how, said)
-        assert "Traceback" not in said, (case, how)
-        if case % 3 == 2:
-            shutil.rmtree(out, ignore_errors=True)
-    assert sweep(file, out) == 0
-    assert tables(out) == tables(finished)
-    assert records(out) == records(finished)
-    assert not list(out.rglob(".deqmcl*"))
 
 
 @pytest.mark.parametrize(
