@@ -16,13 +16,11 @@ from benchmarks.checks import check_scan
 from benchmarks.setup.names import scenario
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from localizers.models.scan import Scan
 from localizers.registry import ScanPlugIn
 
 FOLDER = ROOT / "docs" / "examples" / "learned_scan"
 MODEL = f"{FOLDER}/learned_scan.py:LearnedScan"
 REACH, BEAMS = 12.0, 16
-STEP = REACH / 400  # of the range, whose uniform mass an end has
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +46,7 @@ def pairs(rng, count):
     return measured, expected
 
 
-@pytest.mark.parametrize("beam", [0, 1, 7, 15])
+@pytest.mark.parametrize("beam", [0, 15])
 def test_the_density_of_a_beam_and_the_masses_of_the_ends_add_up_to_1(net, beam):
     measured, expected = pairs(np.random.default_rng(beam), 20)
     inside = (np.arange(6000) + 0.5) * REACH / 6000
@@ -104,15 +102,6 @@ def test_as_an_assumption_and_in_a_method_of_its_own_it_gives_the_same_beliefs()
     for one, other in zip(*both, strict=True):
         assert np.array_equal(one[0], other[0])
         assert np.array_equal(one[1], other[1])
-
-
-def test_a_pose_off_the_map_is_as_unlikely_as_for_the_beam_models():
-    lost = scenario("lost")
-    robot = lost.robot_model(lost.room())
-    scan = Scan.of(np.full(BEAMS, 3.0), REACH)
-    away = np.array([[-50.0], [-50.0], [0.0]], np.float32)
-    learned = replace(robot, scan=ScanPlugIn(kind=MODEL))
-    assert learned.scan_model().log_likelihood(away, scan) == [-30.0 * BEAMS]
 
 
 def test_a_map_in_pixels_or_another_lidar_is_refused():

@@ -1,6 +1,5 @@
 """The wheel: the three packages without what only a clone needs, typed, with the command."""
 
-import ast
 import shutil
 import tomllib
 from fnmatch import fnmatchcase
@@ -66,13 +65,6 @@ def test_setuptools_builds_the_three_packages_with_their_marks(tmp_path):
         )
     }
     assert built == expected
-
-
-def test_python_3_11_is_the_oldest_supported_and_every_file_is_written_in_it():
-    assert PROJECT["project"]["requires-python"] == ">=3.11"
-    for package in PACKAGES:
-        for path in (ROOT / package).rglob("*.py"):
-            ast.parse(path.read_text(), feature_version=(3, 11))
 
 
 def test_citation_and_the_newest_release_in_the_changelog_are_those_of_this_version():
