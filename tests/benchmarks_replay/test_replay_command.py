@@ -10,17 +10,14 @@ import pytest
 from bags import written
 from deqmcl_command import exit_code, lines, records, stored
 from hall import recorded_in_a_hall, write_lap
-from report_cases import lines_of, panel_of, table_of
 
 from benchmarks.replay.command import methods_of
 from benchmarks.replay.options import replay_of
 from benchmarks.report.tracks import (
-    differences_table,
     middle_run,
     run_words,
     runs_frame,
     scores_by_localizer,
-    tables_of,
     worst_run,
 )
 from benchmarks.setup.logs import motion_noise
@@ -261,7 +258,6 @@ def test_what_the_reader_warns_of_is_also_said_before_a_refusal(recorded, capsys
     (recorded / "lap.csv").write_text("".join([*texts, texts[-2]]))  # its time runs backwards
     assert replay(*KNOWN, "--start=40,1,0", "--out", "o") == 2
     warning, refusal = capsys.readouterr().err.splitlines()
-    assert "Warning: " in warning
     assert "backwards" in warning
     assert "no free space" in refusal
 
@@ -284,10 +280,8 @@ def test_motion_given_in_part_leaves_the_rest_as_it_would_be(recorded, kind, par
     assert estimated == motion_noise(replays[0].log, kind)
     assert partly == replace(estimated, **part)
     assert vars(whole) == vars(whole) | part | rest
-    said = [replay.noise for replay in replays]
-    assert said[0].startswith(origin)
-    assert said[1].startswith(f"{name} given; the rest {origin}")
-    assert said[2] == "given"
+    assert replays[1].noise.startswith(f"{name} given; the rest {origin}")
+    assert replays[2].noise == "given"
     unknown = replay_of("lap.csv", "hall.yaml", settings=of_motion(chosen), start="1.2,1,0")
     assert unknown.motion == unknown_motion(kind, "m")
     assert unknown.noise == "assumed, as there is no reference"
@@ -306,13 +300,6 @@ def test_a_plug_in_that_fails_ends_with_3_and_the_others_are_kept(recorded, caps
     assert "no laser" in (recorded / "o/report.html").read_text()
 
 
-def test_lost_runs_are_counted_among_those_that_ended():
-    (first, _) = tables_of(runs_of([50.0] * 3, [50.0] * 3, failed=2))
-    cells = first.frame.iloc[0]
-    assert cells["lost"] == "2 of 2"
-    assert cells["localized to the end"] == "0 of 4"
-
-
 def test_the_verdict_stands_first_and_how_many_runs_would_confirm_a_difference(recorded, capsys):
     assert replay(*KNOWN, "--localizers", "mcl,amcl,dead-reckoning", "--out", "o") == 0
     told = " ".join(capsys.readouterr().out.split())
@@ -328,22 +315,6 @@ def test_the_verdict_stands_first_and_how_many_runs_would_confirm_a_difference(r
     page = (recorded / "o/report.html").read_text().replace("\u00a0", " ")
     assert page.index("No method is better") < page.index("<table")
     assert ranked in page
-
-
-def test_differences_that_many_runs_show_are_confirmed_and_others_say_what_it_takes():
-    rng = np.random.default_rng(0)
-    records = [
-        record_of([error] * 4, seed, name)
-        for name, middle in (("mcl", 0.1), ("amcl", 0.2), ("ekf", 0.1))
-        for seed, error in enumerate(rng.normal(middle, 0.01, 12))
-    ]
-    far, same = (row for _, row in table_of(records).iloc[1:].iterrows())
-    assert far.position_median_p == pytest.approx(2 / 2**12, rel=1e-5)  # all on one side
-    assert far.position_median_p_holm < 0.05 < same.position_median_p_holm
-    assert far.position_median_diff == pytest.approx(0.1, abs=0.01)
-    cells = lines_of(differences_table(panel_of(records)))
-    assert [line[-1] == "–" for line in cells] == [True, False]
-    assert all(line[2] == "+0 (0 to 0)" for line in cells)  # all are localized
 
 
 def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_where_it_was_lost():
@@ -457,7 +428,6 @@ def test_a_sparse_reference_is_counted_by_what_is_known_of_it(recorded, capsys):
     assert f"{own} of {played.size} records have a pose within" in said
     assert f"for {between} it is interpolated along the odometry" in said
     assert f"{played.size - own - between} without one do not count" in said
-    assert "Every second pose, left out" in said
     (row,) = lines(Path("o"), "results.csv")
     assert float(row["position_median_stamps"]) > 0
 
@@ -487,19 +457,12 @@ def test_odometry_that_moves_sideways_is_told_unless_the_motion_model_knows_it(r
     strafing = log.odometry.copy()
     strafing[:, 1] += 0.05 * np.arange(len(log))  # m a record, whatever the heading
     logs.write(replace(log, odometry=strafing), "strafing.csv")
-    said = [
-        replay_of(name, "hall.yaml", settings=of_motion(motion), reference="lap.tum").sideways
-        for name, motion in (
-            ("strafing.csv", {}),
-            ("strafing.csv", {"kind": "omni"}),
-            ("lap.csv", {}),
-        )
-    ]
-    assert (
-        "of odometry are sideways: for a robot that can move so, add --set assumed.motion"
-        in said[0]
+    plain, omni = (
+        replay_of("strafing.csv", "hall.yaml", settings=settings, reference="lap.tum").sideways
+        for settings in ({}, of_motion({"kind": "omni"}))
     )
-    assert said[1:] == [None, None]
+    assert "sideways: for a robot that can move so, add --set assumed.motion" in plain
+    assert omni is None
 
 
 def test_two_scan_topics_of_a_bag_are_played_as_one_scanner(recorded, capsys, tmp_path):

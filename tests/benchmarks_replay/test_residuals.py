@@ -9,7 +9,6 @@ from deqmcl_command import exit_code, lines
 from hall import recorded_in_a_hall
 
 from benchmarks.replay.residuals import HIT, THROUGH, Residuals
-from benchmarks.trials.map_signals import CLEAR, Expected, known_part
 from deqmcl_gym import logs
 
 GONE, NEW = (slice(28, 40), slice(54, 60)), (slice(40, 46), slice(66, 72))  # cells of the hall
@@ -73,26 +72,6 @@ def test_scans_of_a_robot_that_is_lost_are_not_used(lap):
     residuals = residuals_of(hall, log, poses)
     assert not residuals.used.any()
     assert residuals.places == []
-
-
-def test_a_reading_is_short_or_long_beyond_what_all_poses_nearby_see_and_else_explained(lap):
-    hall, log = lap
-    known = known_part(hall)
-    pose, lidar = log.reference[:1], log.scanner
-    expected = Expected.of(known, lidar, pose)
-    exact = expected.here
-    np.testing.assert_array_equal(
-        exact, known.ranges(lidar.fans(pose.T)[0][0].T, lidar.bearings), strict=True
-    )
-    assert expected.fit(exact).explained[0] == 1
-    # beyond what any pose 0.1 m off sees along a wall that is met head on
-    least, most = exact - CLEAR - 0.1 - 1e-3, exact + CLEAR + 0.1 + 1e-3
-    ahead = int(np.argmin(exact))  # the nearest wall is met head on
-    assert expected.fit(least).short[0, ahead]
-    assert expected.fit(most).long[0, ahead]
-    nothing = expected.fit(np.full_like(exact, np.inf))
-    assert not nothing.returned.any()
-    assert np.isnan(nothing.explained[0])
 
 
 def test_replay_writes_the_picture_and_a_line_per_place(lap, wrong, tmp_path, monkeypatch, capsys):

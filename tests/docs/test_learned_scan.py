@@ -14,8 +14,6 @@ from training_data import recorded
 import localizers
 from benchmarks.checks import check_scan
 from benchmarks.setup.names import scenario
-from benchmarks.trials.spec import Trial
-from benchmarks.trials.stage import Stage
 from localizers.registry import ScanPlugIn
 
 FOLDER = ROOT / "docs" / "examples" / "learned_scan"
@@ -88,20 +86,6 @@ def test_numpy_computes_what_torch_was_trained_to(code, net):
 
 def test_it_keeps_the_laws_of_scan_models():
     assert check_scan(MODEL).passed
-
-
-def test_as_an_assumption_and_in_a_method_of_its_own_it_gives_the_same_beliefs():
-    setting = {"scenario": "driving-perfect", "lag": 0, "seed": 0, "trial": 0}
-    setting["params"] = {"particles": 60}
-    assumed = Trial(**setting, localizer="mcl-map", assumed={"scan.kind": MODEL})
-    own = Trial(**setting, localizer=f"{FOLDER}/learned_scan.py:mcl_map")
-    both = [
-        [m.belief.points() for m, _ in zip(Stage.of(trial).moments(), range(4), strict=False)]
-        for trial in (assumed, own)
-    ]
-    for one, other in zip(*both, strict=True):
-        assert np.array_equal(one[0], other[0])
-        assert np.array_equal(one[1], other[1])
 
 
 def test_a_map_in_pixels_or_another_lidar_is_refused():
