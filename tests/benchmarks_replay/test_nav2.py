@@ -78,14 +78,14 @@ def test_every_parameter_is_used_or_named_with_the_reason(params):
 def test_older_names_and_a_least_range_are_read(params):
     old = params("nav2_amcl::DifferentialMotionModel", "omnidirectional")
     assert read_nav2(old).params["robot_model_type"] == "nav2_amcl::OmniMotionModel"
+    alphas = {"alpha1": 0.04, "alpha2": 0.08, "alpha3": 0.09, "alpha4": 0.2}
+    assert read_nav2(old).motion == OmniMotion(**alphas, alpha5=0.2)
+    assert read_nav2(params()).motion == DifferentialMotion(**alphas)
     near = params("laser_min_range: -1.0", "laser_min_range: 0.3")
     assert read_nav2(near).reading == {"max_range": 4.0, "min_range": 0.3}
     far = params("laser_max_range: 4.0", "laser_max_range: -1.0")
     assert read_nav2(far).reading == {}  # what the sensor says
     assert read_nav2(params("alpha1: 0.04", "alpha1: 4e-2")).motion.alpha1 == 0.04  # YAML 1.2
-    alphas = {"alpha1": 0.04, "alpha2": 0.08, "alpha3": 0.09, "alpha4": 0.2}
-    assert read_nav2(params()).motion == DifferentialMotion(**alphas)
-    assert read_nav2(old).motion == OmniMotion(**alphas, alpha5=0.2)
 
 
 def test_the_sweep_file_is_toml_whatever_the_file_is_called_and_however_small_its_numbers(params):
@@ -112,18 +112,12 @@ BAD = [
     ("amcl: {ros__parameters", "amcl: {parameters", "no node amcl"),
     ("ros__parameters", "parameters", "is it of ROS 1?"),
     ("pf_err: 0.04", "pf_err: small", "pf_err is 'small'"),
-    ("alpha1: 0.04", "alpha1: -0.04", "alpha1 is -0.04"),
-    ("max_beams: 30", "max_beams: 30.5", "max_beams is 30.5"),
-    ("max_particles: 1500", "max_particles: 100", "min_particles is 300"),
     ('"likelihood_field_prob"', '"beams"', "laser_model_type"),
     ("do_beamskip: false", "do_beamskip: 1", "do_beamskip is 1"),
-    ("beam_skip_threshold: 0.3", "beam_skip_threshold: 30", "beam_skip_threshold is 30"),
     ("x: 1.2", "x: here", "initial_pose.x is 'here'"),
     ("yaw: 0.1", "yaw: 90", "initial_pose is (1.2, 1, 90), but its heading must be in radians"),
     ("bt_navigator:", "again: &a {deeper: *a}\nbt_navigator:", "has an alias"),
-    ("update_min_d: 0.1", "update_min_d: -1", "update_min_d is -1"),
     ("update_min_a: 0.2", "update_min_a: 11.5", "update_min_a is 11.5"),  # degrees
-    ("laser_max_range: 4.0", "laser_max_range: .nan", "laser_max_range is nan"),
     ("bt_navigator", "/robot2/amcl", "2 nodes of AMCL, /amcl, /robot2/amcl: choose one by --node"),
     ("use_sim_time: True", "use_sim_time: [", "is not YAML"),
     ("use_sim_time: True", "use_sim_time: " + "[" * 9000, "is nested too deeply"),
@@ -380,9 +374,7 @@ def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded
     ("words", "told"),
     [
         (["--set", "params.amcl.alpha1=0.3"], "alpha1 0.04 → 0.3"),
-        (["--set", "params.amcl.selective_resampling=true"], "selective_resampling None → True"),
         (["--every", "0.2m,1rad"], "update_min_a 0.2 → 1.0, update_min_d 0.1 → 0.2"),
-        (["--set", "world.reading.min_range=0.2"], "laser_min_range the sensor's → 0.2"),
         (["--reference", "x.tum"], "initial_pose (1.2, 1.0, 0.1) → another start"),
         (["--start=1.2,1,0.1", "--particles", "20", "--set", "assumed.motion.alpha1=0.5"], None),
     ],

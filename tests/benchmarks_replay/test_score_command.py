@@ -104,10 +104,8 @@ def test_without_a_log_errors_are_those_at_the_estimates_own_times(here, tmp_pat
     assert exit_code(*words, "--out", tmp_path / "s") == 0
     row = table(tmp_path / "s", "trials.csv")["theirs"]
     off = [0.3, math.hypot(0.125, 0.25), math.hypot(0.5, 1.4)]
-    assert float(row["ape_rmse"]) == pytest.approx(math.sqrt(np.square(off).mean()), rel=1e-6)
     assert float(row["position_median"]) == pytest.approx(sorted(off)[1], rel=1e-6)
     assert float(row["position_median_stamps"]) == pytest.approx(np.median([off[0], off[2]]))
-    assert float(row["heading_median"]) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_gaussians_are_calibrated_by_the_chi_squared_distribution():

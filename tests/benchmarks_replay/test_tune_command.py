@@ -361,14 +361,6 @@ def test_nav2_yaml_is_read_back_as_the_winner_and_keeps_the_rest_of_a_file(here,
         assert list(document) == ["amcl"]
 
 
-def test_numbers_in_nav2_yaml_have_the_types_that_ros_asks_for():
-    document = nav2_document({"alpha1": 1, "max_particles": 700})
-    written = yaml.safe_load(yaml.safe_dump(document))["amcl"]["ros__parameters"]
-    for name, value in usual_params().items():
-        assert type(written[name]) is type(value), name
-    assert (written["alpha1"], written["max_particles"]) == (1.0, 700)
-
-
 @pytest.mark.parametrize(
     ("params", "words"),
     [
@@ -439,13 +431,10 @@ def test_a_candidate_beside_another_stays_in_the_space_and_moves_something():
     ("text", "words"),
     [
         ("particle = [1, 2]", "did you mean 'particles'"),
-        ("particles = 5", "must be a table like"),
         ("particles = [5, 5]", "each once"),
         ("particles = [[1], [2]]", "numbers, words, true or false"),
         ("particles = { low = 5, high = 5 }", "low must be below high"),
         ("particles = { low = 2000, high = 2004, whole = true }", "one number in 3 digits"),
-        ("particles = { low = 1.5, high = 5, whole = true }", "whole number"),
-        ("particles = { log = [0, 5] }", "needs low above 0"),
         ("particles = { low = 1, high = inf }", "out of range at high"),
         ("only = true", "nothing is left"),
         ("particles = [", "not valid TOML"),
@@ -492,11 +481,9 @@ def test_importance_is_the_share_of_variance_between_groups_beyond_chance():
     tried = [candidate(one, rank=rank) for one, rank in zip(drawn, ranks.tolist(), strict=True)]
     table = importance(space, [*tried, candidate({})])
     found = {name: own for name, *own in table.to_numpy()}
-    groups = {kind: [r for one, r in zip(drawn, ranks, strict=True) if one["c"] == kind]
-              for kind in (1, 2)}  # fmt: skip
-    within = sum(sum((r - np.mean(own)) ** 2 for r in own) for own in groups.values())
-    total = sum((r - np.mean(ranks)) ** 2 for r in ranks)
-    assert found["c"][0] == pytest.approx(1 - (within / 78) / (total / 79))
+    groups = [ranks[[one["c"] == kind for one in drawn]] for kind in (1, 2)]
+    within = sum(np.var(own) * own.size for own in groups)
+    assert found["c"][0] == pytest.approx(1 - (within / 78) / (np.var(ranks) * 80 / 79))
     assert found["c"][2] == "1"
     assert found["x"][0] > 0.6
     assert found["x"][2].startswith("0.00")
@@ -509,11 +496,9 @@ def test_importance_is_the_share_of_variance_between_groups_beyond_chance():
     [
         (COMMAND, "has no reference"),
         ((*MCL, "--score", "mean"), "unknown score"),
-        ((*MCL, "--candidates", "1"), "--candidates is 1"),
         ((*MCL, "--segment", "3"), "give a smaller --segment"),
         ((*MCL, "--start-sd", "0.2m"), "--start-sd is '0.2m'"),
         ((*MCL, "--map", "hall.yaml", "--map", "hall.yaml"), "--map is given 3 times for 1 logs"),
-        (("tune", "lap.csv", *MCL[1:]), "lap.csv is given twice"),
         ((*MCL, "--localizer", "mcl,amcl"), "must name one localizer"),
         ((*MCL, "--nav2", "x.yaml"), "--nav2 is given, but mcl is tuned"),
         ((*COMMAND, "--reference", "lap.tum", "--localizer", "dead-reckoning"), "--space"),

@@ -39,12 +39,6 @@ def test_jobs_take_turns_that_are_at_least_as_long_as_asked_for():
     assert turns == 2 * (10 * "a" + 2 * "b" + "c")
 
 
-@pytest.mark.parametrize(("slow_call", "turns"), [(1, 1), (5, 5)])
-def test_neither_a_first_call_that_compiles_nor_one_slow_turn_changes_a_rate(slow_call, turns):
-    job = Clock().job("a", lambda call: 60.0 if call == slow_call else 0.01)
-    assert rates([job], Effort(turns, seconds=0.01)) == pytest.approx([100])
-
-
 def lasting(seconds):
     return lambda: Clock().job("they", seconds)
 

@@ -32,19 +32,6 @@ def test_a_scenario_without_offices_or_with_people_is_refused():
         recorded(BUILDINGS, 5, scenario="wrong-map")
 
 
-def test_the_picture_of_the_map_is_centred_at_the_robot(data):
-    half, edge = CROP // 2, float(data["resolution"])
-    rng = np.random.default_rng(0)
-    for step, room in np.ndindex(STEPS, ROOMS):
-        plan = Office(seed=int(data["building"][step, room])).grid
-        pose, cells = data["pose"][step, room], data["map"][step, room]
-        assert cells[half, half] == 0  # the robot is in free space
-        row, column = rng.integers(CROP, size=2)
-        corner = np.floor(pose[:2] / edge) + np.array([column - half, row - half])
-        there = (corner + 0.5) * edge
-        assert bool(cells[row, column]) == (not plan.free([there], 0.0)[0])
-
-
 def test_commands_lead_from_pose_to_pose_and_are_0_where_an_episode_begins(data):
     begins = data["begins"]
     assert begins[0].all()

@@ -117,35 +117,25 @@ def test_the_list_shows_suites_localizers_scenarios_and_agents_even_if_one_canno
     for name in scenario_names():
         assert re.search(rf"^  {name} +{re.escape(scenario(name).words)}$", said, re.MULTILINE)
     assert re.search(r"^  no_such_module:Theirs +cannot be loaded: the localizer", said, re.M)
-    assert re.search(r"^  plan-sensor +30,320 trials on 200 worlds: ", said, re.M)
 
 
 def test_the_list_shows_six_of_each_and_all_of_the_kind_that_is_named(capsys):
     assert exit_code("list") == 0
     blocks = capsys.readouterr().out.strip().split("\n\n")
     assert [len(block.splitlines()) for block in blocks] == [8] * 4  # a title, six, and the rest
-    more = len(SUITES) - 6
-    assert f"  …                {more} more: deqmcl list suites" in blocks[0].splitlines()
     assert exit_code("list", "suites") == 0
     said = capsys.readouterr().out
     assert len(said.splitlines()) == 1 + len(SUITES)
     assert re.search(r"^  lost +1,100 trials on 100 worlds: ", said, re.MULTILINE)
 
 
-@pytest.mark.parametrize(
-    ("line", "offered"),
-    [("deqmcl verif", {"verify"}), ("deqmcl new map --co", {"--corridor", "--corridors"})],
-)
-def test_tab_completes_commands_and_their_options(tmp_path, line, offered):
-    told = tmp_path / "offered"
-    shell = {
-        "_ARGCOMPLETE": "1",
-        "_ARGCOMPLETE_STDOUT_FILENAME": str(told),
-        "_ARGCOMPLETE_IFS": "|",
-    }
-    position = {"COMP_LINE": line, "COMP_POINT": str(len(line))}
-    process(DEQMCL, env=os.environ | shell | position)
-    assert {word.strip() for word in told.read_text().split("|")} == offered
+def test_tab_completes_options_of_a_command(tmp_path):
+    told, line = tmp_path / "offered", "deqmcl new map --co"
+    shell = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_STDOUT_FILENAME": str(told)}
+    shell |= {"_ARGCOMPLETE_IFS": "|", "COMP_LINE": line, "COMP_POINT": str(len(line))}
+    process(DEQMCL, env=os.environ | shell)
+    offered = {word.strip() for word in told.read_text().split("|")}
+    assert offered == {"--corridor", "--corridors"}
 
 
 ROOT = Path(__file__).parents[2]

@@ -80,13 +80,6 @@ def test_agents_that_drive_in_the_same_worlds_are_pooled_too(swept, tmp_path):
     assert pooled(tmp_path / "pooled", *apart) == tables(together)
 
 
-def test_a_trial_that_failed_in_two_folders_has_failed_once(swept, tmp_path, capsys):
-    parts = [swept("mcl", BROKEN, fails=True), swept("mcl-map", BROKEN, fails=True)]
-    capsys.readouterr()
-    pooled(tmp_path / "pooled", *parts)
-    assert capsys.readouterr().out.startswith("4 of 6 trials finished, 2 failed.\n")
-
-
 def test_folders_of_other_worlds_are_not_pooled_and_the_difference_is_said(
     swept, tmp_path, refusal
 ):

@@ -1,7 +1,5 @@
 """A scenario with a map, found beside its file, and a route; the office of ``deqmcl new map``."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from deqmcl_command import exit_code, files
@@ -52,13 +50,6 @@ def test_an_edit_of_the_map_is_another_scenario(hall):
     yaml = hall / "maps" / "hall.yaml"
     yaml.write_text(yaml.read_text().replace("0.05", "0.051"))
     assert scenario_digest("../hall.toml") != before
-
-
-def test_a_map_that_is_not_there_is_refused(hall, refusal):
-    (hall / "hall.toml").write_text("[env]\nfloor_plan = 'lost.yaml'\n" + ROUTE)
-    run = ("run", "--scenario", "../hall.toml", "--localizer", "mcl", "--out", "lap")
-    refusal(run, "lost.yaml does not exist")
-    assert not Path("lap").exists()
 
 
 def test_both_files_of_a_new_map_are_the_office(tmp_path, capsys, refusal):

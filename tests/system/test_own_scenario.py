@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from deqmcl_command import exit_code, files, lines
-from sweep_command import sweep, without_report
+from deqmcl_command import exit_code, files
+from sweep_command import without_report
 
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.sweepfile import read_sweep
@@ -57,19 +57,6 @@ def test_paper_takes_it_on_one_and_two_processes_and_another_folder_until_it_is_
     assert list(plug_ins) == [str(room)]
     room.write_text(ROOM.replace("0.3", "0.4"))
     refusal(["paper", *there, *methods, "--jobs", "1", "--out", "../one"], f"plug-ins.{room} was")
-
-
-def test_sweeps_take_it_beside_ours_and_parts_can_be_taken_away(room):
-    Path("sweep.toml").write_text(
-        'localizers = ["mcl"]\ntrials = 1\nlag = 3\nparams.particles = 20\n'
-        '[[vary]]\nscenario = ["room.toml", "room.toml", "paper"]\n'
-        'world.driver = ["none", {look_ahead = 1.0}, "none"]\n'
-        'assumed.prior.kind = ["gaussian", "gaussian", "gaussian"]\n'
-    )
-    assert sweep("sweep.toml", "out") == 0
-    rows = [row for row in lines(Path("out")) if row["offset"] == "0"]
-    assert [Path(row["scenario"]).name for row in rows] == ["room.toml", "room.toml", "paper"]
-    assert rows[0]["error"] != rows[1]["error"]
 
 
 @pytest.mark.parametrize("prior", [IN_A_ROOM, PLACES])

@@ -31,13 +31,6 @@ def test_the_patterns_of_pyproject_choose_exactly_the_three_packages():
     assert {name for name in folders() if name.partition(".")[0] in PACKAGES} == chosen
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_every_package_is_typed_and_so_is_every_folder_a_package(package):
-    assert (ROOT / package / "py.typed").read_bytes() == b""
-    for path in (ROOT / package).rglob("*.py"):
-        assert (path.parent / "__init__.py").is_file(), path
-
-
 def test_setuptools_builds_the_three_packages_with_their_marks(tmp_path):
     pytest.importorskip("setuptools", reason="a venv of Python 3.12 or later has none")
     for package in PACKAGES:

@@ -125,18 +125,6 @@ def test_a_dry_run_shows_the_cells_and_a_time_and_writes_nothing(tmp_path, monke
     assert [path.name for path in tmp_path.iterdir()] == ["small.toml"]
 
 
-def test_a_dry_run_scales_the_time_of_the_limit_by_its_particles(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(running, "BUDGET", 0.0)
-    more = '\n[limit]\nname = "mcl"\ntrials = 1\nfilter_seeds = 3\n[limit.params]\n'
-    file = write_small(tmp_path, trials=50, more=f"{more}particles = 1_500_000\n")
-    assert sweep(file, tmp_path / "out", "--dry-run") == 0
-    said = capsys.readouterr().out
-    assert "small: 103 trials in 3 cells" in said
-    one = float(re.search(r"50 +([\d.]+) s +mcl particles=15\n", said)[1])
-    many = float(re.search(r"3 +≈ ([\d.]+) s +mcl particles=1500000\n", said)[1])
-    assert many == pytest.approx(1e5 * one, abs=0.006e5)  # it is shown to 0.01 s
-
-
 @pytest.mark.parametrize(
     ("where", "time"),  # 100 trials of 6 s
     [

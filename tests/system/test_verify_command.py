@@ -101,13 +101,6 @@ def test_scores_added_since_are_not_compared_and_missing_in_tables(mine, capsys)
     assert "" not in {row["wall_share"] for row in rows}
 
 
-def test_a_trial_that_fails_now_differs(mine, capsys):
-    plug_in, _, out = mine
-    plug_in.write_text("raise ImportError('gone')\n")
-    assert verify(out) == 1
-    assert "it finished before and fails now" in capsys.readouterr().err
-
-
 def test_adopting_verifies_only_folders_of_other_code_and_refuses_another_sweep_unseen(
     mine, tmp_path, capsys
 ):
