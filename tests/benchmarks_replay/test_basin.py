@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from deqmcl_command import exit_code, lines
 from hall import recorded_in_a_hall, write_lap
-from refusals import refused
 
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.results import results_in
@@ -89,22 +88,6 @@ def test_a_displaced_prior_keeps_its_spread_and_is_scored_as_of_the_lost():
     )
     assert replace(stage.prior(), mean=(0, 0, 0)) == expected
     assert "lost" in [group.name for group in stage.groups]
-
-
-BAD_PRIORS = [
-    ({"prior.angle": 4.0}, ["prior.angle", "4"]),
-    ({"prior.distanse": 1.0}, ["'prior.distanse'", "did you mean 'prior.distance'?"]),
-]
-
-
-@pytest.mark.parametrize(("assumed", "words"), BAD_PRIORS)
-def test_a_displacement_that_cannot_be_is_refused(assumed, words):
-    trial = Trial(
-        scenario="driving-blind", assumed={"prior.kind": "displaced", **assumed},
-        localizer="mcl", params=(), lag=0, seed=0, trial=0,
-    )  # fmt: skip
-    with refused(*words):
-        Stage.of(trial).check()
 
 
 def test_dead_reckoning_is_localized_just_where_its_start_is_near_enough(recorded):

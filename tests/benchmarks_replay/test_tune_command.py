@@ -229,13 +229,6 @@ def test_a_score_of_honesty_prefers_an_honest_belief_to_a_nearer_one_that_is_too
     assert cell.params["kind"] == winner
 
 
-def test_a_winner_whose_region_holds_less_than_that_of_the_default_is_warned_of(before, tmp_path):
-    honest = PLUG_IN.replace('kind="bad"', 'kind="far and honest"')
-    out = of_two_kinds(tmp_path, honest, "median")
-    told = (out / "tuned.md").read_text()
-    assert "Warning: the 95 % region of the tuned parameters holds 0.0 % of the reference" in told
-
-
 @pytest.mark.parametrize(
     ("score", "localizer", "lacking"),
     [

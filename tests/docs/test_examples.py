@@ -79,34 +79,28 @@ def test_ppo_learns_to_finish_laps(tmp_path):
     assert int(re.search(r"(\d+) of 20 episodes finished", said)[1]) >= 18
 
 
+FEW = {
+    "sb3_journeys.py": ("--steps 1024 --rooms 8", ["mean return of the last"]),
+    "cleanrl_journeys.py": (
+        "--steps 8192 --rooms 32 --seeds 1 --episodes 4 --curve curve.svg",
+        ["| PPO, seed 0 |", "| plan "],
+    ),
+    "ppo_localize.py": (
+        "--decisions 512 --seeds 2 --episodes 2 --against spin --out .",
+        ["| `ppo, seed 0`", "| `ppo, seed 1`", "| `spin`"],
+    ),
+}
+
+
 @pytest.mark.slow
-def test_ppo_trains_on_many_journeys_at_once():
+@pytest.mark.parametrize("script", FEW)
+def test_ppo_trains_is_scored_and_draws_its_curves(script, tmp_path, monkeypatch):
     pytest.importorskip("stable_baselines3")
-    said = run("sb3_journeys.py", "--steps", 1024, "--rooms", 8)
-    assert "mean return of the last" in said
-
-
-@pytest.mark.slow
-def test_ppo_in_one_file_trains_is_scored_and_draws_its_curves(tmp_path):
-    pytest.importorskip("torch")
-    few = ("--steps", 8192, "--rooms", 32, "--seeds", 1, "--episodes", 4)
-    said = run("cleanrl_journeys.py", *few, "--curve", tmp_path / "curve.svg")
-    rows = re.findall(r"^[|] (PPO, seed 0|plan) [|] +(-?[\d.]+) ", said, re.MULTILINE)
-    assert [name for name, _ in rows] == ["PPO, seed 0", "plan"]
-    assert "<svg" in (tmp_path / "curve.svg").read_text()
-
-
-@pytest.mark.slow
-def test_ppo_on_the_belief_trains_is_scored_and_draws_its_curves(tmp_path):
-    pytest.importorskip("stable_baselines3")
-    few = ("--decisions", 512, "--seeds", 2, "--episodes", 2, "--against", "spin")
-    said = run("ppo_localize.py", *few, "--out", tmp_path)
-    assert sorted(re.findall("^[|] `(.+?)`", said, re.MULTILINE)) == [
-        "ppo, seed 0",
-        "ppo, seed 1",
-        "spin",
-    ]
-    assert "<svg" in (tmp_path / "curve.svg").read_text()
+    monkeypatch.chdir(tmp_path)
+    arguments, words = FEW[script]
+    said = run(script, *arguments.split())
+    assert [word for word in words if word not in said] == []
+    assert script == "sb3_journeys.py" or "<svg" in (tmp_path / "curve.svg").read_text()
 
 
 @pytest.mark.slow

@@ -68,22 +68,6 @@ def test_a_beam_does_not_depend_on_those_after_it(net):
         assert not np.allclose(found[:, beam + 1], before[:, beam + 1], rtol=0, atol=0.1)
 
 
-def test_numpy_computes_what_torch_was_trained_to(code, net):
-    torch = pytest.importorskip("torch")
-    train = runpy.run_path(str(FOLDER / "train_scan_model.py"))
-    with np.load(FOLDER / "learned_scan.npz") as file:
-        weights = {name: torch.tensor(file[name]) for name in file.files if "." in name}
-    made = train["net_of"]()
-    made.load_state_dict(weights)
-    measured, expected = (one.astype(np.float32) for one in pairs(np.random.default_rng(1), 300))
-    read = torch.from_numpy(code["features"](measured, expected, REACH))
-    theirs = train["log_density"](
-        made(read), torch.from_numpy(measured), torch.from_numpy(expected), REACH
-    )
-    ours = net.log_density(measured, expected)
-    np.testing.assert_allclose(ours, theirs.detach().numpy(), rtol=0, atol=2e-3)
-
-
 def test_it_keeps_the_laws_of_scan_models():
     assert check_scan(MODEL).passed
 

@@ -88,13 +88,6 @@ def test_the_table_names_all_laws_in_their_order():
     assert rows == ["law", *map(law_name, LAWS)]
 
 
-def test_the_localizer_that_follows_the_plan_keeps_all_laws(tmp_path):
-    (code,) = (block for block in blocks(LOCALIZER, "python") if "class PlanFollower" in block)
-    (tmp_path / "follower.py").write_text(code)
-    report = check_localizer(f"{tmp_path / 'follower.py'}:PlanFollower")
-    assert report.passed, str(report)
-
-
 @pytest.fixture
 def lap(tmp_path, monkeypatch):
     """A folder with the log to begin with, its map and its reference."""
@@ -207,3 +200,10 @@ def test_the_table_of_disturbances_has_all_and_no_others():
     _, table = (ROOT / "docs" / "sweeps.md").read_text().split("| disturbance | keys |\n")
     rows = table.split("\n\n")[0].splitlines()[1:]
     assert [re.match(r"\| `([\w-]+)` \|", row)[1] for row in rows] == list(DISTURBANCES)
+
+
+def test_the_localizer_that_follows_the_plan_keeps_all_laws(tmp_path):
+    (code,) = (block for block in blocks(LOCALIZER, "python") if "class PlanFollower" in block)
+    (tmp_path / "follower.py").write_text(code)
+    report = check_localizer(f"{tmp_path / 'follower.py'}:PlanFollower")
+    assert report.passed, str(report)
