@@ -150,26 +150,6 @@ def test_of_a_poor_default_and_a_good_candidate_the_good_one_wins_by_a_larger_sh
     assert cell.params["particles"] >= 500
 
 
-FRAIL = """
-from pathlib import Path
-
-import localizers
-
-
-class Frail:
-    def __init__(self, robot, *, kind=0):
-        self._inner, self._fails = localizers.make("dead-reckoning", robot), kind == 0
-
-    def reset(self, *given):
-        self._steps = 0
-        return self._inner.reset(*given)
-
-    def update(self, *given):
-        self._steps += 1
-        if self._fails and self._steps > 3 and not Path(__file__).with_name("mended").exists():
-            raise RuntimeError("it broke")
-        return self._inner.update(*given)
-"""
 PLUG_IN = """
 import numpy as np
 import localizers
@@ -183,15 +163,15 @@ class Belief(localizers.PointsBelief):
 
 
 class Stated:
-    def __init__(self, robot, *, kind="bad", rated=True):
-        self._inner, self._kind, self._rated = localizers.make("dead-reckoning", robot), kind, rated
+    def __init__(self, robot, *, kind="bad"):
+        self._inner, self._kind = localizers.make("dead-reckoning", robot), kind
 
     def _of(self, belief):
         off, sd, quality = KINDS[self._kind]
         (pose,), _ = belief.points()
         ends = np.sqrt(6) * sd * np.vstack([np.eye(3), -np.eye(3), np.zeros((1, 3))])
         found = Belief(pose + [off, 0, 0] + ends, [1 / 12] * 6 + [0.5])
-        found.quality = quality if self._rated else None
+        found.quality = quality
         return found
 
     def reset(self, *given):
@@ -202,15 +182,23 @@ class Stated:
 """
 
 
-def of_two_kinds(folder, plug_in, score):
-    """The folder of a search among two kinds of a plug-in."""
-    (folder / "stated.py").write_text(plug_in)
+FRAIL = """
+class Frail(Stated):
+    def update(self, *given):
+        if self._kind == "bad" and not Path(__file__).with_name("mended").exists():
+            raise RuntimeError("it broke")
+        return super().update(*given)
+"""
+
+
+def among_two_kinds(folder, score, *more, name="Stated"):
+    """The exit code of a search among two kinds of a plug-in."""
+    (folder / "stated.py").write_text(f"from pathlib import Path\n{PLUG_IN}\n{FRAIL}")
     (folder / "kinds.toml").write_text('kind = ["near and sure", "far and honest"]\n')
-    words = (*COMMAND, "--reference", "lap.tum", "--localizer", folder / "stated.py")
+    words = (*COMMAND, "--reference", "lap.tum", "--localizer", f"{folder}/stated.py:{name}")
     words += ("--space", folder / "kinds.toml", "--score", score, "--set", "assumed.scan.power=0.2")
     words += ("--candidates", "3", "--jobs", "1", "--out", folder / "out")
-    assert exit_code(*words) == 0
-    return folder / "out"
+    return exit_code(*words, *more)
 
 
 @pytest.mark.parametrize(
@@ -224,28 +212,21 @@ def of_two_kinds(folder, plug_in, score):
 def test_a_score_of_honesty_prefers_an_honest_belief_to_a_nearer_one_that_is_too_sure(
     before, tmp_path, score, winner
 ):
-    out = of_two_kinds(tmp_path, PLUG_IN, score)
-    (cell,) = read_sweep(out / "best.toml").cells()
+    assert among_two_kinds(tmp_path, score) == 0
+    (cell,) = read_sweep(tmp_path / "out" / "best.toml").cells()
     assert cell.params["kind"] == winner
 
 
 @pytest.mark.parametrize(
-    ("score", "localizer", "lacking"),
-    [
-        ("false-commitment", "stated.py", "quality"),
-        ("log-score", "dead-reckoning", "spread"),
-    ],
+    ("score", "lacking"), [("false-commitment", "quality"), ("log-score", "spread")]
 )
 def test_a_score_that_a_belief_has_nothing_for_is_refused_before_anything_runs(
-    before, tmp_path, capsys, score, localizer, lacking
+    before, tmp_path, capsys, score, lacking
 ):
+    words = (*COMMAND, "--reference", "lap.tum", "--localizer", "dead-reckoning", "--score", score)
+    words += ("--set", "assumed.scan.power=0.2", "--candidates", "2")
     (tmp_path / "kinds.toml").write_text("scan.sigma = [0.1, 0.2]\nonly = true\n")
-    words = [*COMMAND, "--reference", "lap.tum", "--space", tmp_path / "kinds.toml"]
-    words += ["--score", score, "--set", "assumed.scan.power=0.2", "--candidates", "2"]
-    if localizer == "stated.py":
-        (tmp_path / localizer).write_text(PLUG_IN.replace("rated=True", "rated=False"))
-        localizer = tmp_path / localizer
-    words += ["--localizer", localizer, "--out", tmp_path / "o"]
+    words += ("--space", tmp_path / "kinds.toml", "--out", tmp_path / "o")
     assert exit_code(*words) == 2
     said = capsys.readouterr().err.splitlines()[-1]
     assert said.startswith(f"deqmcl: --score is {score}, but a belief of ")
@@ -301,18 +282,12 @@ def test_what_a_difference_means_is_said(tuned, limits, said):
 
 
 def test_a_failing_default_ends_the_search_and_can_be_run_again(before, tmp_path, capsys):
-    (tmp_path / "frail.py").write_text(FRAIL)
-    (tmp_path / "few.toml").write_text("kind = [1, 2]\n")
-    words = (*COMMAND, "--reference", "lap.tum", "--localizer", tmp_path / "frail.py")
-    words += ("--space", tmp_path / "few.toml", "--set", "assumed.scan.power=0.2")
-    words += ("--candidates", "3", "--score", "median", "--jobs", "1", "--out", tmp_path / "out")
-    assert exit_code(*words) == 3
+    assert among_two_kinds(tmp_path, "median", name="Frail") == 3
     said = capsys.readouterr().err.splitlines()[-1]
     assert "failed on the segment at" in said
     assert "--retry-failed runs it again." in said
     (tmp_path / "mended").touch()
-    assert exit_code(*words) == 3
-    assert exit_code(*words, "--retry-failed") == 0
+    assert among_two_kinds(tmp_path, "median", "--retry-failed", name="Frail") == 0
 
 
 def test_best_toml_is_the_winner_as_a_sweep(here):

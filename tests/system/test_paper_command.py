@@ -89,13 +89,6 @@ def test_one_and_two_workers_write_the_same_bytes_but_for_the_command(small_run,
     assert ours == theirs
 
 
-def test_a_second_run_computes_nothing_and_writes_the_same(one_worker, ran):
-    contents = files(one_worker)
-    assert exit_code(*SMALL, "--jobs", "1", "--out", one_worker) == 0
-    assert ran == []
-    assert files(one_worker) == contents
-
-
 def test_a_folder_grows_by_worlds_and_methods_and_runs_only_those(one_worker, tmp_path, ran):
     out = shutil.copytree(one_worker, tmp_path / "copy")
     more = ("--trials", "3", "--localizers", ",".join((*METHODS, "ekf")), "--particles", "100")

@@ -9,7 +9,7 @@ import uuid
 from pathlib import Path
 
 import pytest
-from deqmcl_command import DEQMCL, files, records
+from deqmcl_command import DEQMCL, files, process, records
 from sweep_command import sweep, tables, write_small
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -132,18 +132,6 @@ sys.exit(cli.main())
 """
 
 
-def test_a_ctrl_c_that_a_library_turned_into_another_error_is_one_all_the_same():
-    script, heard = [sys.executable, "-c", TURNED], {"preexec_fn": _hear_ctrl_c}
-    done = subprocess.run(script, capture_output=True, text=True, check=True, **heard)
-    assert (done.stdout, done.stderr) == ("interrupted\n", "")
-
-
-def test_ctrl_c_while_the_command_line_is_read_is_one_sentence():
-    script, heard = [sys.executable, "-c", PARSED], {"preexec_fn": _hear_ctrl_c}
-    done = subprocess.run(script, capture_output=True, text=True, check=False, **heard)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "deqmcl: interrupted.\n")
-
-
 DROPPED = """
 import ctypes, os, signal, sys, time
 from benchmarks.console import Terminated, stoppable
@@ -166,10 +154,17 @@ except KeyboardInterrupt:
 
 
 @pytest.mark.parametrize(
-    ("number", "how"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")]
+    ("script", "words", "ended"),
+    [
+        pytest.param(TURNED, (), (0, "interrupted\n", ""), id="a library made another error of it"),
+        pytest.param(
+            PARSED, (), (130, "", "deqmcl: interrupted.\n"), id="the command line is read"
+        ),
+        pytest.param(DROPPED, (signal.SIGINT,), (0, "interrupted\n", ""), id="Ctrl-C in C"),
+        pytest.param(DROPPED, (signal.SIGTERM,), (0, "terminated\n", ""), id="SIGTERM in C"),
+    ],
 )
-def test_a_signal_that_comes_in_a_callback_of_c_is_not_lost(number, how):
-    script = [sys.executable, "-c", DROPPED, str(int(number))]
-    heard = {"preexec_fn": _hear_ctrl_c, "timeout": PATIENCE / 2}
-    done = subprocess.run(script, capture_output=True, text=True, check=True, **heard)
-    assert (done.stdout, done.stderr) == (f"{how}\n", "")
+def test_a_signal_is_not_lost_wherever_it_comes(script, words, ended):
+    command = [sys.executable, "-c", script, *(str(int(word)) for word in words)]
+    done = process(*command, preexec_fn=_hear_ctrl_c, timeout=PATIENCE / 2)
+    assert (done.returncode, done.stdout, done.stderr) == ended
