@@ -1,6 +1,7 @@
 """Speed: rates by turns, sides that do the same, and bounds on ratios within one process."""
 
 import csv
+import itertools
 import math
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import pytest
 import reference
 
 from benchmarks.studies import speed
-from benchmarks.studies.speed import RATIOS, Effort, Job, Ratio, rates
+from benchmarks.studies.speed import RATIOS, Effort, Job, Ratio
 from deqmcl_gym.world.presets import PAPER_ROOM
 from localizers import make
 
@@ -17,37 +18,10 @@ DOCS = Path(__file__).parents[2] / "docs" / "speed.md"
 ONCE = Effort(1, seconds=0.0)
 
 
-class Clock:
-    """Time that passes only as jobs say; notes who ran."""
-
-    def __init__(self):
-        self.now, self.log = 0.0, []
-
-    def job(self, name, seconds, amount=1.0):
-        def call():
-            self.log.append(name)
-            self.now += seconds(len(self.log)) if callable(seconds) else seconds
-
-        return Job(call, amount, clock=lambda: self.now)
-
-
-def test_jobs_take_turns_that_are_at_least_as_long_as_asked_for():
-    clock = Clock()
-    jobs = [clock.job("a", 0.01, amount=50), clock.job("b", 0.05), clock.job("c", 1.0)]
-    assert rates(jobs, Effort(2, seconds=0.1)) == pytest.approx([5000, 20, 1])
-    turns = "".join(clock.log)[-2 * (10 + 2 + 1) :]
-    assert turns == 2 * (10 * "a" + 2 * "b" + "c")
-
-
 def lasting(seconds):
-    return lambda: Clock().job("they", seconds)
-
-
-@pytest.mark.parametrize(
-    ("unit", "expected"), [("steps/s", (2.0, 4.0, 0.5)), ("ms/trial", (500.0, 250.0, 2.0))]
-)
-def test_a_rate_is_per_second_and_a_time_in_its_unit(unit, expected):
-    assert Ratio("f", unit, lasting(0.5), lasting(0.25)).measured(ONCE) == expected
+    """A job on a clock that passes only as it says."""
+    clock = itertools.count(step=seconds)
+    return lambda: Job(lambda: None, clock=lambda: next(clock))
 
 
 def test_the_command_writes_ours_over_the_others_and_no_ratio_beside_another_machine(

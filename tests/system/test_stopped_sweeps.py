@@ -156,10 +156,8 @@ except KeyboardInterrupt:
 @pytest.mark.parametrize(
     ("script", "words", "ended"),
     [
-        pytest.param(TURNED, (), (0, "interrupted\n", ""), id="a library made another error of it"),
-        pytest.param(
-            PARSED, (), (130, "", "deqmcl: interrupted.\n"), id="the command line is read"
-        ),
+        pytest.param(TURNED, (), (0, "interrupted\n", ""), id="a library"),
+        pytest.param(PARSED, (), (130, "", "deqmcl: interrupted.\n"), id="reading"),
         pytest.param(DROPPED, (signal.SIGINT,), (0, "interrupted\n", ""), id="Ctrl-C in C"),
         pytest.param(DROPPED, (signal.SIGTERM,), (0, "terminated\n", ""), id="SIGTERM in C"),
     ],
