@@ -15,7 +15,6 @@ from deqmcl_gym.world.presets import PAPER_ROOM
 from localizers import make
 
 DOCS = Path(__file__).parents[2] / "docs" / "speed.md"
-ONCE = Effort(1, seconds=0.0)
 
 
 def lasting(seconds):

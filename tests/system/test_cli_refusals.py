@@ -30,7 +30,7 @@ BAD = [  # arguments, and what the sentence must name
     (["paper", "--localizers", "mcl,deq-mcl,mcl"], ["twice", "mcl,"]),
     (["paper", "--scenario", "papr"], ["scenario", "'papr'", "did you mean 'paper'?", "room.toml"]),
     (["run", "--out", "out"], ["--localizer"]),
-    (["run", "--localizer", "mcl", "--out", ""], ["output folder"]),
+    (["run", "--localizer", "mcl", "--out", ""], ["--out: it is empty"]),
     (["new", "localizer", "my_localizer"], ["must end in .py"]),
     (["new", "localizer", "no/such/folder/mine.py"], ["the folder of the new file"]),
     ([*MAP, "--door", "0.85"], ["door", "0.85"]),
