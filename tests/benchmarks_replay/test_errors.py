@@ -1,21 +1,10 @@
-"""APE and RPE are evo's, as its command line computes them from our TUM files."""
-
-import os
-import shutil
-import subprocess
-import sys
-import zipfile
-from pathlib import Path
+"""APE and RPE are evo's, of our TUM files."""
 
 import numpy as np
 import pytest
 
 from benchmarks.trials.tracks import absolute, relative_errors
 from deqmcl_gym.logs import Trajectory
-
-BESIDE = Path(sys.executable).parent  # where pip puts commands
-EVO = {name: shutil.which(name, path=BESIDE) for name in ("evo_ape", "evo_rpe")}
-RELATIONS = {"trans_part": "translation", "angle_rad": "rotation"}
 
 
 def tracks(seed, n=120):
@@ -25,32 +14,24 @@ def tracks(seed, n=120):
     return reference + rng.normal(0, 0.3, (n, 3)), reference
 
 
-def by_evo(tool, folder, relation):
-    """The error of each pose, as evo's command says."""
-    saved = folder / f"{tool}-{relation}.zip"
-    command = [EVO[tool], "tum", folder / "reference.tum", folder / "estimate.tum"]
-    subprocess.run(
-        [*command, "-r", relation, "--save_results", saved, "--no_warnings"],
-        env=os.environ | {"HOME": str(folder)}, check=True, capture_output=True,
-    )  # fmt: skip
-    with zipfile.ZipFile(saved) as archive, archive.open("error_array.npy") as file:
-        return np.load(file)
+@pytest.mark.parametrize("part", ["translation", "rotation"])
+def test_errors_are_those_of_evo(tmp_path, part):
+    pytest.importorskip("evo")
+    from evo.core.metrics import APE, RPE, PoseRelation
+    from evo.tools.file_interface import read_tum_trajectory_file
 
-
-@pytest.mark.skipif(None in EVO.values(), reason="evo is not installed")
-def test_errors_are_those_of_evo(tmp_path):
     estimate, reference = tracks(0)
     times = 1e9 + 0.1 * np.arange(len(estimate))
-    Trajectory(times, estimate).write(tmp_path / "estimate.tum")
-    Trajectory(times, reference).write(tmp_path / "reference.tum")
-    found = {
-        "evo_ape": absolute(estimate, reference),
-        "evo_rpe": relative_errors(estimate, reference),
-    }
-    for tool, errors in found.items():
-        for relation, part in RELATIONS.items():
-            expected = by_evo(tool, tmp_path, relation)
-            np.testing.assert_allclose(getattr(errors, part), expected, rtol=0, atol=1e-6)
+    read = []
+    for name, poses in (("reference", reference), ("estimate", estimate)):
+        Trajectory(times, poses).write(tmp_path / name)
+        read.append(read_tum_trajectory_file(str(tmp_path / name)))
+    relation = {"translation": "translation_part", "rotation": "rotation_angle_rad"}[part]
+    for metric, ours in ((APE, absolute), (RPE, relative_errors)):
+        theirs = metric(pose_relation=PoseRelation[relation])
+        theirs.process_data(tuple(read))
+        found = getattr(ours(estimate, reference), part)
+        np.testing.assert_allclose(found, theirs.error, rtol=0, atol=1e-6)
 
 
 def test_poses_without_a_reference_count_for_nothing():

@@ -21,7 +21,6 @@ from benchmarks.setup.documents import sweep_text
 from benchmarks.sweeps.sweepfile import read_sweep
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap
-from deqmcl_gym.validation import InputError
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
 
 # As in a robot's bring-up, other nodes left in
@@ -79,6 +78,9 @@ def test_every_parameter_is_used_or_named_with_the_reason(params):
 def test_older_names_and_a_least_range_are_read(params):
     old = params("nav2_amcl::DifferentialMotionModel", "omnidirectional")
     assert read_nav2(old).params["robot_model_type"] == "nav2_amcl::OmniMotionModel"
+    alphas = {"alpha1": 0.04, "alpha2": 0.08, "alpha3": 0.09, "alpha4": 0.2}
+    assert read_nav2(old).motion == OmniMotion(**alphas, alpha5=0.2)
+    assert read_nav2(params()).motion == DifferentialMotion(**alphas)
     near = params("laser_min_range: -1.0", "laser_min_range: 0.3")
     assert read_nav2(near).reading == {"max_range": 4.0, "min_range": 0.3}
     far = params("laser_max_range: 4.0", "laser_max_range: -1.0")
@@ -91,13 +93,6 @@ def test_the_sweep_file_is_toml_whatever_the_file_is_called_and_however_small_it
     odd = path.rename(path.with_name("a\nb.yaml"))
     told = tomllib.loads(sweep_text([read_nav2(odd).source], {}, {"world": read_nav2(odd).world}))
     assert told["world"]["world"]["every"] == [2.5e-6, 0.05]
-
-
-def test_the_motion_is_navs_model_with_the_files_parameters(params):
-    alphas = {"alpha1": 0.04, "alpha2": 0.08, "alpha3": 0.09, "alpha4": 0.2}
-    assert read_nav2(params()).motion == DifferentialMotion(**alphas)
-    omni = params("Differential", "Omni")
-    assert read_nav2(omni).motion == OmniMotion(**alphas, alpha5=0.2)
 
 
 def test_what_is_not_given_has_navs_defaults(tmp_path):
@@ -113,45 +108,16 @@ def test_what_is_not_given_has_navs_defaults(tmp_path):
     assert found.notes == []
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        "/robot1/amcl: {ros__parameters: {pf_err: 0.02}}",
-        "robot1: {amcl: {ros__parameters: {pf_err: 0.02}}}",
-        "/robot1: {amcl: {ros__parameters: {pf_err: 0.02}}}",
-        "/**: {ros__parameters: {pf_err: 0.02}}\n/robot1/amcl: {ros__parameters: {pf_z: 0.9}}",
-    ],
-)
-def test_namespaces_are_found_however_they_are_written(tmp_path, text):
-    path = tmp_path / "x.yaml"
-    path.write_text(text)
-    for node in (None, "/robot1/amcl", "robot1/amcl"):
-        assert read_nav2(path, node).params["pf_err"] == 0.02
-
-
 BAD = [
     ("amcl: {ros__parameters", "amcl: {parameters", "no node amcl"),
     ("ros__parameters", "parameters", "is it of ROS 1?"),
     ("pf_err: 0.04", "pf_err: small", "pf_err is 'small'"),
-    ("pf_err: 0.04", "pf_err: 0.0", "pf_err"),
-    ("alpha1: 0.04", "alpha1: -0.04", "alpha1 is -0.04"),
-    ("max_beams: 30", "max_beams: 30.5", "max_beams is 30.5"),
-    ("max_particles: 1500", "max_particles: 100", "min_particles is 300"),
     ('"likelihood_field_prob"', '"beams"', "laser_model_type"),
-    ("DifferentialMotionModel", "Differential", "robot_model_type"),
     ("do_beamskip: false", "do_beamskip: 1", "do_beamskip is 1"),
-    ("beam_skip_threshold: 0.3", "beam_skip_threshold: 30", "beam_skip_threshold is 30"),
-    ("max_beams: 30", "max_beams: 1", "max_beams is 1"),
-    ("set_initial_pose: true", "set_initial_pose: 1", "set_initial_pose is 1"),
     ("x: 1.2", "x: here", "initial_pose.x is 'here'"),
     ("yaw: 0.1", "yaw: 90", "initial_pose is (1.2, 1, 90), but its heading must be in radians"),
     ("bt_navigator:", "again: &a {deeper: *a}\nbt_navigator:", "has an alias"),
-    ("update_min_d: 0.1", "update_min_d: -1", "update_min_d is -1"),
-    ("update_min_a: 0.2", "update_min_a: -0.2", "update_min_a is -0.2"),
     ("update_min_a: 0.2", "update_min_a: 11.5", "update_min_a is 11.5"),  # degrees
-    ("pf_z: 0.98", "pf_z: -1", "pf_z is -1"),
-    ("sigma_hit: 0.15", "sigma_hit: 0", "sigma_hit is 0"),
-    ("laser_max_range: 4.0", "laser_max_range: .nan", "laser_max_range is nan"),
     ("bt_navigator", "/robot2/amcl", "2 nodes of AMCL, /amcl, /robot2/amcl: choose one by --node"),
     ("use_sim_time: True", "use_sim_time: [", "is not YAML"),
     ("use_sim_time: True", "use_sim_time: " + "[" * 9000, "is nested too deeply"),
@@ -160,9 +126,8 @@ BAD = [
 
 @pytest.mark.parametrize(("old", "new", "named"), BAD)
 def test_a_bad_file_is_refused_in_one_sentence(params, old, new, named):
-    with pytest.raises(InputError, match=re.escape(named)) as refused:
+    with refused(named):
         read_nav2(params(old, new))
-    assert "\n" not in str(refused.value)
 
 
 def of_amcl(path, *lines):
@@ -173,15 +138,10 @@ def of_amcl(path, *lines):
 
 STRAYS = {  # what stands under initial_pose, and which names Nav2 does not know
     "initial_pose: [1.0, 2.0, 0.5]": ["initial_pose"],
-    "initial_pose: [x, y]": ["initial_pose"],
-    "initial_pose: []": ["initial_pose"],
-    "initial_pose: '1 2 0.5'": ["initial_pose"],
     "initial_pose:": ["initial_pose"],
-    "initial_pose: {x: 1.0, a: 0.5}": ["initial_pose.a"],
     "initial_pose: {x: 1.0, roll: 0.0, pitch: up}": ["initial_pose.roll", "initial_pose.pitch"],
     "initial_pose: {x: 1.0, position: {x: 2.0}}": ["initial_pose.position.x"],
     "initial_pose.x: 1.0\n    initial_pose.jaw: 1": ["initial_pose.jaw"],
-    "initial_pose.x: 1.0\n    initial_pose.covariance_yaw: 0.07": ["initial_pose.covariance_yaw"],
     "initial_pose_a: 0.5": ["initial_pose_a"],
 }
 
@@ -197,19 +157,14 @@ def test_what_nav2_ignores_of_the_start_is_a_note(tmp_path, lines, told):
     assert (str(found.start) in "".join(found.notes)) == told
 
 
-WHOLE = [name for name, value in usual_params().items() if type(value) is int]
-REAL = [name for name, value in usual_params().items() if type(value) is float]
-
-
 @pytest.mark.parametrize("quoted", [False, True])
 @pytest.mark.parametrize(
     ("name", "right", "wrong", "kind"),
     [
-        *((name, "700", "700.0", "an integer") for name in WHOLE),
-        *((name, "1.0", "1", "a double") for name in REAL if name != "recovery_alpha_slow"),
+        ("max_particles", "700", "700.0", "an integer"),
         ("recovery_alpha_slow", "0.0", "0", "a double"),
-        *((f"initial_pose.{name}", "1.0", "1", "a double") for name in ("x", "y", "z", "yaw")),
-        *((f"laser_{name}_range", "2.0", "2", "a double") for name in ("max", "min")),
+        ("initial_pose.yaw", "1.0", "1", "a double"),
+        ("laser_max_range", "2.0", "2", "a double"),
         ("do_beamskip", "true", "'True'", "a bool"),
         ("set_initial_pose", "true", "'yes'", "a bool"),
     ],
@@ -237,19 +192,18 @@ def test_a_turn_above_half_a_circle_is_taken_with_a_note(tmp_path):
     assert (endless.reading, endless.notes) == ({}, [])
 
 
-LAUNCHED = ("$(var x)", "$(env X)", "$(eval 1 + 2)", "$(find-pkg-share a)/b", "$(env X $(var y))")
-
-
-@pytest.mark.parametrize("quote", ["", '"'])
-@pytest.mark.parametrize("text", LAUNCHED)
-def test_a_launch_substitution_is_refused_if_the_filter_needs_it(tmp_path, text, quote):
-    value = f"{quote}{text}{quote}"
-    for name in (*usual_params(), "laser_max_range"):
-        with refused(name, text, "launch substitution", "`ros2 param dump`"):
+@pytest.mark.parametrize("value", ["$(var x)", "$(find-pkg-share a)/b", '"$(env X $(var y))"'])
+def test_a_launch_substitution_is_refused_if_the_filter_needs_it_and_has_no_default(
+    tmp_path, value
+):
+    given = read_nav2(of_amcl(tmp_path / "x.yaml", "pf_z: $(env  X '0.9')"))
+    assert given.params == {**usual_params(), "pf_z": 0.9}
+    assert "pf_z " in given.notes[0]
+    for name in ("alpha1", "laser_max_range"):
+        with refused(name, value.strip('"'), "launch substitution", "`ros2 param dump`"):
             read_nav2(of_amcl(tmp_path / "x.yaml", f"{name}: {value}"))
-    for name in ("scan_topic", "use_sim_time", "transform_tolerance", "yaml_filename"):
-        found = read_nav2(of_amcl(tmp_path / "x.yaml", f"{name}: {value}"))
-        assert list(found.unused) == [name]
+    found = read_nav2(of_amcl(tmp_path / "x.yaml", f"scan_topic: {value}"))
+    assert list(found.unused) == ["scan_topic"]
     for name in ("set_initial_pose", "initial_pose.x"):
         lines = {"set_initial_pose": "true", "initial_pose.y": "1.0", name: value}
         found = read_nav2(of_amcl(tmp_path / "x.yaml", *(f"{n}: {v}" for n, v in lines.items())))
@@ -257,32 +211,17 @@ def test_a_launch_substitution_is_refused_if_the_filter_needs_it(tmp_path, text,
         assert f"not used: {name} (a launch substitution: no start is taken)" in found.notes[0]
 
 
-@pytest.mark.parametrize("form", ["$(env X {})", "$(env X '{}')", "$(env  X  {} )"])
-def test_an_environment_variable_in_a_file_has_its_default(tmp_path, monkeypatch, form):
-    monkeypatch.setenv("X", "7")  # what is set here is not what is set on the robot
-    given = {n: str(v).lower() if v is False else str(v) for n, v in usual_params().items()}
-    lines = [f"{name}: {form.format(value)}" for name, value in given.items()]
-    found = read_nav2(of_amcl(tmp_path / "x.yaml", *lines))
-    assert found.params == usual_params()
-    (note,) = found.notes
-    assert all(f"{name} " in note for name in given)
-
-
 ELSEWHERE = {
-    "bt: {ros__parameters: {a: 1}}\nbt: {ros__parameters: {b: 2}}": "bt",
-    "bt: {ros__parameters: {a: 1, a: 2}}": "bt.ros__parameters.a",
+    "bt: {}\namcl: {ros__parameters: {pf_z: 0.7}}": "amcl",
     "bt: {ros__parameters: {a: {b: 1, b: 2}}}": "bt.ros__parameters.a.b",
     "ns: {bt: {ros__parameters: {a: 1}}, bt: {ros__parameters: {a: 2}}}": "ns.bt.ros__parameters.a",
-    "bt: 1\nbt: {ros__parameters: {a: 1}}": "bt",
 }
 
 
 @pytest.mark.parametrize("text", ELSEWHERE)
-@pytest.mark.parametrize("before", [True, False])
-def test_a_key_of_another_node_that_is_given_twice_is_a_note(tmp_path, text, before):
+def test_a_key_that_is_given_twice_is_a_note_and_the_later_counts(tmp_path, text):
     path = of_amcl(tmp_path / "x.yaml", "pf_z: 0.9")
-    own = path.read_text()
-    path.write_text(f"{text}\n{own}" if before else f"{own}{text}\n")
+    path.write_text(f"{text}\n{path.read_text()}")
     found = read_nav2(path)
     assert found.params == {**usual_params(), "pf_z": 0.9}
     (note,) = found.notes
@@ -290,22 +229,6 @@ def test_a_key_of_another_node_that_is_given_twice_is_a_note(tmp_path, text, bef
     document = nav2_document({"pf_z": 0.8}, path)
     assert document["amcl"]["ros__parameters"]["pf_z"] == 0.8
     assert [name for name in ("bt", "ns") if name in document]
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "amcl: {ros__parameters: {pf_z: 0.7, z_hit: 0.4, pf_z: 0.9}}",
-        "amcl: {ros__parameters: {pf_z: 0.7}}\namcl: {ros__parameters: {z_hit: 0.4, pf_z: 0.9}}",
-        "amcl: {ros__parameters: {pf_z: 0.7}, ros__parameters: {z_hit: 0.4, pf_z: 0.9}}",
-    ],
-)
-def test_of_a_key_of_amcl_that_is_given_twice_the_later_counts(tmp_path, text):
-    path = tmp_path / "x.yaml"
-    path.write_text(text)
-    found = read_nav2(path)
-    assert found.params == {**usual_params(), "z_hit": 0.4, "pf_z": 0.9}
-    assert "amcl.ros__parameters.pf_z" in found.notes[0]
 
 
 PARTS = st.lists(st.sampled_from(["*", "**", "amcl", "a", "b"]), min_size=1, max_size=4)
@@ -347,15 +270,9 @@ def test_all_nodes_and_wildcards_that_fit_are_applied_in_their_order(
     ("nodes", "name"),
     [
         (["/**"], "/amcl"),
-        (["/*"], "/amcl"),
         (["'**'"], "/amcl"),
-        (["/**/amcl"], "/amcl"),
         (["/*/amcl"], "/*/amcl"),
-        (["/robot1/**"], "/robot1/amcl"),
-        (["/robot1/*"], "/robot1/amcl"),
-        (["/robot1/**/amcl"], "/robot1/amcl"),
         (["/**", "/robot1/**"], "/robot1/amcl"),
-        (["/**", "/*/amcl"], "/*/amcl"),
         (["/robot1/amcl", "/**"], "/robot1/amcl"),
         (["/**", "bt_navigator"], "/amcl"),
         (["$(var ns)/amcl", "/**"], "/$(var ns)/amcl"),
@@ -387,7 +304,6 @@ def test_a_wildcard_that_overrides_amcl_is_told_and_a_typing_error_is_not_taken_
         "/**: {ros__parameters: {pf_z: 0.8, use_sim_time: true}}"
     )
     found = read_nav2(path)
-    assert found.params == {**usual_params(), "pf_z": 0.8, "z_hit": 0.4}
     (note,) = found.notes
     assert note.endswith("overridden by a wildcard that stands after /amcl, as in rclcpp: pf_z")
     assert read_nav2(path, "/robot1/amcl").params == {**usual_params(), "pf_z": 0.8}
@@ -396,9 +312,9 @@ def test_a_wildcard_that_overrides_amcl_is_told_and_a_typing_error_is_not_taken_
 
 
 def test_a_missing_file_or_node_is_refused(params, tmp_path):
-    with pytest.raises(InputError, match="does not exist"):
+    with refused("does not exist"):
         read_nav2(tmp_path / "none.yaml")
-    with pytest.raises(InputError, match="/bt_navigator"):
+    with refused("/bt_navigator"):
         read_nav2(params(), "acml")
 
 
@@ -458,25 +374,8 @@ def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded
     ("words", "told"),
     [
         (["--set", "params.amcl.alpha1=0.3"], "alpha1 0.04 → 0.3"),
-        (["--set", "params.amcl.max_particles=400"], "max_particles 1500 → 400"),
-        (["--set", "params.amcl.selective_resampling=true"], "selective_resampling None → True"),
-        (["--set", "world.max_beams=20"], "max_beams 30 → 20"),
         (["--every", "0.2m,1rad"], "update_min_a 0.2 → 1.0, update_min_d 0.1 → 0.2"),
-        (["--set", "world.reading.max_range=3"], "laser_max_range 4.0 → 3"),
-        (["--set", "world.reading.min_range=0.2"], "laser_min_range the sensor's → 0.2"),
-        (["--start=1,1,0"], "initial_pose (1.2, 1.0, 0.1) → (1.0, 1.0, 0.0)"),
         (["--reference", "x.tum"], "initial_pose (1.2, 1.0, 0.1) → another start"),
-        (
-            [
-                "--set",
-                "params.amcl.alpha1=0.04",
-                "--set",
-                "world.max_beams=40",
-                "--every",
-                "0.01m,1deg",
-            ],
-            None,
-        ),
         (["--start=1.2,1,0.1", "--particles", "20", "--set", "assumed.motion.alpha1=0.5"], None),
     ],
 )
@@ -484,7 +383,7 @@ def test_replay_says_in_which_parameters_amcl_differs_from_the_file(
     params, recorded, capsys, words, told
 ):
     command = ["replay", "x.csv", "--map", "room.yaml", "--nav2", str(params()), "--seeds", "1"]
-    assert main([*command, "--localizers", "amcl", "--jobs", "1", *words, "--out", "out"]) == 0
+    assert main([*command, "--localizers", "amcl", *words, "--dry-run"]) == 0
     said = capsys.readouterr().err
     assert ("what is played differs in" in said) == (told is not None)
     assert told is None or f"node /amcl: what is played differs in {told}" in " ".join(said.split())

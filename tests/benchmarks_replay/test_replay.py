@@ -1,22 +1,23 @@
 """A localizer on a log: what it is given, and that a recorded lap is that lap again."""
 
-from dataclasses import replace
-
 import gymnasium as gym
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from playing import played, tracked
 
 import deqmcl_gym  # noqa: F401  # registers the envs
-from benchmarks.setup.names import scenario
+from benchmarks.setup.names import make_agent, scenario
+from benchmarks.trials.episode import moments
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.envs.wrappers import RecordLog
 from deqmcl_gym.logs import Log
-from localizers import PointsBelief, best_cluster, make
+from localizers import PointsBelief, make
+
+
+def played(env, localizer, prior, rng):
+    """Yield the moments of a localizer on a whole log."""
+    return moments(env, make_agent("open-loop", None), localizer, lambda: prior, rng, seed=0)
 
 
 class Spy:
@@ -44,7 +45,7 @@ def lap():
     return env.unwrapped, env.log
 
 
-@pytest.mark.parametrize("name", ["mcl", "deq-mcl", "dead-reckoning"])
+@pytest.mark.parametrize("name", ["deq-mcl", "dead-reckoning"])
 def test_a_replayed_lap_is_the_lap_but_for_the_rounding_of_its_odometry(lap, name):
     trial = Trial(scenario="sharp", localizer=name, params=(), lag=20, seed=5, trial=0)
     setup = scenario("sharp")
@@ -77,38 +78,3 @@ def test_a_localizer_is_given_arrays_that_do_not_depend_on_the_reference(lap):
         seen.append(spy.given)
     np.testing.assert_equal(seen[1], seen[0])
     np.testing.assert_equal(seen[2], seen[0])
-
-
-def test_a_track_has_a_pose_for_each_record_and_its_errors_are_of_those_with_a_reference(lap):
-    room, whole = lap
-    reference = whole.reference.copy()
-    reference[:30] = np.nan
-    log = replace(whole, reference=reference)
-    setup = scenario("sharp")
-    localizer = make("mcl", setup.robot_model(room), particles=200)
-    rng = np.random.default_rng(0)
-    kept = tracked(log, room.floor_plan, localizer, setup.prior_in(room), rng)
-    track = kept.track
-    assert track.best.shape == (len(log), 3)
-    np.testing.assert_array_equal(track.known, np.arange(30, len(log)))
-    assert track.way[-1] == pytest.approx(log.driven[-1] * 0.02)  # px of 2 cm
-    off = np.hypot(*(track.best - log.reference)[30:, :2].T)
-    np.testing.assert_allclose(track.errors.translation, off * 0.02)
-    assert np.median(off) < 20
-    assert len(kept.kept()[0].curves["way"]) == len(log) - 30
-
-
-def test_the_best_cluster_is_the_heavier_of_two_places_not_their_mean():
-    rng = np.random.default_rng(0)
-    here, there = rng.normal((0, 0, 3.1), 0.02, (300, 3)), rng.normal((9, 9, 0), 0.02, (200, 3))
-    poses = np.concatenate([here, there])
-    best = best_cluster(poses, np.full(500, 1 / 500), unit="m")
-    assert best.share == pytest.approx(0.6)
-    assert best.mean == pytest.approx(here.mean(axis=0), abs=1e-3)
-
-
-@given(st.floats(-3.1, 3.1), st.floats(-50, 50), st.floats(-50, 50))
-def test_a_cluster_on_the_edge_of_cells_is_whole(heading, x, y):
-    rng = np.random.default_rng(1)
-    poses = rng.normal((x, y, heading), 0.05, (100, 3))
-    assert best_cluster(poses, np.full(100, 0.01), unit="m").share == pytest.approx(1.0)

@@ -1,18 +1,15 @@
 """Where a map is wrong: known changes are found, and nothing else is."""
 
-import csv
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from deqmcl_command import exit_code, lines
 from hall import recorded_in_a_hall
 
-from benchmarks.cli import main
 from benchmarks.robots.residuals import HIT, THROUGH, Residuals
-from benchmarks.trials.map_signals import CLEAR, Expected, known_part
 from deqmcl_gym import logs
-from deqmcl_gym.maps import GridMap
 
 GONE, NEW = (slice(28, 40), slice(54, 60)), (slice(40, 46), slice(66, 72))  # cells of the hall
 
@@ -77,34 +74,6 @@ def test_scans_of_a_robot_that_is_lost_are_not_used(lap):
     assert residuals.places == []
 
 
-def test_unknown_cells_stop_no_beam_and_are_no_free_space():
-    cells = np.zeros((40, 60), np.int8)
-    cells[:, 40:42], cells[:, 50:52] = -1, 100
-    known = known_part(GridMap(occupancy=cells, resolution=0.05))
-    assert known.ranges([(1.0, 1.0, 0.0)], [0.0])[0, 0] == pytest.approx(1.5, abs=1e-5)
-    assert not known.free([(2.05, 1.0)])[0]
-
-
-def test_a_reading_is_short_or_long_beyond_what_all_poses_nearby_see_and_else_explained(lap):
-    hall, log = lap
-    known = known_part(hall)
-    pose, lidar = log.reference[:1], log.scanner
-    expected = Expected.of(known, lidar, pose)
-    exact = expected.here
-    np.testing.assert_array_equal(
-        exact, known.ranges(lidar.fans(pose.T)[0][0].T, lidar.bearings), strict=True
-    )
-    assert expected.fit(exact).explained[0] == 1
-    # beyond what any pose 0.1 m off sees along a wall that is met head on
-    least, most = exact - CLEAR - 0.1 - 1e-3, exact + CLEAR + 0.1 + 1e-3
-    ahead = int(np.argmin(exact))  # the nearest wall is met head on
-    assert expected.fit(least).short[0, ahead]
-    assert expected.fit(most).long[0, ahead]
-    nothing = expected.fit(np.full_like(exact, np.inf))
-    assert not nothing.returned.any()
-    assert np.isnan(nothing.explained[0])
-
-
 def test_replay_writes_the_picture_and_a_line_per_place(lap, wrong, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     _, log = lap
@@ -112,25 +81,15 @@ def test_replay_writes_the_picture_and_a_line_per_place(lap, wrong, tmp_path, mo
     logs.Trajectory(log.times, log.reference).write("lap.tum")
     logs.write(replace(log, reference=None), "lap.csv")
     log_and_map = ["lap.csv", "--map", "wrong.yaml", "--reference", "lap.tum", "--out", "o"]
-    how = [
-        "--every",
-        "0.1m,5deg",
-        "--set",
-        "assumed.scan.sigma=0.05",
-        "--seeds",
-        "1",
-        "--jobs",
-        "1",
-    ]
+    how = ["--every", "0.1m,5deg", "--set", "assumed.scan.sigma=0.05", "--seeds", "1", "--jobs=1"]
     words = ["replay", *log_and_map, *how, "--localizers", "mcl", "--particles", "1000"]
-    assert main([*words, "--residuals"]) == 0
+    assert exit_code(*words, "--residuals") == 0
     said = capsys.readouterr().out
-    lines = list(csv.DictReader((tmp_path / "o/residuals.csv").open(encoding="utf-8")))
-    kinds = [line["kind"] for line in lines]
+    kinds = [line["kind"] for line in lines(tmp_path / "o", "residuals.csv")]
     assert {HIT, THROUGH} == set(kinds), said
     told = f"{kinds.count(HIT)} places hit in free space, {kinds.count(THROUGH)} seen through"
     assert told in said
     assert (tmp_path / "o/residuals.png").read_bytes().startswith(b"\x89PNG")
     assert "Where is the map wrong?" in (tmp_path / "o/report.html").read_text(encoding="utf-8")
-    assert main(words) == 0  # without the option they go
+    assert exit_code(*words) == 0  # without the option they go
     assert not (tmp_path / "o/residuals.png").exists()

@@ -1,61 +1,26 @@
 """Speed: rates by turns, sides that do the same, and bounds on ratios within one process."""
 
 import csv
+import itertools
 import math
-from itertools import pairwise
 from pathlib import Path
 
-import gymnasium as gym
 import numpy as np
 import pytest
 import reference
 
 from benchmarks.studies import speed
-from benchmarks.studies.speed import RATIOS, Effort, Job, Ratio, rates
+from benchmarks.studies.speed import RATIOS, Effort, Job, Ratio
 from deqmcl_gym.world.presets import PAPER_ROOM
 from localizers import make
 
 DOCS = Path(__file__).parents[2] / "docs" / "speed.md"
-ONCE = Effort(1, seconds=0.0)
-
-
-class Clock:
-    """Time that passes only as jobs say; notes who ran."""
-
-    def __init__(self):
-        self.now, self.log = 0.0, []
-
-    def job(self, name, seconds, amount=1.0):
-        def call():
-            self.log.append(name)
-            self.now += seconds(len(self.log)) if callable(seconds) else seconds
-
-        return Job(call, amount, clock=lambda: self.now)
-
-
-def test_jobs_take_turns_that_are_at_least_as_long_as_asked_for():
-    clock = Clock()
-    jobs = [clock.job("a", 0.01, amount=50), clock.job("b", 0.05), clock.job("c", 1.0)]
-    assert rates(jobs, Effort(2, seconds=0.1)) == pytest.approx([5000, 20, 1])
-    turns = "".join(clock.log)[-2 * (10 + 2 + 1) :]
-    assert turns == 2 * (10 * "a" + 2 * "b" + "c")
-
-
-@pytest.mark.parametrize(("slow_call", "turns"), [(1, 1), (5, 5)])
-def test_neither_a_first_call_that_compiles_nor_one_slow_turn_changes_a_rate(slow_call, turns):
-    job = Clock().job("a", lambda call: 60.0 if call == slow_call else 0.01)
-    assert rates([job], Effort(turns, seconds=0.01)) == pytest.approx([100])
 
 
 def lasting(seconds):
-    return lambda: Clock().job("they", seconds)
-
-
-@pytest.mark.parametrize(
-    ("unit", "expected"), [("steps/s", (2.0, 4.0, 0.5)), ("ms/trial", (500.0, 250.0, 2.0))]
-)
-def test_a_rate_is_per_second_and_a_time_in_its_unit(unit, expected):
-    assert Ratio("f", unit, lasting(0.5), lasting(0.25)).measured(ONCE) == expected
+    """A job on a clock that passes only as it says."""
+    clock = itertools.count(step=seconds)
+    return lambda: Job(lambda: None, clock=lambda: next(clock))
 
 
 def test_the_command_writes_ours_over_the_others_and_no_ratio_beside_another_machine(
@@ -114,42 +79,6 @@ def test_estimates_in_numpy_are_ours_within_their_scatter():
     # Welch's t with some 15 to 22 degrees of freedom; |t| > 5 in 4 components: below 1 in 1,000
     assert (np.abs(ours - theirs) < 5 * error).all()
     assert error[:2].max() < 2.0  # px: agreement means something
-
-
-def test_the_recorded_lap_ends_where_it_starts():
-    lap = speed.recorded_lap()
-    x, y, heading = lap.prior.mean
-    for _, (distance, turn), _ in lap.steps:
-        heading += turn
-        x, y = x + distance * math.cos(heading), y + distance * math.sin(heading)
-    assert math.hypot(x - lap.prior.mean[0], y - lap.prior.mean[1]) < 1e-2
-
-
-def test_the_plan_of_the_replanned_lap_is_new_at_every_step():
-    lap = speed.replanned_lap()
-    plans = [lap.first, *(plan for _, _, plan in lap.steps)]
-    pairs = list(pairwise(plan for plan in plans if len(plan) > 1))
-    changed = [not np.array_equal(old[1:][: len(new)], new[: len(old) - 1]) for old, new in pairs]
-    assert np.mean(changed) > 0.95
-
-
-def test_a_trial_is_what_more_worlds_add_to_a_sweep_and_a_share_its_localizers_median(monkeypatch):
-    # starting a sweep takes 9 s, a trial 0.5, its localizer 0.25
-    monkeypatch.setattr(speed, "_seconds_of_sweep", lambda name, n: (9 + 0.5 * n, 0.25))
-    both = [speed.trials("mcl", localizer_only=only) for only in (False, True)]
-    assert rates(both, ONCE) == [2.0, 4.0]
-
-
-def test_a_single_env_is_driven_along_its_plan(monkeypatch):
-    env = gym.make(speed.ROOM)
-    planned = np.array(env.reset(seed=0)[1]["planned_actions"])
-    told, step = [], env.step
-    env.step = lambda action: (told.append(action.tolist()), step(action))[1]
-    monkeypatch.setattr(gym, "make", lambda name, **how: env)
-    job = speed.env_steps()
-    for _ in range(150):
-        job.call()
-    assert told == planned[:150].tolist()
 
 
 BOUNDS = {  # of ratios within one process, never a time; far from what we aim at

@@ -117,3 +117,11 @@ def test_a_method_that_is_given_no_beta_has_that_of_the_robot(robot, prior, driv
     assert same(run(0.7), run(10.0, **mild))
     assert same(run(10.0), run(0.7, **strict))  # a β that is given is taken as it is
     assert not same(run(0.7), run(10.0))
+
+
+def test_all_methods_start_from_the_same_cloud(robot, prior):
+    clouds = [
+        localizers.make(name, robot, particles=60).reset(prior, [], np.random.default_rng(3))
+        for name in ("mcl", "mcl-map", "mcl-smoother", "deq-mcl")
+    ]
+    assert all(same([cloud], [clouds[0]]) for cloud in clouds)

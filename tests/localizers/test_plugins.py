@@ -12,9 +12,11 @@ from deqmcl_command import python
 from refusals import refused
 
 import localizers
+from benchmarks.setup.names import AGENT
 from benchmarks.trials.attempt import attempt, key_of
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
+from localizers import kinds
 from localizers.digests import UNREAD
 from localizers.methods.deq_mcl import mcl
 from localizers.registry import LOCALIZER
@@ -369,3 +371,10 @@ def test_a_file_whose_own_processes_cannot_import_it_is_told_to_be_a_package(tmp
     reason = attempt(trial, key_of(trial)).reason
     assert reason.startswith("BrokenProcessPool: ")
     assert reason.endswith("so make it a package")
+
+
+def test_installed_packages_are_looked_through_once(monkeypatch):
+    localizers.names()
+    monkeypatch.setattr(kinds, "distributions", None)
+    assert localizers.names() == BUILT_IN
+    AGENT.names()

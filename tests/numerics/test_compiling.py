@@ -1,6 +1,7 @@
 """Kernels work, and quietly, wherever machine code may be kept or not."""
 
 import compileall
+import json
 import os
 import shutil
 import subprocess
@@ -9,6 +10,7 @@ from functools import cache
 from importlib import import_module, invalidate_caches
 from pathlib import Path
 
+import kernel_cases
 import numba
 import numpy as np
 import pytest
@@ -172,3 +174,12 @@ def test_who_waits_for_the_compiler_at_a_terminal_is_told_once_and_a_pipe_is_not
     compiling.leave_untold()
     compiling._say_compiling()
     assert capsys.readouterr().err == ""
+
+
+def test_every_kernel_file_says_the_same_compiled_and_in_pure_python():
+    said = subprocess.run(
+        [sys.executable, "-W", "ignore", kernel_cases.__file__],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        capture_output=True, text=True, check=True,
+    ).stdout  # fmt: skip
+    assert json.loads(said) == kernel_cases.digests()

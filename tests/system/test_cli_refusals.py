@@ -14,52 +14,27 @@ BAD = [  # arguments, and what the sentence must name
     ([], ["COMMAND"]),
     (["lst"], ["lst", "list", "paper", "run", "sweep"]),
     (["leaderboard", "a", "b"], ["leaderboard is gone: deqmcl report A B C --out DIR makes"]),
-    (["paper", "--trails=3"], ["--trails", "--trials"]),
     (["paper", "--tria", "3"], ["--tria", "--trials"]),
     ([*RUN, "--localizers", "mcl"], ["--localizers", "--localizer?"]),
-    (["--trials", "3", "paper"], ["3"]),
-    (["paper", "now"], ["now"]),
     (["paper", "--trials"], ["--trials"]),
     (["paper", "--trials", "1.5"], ["--trials", "1.5"]),
-    (["paper", "--trials", "100001"], ["--trials", "100001"]),
-    (["paper", "--particles", "0"], ["--particles", "0"]),
-    (["paper", "--jobs", "0"], ["--jobs", "0"]),
-    (["paper", "--lag", "-1"], ["--lag", "-1"]),
-    (["paper", "--seed", "-1"], ["--seed", "-1"]),
     ([*RUN, "--particles", 10**9], ["particles", "1,000,000,000", "GiB", "10,000,000"]),
     ([*RUN, "--set", "params.deq-mcl.particles=9"], ["unknown localizer in params 'deq-mcl'"]),
     ([*RUN, "--set", "params.mcl.particle=9"], ["did you mean 'particles'"]),
-    ([*RUN, "--set", "params.mcl.particles=few"], ["particles is 'few'"]),
     ([*RUN, "--set", "params.particle=9"], ["'particle'", "did you mean 'particles'"]),
-    ([*RUN, "--set", "particles"], ["'particles', but must be NAME=VALUE"]),
     ([*RUN, "--set", "lag=5", "--set", "lag=6"], ["--set gives lag twice"]),
     ([*RUN, "--set", "word.radius=3"], ["'word.radius'", "world.…"]),
-    ([*RUN, "--set", "agent.speed=3"], ["agent.… is set", "agent=NAME"]),
     ([*RUN, "--param", "mcl.particles=9"], ["--param is gone: write --set params.LOCALIZER.KEY"]),
-    (["sweep", "quick", "--agents", "a"], ["--agents is gone: write --set vary.agent=[A,B]"]),
-    (["basin", "a.log"], ["basin is gone: deqmcl sweep basin --set world.log=LOG"]),
-    (["from-nav2", "a"], ["from-nav2 is gone: deqmcl replay LOG --map MAP.yaml --nav2"]),
     ([*RUN, "--log", "lap.txt.zip"], ["of a format that is not written"]),
-    (["sweep", "quick", "--trials", "0"], ["--trials", "0"]),
-    (["sweep", "quick", "--seed", "-1"], ["--seed", "-1"]),
-    (["sweep", "quick", "--set", "params.ekf.gate=9"], ["unknown localizer in params 'ekf'"]),
-    (["sweep", "quick", "--set", "params.mcl.particles=0"], ["particles", "0"]),
-    (["paper", "--localizers", "mcl,dec-mcl"], ["'dec-mcl'", "did you mean 'deq-mcl'?"]),
     (["paper", "--localizers", " , "], ["no localizer", "deq-mcl"]),
     (["paper", "--localizers", "mcl,deq-mcl,mcl"], ["twice", "mcl,"]),
     (["paper", "--scenario", "papr"], ["scenario", "'papr'", "did you mean 'paper'?", "room.toml"]),
-    (["run", "--localizer", "mcl"], ["--out"]),
     (["run", "--out", "out"], ["--localizer"]),
-    (["check"], ["NAME"]),
-    (["check", "dec-mcl"], ["did you mean 'deq-mcl'?"]),
+    (["run", "--localizer", "mcl", "--out", ""], ["--out: it is empty"]),
     (["new", "localizer", "my_localizer"], ["must end in .py"]),
     (["new", "localizer", "no/such/folder/mine.py"], ["the folder of the new file"]),
     ([*MAP, "--door", "0.85"], ["door", "0.85"]),
-    ([*MAP, "--wings", "3", "--symmetric"], ["wings", "3"]),
-    (["export", "."], ["export is gone: deqmcl report DIR --latex --pdf"]),
-    (["new", "house"], ["localizer", "map"]),
     (["report", "."], ["holds no manifest.json"]),
-    (["report", ""], ["folder"]),
 ]
 
 
@@ -78,8 +53,10 @@ def test_a_bad_command_line_is_refused_in_one_sentence_and_nothing_is_written(
     assert os.listdir() == []
 
 
-@pytest.mark.parametrize("command", ["paper", "run --localizer mcl", "sweep quick"])
-@pytest.mark.parametrize("out", ["file", "file/below", "file/far/below"])
+@pytest.mark.parametrize(
+    ("command", "out"),
+    [("paper", "file"), ("run --localizer mcl", "file/below"), ("sweep quick", "file/far/below")],
+)
 def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(
     tmp_path, refusal, command, out
 ):
@@ -106,33 +83,21 @@ def points(*counts):
 
 
 BAD_SWEEPS = [  # what is added to the file, arguments, and what the sentence must name
-    ("\ntrails = 3", (), ["small.toml", "'trails'"]),
     ('\n[held_out]\nvalue = "a"', (), ["small.toml", "'held_out'"]),
     ('\nbeta = "a\\u0007b"', (), ["beta", "control characters"]),
     ("", ("--with", "=x.py:L"), ["'=x.py:L'", "./=x.py:L"]),
-    ("", ("--with", "a\nb.py:L"), [r"'a\nb.py:L'", "rename its file"]),
     ("", ("--with", "a\udce9.py:L"), [r"'a\udce9.py:L'", "no UTF-8"]),
     ("\nbeta = 3", (), ["'beta'", "particles"]),  # in [params]
-    ("\n[world]\nlidar.beans = 3", (), ["'beans'", "did you mean 'beams'?"]),
     ("\n[[vary]]\nparams.particles = [5, 1.5]", (), ["particles", "1.5"]),
-    ("\n[[vary]]\nparams.particles = [1000000000]", (), ["particles", "1,000,000,000", "GiB"]),
     (points(125, 100, 200), ("--yes",), ["10,000,000", "more than 1,000,000"]),
     (points(125, 1000), (), ["500,000", "--yes"]),
     ("", ("--margin", "5%"), ["--margin", "--until-decided"]),
     ("", ("--until-decided", "--trials", "9"), ["--trials", "--max-worlds"]),
-    ("", ("--until-decided", "--max-worlds", "19"), ["--max-worlds", "19", "20"]),
-    ("", ("--until-decided", "--margin", "120%"), ["margin", "1.2", "from 0 to 1"]),
     ("", ("--until-decided", "--shard", "1/2"), ["--shard", "--until-decided"]),
     ("\n[until_decided]\nmargins = 0.05", (), ["until_decided", "'margins'", "margin"]),
-    ("", ("--timeout", "nan"), ["--timeout", "nan"]),
     ("", ("--shard", "4/3"), ["--shard", "'4/3'"]),
-    ("", ("--shard", "half"), ["--shard", "'half'"]),
-    ("", ("--shard", f"1/{'9' * 5000}"), ["--shard", "from 1 to n"]),
     ("\n[[vary]]\nparams.particles = [5, 1e308]", (), ["particles", "1e+308", "1e+100"]),
-    ("", ("--with", "localizers.template:MyLocaliser"), ["did you mean 'MyLocalizer'?"]),
     ("", ("--executor", "threads"), ["'threads'", "dask", "module:factory"]),
-    ("", ("--executor", "no_such:thing"), ["'no_such:thing'", "ModuleNotFoundError"]),
-    ("", ("--executor", "os:nothing"), ["'os:nothing'", "AttributeError"]),
     ("", ("--executor", "os:sep"), ["'os:sep'", "function"]),
     ("", ("--scheduler", "tcp://x:1"), ["--scheduler", "--executor dask"]),
 ]
@@ -151,11 +116,7 @@ def test_a_sweep_that_cannot_be_run_is_refused_before_anything_is_written(
     assert os.listdir() == ["small.toml"]
 
 
-@pytest.mark.parametrize(
-    "words",
-    [f"{name} --out" for name in ("sweep", "paper", "run", "report", "new map")]
-    + ["new localizer", "report"],
-)
+@pytest.mark.parametrize("words", ["sweep --out", "new map --out", "new localizer", "report"])
 def test_a_name_that_no_file_can_have_is_refused(refusal, words):
     refusal([*words.split(), "n" * 256], "more than 255 bytes")
     assert os.listdir() == []
@@ -177,15 +138,13 @@ def test_dask_that_is_not_installed_is_said_with_the_pip_command(file, monkeypat
     refusal(["sweep", file, "--executor", "dask"], "pip install 'deqmcl-gym[dask]'")
 
 
-@pytest.mark.parametrize("command", ["sweep", "run --localizer mcl", "paper", "list"])
 def test_a_working_folder_that_is_gone_is_named_before_anything_is_run(
-    file, tmp_path, monkeypatch, refusal, command
+    file, tmp_path, monkeypatch, refusal
 ):
     gone, out = tmp_path / "gone", tmp_path / "out"
     gone.mkdir()
     monkeypatch.chdir(gone)
     gone.rmdir()
-    given = [*command.split(), *([file] if command == "sweep" else [])]
-    given += ["--out", out] if command != "list" else []
-    refusal(given, "the current folder is gone: change to one that exists.")
+    for command in (("list",), ("sweep", file, "--out", out)):
+        refusal(command, "the current folder is gone: change to one that exists.")
     assert not out.exists()

@@ -86,14 +86,7 @@ def test_what_a_plug_in_does_to_its_process_changes_no_result_and_ends_with_it(
 def write_setup(folder):
     """Write an agent and a scenario that are as hostile, and TOML files that lead to both."""
     hostile = (folder / "hostile.py").read_text()
-    agent = (
-        "class Driver:\n"
-        "    def __init__(self, robot):\n        at('make')\n"
-        "    def plan_at_reset(self, info):\n        return None\n"
-        "    def act(self, belief, info):\n        at('act')\n"
-        "        return info['planned_actions'][0], None\n"
-    )
-    (folder / "agent.py").write_text(f"{hostile}\n{agent}")
+    (folder / "agent.py").write_text(f"{hostile}\nclass Driver: ...\n")
     made = "from benchmarks.setup.names import scenario\nMINE = scenario('paper')\n"
     (folder / "room.py").write_text(f"{hostile}\n{made}")
     (folder / "agent.toml").write_text('agent = "agent.py:Driver"')
@@ -103,13 +96,9 @@ def write_setup(folder):
 @pytest.mark.parametrize(
     ("what", "when", "command"),
     [
-        ("exit", "import", ("run", "--localizer", "hostile.py")),
-        ("recurse", "import", ("sweep", "small.toml")),
         ("recurse", "make", ("sweep", "small.toml")),
-        ("exit", "import", ("paper", "--scenario", "room.py:MINE", "--trials", "1")),
         ("close", "import", ("run", "--localizer", "mcl", "--scenario", "base.toml")),
-        ("exit", "import", ("run", "--localizer", "mcl", "--scenario", "agent.toml")),
-        ("exit", "make", ("paper", "--scenario", "agent.toml", "--trials", "1")),
+        ("exit", "import", ("paper", "--scenario", "agent.toml", "--trials", "1")),
     ],
 )
 def test_what_ends_its_import_or_making_is_refused_in_a_sentence_and_nothing_is_written(
@@ -123,12 +112,7 @@ def test_what_ends_its_import_or_making_is_refused_in_a_sentence_and_nothing_is_
     assert not (folder / "out").exists()
 
 
-@pytest.mark.parametrize(("what", "when"), [("exit", "update"), ("exit", "act")])
-def test_a_lap_that_a_plug_in_ends_has_not_succeeded(folder, capfd, what, when):
-    write_hostile(folder, what, when)
-    write_setup(folder)
-    localizer = NAME if when == "update" else "mcl"
-    world = ("paper", "agent.toml")[when == "act"]
-    given = ("run", "--localizer", localizer, "--scenario", world, "--out", "out")
-    assert exit_code(*given) == 3
+def test_a_lap_that_a_plug_in_ends_has_not_succeeded(folder, capfd):
+    write_hostile(folder, "exit", "update")
+    assert exit_code("run", "--localizer", NAME, "--out", "out") == 3
     assert "Traceback" not in capfd.readouterr().err

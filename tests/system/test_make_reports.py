@@ -2,17 +2,14 @@
 
 import csv
 
-import msgspec
 import pytest
 from deqmcl_command import exit_code
 from sweep_command import without_report, write_small
 
-from benchmarks.sweeps.results import results_in
 from docs.numbers import made, remake
-from docs.numbers.made import Accepted, Report, Verified
+from docs.numbers.made import Report
 
 OLD, NEW = "0" * 64, "f" * 64
-ACCEPTED = Accepted(on="2026-11-23", reason='it is "old", μ\\and all')
 
 
 @pytest.fixture
@@ -98,60 +95,9 @@ def test_a_trial_of_the_sample_that_differs_makes_the_report_again(
     assert made.read()["small"].verified is None
 
 
-def test_a_report_that_is_accepted_is_left_as_it_is_unless_it_is_named(reports, runs):
-    small = made.read()["small"]
-    made.write({"small": msgspec.structs.replace(small, accepted=ACCEPTED)})
-    assert renew("--dry-run") == 0
-    assert renew() == 0
-    assert runs == []
-    assert renew("small") == 0
-    assert len(runs) == 1
-    assert made.read()["small"].accepted is None
-
-
-@pytest.mark.parametrize(
-    ("code", "verified", "design", "stale"),
-    [
-        (NEW, None, "d", False),
-        (OLD, None, "d", True),
-        (OLD, Verified(code=NEW, on="2026-11-23", trials=3), "d", False),
-        (OLD, Verified(code="e" * 64, on="2026-11-23", trials=3), "d", True),
-        (NEW, None, "other", True),
-        (NEW, None, "", False),  # it was not kept
-    ],
-)
-def test_a_report_is_stale_unless_this_code_made_or_verified_it_on_this_design(
-    code, verified, design, stale
-):
-    report = Report(
-        command="x", files={}, code=code, on="2026-11-22", verified=verified, design=design
-    )
-    assert bool(report.stale(NEW, "d")) == stale
-
-
-def test_the_list_of_reports_is_as_it_is_written(reports):
-    known = {"small": msgspec.structs.replace(made.read()["small"], accepted=ACCEPTED)}
-    made.write(known)
-    assert made.read() == known
-
-
 def test_every_file_of_the_reports_is_of_one_run():
     files = [file for report in made.read().values() for file in report.files]
     held = [path.relative_to(made.REPORTS).as_posix() for path in made.REPORTS.glob("*/*.csv")]
     assert sorted(files) == sorted(name for name in held if not name.startswith("sampled/"))
     sampled = {path.stem for path in (made.REPORTS / "sampled").iterdir()}
     assert sampled <= made.read().keys()
-
-
-def test_a_fingerprint_is_of_the_whole_record(reports, runs):
-    assert renew() == 0
-    (folder,) = remake.FOLDERS.iterdir()
-    record = results_in(folder).records[0]
-    score = {**record.scores[0], "error": record.scores[0]["error"] * (1 + 2**-52)}
-    others = [
-        msgspec.structs.replace(record, scores=[score, *record.scores[1:]]),
-        msgspec.structs.replace(record, events={"seen": 1}),
-    ]
-    prints = {remake.fingerprint(one) for one in (record, *others)}
-    assert len(prints) == 3
-    assert remake.fingerprint(msgspec.structs.replace(record, seconds=1e6)) in prints

@@ -1,7 +1,5 @@
 """A scenario with a map, found beside its file, and a route; the office of ``deqmcl new map``."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from deqmcl_command import exit_code, files
@@ -54,21 +52,6 @@ def test_an_edit_of_the_map_is_another_scenario(hall):
     assert scenario_digest("../hall.toml") != before
 
 
-def test_run_drives_the_route(hall, capsys):
-    (hall / "hall.toml").write_text(next(iter(WAYS)) + ROUTE)
-    run = ("run", "--scenario", "../hall.toml", "--localizer", "amcl", "--out", "lap")
-    assert exit_code(*run) == 0
-    assert "position RMSE" in capsys.readouterr().out
-    assert (Path("lap") / "lap.webp").stat().st_size > 0
-
-
-def test_a_map_that_is_not_there_is_refused(hall, refusal):
-    (hall / "hall.toml").write_text("[env]\nfloor_plan = 'lost.yaml'\n" + ROUTE)
-    run = ("run", "--scenario", "../hall.toml", "--localizer", "mcl", "--out", "lap")
-    refusal(run, "lost.yaml does not exist")
-    assert not Path("lap").exists()
-
-
 def test_both_files_of_a_new_map_are_the_office(tmp_path, capsys, refusal):
     out = tmp_path / "new"
     size = ["--wings", "2", "--corridors", "1", "--corridor", "1.5", "--door", "1.1"]
@@ -82,12 +65,3 @@ def test_both_files_of_a_new_map_are_the_office(tmp_path, capsys, refusal):
     assert [*written] == ["office.json", "office.pgm", "office.yaml"]
     refusal(given, "is not empty")
     assert files(out) == written
-
-
-def test_a_scenario_file_names_an_office(tmp_path):
-    path = tmp_path / "building.toml"
-    path.write_text(
-        "[env.floor_plan.office]\nseed = 3\nwings = 1\n"
-        "[env.lap]\nwaypoints = [[1.2, 1.2], [1.2, 8.0], [1.3, 8.0]]\n"
-    )
-    assert scenario(str(path)).world.floor_plan is Office(seed=3, wings=1).grid

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from deqmcl_command import exit_code, files, lines
-from sweep_command import sweep, without_report
+from deqmcl_command import exit_code
+from sweep_command import without_report
 
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.sweepfile import read_sweep
@@ -38,38 +38,19 @@ def test_run_takes_it(room, capsys, text, method):
     assert (Path("lap") / "lap.webp").stat().st_size > 0
 
 
-def test_paper_takes_it_on_one_and_two_processes_and_another_folder_until_it_is_edited(
-    room, monkeypatch, refusal
-):
-    methods = ("--localizers", "mcl,deq-mcl,dead-reckoning", "--trials", "2")
-    assert exit_code("paper", *FEW, *methods, "--jobs", "1", "--out", "one") == 0
+def test_paper_takes_it_from_any_folder_until_it_is_edited(room, monkeypatch, ran, refusal):
+    given = (*FEW[2:], "--localizers", "mcl,deq-mcl", "--trials", "1", "--jobs", "1")
     (room.parent / "elsewhere").mkdir()
-    monkeypatch.chdir(room.parent / "elsewhere")
-    there = ("--scenario", "../room.toml", *FEW[2:])
     with without_report():
-        assert exit_code("paper", *there, *methods, "--jobs", "2", "--out", "../two") == 0
-    one, two = files(room.parent / "one"), files(room.parent / "two")
-    assert one["trials.csv"] == two["trials.csv"]
-    assert one["results.csv"] == two["results.csv"]
-    assert str(room).encode() in one["trials.csv"]
-    assert "report.html" in one
-    plug_ins = json.loads(one["manifest.json"])["identity"]["plug-ins"]
-    assert list(plug_ins) == [str(room)]
+        assert exit_code("paper", *FEW[:2], *given, "--out", "one") == 0
+        monkeypatch.chdir("elsewhere")
+        there = ("paper", "--scenario", "../room.toml", *given, "--out", "../one")
+        assert exit_code(*there) == 0
+    assert len(ran) == 2
+    manifest = json.loads((room.parent / "one" / "manifest.json").read_text())
+    assert list(manifest["identity"]["plug-ins"]) == [str(room)]
     room.write_text(ROOM.replace("0.3", "0.4"))
-    refusal(["paper", *there, *methods, "--jobs", "1", "--out", "../one"], f"plug-ins.{room} was")
-
-
-def test_sweeps_take_it_beside_ours_and_parts_can_be_taken_away(room):
-    Path("sweep.toml").write_text(
-        'localizers = ["mcl"]\ntrials = 1\nlag = 3\nparams.particles = 20\n'
-        '[[vary]]\nscenario = ["room.toml", "room.toml", "paper"]\n'
-        'world.driver = ["none", {look_ahead = 1.0}, "none"]\n'
-        'assumed.prior.kind = ["gaussian", "gaussian", "gaussian"]\n'
-    )
-    assert sweep("sweep.toml", "out") == 0
-    rows = [row for row in lines(Path("out")) if row["offset"] == "0"]
-    assert [Path(row["scenario"]).name for row in rows] == ["room.toml", "room.toml", "paper"]
-    assert rows[0]["error"] != rows[1]["error"]
+    refusal(there, f"plug-ins.{room} was")
 
 
 @pytest.mark.parametrize("prior", [IN_A_ROOM, PLACES])

@@ -1,6 +1,5 @@
 """The wheel: the three packages without what only a clone needs, typed, with the command."""
 
-import ast
 import shutil
 import tomllib
 from fnmatch import fnmatchcase
@@ -32,13 +31,6 @@ def test_the_patterns_of_pyproject_choose_exactly_the_three_packages():
     assert {name for name in folders() if name.partition(".")[0] in PACKAGES} == chosen
 
 
-@pytest.mark.parametrize("package", PACKAGES)
-def test_every_package_is_typed_and_so_is_every_folder_a_package(package):
-    assert (ROOT / package / "py.typed").read_bytes() == b""
-    for path in (ROOT / package).rglob("*.py"):
-        assert (path.parent / "__init__.py").is_file(), path
-
-
 def test_setuptools_builds_the_three_packages_with_their_marks(tmp_path):
     pytest.importorskip("setuptools", reason="a venv of Python 3.12 or later has none")
     for package in PACKAGES:
@@ -66,13 +58,6 @@ def test_setuptools_builds_the_three_packages_with_their_marks(tmp_path):
         )
     }
     assert built == expected
-
-
-def test_python_3_11_is_the_oldest_supported_and_every_file_is_written_in_it():
-    assert PROJECT["project"]["requires-python"] == ">=3.11"
-    for package in PACKAGES:
-        for path in (ROOT / package).rglob("*.py"):
-            ast.parse(path.read_text(), feature_version=(3, 11))
 
 
 def test_citation_and_the_newest_release_in_the_changelog_are_those_of_this_version():

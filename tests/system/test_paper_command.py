@@ -6,11 +6,8 @@ import shutil
 from argparse import ArgumentParser
 
 from deqmcl_command import METHODS, SMALL, exit_code, files, lines, records
-from sweep_command import broken
 
-import localizers
 from benchmarks.commands import paper, shared
-from benchmarks.pictures import figures
 from benchmarks.sweeps.suites import paper_sweep, sweep_named
 from benchmarks.sweeps.sweepfile import sweep_of
 
@@ -47,11 +44,6 @@ def test_the_command_is_the_sweep_of_its_name():
     assert options.out.as_posix() == "results/paper"
     options = parser.parse_args(["--seed", "1"])
     assert shared.setting_sweep(options, METHODS, options.trials).seed == 1
-
-
-def test_the_figures_are_of_trial_0():
-    shown = figures.chosen(SMALL_SWEEP.distinct())
-    assert [(trial.localizer, trial.trial) for trial in shown] == [("mcl", 0), ("deq-mcl", 0)]
 
 
 def test_the_table_has_every_method_at_every_offset_it_holds(small_run):
@@ -97,13 +89,6 @@ def test_one_and_two_workers_write_the_same_bytes_but_for_the_command(small_run,
     assert ours == theirs
 
 
-def test_a_second_run_computes_nothing_and_writes_the_same(one_worker, ran):
-    contents = files(one_worker)
-    assert exit_code(*SMALL, "--jobs", "1", "--out", one_worker) == 0
-    assert ran == []
-    assert files(one_worker) == contents
-
-
 def test_a_folder_grows_by_worlds_and_methods_and_runs_only_those(one_worker, tmp_path, ran):
     out = shutil.copytree(one_worker, tmp_path / "copy")
     more = ("--trials", "3", "--localizers", ",".join((*METHODS, "ekf")), "--particles", "100")
@@ -112,13 +97,3 @@ def test_a_folder_grows_by_worlds_and_methods_and_runs_only_those(one_worker, tm
     assert run == {*((name, 2) for name in METHODS), *(("ekf", i) for i in range(3))}
     assert {row["worlds"] for row in lines(out, "results.csv")} == {"3"}
     assert exit_code(*SMALL, "--jobs", "1", "--out", out) == 2  # it does not shrink
-
-
-@localizers.registered("broken", broken)
-def test_half_an_experiment_keeps_its_trials_and_has_no_table_1(tmp_path, capsys):
-    few = ("--trials", "2", "--localizers", "broken,dead-reckoning", "--jobs", "1")
-    assert exit_code("paper", *few, "--out", tmp_path) == 3
-    said = capsys.readouterr().out
-    assert said.startswith("The paper's experiment: 2 of 4 trials finished, 2 failed.\n")
-    assert len(records(tmp_path)) == 2
-    assert not (tmp_path / "table.md").exists()

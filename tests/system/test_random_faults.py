@@ -11,8 +11,6 @@ from sweep_command import report, sweep, tables
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="makes pipes and links")
 
-FEW, MANY = 15, 300  # cases by default, and with the slow tests
-
 
 def flipped(path, dice):
     content = bytearray(path.read_bytes())
@@ -78,9 +76,7 @@ def faulty(file, finished, folder, dice, capsys):
     shutil.rmtree(folder)
 
 
-@pytest.mark.parametrize(
-    ("seed", "cases"), [(0, FEW), pytest.param(1, MANY, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("seed", "cases"), [(0, 15), pytest.param(1, 300, marks=pytest.mark.slow)])
 def test_a_spoilt_folder_ends_in_the_same_tables_or_in_one_sentence(
     file, finished, tmp_path, capsys, seed, cases
 ):

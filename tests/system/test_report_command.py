@@ -15,7 +15,6 @@ from benchmarks.report.writing import write_report
 from benchmarks.sweeps.manifest import SCHEMA
 from benchmarks.sweeps.results import results_in
 
-TABLES = {"results.csv", "trials.csv", "timings.csv"}
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
 LOOK = """<script>addEventListener("load", () => {
   const area = e => e.getBoundingClientRect().width * e.getBoundingClientRect().height;
@@ -56,9 +55,7 @@ def test_a_report_is_written_beside_the_results(reported, small_run):
 
 def test_the_report_can_be_written_elsewhere_and_is_the_same(reported, tmp_path, capsys):
     assert exit_code("report", reported, "--out", tmp_path) == 0
-    there, here = files(tmp_path), files(reported)
-    assert TABLES | {"results.md", "report.html"} <= set(there)
-    assert all(there[name] == here[name] for name in there)
+    assert files(tmp_path).items() <= files(reported).items()
     assert capsys.readouterr().out.startswith("12 of 12 trials finished.\n")
 
 
@@ -100,12 +97,9 @@ def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_p
     ("content", "why"),
     [
         ("{", "is truncated, or not JSON"),
-        ("[]", "is not a JSON object"),
         ("[" * 100_000, "is nested too deeply"),
-        ('{"configuration": {"scenario": "paper"}}', "has no schema"),
         ('{"schema": 3}', "an older version"),
         (f'{{"schema": {SCHEMA + 1}}}', "a newer version"),
-        (f'{{"schema": {SCHEMA}}}', "has no identity"),
         (f'{{"schema": {SCHEMA}, "identity": {{"sweep": null}}}}', "null instead of object"),
     ],
 )
@@ -131,8 +125,7 @@ def seen(page, folder, width, dark):
 
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
-@pytest.mark.parametrize("dark", [False, True])
-@pytest.mark.parametrize("width", [1280, 390])
+@pytest.mark.parametrize(("width", "dark"), [(1280, False), (390, True)])
 def test_a_browser_finds_the_tables_and_pictures_and_can_read_them(animated, tmp_path, width, dark):
     found = seen(animated / "report.html", tmp_path, width, dark)
     assert found["inner"] == width

@@ -1,8 +1,6 @@
 """A sweep that is stopped, killed or hung: what stays, and that it goes on as if nothing was."""
 
 import os
-import random
-import shutil
 import signal
 import subprocess
 import sys
@@ -11,7 +9,7 @@ import uuid
 from pathlib import Path
 
 import pytest
-from deqmcl_command import DEQMCL, files, records
+from deqmcl_command import DEQMCL, files, process, records
 from sweep_command import sweep, tables, write_small
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -91,27 +89,6 @@ def test_a_sweep_that_is_killed_again_and_again_ends_as_if_nothing_had_been(tmp_
     assert not [name for name in files(out) if name.endswith(".tmp")]
 
 
-@pytest.mark.slow  # those at known moments are told from below and above
-def test_signals_at_any_moment_leave_what_the_next_run_ends_as_if_nothing_had_been(tmp_path):
-    file, finished, out = write_small(tmp_path, trials=6), tmp_path / "finished", tmp_path / "out"
-    assert sweep(file, finished) == 0
-    dice = random.Random(25)
-    for case in range(25):
-        how = dice.choice([signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
-        running = Running(file, out)
-        time.sleep(dice.uniform(0.0, 3.0))
-        running.process.send_signal(how)
-        code, _, said = running.ended()
-        assert code in (0, 128 + how, -how), (case, how, said)
-        assert "Traceback" not in said, (case, how)
-        if case % 3 == 2:
-            shutil.rmtree(out, ignore_errors=True)
-    assert sweep(file, out) == 0
-    assert tables(out) == tables(finished)
-    assert records(out) == records(finished)
-    assert not list(out.rglob(".deqmcl*"))
-
-
 @pytest.mark.parametrize(
     ("how", "times", "send", "code"),
     [
@@ -155,18 +132,6 @@ sys.exit(cli.main())
 """
 
 
-def test_a_ctrl_c_that_a_library_turned_into_another_error_is_one_all_the_same():
-    script, heard = [sys.executable, "-c", TURNED], {"preexec_fn": _hear_ctrl_c}
-    done = subprocess.run(script, capture_output=True, text=True, check=True, **heard)
-    assert (done.stdout, done.stderr) == ("interrupted\n", "")
-
-
-def test_ctrl_c_while_the_command_line_is_read_is_one_sentence():
-    script, heard = [sys.executable, "-c", PARSED], {"preexec_fn": _hear_ctrl_c}
-    done = subprocess.run(script, capture_output=True, text=True, check=False, **heard)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "deqmcl: interrupted.\n")
-
-
 DROPPED = """
 import ctypes, os, signal, sys, time
 from benchmarks.console import Terminated, stoppable
@@ -189,10 +154,15 @@ except KeyboardInterrupt:
 
 
 @pytest.mark.parametrize(
-    ("number", "how"), [(signal.SIGINT, "interrupted"), (signal.SIGTERM, "terminated")]
+    ("script", "words", "ended"),
+    [
+        pytest.param(TURNED, (), (0, "interrupted\n", ""), id="a library"),
+        pytest.param(PARSED, (), (130, "", "deqmcl: interrupted.\n"), id="reading"),
+        pytest.param(DROPPED, (signal.SIGINT,), (0, "interrupted\n", ""), id="Ctrl-C in C"),
+        pytest.param(DROPPED, (signal.SIGTERM,), (0, "terminated\n", ""), id="SIGTERM in C"),
+    ],
 )
-def test_a_signal_that_comes_in_a_callback_of_c_is_not_lost(number, how):
-    script = [sys.executable, "-c", DROPPED, str(int(number))]
-    heard = {"preexec_fn": _hear_ctrl_c, "timeout": PATIENCE / 2}
-    done = subprocess.run(script, capture_output=True, text=True, check=True, **heard)
-    assert (done.stdout, done.stderr) == (f"{how}\n", "")
+def test_a_signal_is_not_lost_wherever_it_comes(script, words, ended):
+    command = [sys.executable, "-c", script, *(str(int(word)) for word in words)]
+    done = process(*command, preexec_fn=_hear_ctrl_c, timeout=PATIENCE / 2)
+    assert (done.returncode, done.stdout, done.stderr) == ended

@@ -75,9 +75,9 @@ trials = 2
 def test_worlds_seed_and_parameters_given_as_options_are_as_if_the_file_said_them(tmp_path, ran):
     file, out = write_small(tmp_path, more=LIMITED), tmp_path / "out"
     given = "--trials", "1", "--seed", "3", "--set", "params.mcl.particles=7"
-    assert sweep(file, out, *given, "--param", 'mcl.resampler="multinomial"') == 0
+    assert sweep(file, out, *given, "--set", 'params.mcl.resampler="multinomial"') == 0
     said = json.loads((out / "manifest.json").read_text())
-    assert said["command"][-2:] == ["--param", 'mcl.resampler="multinomial"']
+    assert said["command"][-2:] == ["--set", 'params.mcl.resampler="multinomial"']
     own = "particles = 7, resampler = 'multinomial'"
     text = file.read_text().replace("= 30", "= 30\nparams.resampler = 'multinomial'")
     text = text.replace("trials = 2", "trials = 1\nseed = 3", 1)
@@ -86,16 +86,7 @@ def test_worlds_seed_and_parameters_given_as_options_are_as_if_the_file_said_the
     assert len(ran) == 2 + 2  # mcl is the same at both points of the axis; its limit runs twice
 
 
-def test_a_folder_of_fewer_worlds_goes_on_whatever_the_title_is_now(tmp_path, ran):
-    file, out = write_small(tmp_path, more=LIMITED), tmp_path / "out"
-    assert sweep(file, out, "--trials", "1") == 0
-    file.write_text(file.read_text().replace('"small"', '"larger"'))
-    assert sweep(file, out) == 0
-    assert len(ran) == 2 * (2 + 1 + 2)  # mcl at two points, dead reckoning, the limit's runs
-    assert json.loads((out / "manifest.json").read_text())["identity"]["sweep"]["title"] == "larger"
-
-
-@pytest.mark.parametrize("name", ["quick", "headline", "noise", "disturbed", "plan-sensor"])
+@pytest.mark.parametrize("name", ["headline", "plan-sensor"])
 def test_a_sweep_can_be_told_from_its_manifest(tmp_path, name):
     sweep = sweep_named(name)
     text = json.dumps(manifest.manifest_of(sweep, []).sweep, allow_nan=False)
@@ -134,24 +125,10 @@ def test_a_dry_run_shows_the_cells_and_a_time_and_writes_nothing(tmp_path, monke
     assert [path.name for path in tmp_path.iterdir()] == ["small.toml"]
 
 
-def test_a_dry_run_scales_the_time_of_the_limit_by_its_particles(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(running, "BUDGET", 0.0)
-    more = '\n[limit]\nname = "mcl"\ntrials = 1\nfilter_seeds = 3\n[limit.params]\n'
-    file = write_small(tmp_path, trials=50, more=f"{more}particles = 1_500_000\n")
-    assert sweep(file, tmp_path / "out", "--dry-run") == 0
-    said = capsys.readouterr().out
-    assert "small: 103 trials in 3 cells" in said
-    one = float(re.search(r"50 +([\d.]+) s +mcl particles=15\n", said)[1])
-    many = float(re.search(r"3 +≈ ([\d.]+) s +mcl particles=1500000\n", said)[1])
-    assert many == pytest.approx(1e5 * one, abs=0.006e5)  # it is shown to 0.01 s
-
-
 @pytest.mark.parametrize(
     ("where", "time"),  # 100 trials of 6 s
     [
         (("--jobs", "1"), "10 min"),
-        (("--jobs", "2"), "5 min"),
-        (("--jobs", "1", "--shard", "2/5"), "2 min"),
         (("--jobs", "2", "--shard", "2/5"), "60 s"),
     ],
 )
@@ -204,22 +181,17 @@ def test_what_is_run_until_decided_depends_neither_on_jobs_nor_on_an_interruptio
     assert tables(other) == tables(out)
 
 
-def test_a_folder_goes_on_from_decided_to_all_worlds_and_back(decided, tmp_path, capsys):
-    file, out = decided
-    whole = shutil.copytree(out, tmp_path / "whole")
-    assert sweep(file, whole, "--trials", "22") == 0
-    assert counts(whole) == {"mcl": 22, "mcl-map": 22, "dead-reckoning": 22}
-    assert not (whole / "decisions.csv").exists()
-    assert sweep(file, whole, *UNTIL) == 0
-    assert lines(whole, "decisions.csv") == lines(out, "decisions.csv")
-    assert "Comparisons with the baseline: 1 better, 1 open" in capsys.readouterr().out
-
-
-def test_a_margin_is_not_chosen_after_a_look(decided, tmp_path, refusal):
+def test_a_folder_goes_on_to_all_worlds_and_back_but_a_margin_is_not_chosen_after_a_look(
+    decided, tmp_path, refusal, capsys
+):
     file, out = decided
     whole = shutil.copytree(out, tmp_path / "whole")
     assert sweep(file, whole, "--trials", "22") == 0  # which looks at all worlds, with none
+    assert counts(whole) == {"mcl": 22, "mcl-map": 22, "dead-reckoning": 22}
+    assert not (whole / "decisions.csv").exists()
     for folder in (out, whole):
         again = ("sweep", file, "--out", folder, *UNTIL, "--margin", "60%")
         refusal(again, "was looked at with --margin 5%", "60%", "new --out")
     assert sweep(file, whole, *UNTIL) == 0
+    assert lines(whole, "decisions.csv") == lines(out, "decisions.csv")
+    assert "Comparisons with the baseline: 1 better, 1 open" in capsys.readouterr().out

@@ -7,7 +7,6 @@ from deqmcl_command import exit_code, files, lines, records
 from sweep_command import broken, sweep, tables, write_small
 
 import localizers
-from benchmarks.sweeps import running
 from benchmarks.sweeps.store import Store
 
 
@@ -61,14 +60,6 @@ def test_a_disk_that_fills_up_is_said_in_one_line_and_the_sweep_goes_on_later(
     assert sweep(file, out) == 0
     assert kept.items() <= records(out).items()
     assert tables(out) == tables(finished)
-
-
-def test_a_sweep_that_lacks_a_trial_at_its_end_has_not_succeeded(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(running, "_keep", lambda store, key, trial, outcome: None)
-    file, out = write_small(tmp_path), tmp_path / "out"
-    assert sweep(file, out) == 3
-    assert "4 of 4 trials are missing: run the command again." in capsys.readouterr().err
-    assert sweep(file, out, "--shard", "1/2") == 0
 
 
 def test_what_keeps_the_pictures_away_does_not_keep_the_tables_away(tmp_path, monkeypatch):

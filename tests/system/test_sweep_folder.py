@@ -43,29 +43,6 @@ def test_changed_code_is_refused_and_named(file, copy, refusal, monkeypatch):
     refusal(["sweep", file, "--out", copy], *changed)
 
 
-def test_a_manifest_of_something_else_is_no_excuse_to_go_on(file, copy, refusal):
-    path = copy / "manifest.json"
-    for spoil, words in (
-        (lambda: path.write_text(""), "manifest.json is truncated, or not JSON"),
-        (lambda: path.write_text('{"command": ["deqmcl", "speed"]}'), "it is not of a sweep"),
-        (path.unlink, "holds no manifest.json of a sweep"),
-    ):
-        spoil()
-        before = files(copy)
-        refusal(["sweep", file, "--out", copy], words)
-        assert files(copy) == before
-
-
-def test_what_a_folder_holds_can_be_read_again_in_the_order_asked_for(finished):
-    found = results_in(finished)
-    assert (found.planned, found.missing, found.failures) == (4, 0, [])
-    assert [(r.trial.localizer, r.trial.trial) for r in found.records] == [
-        *(("mcl", 0), ("mcl", 1), ("dead-reckoning", 0), ("dead-reckoning", 1))
-    ]
-    assert found.title == "small"
-    assert found.command[:2] == ["deqmcl", "sweep"]
-
-
 @localizers.registered("broken", broken)
 def test_results_of_other_code_can_be_read_and_infinity_is_a_number(tmp_path, monkeypatch):
     more = "\n[[vary]]\nparams.beta = [inf, 1.0]\n"
@@ -163,28 +140,3 @@ def test_a_project_with_plug_ins_goes_on_where_it_was_moved_to(tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     assert exit_code("verify", here / "out", "--jobs", "1") == 0, capsys.readouterr().err
     assert sweep(here / "sweeps" / "all.toml", here / "out") == 0, capsys.readouterr().err
-
-
-def test_shards_of_a_project_with_plug_ins_are_merged_wherever_they_were_run(tmp_path):
-    whole = written(tmp_path / "whole")
-    assert sweep(whole, tmp_path / "all") == 0
-    for part in "12":
-        file = written(tmp_path / f"node-{part}")
-        assert sweep(file, tmp_path / f"part-{part}", "--shard", f"{part}/2") == 0
-        shutil.copytree(tmp_path / f"part-{part}", tmp_path / "merged", dirs_exist_ok=True)
-    ended = stored(tmp_path / "merged")
-    assert sweep(whole, tmp_path / "merged") == 0
-    assert stored(tmp_path / "merged") == ended | {"trials.jsonl": b""}
-    assert tables(tmp_path / "merged") == tables(tmp_path / "all")
-
-
-def test_a_folder_with_absolute_names_goes_on_under_them(tmp_path):
-    file, out = written(tmp_path), tmp_path / "out"
-    said = file.read_text()
-    file.write_text(said.replace('"../', f'"{tmp_path}/'))
-    assert sweep(file, out) == 0
-    assert f"{tmp_path}/mine.py:Mine" in (out / "manifest.json").read_text()
-    file.write_text(said)
-    ended = stored(out)
-    assert sweep(file, out) == 0
-    assert stored(out) == ended
