@@ -28,7 +28,7 @@ from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence, summary
 from benchmarks.sweeps.running import Options, Running, begun, check, shard_of
 from benchmarks.sweeps.suites import PAPER_METHODS, SUITES, sweep_named
-from benchmarks.sweeps.sweepfile import sweep_of, with_settings
+from benchmarks.sweeps.sweepfile import refuse_idle, sweep_of, with_localizers, with_settings
 from benchmarks.sweeps.verifying import adopted
 from benchmarks.tables.comparison import FURTHER, RESULTS
 from benchmarks.tables.frames import INNER, trials_frame
@@ -77,11 +77,12 @@ def sweep(
         axes = [{name: v} for name, v in vary.items()] if isinstance(vary, Mapping) else vary
         given["vary"] = as_toml(axes)
     with knowing(factories):
-        base = _base(of)
+        base = base_of(of)
         made = sweep_of(given, title=base.title, base=base)
         if localizers and "baseline" not in given and base.baseline not in made.names:
             made = replace(made, baseline="")
         made = with_settings(made, as_toml(settings))
+        refuse_idle(made)
     return Experiment(made, factories)
 
 
@@ -259,16 +260,17 @@ def _picture(camera: Camera, step: Step, method: str) -> NDArray[np.uint8]:
     return np.ascontiguousarray(camera.frame(step, [f"{method}, t = {step.t}"]))
 
 
-def _base(of: str | Path | Sweep) -> Sweep:
-    """Return the sweep that a name leads to, or that of a scenario."""
+def base_of(of: str | Path | Sweep, added: Sequence[str] = ()) -> Sweep:
+    """Return the sweep that a name leads to, or that of a scenario; with further localizers."""
     if isinstance(of, Sweep):
-        return of
+        return with_localizers(of, added)
     name = str(of)
     if name in SCENARIOS and name not in SUITES:
-        return Sweep(title=name, scenario=name, localizers=tuple(map(Method, PAPER_METHODS)))
+        methods = tuple(map(Method, PAPER_METHODS))
+        return with_localizers(Sweep(title=name, scenario=name, localizers=methods), added)
     if not name.endswith(".toml"):
         one_of("suite or scenario", name, [*SUITES, *SCENARIOS])
-    return sweep_named(name)
+    return sweep_named(name, added)
 
 
 def named_localizers(given: Sequence[Any]) -> tuple[list[Any], dict[str, Factory]]:

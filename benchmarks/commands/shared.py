@@ -139,21 +139,21 @@ def setting_sweep(
     options: argparse.Namespace, localizers: Sequence[str], trials: int = 1
 ) -> "Sweep":
     """Return the localizers on the worlds of the setting, with what is set."""
-    from benchmarks.experiment import sweep
     from benchmarks.setup.documents import settings
+    from benchmarks.sweeps.suites import paper_sweep
+    from benchmarks.sweeps.sweepfile import with_settings
     from deqmcl_gym.validation import integer
 
     refuse_twice(localizers)
-    return sweep(
-        "paper",
+    sweep = paper_sweep(
         localizers=localizers,
         scenario=options.scenario,
         trials=integer("--trials", trials, low=1, high=100_000),
         seed=integer("--seed", options.seed),
         lag=integer("--lag", options.lag),
-        params={"particles": integer("--particles", options.particles, low=1)},
-        settings=settings(options.set),
-    ).sweep
+        particles=integer("--particles", options.particles, low=1),
+    )
+    return with_settings(sweep, settings(options.set))
 
 
 def refuse_twice(localizers: Sequence[str]) -> None:

@@ -107,9 +107,8 @@ def _misfits(sweep: "Sweep") -> list[str | None]:
 
 def asked(options: argparse.Namespace) -> "Sweep":
     """Return the sweep that is asked for."""
-    from benchmarks.experiment import sweep
+    from benchmarks.experiment import base_of, sweep
     from benchmarks.setup.documents import settings
-    from benchmarks.sweeps.sweepfile import with_localizers
     from deqmcl_gym.validation import InputError, integer
     from localizers import parameters
 
@@ -128,8 +127,7 @@ def asked(options: argparse.Namespace) -> "Sweep":
         most = 1000 if options.max_worlds is None else options.max_worlds
         keys["trials"] = integer("--max-worlds", most, low=1, high=100_000)
         keys["until_decided"] = {} if options.margin is None else {"margin": options.margin}
-    base = with_localizers(sweep(options.suite).sweep, added)
-    made = sweep(base, settings=settings(options.set), **keys).sweep
+    made = sweep(base_of(options.suite, added), settings=settings(options.set), **keys).sweep
     for name in added:
         parameters(name)
     if options.shard and made.until_decided:

@@ -1,7 +1,7 @@
 """From a TOML file to a ``Sweep``; docs/sweeps.md has the table of its keys."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -169,7 +169,10 @@ def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
     for name in values:
         if name in changed.varied:
             raise InputError(f"{name} is set, but the sweep varies it: set vary.{name}, a list.")
-    refuse_idle(changed)
+    varied = [name.removeprefix("params.") for axis in axes for name in axis.values]
+    refuse_idle(
+        changed, [*params, *(name for name in varied if f"params.{name}" in changed.varied)]
+    )
     return changed
 
 
@@ -243,13 +246,16 @@ def _split(given: Overrides, names: "_Names") -> tuple[Overrides, dict[str, Over
     return names.params(Overrides(shared)), alone
 
 
-def refuse_idle(sweep: Sweep) -> None:
-    """Refuse a shared parameter that no localizer has a use for: it is a misspelt one."""
+def refuse_idle(sweep: Sweep, names: Iterable[str] | None = None) -> None:
+    """Refuse a shared parameter that no localizer has a use for: it is a misspelt one.
+
+    Of ``names``, or of all that the sweep has and varies.
+    """
     known = [sweep.takes(method.name) for method in sweep.localizers]
     if None in known:
         return
-    shared = [name.removeprefix("params.") for name in sweep.varied if name.startswith("params.")]
-    for name in [*sweep.params, *shared]:
+    varied = [name.removeprefix("params.") for name in sweep.varied if name.startswith("params.")]
+    for name in [*sweep.params, *varied] if names is None else names:
         one_of("parameter of these localizers", name, {n for own in known for n in own or ()})
 
 

@@ -10,6 +10,7 @@ import pytest
 from deqmcl_command import exit_code, lines, records, stored
 from hall import recorded_in_a_hall, write_lap
 
+import benchmarks
 from benchmarks.report.tracks import (
     middle_run,
     run_words,
@@ -29,6 +30,7 @@ from benchmarks.trials.spec import Trial
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap, PolygonMap
 from localizers import PointsBelief
+from localizers.methods.classical import DeadReckoning
 from localizers.models.nav2_motion import unknown_motion
 
 COMMAND = ("lap.csv", "--map", "hall.yaml", "--every", "0.1m,5deg", "--set", "world.max_beams=20")
@@ -452,3 +454,23 @@ def test_odometry_that_moves_sideways_is_told_unless_the_motion_model_knows_it(r
     )
     assert "sideways: for a robot that can move so, add --set assumed.motion" in plain
     assert omni is None
+
+
+def test_a_notebook_replays_a_log_with_a_class_of_its_own_and_gets_the_tables_of_the_command(
+    recorded,
+):
+    class Mine(DeadReckoning):
+        """A localizer of a notebook."""
+
+    how = {"reference": "lap.tum", "seeds": 1, "settings": {"world.every": "0.2m,5deg"}}
+    played = benchmarks.replay("lap.csv", "hall.yaml", localizers=[Mine], jobs=1, **how)
+    words = ("lap.csv", "--map", "hall.yaml", "--every", "0.2m,5deg", "--reference", "lap.tum")
+    assert replay(*words, "--localizers", "dead-reckoning", "--seeds", "1", "--out", "o") == 0
+    (row,) = table("o/results.csv")
+    assert list(played.table["localizer"]) == ["Mine"]
+    for name in ("position_median", "success_1m", "agreement_01"):
+        assert played.table[name][0] == float(row[name])
+    assert len(played.trials) == 1
+    assert str(played).startswith(repr(played))
+    assert "Written to" not in str(played)
+    assert "position_median" not in played._repr_html_()  # in words, as on the page

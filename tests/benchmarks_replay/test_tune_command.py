@@ -217,6 +217,13 @@ def test_a_score_of_honesty_prefers_an_honest_belief_to_a_nearer_one_that_is_too
     assert cell.params["kind"] == winner
 
 
+def test_a_winner_whose_region_holds_less_than_that_of_the_default_is_warned_of(before, tmp_path):
+    words = ("--set", "params.kind=far and honest")
+    assert among_two_kinds(tmp_path, "median", *words) == 0
+    told = (tmp_path / "out" / "tuned.md").read_text()
+    assert "Warning: the 95 % region of the tuned parameters holds 0.0 % of the reference" in told
+
+
 @pytest.mark.parametrize(
     ("score", "lacking"), [("false-commitment", "quality"), ("log-score", "spread")]
 )
