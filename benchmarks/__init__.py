@@ -1,7 +1,7 @@
 """The harness: paired trials of localizers in the world, their scores, tables and pictures.
 
-``benchmarks.sweep`` compares localizers, ``benchmarks.run`` watches one, ``benchmarks.replay`` plays
-a recorded log to some.
+``benchmarks.sweep`` compares localizers, ``benchmarks.run`` watches one, and ``benchmarks.replay``
+plays a recorded log to some.
 """
 
 from typing import TYPE_CHECKING, Any

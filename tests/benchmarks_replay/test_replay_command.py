@@ -466,7 +466,7 @@ def test_a_notebook_replays_a_log_with_a_class_of_its_own_and_gets_the_tables_of
     played = benchmarks.replay("lap.csv", "hall.yaml", localizers=[Mine], jobs=1, **how)
     words = ("lap.csv", "--map", "hall.yaml", "--every", "0.2m,5deg", "--reference", "lap.tum")
     assert replay(*words, "--localizers", "dead-reckoning", "--seeds", "1", "--out", "o") == 0
-    (row,) = table("o/results.csv")
+    (row,) = lines(Path("o"), "results.csv")
     assert list(played.table["localizer"]) == ["Mine"]
     for name in ("position_median", "success_1m", "agreement_01"):
         assert played.table[name][0] == float(row[name])
