@@ -30,8 +30,8 @@ from benchmarks.trials.spec import Trial
 from deqmcl_gym import logs
 from deqmcl_gym.maps import GridMap, PolygonMap
 from localizers import PointsBelief
-from localizers.methods.classical import DeadReckoning
 from localizers.models.nav2_motion import unknown_motion
+from localizers.template import MyLocalizer
 
 COMMAND = ("lap.csv", "--map", "hall.yaml", "--every", "0.1m,5deg", "--set", "world.max_beams=20")
 KNOWN = (*COMMAND, "--reference", "lap.tum", "--particles", "200", "--seeds", "3", "--jobs", "1")
@@ -456,16 +456,19 @@ def test_odometry_that_moves_sideways_is_told_unless_the_motion_model_knows_it(r
     assert omni is None
 
 
+TEMPLATE = "localizers.template:MyLocalizer"
+
+
 def test_a_notebook_replays_a_log_with_a_class_of_its_own_and_gets_the_tables_of_the_command(
     recorded,
 ):
-    class Mine(DeadReckoning):
+    class Mine(MyLocalizer):
         """A localizer of a notebook."""
 
     how = {"reference": "lap.tum", "seeds": 1, "settings": {"world.every": "0.2m,5deg"}}
     played = benchmarks.replay("lap.csv", "hall.yaml", localizers=[Mine], jobs=1, **how)
     words = ("lap.csv", "--map", "hall.yaml", "--every", "0.2m,5deg", "--reference", "lap.tum")
-    assert replay(*words, "--localizers", "dead-reckoning", "--seeds", "1", "--out", "o") == 0
+    assert replay(*words, "--localizers", TEMPLATE, "--seeds", "1", "--out", "o") == 0
     (row,) = lines(Path("o"), "results.csv")
     assert list(played.table["localizer"]) == ["Mine"]
     for name in ("position_median", "success_1m", "agreement_01"):

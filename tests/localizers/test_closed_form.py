@@ -8,7 +8,7 @@ from following import robot_of, updated
 
 import localizers
 from deqmcl_gym.maps import Lidar, PolygonMap
-from localizers.methods import ekf as kernels
+from localizers.methods import classical as kernels
 from localizers.methods.classical import gaussian_points
 
 
