@@ -6,6 +6,7 @@ import re
 import shlex
 import sys
 from pathlib import Path
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -35,7 +36,7 @@ def blocks(page, language):
     return re.findall(rf"^```{language}\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
 
 
-RECORD, REPLAY, _ = blocks(LOG, "python notest")
+RECORD, PLAYED, REPLAY, _ = blocks(LOG, "python notest")
 STARTS, *_ = blocks(LOG, "toml")
 
 
@@ -112,6 +113,9 @@ def test_the_page_on_ones_own_log_works_from_top_to_bottom(lap, capsys):
     (out_of_date,) = blocks(WRONG, "toml")
     Path("known.toml").write_text(out_of_date)
     assert exit_code("sweep", "known.toml", "--dry-run") == 0, capsys.readouterr().err
+    called: dict[str, Any] = {}
+    exec(compile(PLAYED, "played", "exec"), called)
+    assert list(called["played"].table["localizer"]) == ["mcl", "amcl"]
     capsys.readouterr()
     exec(compile(REPLAY, "replay", "exec"), {})
     estimate = np.array(re.findall(r"-?\d+\.\d+", capsys.readouterr().out), float)
