@@ -29,7 +29,7 @@ LIMITS = {  # the most files that each may enter
     "update of mcl": 15,
     "env.step": 9,
 }
-MOST_CALLS = 22_400  # of functions of ours, in a trial of mcl
+MOST_CALLS = 23_000  # of functions of ours, in a trial of mcl
 MOST_FILES = 190  # of source
 MOST_LINES = {"source": 41_330, "tests": 27_300}
 
