@@ -14,6 +14,8 @@ from benchmarks.console import doing
 if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.robots.nav2 import Amcl
 
+OF_LOGS = "world.…, assumed.… and params.… (docs/your-map-your-log.md)"  # that may be set
+
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
@@ -32,10 +34,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         parser, "Nav2's parameter file: sets all of amcl, and for the others what is not set here"
     )
     add_every(parser, "0.2m,5deg; with amcl 0.0625m,3deg, so that it updates as often as a robot's")
-    shared.add_set(parser, "assumed.scan.sigma=0.1 or world.max_beams=60")
+    shared.add_set(parser, "assumed.scan.sigma=0.1 or world.max_beams=60", OF_LOGS)
     add("--seeds", type=int, default=10, metavar="K", help="runs of each localizer (10)")
     shared.add_jobs(parser, "runs")
-    shared.add_out(parser, "results/LOG")
+    shared.add_out(parser, without="results/LOG")
     more = parser.add_argument_group("more")
     more.add_argument("--particles", type=int, metavar="N",
         help="particles of all (each method's default: 1000; amcl: at most 2000)")  # fmt: skip
@@ -58,13 +60,13 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     shared.add_mcap(more)
 
 
-def add_every(parser: shared.Options, default: str) -> None:
+def add_every(parser: shared.TakesOptions, default: str) -> None:
     """Add how far apart the records are that are played."""
     help_ = f"play a record each time the robot has moved this far ({default})"
     parser.add_argument("--every", metavar="D,A", help=help_)
 
 
-def add_nav2(parser: shared.Options, words: str) -> None:
+def add_nav2(parser: shared.TakesOptions, words: str) -> None:
     """Add Nav2's parameter file and the node in it."""
     add = parser.add_argument
     add("--nav2", type=Path, metavar="PARAMS.yaml", help=words)

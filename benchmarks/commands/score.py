@@ -29,7 +29,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--log", metavar="LOG", help="score at the records of a log, as replay does")
     add("--map", metavar="MAP.yaml", help="compare the log's scans with a map")
-    shared.add_set(parser, "world.reading.base_frame=base")
+    shared.add_set(parser, "world.reading.base_frame=base", "world.reading.…")
     add("--every", metavar="D,A", help="score a record each time the robot has moved this far "
         "(0.2m,5deg)")  # fmt: skip
     add(

@@ -9,7 +9,7 @@ if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.sweeps.design import Sweep
 
 
-class Options(Protocol):
+class TakesOptions(Protocol):
     """What options are added to: a parser, or a group of its options."""
 
     @property
@@ -37,22 +37,23 @@ def _path(text: str, what: str) -> Path:
     return Path(text)
 
 
-def add_set(parser: Options, example: str = "params.mcl.particles=500") -> None:
-    """Add single values by the names that a sweep file has."""
-    help_ = (
-        f"a value by its name in a sweep file, as {example}; world.…, assumed.…, params.… and "
-        "others: docs/sweeps.md (one --set each)"
-    )
+def add_set(
+    parser: TakesOptions,
+    example: str = "params.mcl.particles=500",
+    names: str = "world.…, assumed.…, params.… and others, docs/sweeps.md",
+) -> None:
+    """Add single values by the names that a sweep file has; of these the command takes some."""
+    help_ = f"a value by its name in a sweep file, as {example}: {names} (one --set each)"
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help=help_)
 
 
-def add_jobs(parser: Options, what: str = "trials") -> None:
+def add_jobs(parser: TakesOptions, what: str = "trials") -> None:
     """Add how many processes there are."""
     help_ = f"{what} at a time (one per processor)"
     parser.add_argument("--jobs", type=int, metavar="J", help=help_)
 
 
-def add_timeout(parser: Options, what: str = "trial") -> None:
+def add_timeout(parser: TakesOptions, what: str = "trial") -> None:
     """Add the time limit of each."""
     help_ = f"seconds allowed per {what} (no limit; for a plug-in 3600)"
     parser.add_argument("--timeout", type=float, metavar="S", help=help_)
@@ -67,7 +68,7 @@ def share(text: str) -> float:
         raise argparse.ArgumentTypeError(f"it is {text!r}: give a share, as 5% or 0.05") from None
 
 
-def add_share(parser: Options) -> None:
+def add_share(parser: TakesOptions) -> None:
     """Add how many trials are run again."""
     help_ = "share of trials to run again, beside one of each setting and method (1%%)"
     parser.add_argument("--share", type=share, metavar="S", help=help_)
@@ -81,13 +82,13 @@ def share_verified(options: argparse.Namespace) -> float:
     return SAMPLED if options.share is None else number("--share", options.share, low=0, high=1)
 
 
-def add_seed(parser: Options, default: int | None = 0) -> None:
+def add_seed(parser: TakesOptions, default: int | None = 0) -> None:
     """Add the root seed; None: that of the sweep."""
     help_ = f"root of all randomness ({_else(default)})"
     parser.add_argument("--seed", type=int, default=default, metavar="S", help=help_)
 
 
-def add_trials(parser: Options, default: int | None = None) -> None:
+def add_trials(parser: TakesOptions, default: int | None = None) -> None:
     """Add the number of worlds; None: that of the sweep."""
     help_ = f"worlds of each setting ({_else(default)})"
     parser.add_argument("--trials", type=int, default=default, metavar="K", help=help_)
@@ -97,18 +98,21 @@ def _else(default: int | None) -> str:
     return "as in the sweep" if default is None else str(default)
 
 
-def add_out(parser: Options, default: str | None = None) -> None:
-    """Add the output folder; without a default it must be given, LOG in one is for the command."""
-    needed: Any = {"default": default}
-    if default is None:
-        needed = {"required": True}
-    elif default != default.lower():
-        needed = {}
-    words = "output folder" if default is None else f"output folder ({default})"
-    parser.add_argument("--out", type=folder, metavar="DIR", help=words, **needed)
+def add_out(
+    parser: TakesOptions, default: str | None = None, *, without: str | None = None
+) -> None:
+    """Add the output folder, which must be given if there is neither a default nor one ``without``.
+
+    The latter is told, and left to the command, which finds None.
+    """
+    usual = default or without
+    words = "output folder" if usual is None else f"output folder ({usual})"
+    parser.add_argument(
+        "--out", type=folder, metavar="DIR", default=default, required=usual is None, help=words
+    )
 
 
-def add_mcap(parser: Options) -> None:
+def add_mcap(parser: TakesOptions) -> None:
     """Add the file for Foxglove."""
     help_ = "also write what is believed, for Foxglove and Lichtblick (needs the extra view)"
     parser.add_argument("--mcap", type=file, metavar="FILE.mcap", help=help_)
@@ -125,7 +129,7 @@ def mcap_of(options: argparse.Namespace) -> Path | None:
     return path
 
 
-def add_setting(parser: Options) -> None:
+def add_setting(parser: TakesOptions) -> None:
     """Add the scenario, the root seed, and the parameters that most localizers have."""
     add = parser.add_argument
     add("--scenario", default="paper", metavar="NAME",

@@ -1,4 +1,4 @@
-"""Run a suite (deqmcl list names them) or a sweep file in TOML, and write its report.
+"""Run a suite, a scenario (deqmcl list has both) or a sweep file in TOML; write its report.
 
 Trials that the output folder already holds are not run again.
 """
@@ -20,8 +20,9 @@ MANY = 100_000  # trials; more are run only with --yes
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add, switch = parser.add_argument, partial(parser.add_argument, action="store_true")
-    add("suite", metavar="SUITE|FILE.toml", help="a suite or a sweep file")
-    shared.add_out(parser, "results/SUITE")
+    add("suite", metavar="SUITE|SCENARIO|FILE.toml", help="a suite, a scenario with the paper's "
+        "methods, or a sweep file")  # fmt: skip
+    shared.add_out(parser, without="results/SUITE")
     add("--with", dest="added", action="append", default=[], metavar="LOCALIZER[,…]",
         help="localizers to add")  # fmt: skip
     shared.add_set(parser)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import shared
-from benchmarks.commands.replay import add_every, add_nav2, nav2_of, settings_of
+from benchmarks.commands.replay import OF_LOGS, add_every, add_nav2, nav2_of, settings_of
 from benchmarks.console import doing, log_warnings, warn
 
 if TYPE_CHECKING:  # --help loads nothing heavy
@@ -42,7 +42,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         "of 18; more go on in the same folder (108)",
     )  # fmt: skip
     add_nav2(parser, "your Nav2 parameters: the default to beat")
-    shared.add_set(parser, "params.max_particles=500 or world.max_beams=60 (amcl: 180)")
+    shared.add_set(parser, "params.max_particles=500 or world.max_beams=60", OF_LOGS)
     shared.add_jobs(parser, "runs")
     shared.add_out(parser)
     segments = parser.add_argument_group("segments")
@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> str:
     """Run the command; return what to print."""
     from benchmarks.execution.engines import Where
     from benchmarks.robots.search import GOALS, searching
-    from benchmarks.robots.written import write_tuned
+    from benchmarks.robots.tuned import write_tuned
     from benchmarks.sweeps.running import Options
     from deqmcl_gym.validation import InputError, integer, number, one_of
 

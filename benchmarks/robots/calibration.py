@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.robots.played import NAME, Replay
+from benchmarks.robots.played import REPLAY_SCENARIO, Replay
 from benchmarks.setup.overrides import Overrides
 from benchmarks.tables.text import percent
 from benchmarks.trials.collecting import TrackLog
@@ -174,7 +174,7 @@ def _first(replay: Replay) -> int:
 def _covered(replay: Replay, power: float, count: int) -> tuple[float, float]:
     """Return the share covered, and the 95 % quantile of the position errors, m."""
     trial = Trial(
-        scenario=NAME,
+        scenario=REPLAY_SCENARIO,
         world=replay.world,
         assumed=replay.assumed | {"scan.power": power},
         localizer="mcl",

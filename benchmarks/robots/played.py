@@ -27,7 +27,7 @@ from deqmcl_gym.validation import InputError, one_of, pose
 from localizers import OmniMotion, RobotModel
 from localizers.models.nav2_motion import MotionModel, kind_of
 
-NAME = "replay"  # of the scenario
+REPLAY_SCENARIO = "replay"
 EVERY = "0.2m,5deg"
 OFTEN = "0.0625m,3deg"  # for Nav2's AMCL, which waits for 0.25 m or 0.2 rad itself
 NO_ERROR = (
@@ -169,6 +169,9 @@ def replay_of(
             motion, what is not given is estimated from the reference, if there is one.
     """
     given, asked = _parts(_DEFAULTS | dict(settings))
+    for name in ("log", "map", "reference"):
+        if name in given:
+            raise InputError(f"world.{name} is set beside the log that is given: leave one out.")
     parts = [log] if isinstance(log, str | Path) else log
     named = ", ".join(map(str, parts))
     world: dict[str, Any] = {
@@ -283,7 +286,7 @@ def length_and_angle(option: str, text: str) -> tuple[float, float]:
 
 
 def _replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) -> ReplayScenario:
-    found = scenario(NAME).changed(world, assumed)
+    found = scenario(REPLAY_SCENARIO).changed(world, assumed)
     assert isinstance(found, ReplayScenario)
     return found
 

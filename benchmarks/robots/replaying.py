@@ -15,7 +15,7 @@ import pandas as pd
 
 from benchmarks.console import doing, log_warnings, warn
 from benchmarks.execution.engines import Where
-from benchmarks.experiment import knowing, named_localizers
+from benchmarks.experiment import as_toml, knowing, named_localizers
 from benchmarks.files import write_files
 from benchmarks.report.tracks import (
     accuracy,
@@ -30,7 +30,7 @@ from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import load, no_report
 from benchmarks.robots.calibration import calibrated, judged_alike, uses_scan, with_fitted_beams
 from benchmarks.robots.nav2 import Amcl, read_nav2
-from benchmarks.robots.played import EVERY, NAME, OFTEN, Replay, params_among, replay_of
+from benchmarks.robots.played import EVERY, OFTEN, REPLAY_SCENARIO, Replay, params_among, replay_of
 from benchmarks.robots.residuals import PICTURE, TABLE, Residuals, files_of, residuals_of
 from benchmarks.setup.documents import sweep_text
 from benchmarks.setup.logs import LogScenario
@@ -147,7 +147,7 @@ def replay_sweep(
     return Sweep(
         title=f"Replay of {file_names(replay.world['log'])}",
         localizers=methods_of(localizers, particles, own, shared),
-        scenario=NAME,
+        scenario=REPLAY_SCENARIO,
         lag=0,
         world=replay.world,
         assumed=replay.assumed,
@@ -226,6 +226,7 @@ def replay(
     map: str | Path,  # noqa: A002 - as LogEnv has it
     *,
     localizers: Sequence[str | Factory] = ("mcl", "amcl"),
+    settings: Mapping[str, Any] = NOTHING,
     nav2: str | Path | None = None,
     node: str | None = None,
     out: str | Path | None = None,
@@ -241,23 +242,25 @@ def replay(
         log: path of the log, or of its parts.
         map: path of the map's yaml.
         localizers: names, classes or functions that make one; the first is the baseline.
+        settings: single values by dotted name, as ``--set`` has them: world.…, assumed.…, params.….
         nav2: Nav2's parameter file, with the ``node`` in it: sets all of ``amcl``, and for the
             others what is not set.
         out: folder that keeps runs, tracks, tables and page; None: nothing is kept.
         jobs, timeout: see ``Where``.
         residuals: whether to tell and draw where the map is wrong.
         command: the words that started it, for the folder.
-        how: reference, start, settings, particles, seeds, seed, fit_beams: see ``planned``.
+        how: reference, start, particles, seeds, seed, fit_beams: see ``planned``.
 
     Raises:
         InputError: something of it is refused; nothing is run then.
     """
-    names, factories = named_localizers(localizers)
+    one = isinstance(localizers, str) or callable(localizers)
+    names, factories = named_localizers([localizers] if one else localizers)
     amcl = None if nav2 is None else read_nav2(Path(nav2), node)
     options = Options(where=Where(jobs=jobs, timeout=timeout))
     with knowing(factories), ExitStack() as stack:
         folder = Path(out or f"{stack.enter_context(TemporaryDirectory())}/replay")
-        plan = planned(log, map, names, nav2=amcl, **how)
+        plan = planned(log, map, names, settings=as_toml(settings), nav2=amcl, **how)
         played = run_replay(plan, folder, options, command, residuals=residuals)
     return played if out is not None else dataclasses.replace(played, written="")
 

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.files import is_empty
-from benchmarks.robots.played import NAME, Replay
+from benchmarks.robots.played import REPLAY_SCENARIO, Replay
 from benchmarks.robots.space import ASSUMED, Space, latin_hypercube, neighbour
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.sweeps.manifest import differences
@@ -172,7 +172,7 @@ class Task:
         if self.localizer == "amcl" and "z_hit" in params and "z_rand" not in params:
             params["z_rand"] = round(1 - params["z_hit"], 12)  # Nav2: "all z must sum to 1"
         return Trial(
-            scenario=NAME,
+            scenario=REPLAY_SCENARIO,
             world=segment.world,
             assumed=segment.assumed | assumed,
             localizer=self.localizer,

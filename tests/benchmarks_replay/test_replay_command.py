@@ -341,6 +341,7 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--set", "assumed.motion.kind=omny"), "did you mean 'omni'?"),
         (("--set", "assumed.motion.drive=1"), "unknown assumption 'motion.drive'"),
         (("--set", "assumed.scan.power=0"), "scan.power"),
+        (("--set", "world.log=x.csv"), "world.log is set beside the log that is given"),
         (("--fit-beams",), "--fit-beams needs 100 records"),
         (("--seeds", "0"), "--seeds"),
         (("--set", "trials=3"), "unknown name of a setting on a log 'trials'"),
@@ -466,7 +467,7 @@ def test_a_notebook_replays_a_log_with_a_class_of_its_own_and_gets_the_tables_of
         """A localizer of a notebook."""
 
     how = {"reference": "lap.tum", "seeds": 1, "settings": {"world.every": "0.2m,5deg"}}
-    played = benchmarks.replay("lap.csv", "hall.yaml", localizers=[Mine], jobs=1, **how)
+    played = benchmarks.replay("lap.csv", "hall.yaml", localizers=Mine, jobs=1, **how)
     words = ("lap.csv", "--map", "hall.yaml", "--every", "0.2m,5deg", "--reference", "lap.tum")
     assert replay(*words, "--localizers", TEMPLATE, "--seeds", "1", "--out", "o") == 0
     (row,) = lines(Path("o"), "results.csv")

@@ -23,7 +23,7 @@ from benchmarks.robots.space import (
     neighbour,
     read_space,
 )
-from benchmarks.robots.written import gain, importance, segments_table
+from benchmarks.robots.tuned import gain, importance, segments_table
 from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.tables.frames import RUN
