@@ -16,7 +16,8 @@ pages that differ. A table of numbers says in TOML where they come from::
 
 With ``by = ["method"]`` and ``across = "scenario"`` a row has several scenarios, and a cell names
 them: ``{guided.error:.1f}``; a number is named with an n before it: ``{n300.error:.1f}``. Other
-tables are of the code: ``<!-- parameters: mcl-plan -->``, see ``OF_CODE``.
+tables are of the code, see ``OF_CODE``: ``<!-- parameters: mcl-plan, deq-mcl -->``, of localizers;
+``<!-- scores: offset -->``.
 """
 
 import json
@@ -31,11 +32,13 @@ from typing import Any
 
 import pandas as pd
 
+import localizers
+from benchmarks.trials.scores import JOURNEY_SCORES, METRICS, TRACK_SCORES, Score
+
 ROOT = Path(__file__).resolve().parents[1]
 REPORTS = ROOT / "docs" / "reports"
-MARKER = re.compile(r"(<!-- (\w+)(?::|\n)((?:(?!-->)[\s\S])*)-->\n)((?:\|.*\n)*)")
+MARKER = re.compile(r"(<!-- (\w+)(?::|\s)((?:(?!-->)[\s\S])*)-->\n)((?:\|.*\n)*)")
 _JSON = "params", "world", "assumed", "swept"  # columns whose parts become columns of their own
-OF_CODE: dict[str, Callable[..., str]] = {}  # by the word of their marker
 
 
 class Number(float):
@@ -122,6 +125,43 @@ def _filled(template: str, row: Mapping[str, Any]) -> str:
         if value is None or value != value:  # noqa: PLR0124 - NaN
             return ""
     return template.format_map(row).replace(" (never to never)", "")
+
+
+def parameters(*names: str) -> str:
+    """Return a table of the parameters of localizers, each with what it is; of several, whose."""
+    rows: dict[tuple[str, str], dict[str, str]] = {}  # default by localizer by name and meaning
+    for localizer in names:
+        for one in localizers.describe(localizer).parameters:
+            row = rows.setdefault((one.name, one.meaning), {})
+            row[localizer] = f"`{one.default_words}`".replace("'", '"')
+    lines = []
+    for (name, meaning), defaults in rows.items():
+        said = ", ".join(dict.fromkeys(defaults.values()))
+        of = "all" if len(defaults) == len(names) else ", ".join(f"`{n}`" for n in defaults)
+        lines.append([f"`{name}`", said, meaning, of])
+    heads = ["parameter", "default", "what it is", "of"]
+    wide = len(names) > 1
+    return table(heads if wide else heads[:3], (line if wide else line[:3] for line in lines))
+
+
+_SCORES: dict[str, Iterable[Score]] = {
+    "offset": METRICS,
+    "run": JOURNEY_SCORES.values(),
+    "log": TRACK_SCORES.values(),
+}
+
+
+def scores(*kinds: str) -> str:
+    """Return a table of scores: of beliefs at an "offset", of a "run", of a whole "log"; or all."""
+    rows = (
+        [f"`{one.name}`", one.unit.replace("share", "0 to 1"), one.better, one.words]
+        for kind in kinds or _SCORES
+        for one in _SCORES[kind]
+    )
+    return table(["score", "unit", "better", "what it is"], rows)
+
+
+OF_CODE: dict[str, Callable[..., str]] = {"parameters": parameters, "scores": scores}
 
 
 def renewed(text: str) -> str:
