@@ -17,7 +17,7 @@ pages that differ. A table of numbers says in TOML where they come from::
 With ``by = ["method"]`` and ``across = "scenario"`` a row has several scenarios, and a cell names
 them: ``{guided.error:.1f}``; a number is named with an n before it: ``{n300.error:.1f}``. Other
 tables are of the code, see ``OF_CODE``: ``<!-- parameters: mcl-plan, deq-mcl -->``, of localizers;
-``<!-- scores: offset -->``.
+``<!-- scores: offset -->``, ``<!-- suites -->``, ``scenarios``, ``agents``, ``laws``.
 """
 
 import json
@@ -33,7 +33,11 @@ from typing import Any
 import pandas as pd
 
 import localizers
+from benchmarks.agents import AGENTS
+from benchmarks.setup.names import scenario, scenario_names
+from benchmarks.sweeps.suites import SUITES, sweep_named
 from benchmarks.trials.scores import JOURNEY_SCORES, METRICS, TRACK_SCORES, Score
+from localizers.checks import LAWS, law_name
 
 ROOT = Path(__file__).resolve().parents[1]
 REPORTS = ROOT / "docs" / "reports"
@@ -161,7 +165,40 @@ def scores(*kinds: str) -> str:
     return table(["score", "unit", "better", "what it is"], rows)
 
 
-OF_CODE: dict[str, Callable[..., str]] = {"parameters": parameters, "scores": scores}
+def suites() -> str:
+    """Return a table of the suites."""
+    sweeps = {name: sweep_named(name) for name in SUITES}
+    return table(
+        ["suite", "worlds", "trials", "what it compares"],
+        ([f"`{n}`", f"{s.trials}", f"{s.planned:,}", s.title] for n, s in sweeps.items()),
+    )
+
+
+def scenarios() -> str:
+    """Return a table of the scenarios."""
+    rows = ([f"`{name}`", scenario(name).words] for name in scenario_names())
+    return table(["scenario", "what it is"], rows)
+
+
+def agents() -> str:
+    """Return a table of the agents."""
+    rows = ([f"`{name}`", _first_line(agent)] for name, agent in AGENTS.items())
+    return table(["agent", "what it does"], rows)
+
+
+def laws() -> str:
+    """Return a table of the laws of a localizer."""
+    rows = ([law_name(law), _first_line(law)] for law in LAWS)
+    return table(["law", "what must hold"], rows)
+
+
+def _first_line(thing: object) -> str:
+    return str(thing.__doc__).partition("\n")[0].replace("``", "`")
+
+
+OF_CODE: dict[str, Callable[..., str]] = {  # by the word of their marker
+    one.__name__: one for one in (parameters, scores, suites, scenarios, agents, laws)
+}
 
 
 def renewed(text: str) -> str:

@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> str:
     first = [name for name in _FIRST if name in SUITES]
     kinds = {
         "suites": ("deqmcl sweep NAME", [*first, *(n for n in SUITES if n not in first)], _suite),
-        "localizers": ("with their parameters", localizers, _parameters),
+        "localizers": ("deqmcl list NAME says what they take", localizers, _parameters),
         "scenarios": ("deqmcl sweep NAME, or --set scenario=NAME", scenario_names(), _scenario),
         "agents": ("--set agent=NAME", list(AGENTS), lambda name: _first_line(AGENTS[name])),
     }
