@@ -23,11 +23,11 @@ from localizers.checks import LAWS, check_localizer
 
 FEWER = ("--particles 3000 --seeds 2", "--particles 300 --seeds 1")  # global: whether it runs
 NAMED = "./my_localizer.py:MyLocalizer"
-LOCALIZER, LOG, SCORE, TUNE, WRONG, BASIN, LOOK = (
+LOCALIZER, LOG, SCORE, TUNE, WRONG, BASIN, LOOK, SWEEPS = (
     (ROOT / "docs" / f"{name}.md").read_text()
     for name in (
         *("write-a-localizer", "your-map-your-log", "score-your-stack"),
-        *("tune-on-your-log", "wrong-map", "how-wrong-may-the-start-be", "look-at-it"),
+        *("tune-on-your-log", "wrong-map", "how-wrong-may-the-start-be", "look-at-it", "sweeps"),
     )
 )
 
@@ -194,7 +194,7 @@ def test_the_loop_of_a_robot_works_from_a_bag_as_the_page_says(lap, monkeypatch,
 
 
 def test_the_table_of_disturbances_has_all_and_no_others():
-    _, table = (ROOT / "docs" / "sweeps.md").read_text().split("| disturbance | keys |\n")
+    _, table = SWEEPS.split("| disturbance | keys |\n")
     rows = table.split("\n\n")[0].splitlines()[1:]
     assert [re.match(r"\| `([\w-]+)` \|", row)[1] for row in rows] == list(DISTURBANCES)
 
