@@ -158,11 +158,12 @@ _SCORES: dict[str, Iterable[Score]] = {
 def scores(*kinds: str) -> str:
     """Return a table of scores: of beliefs at an "offset", of a "run", of a whole "log"; or all."""
     rows = (
-        [f"`{one.name}`", one.unit.replace("share", "0 to 1"), one.better, one.words]
+        [f"`{one.name}`", one.words + (f" ({one.unit})" if tell else ""), one.better]
         for kind in kinds or _SCORES
         for one in _SCORES[kind]
+        for tell in [one.unit not in ("", "share", one.words.split()[-1])]
     )
-    return table(["score", "unit", "better", "what it is"], rows)
+    return table(["score", "what it is (unit)", "better"], rows)
 
 
 def suites() -> str:

@@ -1,4 +1,4 @@
-"""The commands of docs/sweeps.md; its scenario, a file of 15 lines, in all that take one."""
+"""The commands of docs/sweeps.md and docs/reports.md, and the scenario there, of 15 lines."""
 
 import json
 import re
@@ -11,6 +11,7 @@ import pytest
 from deqmcl_command import exit_code
 from sweep_command import without_report
 
+from benchmarks.report import writing
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials.stage import Stage
@@ -19,7 +20,7 @@ from deqmcl_gym.maps.office import Office
 PAGE = Path(__file__).parents[2] / "docs" / "sweeps.md"
 BLOCKS = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
 NOISY, _, ROOM, OFFICE, IN_A_ROOM, PLACES, _, AS_WORLD, LIMITED = BLOCKS  # displaced: test_basin.py
-COMMANDS = "".join(re.findall(r"```sh\n(.*?)```", PAGE.read_text(), re.DOTALL)).splitlines()
+REPORTS = PAGE.with_name("reports.md")
 FEW = ("--scenario", "room.toml", "--particles", "20", "--lag", "3")
 
 
@@ -36,11 +37,14 @@ def few_of(command):
     return command.replace(" --set params.particles=300", "").replace("worlds 40", "worlds 20")
 
 
-def test_the_commands_of_the_page_work_as_they_stand_one_after_the_other(room, capsys):
+@pytest.mark.parametrize("page", [PAGE, REPORTS], ids=lambda page: page.stem)
+def test_the_commands_of_a_page_work_as_they_stand_one_after_the_other(room, capsys, page):
     Path("noisy.toml").write_text(NOISY)
     few = ["--set", "params.particles=10", "--jobs", "1"]
-    with without_report():
-        for command in COMMANDS:
+    commands = "".join(re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL))
+    with without_report() as patched:
+        patched.setattr(writing, "require_report", lambda: None)
+        for command in commands.splitlines():
             words = shlex.split(few_of(command))
             if words[0] != "deqmcl":
                 subprocess.run(command, shell=True, check=True)
