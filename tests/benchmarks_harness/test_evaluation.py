@@ -65,7 +65,7 @@ def test_a_row_counts_what_happened():
     assert (played.episodes["return"] == 992).equals(done)  # the most that a lap pays
     assert row["done low"] < row["done"] == done.mean() < row["done high"]
     assert row["steps"] == played.episodes["steps"][done].max()  # the middle of two and infinity
-    assert row["metres"] == pytest.approx(17.92, abs=0.5)  # 896 px, the planned lap
+    assert row["metres"] == pytest.approx(18.0, abs=0.5)  # 900 px, the lap
     assert "plan in Sharp-v0, 3 episodes: return" in str(played)
 
 
