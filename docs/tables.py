@@ -61,8 +61,8 @@ def rows_of(files: str | Iterable[str], where: str | None = None) -> pd.DataFram
         frame = pd.read_csv(REPORTS / name, keep_default_na=False, na_values=[""])
         for column in frame.columns.intersection(_JSON):
             parts = pd.json_normalize(frame[column].fillna("").map(_parts).tolist(), max_level=0)
-            for name in parts.columns[parts.columns.str.contains(".", regex=False)]:
-                parts[name.replace(".", "_")] = parts[name]
+            for dotted in parts.columns[parts.columns.str.contains(".", regex=False)]:
+                parts[dotted.replace(".", "_")] = parts[dotted]
             frame = frame.join(parts.add_prefix(f"{column}_"))
         frames.append(frame)
     whole = pd.concat(frames, ignore_index=True).copy()  # in one piece
