@@ -28,6 +28,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
+from numbers import Real
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -122,7 +123,7 @@ def table(heads: Iterable[str], rows: Iterable[list[str]]) -> str:
 def _value(value: Any, labels: Mapping[str, str] | None) -> Any:
     if isinstance(value, str):
         return (labels or {}).get(value, value)
-    return Number(value) if isinstance(value, int | float) else value
+    return Number(value) if isinstance(value, Real) else value
 
 
 def _filled(template: str, row: Mapping[str, Any]) -> str:
