@@ -251,7 +251,7 @@ def deq_mcl(
 
     Taniguchi, Fukawa & Yamakawa 2024, eqs. (2)-(3): the planned future is drawn ahead, charged for
     collisions, and resampled together with the present. x_t is drawn L steps before its scan, and
-    of these draws few survive a sharp sensor (docs/queue.md).
+    of these draws few survive a sharp sensor (docs/plan-sensor.md).
     """
     base = mcl_map_smoother.build(robot, shared)
     return replace(base, future=shared.lag, pilots=integer("pilots", pilots, low=1))
