@@ -269,7 +269,7 @@ def base_of(of: str | Path | Sweep, added: Sequence[str] = ()) -> Sweep:
         methods = tuple(map(Method, PAPER_METHODS))
         return with_localizers(Sweep(title=name, scenario=name, localizers=methods), added)
     if not name.endswith(".toml"):
-        one_of("suite or scenario", name, [*SUITES, *SCENARIOS])
+        one_of("suite or scenario", name, {*SUITES, *SCENARIOS})
     return sweep_named(name, added)
 
 
