@@ -58,9 +58,9 @@ def test_the_commands_on_a_localizer_work_as_they_stand_one_after_the_other(
     assert NAMED in (results / "report.html").read_text()
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/environment.md"])
-def test_the_table_of_ids_names_every_environment(page):
-    rows = re.findall(r"^\| (`\w+-v\d+`.*?) \|", (ROOT / page).read_text(), re.MULTILINE)
+def test_the_table_of_ids_names_every_environment():
+    page = (ROOT / "docs" / "environment.md").read_text()
+    rows = re.findall(r"^\| (`\w+-v\d+`.*?) \|", page, re.MULTILINE)
     named = [f"deqmcl_gym/{name}" for row in rows for name in re.findall(r"`(\S+)`", row)]
     assert sorted(named) == sorted(name for name in gym.registry if name.startswith("deqmcl_gym/"))
 
