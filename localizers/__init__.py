@@ -30,6 +30,7 @@ from localizers.models.prior import (
     UniformPrior,
 )
 from localizers.models.robot import RobotModel
+from localizers.models.scan import Scan
 from localizers.registry import (
     ScanPlugIn,
     make,
@@ -63,6 +64,7 @@ __all__ = [
     "PoseBelief",
     "Prior",
     "RobotModel",
+    "Scan",
     "ScanPlugIn",
     "Tracker",
     "UniformPrior",
