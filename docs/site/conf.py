@@ -152,11 +152,10 @@ CONTENTS = {
         "The project",
         "docs/README",
         "docs/architecture",
-        "docs/decisions/README",
+        "docs/decisions",
         "CONTRIBUTING",
         "CHANGELOG",
     ),
-    "docs/decisions/README": _tree("", "0*", "../notes/0*"),
     "docs/reports/README": _tree("", "*", "*/*"),
 }
 

@@ -211,3 +211,13 @@ def test_the_localizer_that_follows_the_plan_keeps_all_laws(tmp_path):
     (tmp_path / "follower.py").write_text(code)
     report = check_localizer(f"{tmp_path / 'follower.py'}:PlanFollower")
     assert report.passed, str(report)
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/quickstart.md"])
+def test_the_commands_to_begin_with_work(page, lap, capsys):
+    commands = "".join(blocks((ROOT / page).read_text(), "sh")).replace("map.yaml", "hall.yaml")
+    assert ("make paper" in commands) == (page == "README.md")
+    for command in re.findall(r"^(?:\.venv/bin/)?deqmcl (.+)", commands, re.MULTILINE):
+        words = re.sub(r"--trials \d+", "--trials 1", command).split()
+        fewer = ["--seeds", "1", "--particles", "100"] if words[0] == "replay" else []
+        assert exit_code(*words, *fewer) == 0, capsys.readouterr().err
