@@ -24,7 +24,8 @@ def test_the_notebook_runs_and_deq_mcl_loses_world_1(tmp_path, monkeypatch):
         exec(compile(code, str(NOTEBOOK), "exec"), names)
     plt.close("all")
     errors = names["trials"].query("method == 'deq-mcl'").set_index("trial")["error"]
-    assert errors[0] < 20.0 < 100.0 < errors[1]
+    assert errors[0] < 20.0
+    assert errors[1] > 100.0
     assert names["distinct"](names["lost"][45]) < 100 < names["distinct"](names["plain"][45])
     rightwards = names["lost"][60].belief.points()[0][:, 0] > 250.0
     assert 0.4 < rightwards.mean() < 0.6  # about half goes the wrong way

@@ -12,7 +12,7 @@ ANSWERS = {
     "What does DEQ-MCL do in one step?": "docs/deq-mcl.ipynb#one-step-by-hand",
     "Why does it lose one world in ten?": "docs/deq-mcl.ipynb#why-it-loses-one-world-in-ten",
     "How do I get a LaTeX table?": "docs/deq-mcl.ipynb#your-own-localizer",
-    "How do I compare a class of my own?": "docs/quickstart.md#compare-your-own",
+    "How do I compare a class of my own?": "docs/quickstart.md#plug-in-your-own",
     "What does a localizer get to know?": "docs/write-a-localizer.md#the-robot-model",
     "How do I find out that my localizer is right?": "docs/write-a-localizer.md#check-it",
     "How do I vary several things?": "docs/sweeps.md#a-sweep-file",
