@@ -19,6 +19,7 @@ ANSWERS = {
     "My folder is of older code, what now?": "docs/sweeps.md#after-a-change-of-code",
     "What becomes of an interrupted sweep?": "docs/sweeps.md#stop-resume-repeat",
     "Do numbers depend on my machine?": "docs/sweeps.md#seeds",
+    "Which scenarios are there?": "docs/sweeps.md#scenarios",
     "How many worlds do I need?": "docs/reports.md#the-verdict",
     "How is an error computed?": "docs/reports.md#scores-of-a-trial",
     "What does this parameter do?": "docs/equations.md#parameters",
@@ -33,7 +34,7 @@ ANSWERS = {
     "How do I record a video?": "docs/environment.md#pictures",
     "Is Journey-v1 hard?": "docs/acting.md#journey-v1",
     "What is a good score of Localize-v0?": "docs/acting.md#localize-v0",
-    "How do I train in many buildings?": "docs/acting.md#a-building-for-each-episode",
+    "How do I train in many buildings?": "docs/environment.md#offices",
     # somebody with a robot
     "What may my log look like?": "docs/your-map-your-log.md#what-your-files-may-look-like",
     "Can I give my nav2_params.yaml?": "docs/your-map-your-log.md#your-amcls-parameters",
