@@ -63,27 +63,27 @@ class RoomEnv(gym.Env[Any, Singles]):
     **Version History**: v0, as of 0.2.0 with this reward and end.
 
     Args:
-        preset: name of the world to start from; `deqmcl_gym/Guided-v0` has `preset="guided"`, …
+        preset: the world to start from: "paper", "matched", "sharp" or "guided".
         world: a ``World`` to start from, instead of a preset.
-        floor_plan: the map: `outer` corners, `obstacles` and their `unit`, "px" or "m"; the path of
-            a ROS map's yaml file or of a JSON file of polygons; or an `office` and its `form`,
-            "grid" or "polygons". An office with `seeds` is another one in each episode.
+        floor_plan: the map: polygons (`outer` corners, `obstacles` and their `unit`, "px" or "m"),
+            the path of a ROS map's yaml or of polygons as JSON, or an `office` and its `form`,
+            "grid" or "polygons". None: the preset's.
         lidar: beams, field of view, range and noise. This and the following parts are objects, or
             JSON-able changes to the preset's.
         robot, noise, start, lap: see ``deqmcl_gym.world.config``.
-        driver: follows that path from the true pose and replans at every step; "none" removes the
-            preset's.
-        route: a start and a goal, drawn in each episode, instead of the lap.
-        clutter: boxes and pillars that are not on the map. This and the following three are drawn
-            anew in each episode; scans, contacts and a driver meet what is there, and
-            ``floor_plan`` stays the map.
-        changed_walls: inner walls removed, added or shifted.
-        people, glass: who walk about; inner walls that do not reflect all beams.
-        horizon: number of planned actions shown; None shows all that are left. Routes differ in
-            length, so several envs with routes in one ``gym.make_vec`` need a number.
-        ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
+        driver: follows the path from the true pose and makes a new plan at every step; {} adds one,
+            "none" removes the preset's.
+        route: a start and a goal, drawn in each episode, instead of the lap; {} or "none".
+        clutter: boxes and pillars that are not on the map; {} or "none". This and the following
+            three are drawn anew in each episode.
+        changed_walls: inner walls that are not as on the map; {} or "none".
+        people: people who walk about; {} or "none".
+        glass: inner walls that do not reflect all beams; {} or "none".
+        horizon: rows of `planned_actions`; None: all of the plan. Several rooms with routes
+            need a number.
+        ends_at_goal: whether the episode ends when the lap is done or the goal reached.
         observation: "scan", or "dict" for scan, plan, progress, clock and the goal of a route.
-        render_mode: None or "rgb_array".
+        render_mode: None, "rgb_array" or "human".
 
     Attributes:
         floor_plan: the map m, for localizers too; that of this episode.
