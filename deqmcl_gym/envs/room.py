@@ -65,22 +65,18 @@ class RoomEnv(gym.Env[Any, Singles]):
     Args:
         preset: the world to start from: "paper", "matched", "sharp" or "guided".
         world: a ``World`` to start from, instead of a preset.
-        floor_plan: the map: polygons (`outer` corners, `obstacles` and their `unit`, "px" or "m"),
-            the path of a ROS map's yaml or of polygons as JSON, or an `office` and its `form`,
-            "grid" or "polygons". None: the preset's.
+        floor_plan: the map: corners (`outer`, `obstacles`, `unit`), the path of a ROS map's yaml or
+            of such corners as JSON, or an `office`; None: the preset's.
         lidar: beams, field of view, range and noise. This and the following parts are objects, or
             JSON-able changes to the preset's.
         robot, noise, start, lap: see ``deqmcl_gym.world.config``.
-        driver: follows the path from the true pose and makes a new plan at every step; {} adds one,
-            "none" removes the preset's.
-        route: a start and a goal, drawn in each episode, instead of the lap; {} or "none".
-        clutter: boxes and pillars that are not on the map; {} or "none". This and the following
-            three are drawn anew in each episode.
-        changed_walls: inner walls that are not as on the map; {} or "none".
-        people: people who walk about; {} or "none".
-        glass: inner walls that do not reflect all beams; {} or "none".
-        horizon: rows of `planned_actions`; None: all of the plan. Several rooms with routes
-            need a number.
+        driver: follows the path from the true pose, with a new plan at every step.
+        route: a start and a goal, drawn in each episode, instead of the lap.
+        clutter: boxes and pillars that are not on the map.
+        changed_walls: inner walls that are not as on the map.
+        people: people who walk about.
+        glass: inner walls that do not reflect all beams.
+        horizon: rows of `planned_actions`; None: all of the plan.
         ends_at_goal: whether the episode ends when the lap is done or the goal reached.
         observation: "scan", or "dict" for scan, plan, progress, clock and the goal of a route.
         render_mode: None, "rgb_array" or "human".

@@ -50,7 +50,7 @@ def test_the_arguments_of_a_task_are_those_of_the_classes_that_it_is_made_of(nam
     found = rows(tables.arguments(name))
     assert {"localizer", "floor_plan", "max_steps", "particles", "render_mode"} <= set(found)
     gym.make(f"deqmcl_gym/{name}", localizer={"name": "mcl-map", "particles": 10},
-             **{key: None for key in ("floor_plan", "lidar", "robot", "noise", "cell")})  # fmt: skip
+             **dict.fromkeys(("floor_plan", "lidar", "robot", "noise", "cell")))  # fmt: skip
 
 
 def test_the_arguments_of_a_log_are_all_there_and_so_are_the_keys_of_a_part():
