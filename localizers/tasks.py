@@ -41,11 +41,10 @@ class Localize(LocalizeEnv):
     Args:
         localizer: a name of ``localizers.make``, or {"name": …} with parameters; ``particles`` is
             10,000 unless given. It assumes the world's noise, and beams to the power of 0.1.
-        floor_plan: as for ``Room-v0``; with ``seeds`` of an office, one is drawn at each reset.
-            None: an office of 24 m × 26 m.
+        floor_plan: as for ``Room-v0``; None: an office of 24 m × 26 m.
         lidar: changes to 16 beams all round that reach 12 m, with a noise of 0.5 m.
-        robot: changes to the robot of the scenario ``lost``.
-        noise: changes to the noise of the scenario ``lost``.
+        robot: changes to that of the scenario ``lost``.
+        noise: changes to that of the scenario ``lost``.
         task: the arguments of ``LocalizeEnv``.
     """
 

@@ -77,8 +77,8 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
         site: where it acts, or the sites of which each episode draws one. The env runs a copy of
             the localizer.
         max_steps: steps after which an episode is truncated.
-        particles: number of poses drawn from the belief, in the observation.
-        cell: side of the squares of an image of the belief, in the observation; None: no image.
+        particles: poses drawn from the belief, for the observation.
+        cell: side of the squares of an image of the belief, for the observation; None: none.
         render_mode: None, "rgb_array" or "human".
     """
 
@@ -285,8 +285,8 @@ class LocalizeEnv(ActingEnv):
 
     Args:
         site: where it is lost, or the sites of which each episode draws one; ``starts`` is p(x_0).
-        share: least share of the belief in its best cluster when the robot declares.
-        hold: number of steps in a row with that share, and with the cluster at the truth.
+        share: of the belief, that its best cluster must exceed.
+        hold: for how many steps in a row.
         max_steps: steps after which an episode is truncated.
         shown: ``particles``, ``cell`` and ``render_mode`` of ``ActingEnv``.
     """

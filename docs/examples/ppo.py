@@ -6,8 +6,8 @@ PPO learns to drive laps with nine laser beams: ``python docs/examples/ppo.py``.
 
 It needs the extra ``rl``: ``pip install '.[rl]'`` in the clone. The policy sees only the nine
 ranges of ``deqmcl_gym/Sharp-v0``, neither its pose nor its plan. The script draws the learning
-curve and prints how many of 20 laps are finished: `Learning <../learning.html>`_ has the result.
-``--id`` trains in another room; where the observation is a dict, the policy sees all of it.
+curve and prints how many of 20 laps are finished. ``--id`` trains in another room; where the
+observation is a dict, the policy sees all of it. `Results <../acting.html>`_.
 
 .. image:: ../figures/ppo.svg
 """

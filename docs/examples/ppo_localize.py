@@ -7,7 +7,7 @@ PPO learns to act on a localizer's belief: ``python docs/examples/ppo_localize.p
 It needs the extra ``rl``: ``pip install '.[rl]'`` in the clone. In ``deqmcl_gym/Localize-v0`` a
 lost robot drives until it knows where it is, and says so. Each training episode takes place in one
 of 1,000 offices, drawn at reset; the scores are of other offices, beside those of reference
-policies in the same episodes: see `Acting <../acting.html>`_. It prints a table of all of them and
+policies in the same episodes (`results <../acting.html>`_). It prints a table of all of them and
 draws the learning curves.
 """
 

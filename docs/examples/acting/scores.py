@@ -16,6 +16,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+import pandas as pd
 import PIL.Image
 
 import deqmcl_gym  # noqa: F401 # registers the environments
@@ -159,31 +160,48 @@ def _acted(room: Any, agent: Agent, sensing: str, seen: Any, info: dict[str, Any
     return np.array([*move, *heads], np.float32)
 
 
-def table(played: dict[str, list[Played]]) -> Iterator[str]:
-    """Yield the lines of a table, a policy each, best first; ± is two standard errors."""
+def summary(played: dict[str, list[Played]]) -> Iterator[dict[str, Any]]:
+    """Yield the scores of a policy each, best first.
+
+    ``above`` is the return above the baseline's in the same episodes; ``…_2se`` are two standard
+    errors; ``steps`` is the median over all episodes, inf of those not done.
+    """
     rows = {
         policy: np.array([list(vars(each).values()) for each in episodes], float)
         for policy, episodes in played.items()
     }
-    columns = f"less that of `{_BASELINE}` | done | wrong | steps | metres | contacts | scans"
-    yield f"| policy | return | {columns} |"
-    yield "|---|---:|---:|---:|---:|---:|---:|---:|---:|"
     for policy, row in sorted(rows.items(), key=lambda item: -item[1][:, 0].mean()):
         _, done, wrong, _, *mean = row.mean(axis=0)
         low, high = wilson(done, len(row))
         steps = np.median(np.where(row[:, 1] > 0, row[:, 3], np.inf))
-        middle = f"{steps:.0f}" if math.isfinite(steps) else "–"
-        apart = _mean(row[:, 0] - rows[_BASELINE][:, 0]) if _BASELINE in rows else "–"
+        above: dict[str, Any] = {"above": None, "above_2se": None}
+        if policy != _BASELINE and _BASELINE in rows:
+            above = _mean("above", row[:, 0] - rows[_BASELINE][:, 0])
+        yield {
+            "policy": policy, "episodes": len(row), **_mean("return", row[:, 0]), **above,
+            "done": done, "done_low": low, "done_high": high, "wrong": wrong,
+            "steps": steps if math.isfinite(steps) else None,
+            "metres": mean[0], "contacts": mean[1], "scans": mean[2],
+        }  # fmt: skip
+
+
+def table(played: dict[str, list[Played]]) -> Iterator[str]:
+    """Yield the lines of a table, a policy each, best first; ± is two standard errors."""
+    columns = f"above `{_BASELINE}` | done | wrong | steps | metres | contacts | scans"
+    yield f"| policy | return | {columns} |"
+    yield "|---|---:|---:|---:|---:|---:|---:|---:|---:|"
+    for row in summary(played):
+        above = "–" if row["above"] is None else "{above:.1f} ± {above_2se:.1f}".format(**row)
+        steps = "–" if row["steps"] is None else f"{row['steps']:.0f}"
         yield (
-            f"| `{policy}` | {_mean(row[:, 0])} | {'–' if policy == _BASELINE else apart} "
-            f"| {done:.0%} ({low:.0%} to {high:.0%}) | {wrong:.0%} | {middle} | {mean[0]:.1f} "
-            f"| {mean[1]:.1f} | {mean[2]:.0f} |"
-        )
+            "| `{policy}` | {return:.1f} ± {return_2se:.1f} | {0} | {done:.0%} ({done_low:.0%} to "
+            "{done_high:.0%}) | {wrong:.0%} | {1} | {metres:.1f} | {contacts:.1f} | {scans:.0f} |"
+        ).format(above, steps, **row)
 
 
-def _mean(values: Floats) -> str:
+def _mean(name: str, values: Floats) -> dict[str, float]:
     error = 2 * values.std(ddof=min(1, len(values) - 1)) / math.sqrt(len(values))
-    return f"{values.mean():.1f} ± {error:.1f}"
+    return {name: float(values.mean()), f"{name}_2se": float(error)}
 
 
 def main() -> None:
@@ -196,11 +214,13 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=20, help="seeds 0, 1, …; default 20")
     parser.add_argument("--films", type=Path, metavar="DIR", help="films only: TASK-POLICY.webp, "
         "the episode of seed 0")  # fmt: skip
+    parser.add_argument("--csv", type=Path, metavar="FILE", help="write the scores there, too")
     parser.add_argument("--jobs", type=int, default=2, help="processes; default 2")
     given = parser.parse_args()
     for name, value in (("--episodes", given.episodes), ("--jobs", given.jobs)):
         if value < 1:
             parser.error(f"{name} is {value}, but must be 1 or more")
+    rows = []
     for task in given.tasks or SCORED:
         if task not in SCORED:
             parser.error(f"unknown task {task!r}: choose from {', '.join(SCORED)}")
@@ -219,6 +239,9 @@ def main() -> None:
             waiting = {name: pool.map(play, repeat(task), repeat(name), seeds) for name in policies}
             played = {name: list(episodes) for name, episodes in waiting.items()}
         print("\n".join(table(played)), flush=True)
+        rows += [{"id": task, **row} for row in summary(played)]
+        if given.csv is not None:
+            pd.DataFrame(rows).to_csv(given.csv, index=False)
 
 
 if __name__ == "__main__":
