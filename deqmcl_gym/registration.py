@@ -21,7 +21,7 @@ TASKS = {"deqmcl_gym/Localize-v0": "Localize", "deqmcl_gym/Track-v0": "Track"}
 ABOUT = {  # what the ids are
     "Room-v0": "a lap in the paper's room, with one weak beam",
     "Paper-v0": "the same",
-    "Matched-v0": "the same, from a start that is known about",
+    "Matched-v0": "the same, from a start drawn around the expected one",
     "Sharp-v0": "the same lap, with nine sharp beams",
     "Guided-v0": "large noise, and a driver who makes a new plan at each step",
     "Journey-v1": "a route through an office, new in each episode, with a driver",
