@@ -24,9 +24,10 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from acting.scores import Played, office_of, play, table
+from acting.scores import table
 
 import deqmcl_gym  # noqa: F401  # registers the environments
+from benchmarks.evaluation import Evaluation, evaluate
 from localizers.tasks import OFFICE
 
 try:
@@ -67,7 +68,6 @@ class Motions(gym.Wrapper):
     def reset(self, **given: Any) -> Any:
         """Begin an episode."""
         self._dict, info = self.env.reset(**given)
-        self.played = {"steps": 0, "metres": 0.0, "contacts": 0, "at": info["truth"]}
         return self._seen(0.0, False), info
 
     def step(self, action: Any) -> Any:
@@ -89,10 +89,6 @@ class Motions(gym.Wrapper):
             )
             self._dict, reward, terminated, truncated, info = self.env.step(given)
             paid += float(reward)
-            self.played["steps"] += 1
-            self.played["metres"] += math.dist(self.played["at"][:2], info["truth"][:2])
-            self.played["contacts"] += int(info["collided"])
-            self.played["at"] = info["truth"]
             if terminated or truncated or info["collided"]:
                 break
         return self._seen(turn, info["collided"]), paid / 100, terminated, truncated, info
@@ -167,22 +163,7 @@ def train(seed: int, decisions: int, files: Callable[[int], tuple[Path, Path]]) 
     policy.learn(decisions, callback=Curve(files))
 
 
-def scored(policy: PPO, seed: int) -> Played:
-    """Play the episode of a seed, that which ``play`` plays."""
-    env = Motions(gym.make("deqmcl_gym/Localize-v0", floor_plan=office_of(seed)))
-    torch.manual_seed(seed)
-    seen, _ = env.reset(seed=seed)
-    returned, terminated, truncated, info = 0.0, False, False, {}
-    while not (terminated or truncated):
-        action, _ = policy.predict(seen)
-        seen, reward, terminated, truncated, info = env.step(int(action))
-        returned += 100 * reward
-    steps, success = env.played["steps"], bool(info["is_success"])
-    wrong, metres = terminated and not success, env.played["metres"]
-    return Played(returned, success, wrong, steps, metres, env.played["contacts"], steps)
-
-
-def policy_of(seed: int, given: argparse.Namespace) -> tuple[Any, list[Played]]:
+def policy_of(seed: int, given: argparse.Namespace) -> tuple[Any, Evaluation]:
     """Train a policy, or read it if an earlier call has; return its curve and its scores."""
     torch.set_num_threads(1)  # the nets are small
 
@@ -194,7 +175,10 @@ def policy_of(seed: int, given: argparse.Namespace) -> tuple[Any, list[Played]]:
     if not saved.exists():
         train(seed, given.decisions, files)
     policy = PPO.load(saved, device="cpu")
-    return np.load(curve), [scored(policy, episode) for episode in range(given.episodes)]
+    policy.__name__ = f"ppo, seed {seed}"
+    torch.manual_seed(seed)
+    options = {"episodes": given.episodes, "wrap": Motions, "deterministic": False}
+    return np.load(curve), evaluate("Localize-v0", policy, **options)
 
 
 def draw(curves: list[Any], file: str, window: int = 200) -> None:
@@ -232,17 +216,12 @@ def main() -> None:
     if given.decisions % (ENVS * ROLLOUT):
         parser.error(f"--decisions is {given.decisions}: give a multiple of {ENVS * ROLLOUT}")
     given.out.mkdir(exist_ok=True)
-    seeds, episodes = range(given.seeds), range(given.episodes)
-    played = {}
     with ProcessPoolExecutor(given.jobs) as pool:
-        ours = list(pool.map(partial(policy_of, given=given), seeds))
-        for seed, (_, scores) in zip(seeds, ours, strict=True):
-            played[f"ppo, seed {seed}"] = scores
-        for name in given.against.split(","):
-            of = partial(play, "Localize-v0", name)
-            played[name] = list(pool.map(of, episodes))
+        ours = list(pool.map(partial(policy_of, given=given), range(given.seeds)))
+        score = partial(evaluate, "Localize-v0", episodes=given.episodes)
+        others = list(pool.map(score, given.against.split(",")))
     draw([curve for curve, _ in ours], str(given.out / "curve.svg"))
-    print("\n".join(table(played)))
+    print(table([*(own for _, own in ours), *others]).round(2).to_csv(index=False))
 
 
 if __name__ == "__main__":

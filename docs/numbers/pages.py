@@ -10,11 +10,11 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from docs.numbers import hedge, journeys, made, queue, ranking, rooms, wrong_map
+from docs.numbers import hedge, journeys, queue, ranking, rooms, wrong_map
 from docs.numbers.reading import DRAWS, INTERVAL, ROOT, Number, filled, plain, read, row
 
 MARKER = re.compile(r"^(<!-- numbers: (.+) -->\n)((?:\|.*\n)*)", re.MULTILINE)
-TABLES = rooms.TABLES | journeys.TABLES | hedge.TABLES | made.TABLES | wrong_map.TABLES
+TABLES = rooms.TABLES | journeys.TABLES | hedge.TABLES | wrong_map.TABLES
 TABLES |= ranking.TABLES | queue.TABLES
 
 

@@ -87,7 +87,7 @@ FEW = {
     ),
     "ppo_localize.py": (
         "--decisions 512 --seeds 2 --episodes 2 --against spin --out .",
-        ["| `ppo, seed 0`", "| `ppo, seed 1`", "| `spin`"],
+        ['"ppo, seed 0"', '"ppo, seed 1"', "spin,"],
     ),
 }
 
