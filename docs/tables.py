@@ -163,6 +163,8 @@ def ids() -> str:
         arguments = {each: default for each, default, _ in _signature(_class(name))}
         most = spec.max_episode_steps or arguments.get("max_steps") or "none"
         together = "in kernels" if spec.vector_entry_point else "in a loop"
+        if "scan" in arguments:
+            together = '`scan="field"`'
         rows.append([f"`{name}`", about, given, str(most), together])
     return table(["`deqmcl_gym/…`", "what it is", "set", "most steps", "`make_vec`"], rows)
 

@@ -94,13 +94,9 @@ class BeliefView:
     def shown(self, belief: Any, rng: np.random.Generator) -> Seen:
         """Return the dict; ``rng`` draws the particles."""
         poses, weights = belief.points()
-        mean, covariance = _moments(poses, weights)
-        log_det = float(np.linalg.slogdet(covariance + np.diag(self._floor))[1])
         best, second = two_clusters(poses, weights, unit=self._unit)
         seen: dict[str, Any] = {
-            "mean": mean,
-            "covariance": covariance,
-            "entropy": [0.5 * (3 * math.log(2 * math.pi * math.e) + log_det)],
+            **self.moments(*_moments(poses, weights)),
             "best": best.mean,
             "best_share": [min(best.share, 1.0)],
             "second": second.mean,
@@ -108,6 +104,21 @@ class BeliefView:
         }
         if self._has_quality:
             seen["quality"] = [belief.quality]
+        seen |= self.cloud(poses, weights, rng)
+        shown = {name: np.array(value, np.float32) for name, value in seen.items()}
+        for name, space in self._bounded.items():
+            np.clip(shown[name], space.low, space.high, out=shown[name])
+        return shown
+
+    def moments(self, means: Floats, covariances: Floats) -> dict[str, Floats]:
+        """Return mean, covariance and entropy of one belief, or of n, (n, 3) and (n, 3, 3)."""
+        log_det = np.linalg.slogdet(covariances + np.diag(self._floor))[1]
+        entropy = 0.5 * (3 * math.log(2 * math.pi * math.e) + log_det)
+        return {"mean": means, "covariance": covariances, "entropy": entropy[..., None]}
+
+    def cloud(self, poses: Reals, weights: Floats, rng: np.random.Generator) -> dict[str, Reals]:
+        """Return particles and occupancy, as far as they are asked for."""
+        seen: dict[str, Reals] = {}
         if self._particles:
             drawn = drawn_poses(poses, weights, self._particles, rng)
             turned = np.abs(drawn[:, 2]) > np.pi  # filters count turns
@@ -115,10 +126,7 @@ class BeliefView:
             seen["particles"] = drawn
         if self._cell is not None:
             seen["occupancy"] = self._occupancy(poses, weights, self._cell)
-        shown = {name: np.array(value, np.float32) for name, value in seen.items()}
-        for name, space in self._bounded.items():
-            np.clip(shown[name], space.low, space.high, out=shown[name])
-        return shown
+        return seen
 
     def _occupancy(self, poses: Reals, weights: Floats, cell: float) -> Floats:
         rows, columns = self._grid

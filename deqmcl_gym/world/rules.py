@@ -63,16 +63,17 @@ class Commands:
         raise InputError(f"the action is {action!r}, but must be {self._words}")
 
     def checked_each(self, actions: Any, resting: Bools) -> RoomActions:
-        """Return one action for each room as a fresh array, (n, 2) float32.
+        """Return one action for each room as a fresh array, (n, 2) float32, or longer by the heads.
 
         Actions of rooms that are ``resting`` (n,) are ignored, but must be numbers.
         """
         commands = _as_float32(actions)
-        if commands is None or commands.shape != (resting.size, 2):
+        shape = resting.size, *self.space.shape
+        if commands is None or commands.shape != shape:
             given = repr(actions) if commands is None else f"of shape {commands.shape}"
             raise InputError(
-                f"the actions are {given}, but must be numbers of shape ({resting.size}, 2): a "
-                "distance and a turn for each room."
+                f"the actions are {given}, but must be numbers of shape {shape}, for each room "
+                f"{self._words}"
             )
         room = _first_outside(commands, self.space.low, self.space.high, resting)
         if room >= 0:
@@ -108,7 +109,7 @@ def _first_outside(commands: RoomActions, low: Singles, high: Singles, resting: 
     """Return the first row, of those not ``resting``, outside [low, high]; -1 if there is none."""
     for room in range(resting.size):
         if not resting[room]:
-            for i in range(2):
+            for i in range(low.size):
                 if not low[i] <= commands[room, i] <= high[i]:
                     return room
     return -1
