@@ -171,6 +171,14 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
         info = self._info(np.ones_like(resting), commands, collided, success)
         return self._seen(), rewards, declared.copy(), truncated, info | final
 
+    def ranges(self, poses: Floats) -> Singles:
+        """Return what each room's lidar would measure at a pose, (n, 3), without noise, (n, B)."""
+        exact = np.empty((self.lidar.beams, self.num_envs), np.float32)
+        rooms = np.arange(self.num_envs)
+        local = self._grounds.local(rooms, np.asarray(poses, np.float64))
+        self.lidar.cast(self._grounds.caster(rooms), local, exact)
+        return exact.T
+
     def close_extras(self, **_: Any) -> None:
         """End the threads."""
         if self._pool is not None:
