@@ -14,6 +14,9 @@ pages that differ. A table of numbers says in TOML where they come from::
     lost = "{lost_rate:.0p}"               # per cent
     -->
 
+``named = { "`mcl-map`" = "method == 'mcl-map'" }`` picks rows one by one instead, in this order,
+each with its ``{name}``. A dot in a name of a part is written ``_``: ``world_lidar_beams``.
+
 With ``by = ["method"]`` and ``across = "scenario"`` a row has several scenarios, and a cell names
 them: ``{guided.error:.1f}``; a number is named with an n before it: ``{n300.error:.1f}``. Other
 tables are of the code: ``<!-- parameters: mcl-plan -->``, ``<!-- arguments: Room-v0 -->``,
@@ -28,6 +31,7 @@ import sys
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
+from numbers import Real
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -60,13 +64,17 @@ def rows_of(files: str | Iterable[str], where: str | None = None) -> pd.DataFram
     for name in [files] if isinstance(files, str) else files:
         frame = pd.read_csv(REPORTS / name, keep_default_na=False, na_values=[""])
         for column in frame.columns.intersection(_JSON):
-            parts = pd.json_normalize(
-                frame[column].fillna("{}").map(json.loads).tolist(), max_level=0
-            )
+            parts = pd.json_normalize(frame[column].fillna("").map(_parts).tolist(), max_level=0)
+            for dotted in parts.columns[parts.columns.str.contains(".", regex=False)]:
+                parts[dotted.replace(".", "_")] = parts[dotted]
             frame = frame.join(parts.add_prefix(f"{column}_"))
         frames.append(frame)
-    whole = pd.concat(frames, ignore_index=True)
+    whole = pd.concat(frames, ignore_index=True).copy()  # in one piece
     return whole.query(where, engine="python") if where else whole
+
+
+def _parts(text: str) -> dict[str, Any]:
+    return json.loads(text) if text.startswith("{") else {}
 
 
 def numbers(
@@ -77,9 +85,13 @@ def numbers(
     by: list[str] | None = None,
     across: str | None = None,
     labels: Mapping[str, str] | None = None,
+    named: Mapping[str, str] | None = None,
 ) -> str:
     """Return a table of numbers: see this module's docstring."""
     frame = rows_of(of, where)
+    if named:
+        picked = (frame.query(q, engine="python").assign(name=name) for name, q in named.items())
+        frame = pd.concat(picked, ignore_index=True)
     for name, values in reversed((rows or {}).items()):
         places = frame[name].map({value: place for place, value in enumerate(values)})
         frame = frame[places.notna()].iloc[places.dropna().argsort(kind="stable").to_numpy()]
@@ -114,7 +126,7 @@ def table(heads: Iterable[str], rows: Iterable[list[str]]) -> str:
 def _value(value: Any, labels: Mapping[str, str] | None) -> Any:
     if isinstance(value, str):
         return (labels or {}).get(value, value)
-    return Number(value) if isinstance(value, int | float) else value
+    return Number(value) if isinstance(value, Real) else value
 
 
 def _filled(template: str, row: Mapping[str, Any]) -> str:

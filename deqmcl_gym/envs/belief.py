@@ -11,8 +11,8 @@ from deqmcl_gym.maps import Box, Map
 from deqmcl_gym.maps.clusters import drawn_poses, two_clusters
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Floats, Reals, Singles, arrays
-from deqmcl_gym.validation import InputError, integer, number, shown
-from deqmcl_gym.world.rules import StepResult
+from deqmcl_gym.validation import InputError, integer, number, one_of, shown
+from deqmcl_gym.world.rules import StepResult, relative_space, relative_to
 
 Seen = dict[str, Any]
 
@@ -153,6 +153,8 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
             env runs a copy of it, also when it is made anew from its ``spec``.
         prior: p(x_0), given to the localizer at each reset.
         particles, cell: as of ``BeliefView``.
+        goal: of a route, "map": as the env shows it; "relative": distance and bearing from the mean
+            of the belief.
 
     Attributes:
         belief: the latest, for planners; by ``env.get_wrapper_attr("belief")`` from outside.
@@ -165,8 +167,10 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
         prior: Any,
         particles: int = 0,
         cell: float | None = None,
+        goal: str = "map",
     ) -> None:
         given = {"localizer": localizer, "prior": prior, "particles": particles, "cell": cell}
+        given["goal"] = one_of("goal", goal, ("map", "relative"))
         gym.utils.RecordConstructorArgs.__init__(self, _disable_deepcopy=True, **given)
         super().__init__(env)
         if not isinstance(localizer, Estimator):
@@ -203,7 +207,17 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
                 f"{room.lidar.beams} beams: put BeliefObservation inside the wrapper that changes "
                 "the observation."
             )
-        self.observation_space = gym.spaces.Dict({**shows, **self._view.spaces})
+        spaces = {**shows, **self._view.spaces}
+        self._relative = goal == "relative"
+        if self._relative:
+            if "goal" not in spaces or room.rules.goal != "map":
+                raise InputError(
+                    'goal is "relative", but the env shows no goal on the map: give one with a '
+                    'route, observation="dict" and its own goal="map".'
+                )
+            mean = self._view.spaces["mean"]
+            spaces["goal"] = relative_space((*mean.low[:2].tolist(), *mean.high[:2].tolist()))
+        self.observation_space = gym.spaces.Dict(spaces)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -224,8 +238,11 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
         return self._with(seen), reward, terminated, truncated, info
 
     def _with(self, seen: Any) -> Seen:
-        shows = seen if isinstance(seen, dict) else {"scan": seen}
-        return {**shows, **self._view.shown(self.belief, self._rng)}
+        shows: Seen = seen if isinstance(seen, dict) else {"scan": seen}
+        shown = shows | self._view.shown(self.belief, self._rng)
+        if self._relative:
+            shown["goal"] = relative_to(shown["mean"], shown["goal"]).astype(np.float32)
+        return shown
 
 
 def _box(low: Any, high: Any, shape: tuple[int, ...]) -> gym.spaces.Box:

@@ -212,7 +212,8 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         if rules.observation == "scan":
             return rooms.scans.copy()
         goals = None if rules.journeys is None else rooms.goals
-        return rules.seen(rooms.scans, rooms.plans()[0], rooms.covered, rooms.elapsed, goals)
+        shares = rooms.covered, rooms.elapsed
+        return rules.seen(rooms.scans, rooms.plans()[0], *shares, goals, rooms.poses)
 
     def _info(self, among: Bools, commands: RoomActions, collided: Bools, success: Bools) -> Info:
         """Return ``RoomInfo`` as arrays over the rooms, zero if not ``among``."""
