@@ -16,6 +16,7 @@ from localizers.api import (
     mean_pose,
     quality_of,
 )
+from localizers.description import describe
 from localizers.inference.hedge import hedged
 from localizers.kinds import absolute_name
 from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform, LatentShare
@@ -70,6 +71,7 @@ __all__ = [
     "UniformPrior",
     "absolute_name",
     "best_cluster",
+    "describe",
     "hedged",
     "make",
     "mean_pose",
