@@ -14,7 +14,8 @@ pages that differ. A table of numbers says in TOML where they come from::
     lost = "{lost_rate:.0p}"               # per cent
     -->
 
-With ``by = ["method"]`` and ``across = "scenario"`` a row has several scenarios, and a cell names
+``file = "(?P<building>intel|willow).*"`` makes columns of parts of a file's name. With
+``by = ["method"]`` and ``across = "scenario"`` a row has several scenarios, and a cell names
 them: ``{guided.error:.1f}``; a number is named with an n before it: ``{n300.error:.1f}``. Other
 tables are of the code: ``<!-- parameters: mcl-plan -->``, see ``OF_CODE``.
 """
@@ -51,7 +52,9 @@ class Number(float):
         return text.replace("-", "−")
 
 
-def rows_of(files: str | Iterable[str], where: str | None = None) -> pd.DataFrame:
+def rows_of(
+    files: str | Iterable[str], where: str | None = None, file: str | None = None
+) -> pd.DataFrame:
     """Return the rows of reports, the parts of JSON columns as columns ``params_NAME``."""
     frames = []
     for name in [files] if isinstance(files, str) else files:
@@ -61,6 +64,8 @@ def rows_of(files: str | Iterable[str], where: str | None = None) -> pd.DataFram
                 frame[column].fillna("{}").map(json.loads).tolist(), max_level=0
             )
             frame = frame.join(parts.add_prefix(f"{column}_"))
+        if file is not None and (found := re.match(file, Path(name).stem)):
+            frame = frame.assign(**found.groupdict(""))
         frames.append(frame)
     whole = pd.concat(frames, ignore_index=True)
     return whole.query(where, engine="python") if where else whole
@@ -74,9 +79,10 @@ def numbers(
     by: list[str] | None = None,
     across: str | None = None,
     labels: Mapping[str, str] | None = None,
+    file: str | None = None,
 ) -> str:
     """Return a table of numbers: see this module's docstring."""
-    frame = rows_of(of, where)
+    frame = rows_of(of, where, file)
     for name, values in reversed((rows or {}).items()):
         places = frame[name].map({value: place for place, value in enumerate(values)})
         frame = frame[places.notna()].iloc[places.dropna().argsort(kind="stable").to_numpy()]
