@@ -23,11 +23,11 @@ from localizers.checks import LAWS, check_localizer, law_name
 
 FEWER = ("--particles 3000 --seeds 2", "--particles 300 --seeds 1")  # global: whether it runs
 NAMED = "./my_localizer.py:MyLocalizer"
-LOCALIZER, LOG, ROBOT, TUNE, WRONG = (
+LOCALIZER, LOG, ROBOT, TUNE, WRONG, CLASSICAL = (
     (ROOT / "docs" / f"{name}.md").read_text()
     for name in (
         *("write-a-localizer", "your-map-your-log", "run-on-your-robot", "tune-on-your-log"),
-        "wrong-map",
+        *("wrong-map", "classical"),
     )
 )
 
@@ -97,9 +97,9 @@ def lap(tmp_path, monkeypatch):
 
 def commands(page, *words):
     """The commands of a page that have one of some words; without words, all others."""
-    lines_ = [line for block in blocks(page, "sh") for line in block.splitlines()]
+    text = "".join(blocks(page, "sh")).replace("\\\n", "")
     others = "basin", "--mcap", "deqmcl score"
-    return [x for x in lines_ if any(w in x for w in words or others) == bool(words)]
+    return [x for x in text.splitlines() if any(w in x for w in words or others) == bool(words)]
 
 
 def test_the_page_on_ones_own_log_works_from_top_to_bottom(lap, capsys):
@@ -148,6 +148,14 @@ def test_the_page_on_scoring_works_from_top_to_bottom(lap, capsys):
     rows = {row["localizer"]: row for row in lines(Path("results/beside"), "results.csv")}
     assert set(rows) == {"mcl", "amcl", "dead-reckoning", "theirs"}
     assert float(rows["theirs"]["position_median"]) == pytest.approx(math.hypot(0.1, 0.1), abs=1e-6)
+
+
+def test_the_commands_on_classical_localizers_work(lap, capsys):
+    for command in commands(CLASSICAL):
+        few = command.replace("--trials 10", "--trials 1").replace("=20000 --seeds 2", "=600")
+        few = few.replace("--out", "--seeds 1 --out" if "replay" in few else "--out")
+        assert exit_code(*shlex.split(few)[1:], "--jobs", "1") == 0, capsys.readouterr().err
+    assert Path("results/amcl-global/results.csv").is_file()
 
 
 def test_starts_that_are_wrong_are_swept_as_the_page_says(lap, capsys):
