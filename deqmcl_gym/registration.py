@@ -59,15 +59,17 @@ def _register(registry: ModuleType) -> None:
     )
     registry.register(id=LOG_ENV_ID, entry_point="deqmcl_gym.envs.log:LogEnv")
     for name, task in TASKS.items():
-        registry.register(id=name, entry_point=f"{__name__}:{task}")
+        many = f"{__name__}:localize" if task == "Localize" else None
+        registry.register(id=name, entry_point=f"{__name__}:{task}", vector_entry_point=many)
 
 
 def __getattr__(name: str) -> Any:
-    """Return the class of a task; the package ``localizers`` is imported when one is made."""
-    if name not in TASKS.values():
+    """Return what makes a task; the package ``localizers`` is imported when one is made."""
+    if name not in (*TASKS.values(), "localize"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:
-        return getattr(import_module("localizers.tasks"), name)
+        module = "localizers.many" if name == "localize" else "localizers.tasks"
+        return getattr(import_module(module), name)
     except (ImportError, AttributeError):
         found = sys.modules.get("localizers")
         if found is None or hasattr(found, "RobotModel"):

@@ -14,8 +14,11 @@ pages that differ. A table of numbers says in TOML where they come from::
     lost = "{lost_rate:.0p}"               # per cent
     -->
 
-``file = "(?P<building>intel|willow).*"`` makes columns of parts of a file's name. With
-``by = ["method"]`` and ``across = "scenario"`` a row has several scenarios, and a cell names
+``named = { "`mcl-map`" = "method == 'mcl-map'" }`` picks rows one by one instead, in this order,
+each with its ``{name}``. A dot in a name of a part is written ``_``: ``world_lidar_beams``.
+``file = "(?P<building>intel|willow).*"`` makes columns of parts of a file's name.
+
+With ``by = ["method"]`` and ``across = "scenario"`` a row has several scenarios, and a cell names
 them: ``{guided.error:.1f}``; a number is named with an n before it: ``{n300.error:.1f}``. Other
 tables are of the code: ``<!-- parameters: mcl-plan -->``, see ``OF_CODE``.
 """
@@ -26,6 +29,7 @@ import re
 import sys
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
+from numbers import Real
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -60,15 +64,19 @@ def rows_of(
     for name in [files] if isinstance(files, str) else files:
         frame = pd.read_csv(REPORTS / name, keep_default_na=False, na_values=[""])
         for column in frame.columns.intersection(_JSON):
-            parts = pd.json_normalize(
-                frame[column].fillna("{}").map(json.loads).tolist(), max_level=0
-            )
+            parts = pd.json_normalize(frame[column].fillna("").map(_parts).tolist(), max_level=0)
+            for dotted in parts.columns[parts.columns.str.contains(".", regex=False)]:
+                parts[dotted.replace(".", "_")] = parts[dotted]
             frame = frame.join(parts.add_prefix(f"{column}_"))
         if file is not None and (found := re.match(file, Path(name).stem)):
             frame = frame.assign(**found.groupdict(""))
         frames.append(frame)
-    whole = pd.concat(frames, ignore_index=True)
+    whole = pd.concat(frames, ignore_index=True).copy()  # in one piece
     return whole.query(where, engine="python") if where else whole
+
+
+def _parts(text: str) -> dict[str, Any]:
+    return json.loads(text) if text.startswith("{") else {}
 
 
 def numbers(
@@ -80,9 +88,13 @@ def numbers(
     across: str | None = None,
     labels: Mapping[str, str] | None = None,
     file: str | None = None,
+    named: Mapping[str, str] | None = None,
 ) -> str:
     """Return a table of numbers: see this module's docstring."""
     frame = rows_of(of, where, file)
+    if named:
+        picked = (frame.query(q, engine="python").assign(name=name) for name, q in named.items())
+        frame = pd.concat(picked, ignore_index=True)
     for name, values in reversed((rows or {}).items()):
         places = frame[name].map({value: place for place, value in enumerate(values)})
         frame = frame[places.notna()].iloc[places.dropna().argsort(kind="stable").to_numpy()]
@@ -117,7 +129,7 @@ def table(heads: Iterable[str], rows: Iterable[list[str]]) -> str:
 def _value(value: Any, labels: Mapping[str, str] | None) -> Any:
     if isinstance(value, str):
         return (labels or {}).get(value, value)
-    return Number(value) if isinstance(value, int | float) else value
+    return Number(value) if isinstance(value, Real) else value
 
 
 def _filled(template: str, row: Mapping[str, Any]) -> str:

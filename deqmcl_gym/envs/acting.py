@@ -27,7 +27,7 @@ from deqmcl_gym.world.episode import Body, contacts_of
 from deqmcl_gym.world.rules import Commands, StepResult, check_options, scan_space, within
 from deqmcl_gym.world.sensor import LidarSensor
 
-_RIGHT = Near(1.0, math.radians(30))  # of the best cluster to the truth
+RIGHT = Near(1.0, math.radians(30))  # of the best cluster to the truth
 _GOALS = 10_000  # drawn before a room is refused
 
 
@@ -307,7 +307,7 @@ class LocalizeEnv(ActingEnv):
         best = best_cluster(*self.belief.points(), unit=self.floor_plan.unit)
         sure = best.share > self.share
         self._confident = self._confident + 1 if sure else 0
-        right = sure and _RIGHT([best.mean], self.pose, unit=self.floor_plan.unit)[0]
+        right = sure and RIGHT([best.mean], self.pose, unit=self.floor_plan.unit)[0]
         self._right = self._right + 1 if right else 0
 
     def _judged(self, on: NDArray[np.bool_], collided: bool) -> tuple[float, bool, bool]:

@@ -47,9 +47,9 @@ class RoomEnv(gym.Env[Any, Singles]):
     `gymnasium.wrappers.RescaleAction(env, -1, 1)`.
 
     **Observation Space**: `Box(0, 400, (beams,), float32)`: ranges (px). With `observation="dict"`
-    also `plan` (h, 2), the actions to come; `progress` (1,), along the lap; `clock` (1,), the share
-    of the plan's steps that are done; `goal` (2,), the end of a route. `info` has the plan too, and
-    under `truth` the true pose.
+    also `plan` (h, 2), the actions to come, unless `plan=False`; `progress` (1,), along the lap;
+    `clock` (1,), the share of the plan's steps that are done; `goal` (2,), the end of a route.
+    `info` has the plan too, and under `truth` the true pose.
 
     **Rewards**: progress along the lap in px up to the goal, -10 for a contact, +100 at the goal.
 
@@ -83,6 +83,8 @@ class RoomEnv(gym.Env[Any, Singles]):
             length, so several envs with routes in one ``gym.make_vec`` need a number.
         ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
         observation: "scan", or "dict" for scan, plan, progress, clock and the goal of a route.
+        plan: False leaves the plan out of the dict: with it, its first row is the solution.
+        goal: in the dict, "map": x and y; "relative": distance and bearing from the true pose.
         render_mode: None or "rgb_array".
 
     Attributes:
@@ -113,6 +115,8 @@ class RoomEnv(gym.Env[Any, Singles]):
         horizon: int | None = None,
         ends_at_goal: bool = True,
         observation: str = "scan",
+        plan: bool = True,
+        goal: str = "map",
         render_mode: str | None = None,
         **unknown: Any,
     ) -> None:
@@ -120,7 +124,7 @@ class RoomEnv(gym.Env[Any, Singles]):
             preset=preset, world=world, horizon=horizon, ends_at_goal=ends_at_goal,
             floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise, start=start, lap=lap,
             driver=driver, route=route, clutter=clutter, changed_walls=changed_walls,
-            people=people, glass=glass, observation=observation, **unknown,
+            people=people, glass=glass, observation=observation, plan=plan, goal=goal, **unknown,
         )  # fmt: skip
         self.world = rules.world
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
@@ -140,6 +144,11 @@ class RoomEnv(gym.Env[Any, Singles]):
     def radius(self) -> float:
         """Radius of the robot's disc."""
         return self.world.robot.radius
+
+    @property
+    def rules(self) -> RoomRules:
+        """What all its episodes share."""
+        return self._rules
 
     @property
     def draws_building(self) -> bool:
@@ -302,8 +311,9 @@ class RoomEnv(gym.Env[Any, Singles]):
             return episode.scan.copy()
         covered = episode.progress / episode.course.path.length
         elapsed = episode.step / episode.plan.limit
-        goal = episode.course.goal
-        return self._rules.seen(episode.scan, info["planned_actions"], covered, elapsed, goal)
+        goal, pose = episode.course.goal, episode.pose
+        planned = info["planned_actions"]
+        return self._rules.seen(episode.scan, planned, covered, elapsed, goal, pose)
 
     @property
     def _episode(self) -> Episode:

@@ -17,7 +17,7 @@ from localizers.inference.particles import Weights, effective_sample_size, maxim
 
 
 @compiled
-def _systematic(weights: Floats, offset: float, out: Indices) -> None:
+def fill_systematic(weights: Floats, offset: float, out: Indices) -> None:
     """Do as ``pointed_at`` for (k + offset) / n, without a branch to mispredict at each pointer."""
     n = weights.size
     before = np.empty(n)  # the weight of the particles before each
@@ -93,7 +93,7 @@ def systematic(weights: Weights, rng: np.random.Generator) -> Indices:
     Thrun et al. 2005, table 4.4 ("low variance sampler"); Kitagawa 1996.
     """
     chosen = np.empty(weights.size, np.intp)
-    _systematic(weights, rng.random(), chosen)
+    fill_systematic(weights, rng.random(), chosen)
     return chosen
 
 

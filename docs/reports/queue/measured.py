@@ -1,11 +1,12 @@
 """Measure the paper's queue against the sharpness of the sensor, and what mends it.
 
-``python -m docs.numbers.queue FOLDER`` writes docs/reports/queue/{rooms,logs}.csv and
+``python docs/reports/queue/measured.py FOLDER`` writes rooms.csv and logs.csv beside it, and
 docs/figures/queue.svg; FOLDER holds the two logs with their maps and references, and
 freiburg-signed.csv.gz if it is to be among them. ``--draw`` only draws.
 """
 
 import argparse
+import csv
 import math
 import os
 import sys
@@ -28,12 +29,9 @@ from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.files import write_text
-from docs.numbers.reading import DIFF, ROOT, filled, read, row
-from docs.numbers.reading import table as written
 
-DIFF_2 = "{diff:+.2f} ({diff_low:.2f} to {diff_high:.2f})"
-
-REPORT, FIGURE = ROOT / "docs" / "reports" / "queue", ROOT / "docs" / "figures" / "queue.svg"
+REPORT = Path(__file__).resolve().parent
+FIGURE = REPORT.parents[1] / "figures" / "queue.svg"
 LAGS, LAG = (0, 1, 2, 3, 5, 10, 20), 20
 WORLDS = 20
 SENSORS = {  # words: beams, σ in px
@@ -202,13 +200,18 @@ def _line(cell: Cell, found: list[dict[str, float]]) -> list[str]:
     return [str(said[name]) for name in COLUMNS]
 
 
+def _rows(name: str) -> list[dict[str, str]]:
+    with (REPORT / f"{name}.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
 def chart() -> Chart:
     """Draw how many distinct x_t there are when o_t arrives, over the lag."""
     lines = [(words, "rooms") for words in SENSORS] + [(name, "logs") for name in LOGS]
     frame = pd.DataFrame(
         {"label": words, "lag": int(row["lag"]), "ancestors": float(row["ancestors"])}
         for words, report in lines
-        for row in read(f"queue/{report}")
+        for row in _rows(report)
         if row["setting"] == words and row["method"] == "deq-mcl"
         and row["noise"] in ("", "0.02") and row["particles"] == "1000"
     )  # fmt: skip
@@ -222,130 +225,6 @@ def chart() -> Chart:
         axes.set(xlabel="lag L, steps", ylabel="distinct x[t] of 1,000 particles")
         title = "The published queue loses its particles"
         return Chart("queue", title, "", axes.figure)
-
-
-SHOWN = (0, 1, 2, 5, 10, 20)  # lags in tables
-
-
-def _over_lags(report: str, rows: list[tuple[str, dict[str, str]]], unit: str) -> str:
-    lines = []
-    for words, wanted in rows:
-        found = {
-            int(row["lag"]): row for row in read(f"queue/{report}") if wanted.items() <= row.items()
-        }
-        if not found:
-            continue
-        digits = 3 if unit == "m" else 2
-        cells = [filled(f"{{ancestors:,.0f}}; {{error:.{digits}f}}", found[n]) for n in SHOWN]
-        lines.append([words, *cells])
-    lags = " | ".join(f"L = {lag}:" for lag in SHOWN)
-    return written(f"distinct x[t] of N; error, {unit} | {lags}", lines)
-
-
-def _rooms() -> str:
-    published = {"method": "deq-mcl"}
-    rows = [
-        (words, published | {"setting": words, "noise": "0.02", "particles": "1000"})
-        for words in SENSORS
-    ]
-    rows += [
-        (
-            f"… filter assumes noise {noise} instead of 0.02",
-            published | {"setting": SHARP, "noise": noise, "particles": "1000"},
-        )
-        for noise in ("0.1", "0.2")
-    ]
-    at = next(i for i, (words, _) in enumerate(rows) if words == SHARP) + 1
-    rows[at:] = [*rows[-2:], *rows[at:-2]]
-    rows[at:at] = [
-        (
-            f"… N = {particles:,}",
-            published | {"setting": SHARP, "noise": "0.02", "particles": str(particles)},
-        )
-        for particles in (300, 10_000)
-    ]
-    return _over_lags("rooms", rows, "px")
-
-
-def _logs() -> str:
-    rows = [(name, {"method": "deq-mcl", "setting": name}) for name in LOGS]
-    return _over_lags("logs", rows, "m")
-
-
-def _methods_on_logs() -> str:
-    lines = []
-    for name in LOGS:
-        label = name
-        for method, params, _ in METHODS:
-            own = " ".join(f"{k}={v}" for k, v in params.items())
-            wanted = {"setting": name, "method": method, "params": own, "lag": str(LAG)}
-            found = next((r for r in read("queue/logs") if wanted.items() <= r.items()), None)
-            if found is None:
-                continue
-            reached = round(float(found["localized"]) * int(found["runs"]))
-            inside = filled("{future_50:.0p}, {future_80:.0p}, {future_95:.0p} %", found)
-            lines.append(
-                [
-                    label, f"`{method}`" + (f", {own}" if own else ""),
-                    f"{reached} of {found['runs']}", filled("{error:.3f} m", found),
-                    filled("{error_p95:.3f} m", found), filled("{past:.3f} m", found),
-                    filled("{future:.3f} m", found), inside,
-                ]
-            )  # fmt: skip
-            label = ""
-    head = "log | method, L = 20 | localized to the end: | x[t], median: | 95 %: | x[t-20]: |"
-    return written(f"{head} x[t+20]: | its truth inside 50, 80, 95 %:", lines)
-
-
-IN_ROOMS = ("guided", "paper", "matched", "sharp")
-METHODS_IN_ROOMS: dict[str, tuple[str, dict[str, str]]] = {
-    "`mcl`": ("mcl", {}),
-    "`mcl-map`": ("mcl-map", {}),
-    "`mcl-plan`": ("mcl-plan", {}),
-    "`mcl-plan-hedged`": ("mcl-plan-hedged", {}),
-    "`deq-mcl`": ("deq-mcl", {}),
-    "`deq-mcl-fresh`": ("deq-mcl-fresh", {}),
-    '`deq-mcl-fresh`, `evidence` = "plan"': ("deq-mcl-fresh", {"evidence": "plan"}),
-}
-
-
-def _methods_in_rooms() -> str:
-    lines = []
-    for words, (method, params) in METHODS_IN_ROOMS.items():
-        cells = []
-        for scenario in IN_ROOMS:
-            found = row("queue/fresh", scenario, method, 1000, **params)
-            error = filled("{error:.2f}", found)
-            cells.append(f"{error}, {own}" if (own := filled(DIFF_2, found)) else error)
-        stale = filled(DIFF, row("queue/fresh", "guided-stale", method, 300, **params))
-        lines.append([words, *cells, stale])
-    head = " | ".join(f"`{scenario}`:" for scenario in IN_ROOMS)
-    return written(f"error, px; difference | {head} | plan for another start, N = 300:", lines)
-
-
-def _future_in_rooms() -> str:
-    lines = []
-    for scenario in IN_ROOMS:
-        label = f"`{scenario}`"
-        for words, (method, params) in METHODS_IN_ROOMS.items():
-            if not words.startswith("`deq"):
-                continue
-            found = row("queue/fresh", scenario, method, 1000, offset=LAG, **params)
-            inside = "{coverage_50:.0p}, {coverage_80:.0p}, {coverage_95:.0p} %"
-            numbers = (filled(c, found) for c in ("{position_rmse:.1f}", "{energy_score:.1f}"))
-            lines.append([label, words, *numbers, filled(inside, found)])
-            label = ""
-    head = "scenario | method | position RMSE, px: | energy score, px:"
-    return written(f"{head} | truth inside 50, 80, 95 %:", lines)
-
-
-TABLES = {
-    "queue, rooms": _rooms,
-    "queue, logs": _logs,
-    "queue, methods on logs": _methods_on_logs,
-    "queue, methods in rooms": _methods_in_rooms,
-    "queue, future in rooms": _future_in_rooms,
-}
 
 
 def main() -> int:
