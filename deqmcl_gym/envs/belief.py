@@ -238,11 +238,11 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
         return self._with(seen), reward, terminated, truncated, info
 
     def _with(self, seen: Any) -> Seen:
-        shows = seen if isinstance(seen, dict) else {"scan": seen}
-        seen = {**shows, **self._view.shown(self.belief, self._rng)}
+        shows: Seen = seen if isinstance(seen, dict) else {"scan": seen}
+        shown = shows | self._view.shown(self.belief, self._rng)
         if self._relative:
-            seen["goal"] = relative_to(seen["mean"], seen["goal"]).astype(np.float32)
-        return seen
+            shown["goal"] = relative_to(shown["mean"], shown["goal"]).astype(np.float32)
+        return shown
 
 
 def _box(low: Any, high: Any, shape: tuple[int, ...]) -> gym.spaces.Box:

@@ -383,8 +383,8 @@ def within(extent: Box) -> gym.spaces.Box:
 def relative_space(extent: Box) -> gym.spaces.Box:
     """Return the space of distance and bearing of positions in (x0, y0, x1, y1) from within."""
     x0, y0, x1, y1 = extent
-    most = np.float32(math.hypot(x1 - x0, y1 - y0))
-    return gym.spaces.Box(np.float32([0, -np.pi]), np.array([most, np.float32(np.pi)]))
+    low, high = np.array([[0.0, -np.pi], [math.hypot(x1 - x0, y1 - y0), np.pi]], np.float32)
+    return gym.spaces.Box(low, high)
 
 
 def relative_to(pose: Any, goal: Any) -> Floats:

@@ -8,7 +8,7 @@ It needs the extra ``rl``: ``pip install '.[rl]'`` in the clone. In ``deqmcl_gym
 lost robot drives until it knows where it is, and says so. Training runs 64 rooms natively, with a
 small filter, each episode in one of 1,000 offices; the scores are of other offices and of the
 task's own filter, beside those of reference policies in the same episodes: see
-`Acting <../acting.html>`_. It prints a table of all of them and draws the learning curves.
+`Train a policy <../acting.html>`_. It prints a table of all of them and draws the learning curves.
 ``--load`` scores policies that were kept before, such as ``docs/examples/ppo_localize.zip``.
 """
 

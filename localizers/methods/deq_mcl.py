@@ -222,7 +222,7 @@ def deq_mcl(robot: RobotModel, shared: Shared, *, pilots: int = 16) -> ParticleF
 
     Taniguchi, Fukawa & Yamakawa 2024, eqs. (2)-(3): the planned future is drawn ahead, charged for
     collisions, and resampled together with the present. x_t is drawn L steps before its scan, and
-    of these draws few survive a sharp sensor (docs/plan-sensor.md). ``pilots`` are those of ``Redraw``.
+    of these draws few survive a sharp sensor (docs/plan-sensor.md). ``pilots``: see ``Redraw``.
     """
     base = mcl_map_smoother.build(robot, shared)
     return replace(base, future=shared.lag, pilots=integer("pilots", pilots, low=1))

@@ -64,6 +64,15 @@ def test_the_table_of_ids_names_every_environment(page):
     assert sorted(named) == sorted(name for name in gym.registry if name.startswith("deqmcl_gym/"))
 
 
+def test_the_command_that_writes_a_building_works(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs" / "environment.md").read_text()
+    (command,) = re.findall(r"^\.venv/bin/deqmcl (.*)$", page, re.MULTILINE)
+    assert exit_code(*command.split()) == 0
+    for name in ("office.yaml", "office.json"):
+        gym.make("deqmcl_gym/Journey-v1", floor_plan=f"maps/three/{name}")
+
+
 def test_the_code_shown_is_the_file_that_new_localizer_writes():
     assert Path(template.__file__).read_text() in blocks(LOCALIZER, "python")
 
