@@ -16,6 +16,7 @@ pages that differ. A table of numbers says in TOML where they come from::
 
 ``named = { "`mcl-map`" = "method == 'mcl-map'" }`` picks rows one by one instead, in this order,
 each with its ``{name}``. A dot in a name of a part is written ``_``: ``world_lidar_beams``.
+``file = "(?P<building>intel|willow).*"`` makes columns of parts of a file's name.
 
 With ``by = ["method"]`` and ``across = "scenario"`` a row has several scenarios, and a cell names
 them: ``{guided.error:.1f}``; a number is named with an n before it: ``{n300.error:.1f}``. Other
@@ -58,7 +59,9 @@ class Number(float):
         return text.replace("-", "−")
 
 
-def rows_of(files: str | Iterable[str], where: str | None = None) -> pd.DataFrame:
+def rows_of(
+    files: str | Iterable[str], where: str | None = None, file: str | None = None
+) -> pd.DataFrame:
     """Return the rows of reports, the parts of JSON columns as columns ``params_NAME``."""
     frames = []
     for name in [files] if isinstance(files, str) else files:
@@ -68,6 +71,8 @@ def rows_of(files: str | Iterable[str], where: str | None = None) -> pd.DataFram
             for dotted in parts.columns[parts.columns.str.contains(".", regex=False)]:
                 parts[dotted.replace(".", "_")] = parts[dotted]
             frame = frame.join(parts.add_prefix(f"{column}_"))
+        if file is not None and (found := re.match(file, Path(name).stem)):
+            frame = frame.assign(**found.groupdict(""))
         frames.append(frame)
     whole = pd.concat(frames, ignore_index=True).copy()  # in one piece
     return whole.query(where, engine="python") if where else whole
@@ -85,10 +90,11 @@ def numbers(
     by: list[str] | None = None,
     across: str | None = None,
     labels: Mapping[str, str] | None = None,
+    file: str | None = None,
     named: Mapping[str, str] | None = None,
 ) -> str:
     """Return a table of numbers: see this module's docstring."""
-    frame = rows_of(of, where)
+    frame = rows_of(of, where, file)
     if named:
         picked = (frame.query(q, engine="python").assign(name=name) for name, q in named.items())
         frame = pd.concat(picked, ignore_index=True)
