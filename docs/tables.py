@@ -16,11 +16,13 @@ pages that differ. A table of numbers says in TOML where they come from::
 
 ``named = { "`mcl-map`" = "method == 'mcl-map'" }`` picks rows one by one instead, in this order,
 each with its ``{name}``. A dot in a name of a part is written ``_``: ``world_lidar_beams``.
+``file = "(?P<building>intel|willow).*"`` makes columns of parts of a file's name.
 
 With ``by = ["method"]`` and ``across = "scenario"`` a row has several scenarios, and a cell names
 them: ``{guided.error:.1f}``; a number is named with an n before it: ``{n300.error:.1f}``. Other
 tables are of the code, see ``OF_CODE``: ``<!-- parameters: mcl-plan, deq-mcl -->``, of localizers;
-``<!-- scores: offset -->``, ``<!-- suites -->``, ``scenarios``, ``agents``, ``laws``.
+``<!-- arguments: Room-v0 -->``, ``<!-- ids -->``; ``<!-- scores: offset -->``, ``<!-- suites -->``,
+``scenarios``, ``agents``, ``laws``.
 """
 
 import json
@@ -28,7 +30,7 @@ import math
 import re
 import sys
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from numbers import Real
 from pathlib import Path
 from types import SimpleNamespace
@@ -36,12 +38,7 @@ from typing import Any
 
 import pandas as pd
 
-import localizers
-from benchmarks.agents import AGENTS
-from benchmarks.setup.names import scenario, scenario_names
-from benchmarks.sweeps.suites import SUITES, sweep_named
-from benchmarks.trials.scores import JOURNEY_SCORES, METRICS, TRACK_SCORES, Score
-from localizers.checks import LAWS, law_name
+from docs.tables_of_code import OF_CODE
 
 ROOT = Path(__file__).resolve().parents[1]
 REPORTS = ROOT / "docs" / "reports"
@@ -62,7 +59,9 @@ class Number(float):
         return text.replace("-", "−")
 
 
-def rows_of(files: str | Iterable[str], where: str | None = None) -> pd.DataFrame:
+def rows_of(
+    files: str | Iterable[str], where: str | None = None, file: str | None = None
+) -> pd.DataFrame:
     """Return the rows of reports, the parts of JSON columns as columns ``params_NAME``."""
     frames = []
     for name in [files] if isinstance(files, str) else files:
@@ -72,6 +71,8 @@ def rows_of(files: str | Iterable[str], where: str | None = None) -> pd.DataFram
             for dotted in parts.columns[parts.columns.str.contains(".", regex=False)]:
                 parts[dotted.replace(".", "_")] = parts[dotted]
             frame = frame.join(parts.add_prefix(f"{column}_"))
+        if file is not None and (found := re.match(file, Path(name).stem)):
+            frame = frame.assign(**found.groupdict(""))
         frames.append(frame)
     whole = pd.concat(frames, ignore_index=True).copy()  # in one piece
     return whole.query(where, engine="python") if where else whole
@@ -89,10 +90,11 @@ def numbers(
     by: list[str] | None = None,
     across: str | None = None,
     labels: Mapping[str, str] | None = None,
+    file: str | None = None,
     named: Mapping[str, str] | None = None,
 ) -> str:
     """Return a table of numbers: see this module's docstring."""
-    frame = rows_of(of, where)
+    frame = rows_of(of, where, file)
     if named:
         picked = (frame.query(q, engine="python").assign(name=name) for name, q in named.items())
         frame = pd.concat(picked, ignore_index=True)
@@ -143,77 +145,6 @@ def _filled(template: str, row: Mapping[str, Any]) -> str:
     return template.format_map(row).replace(" (never to never)", "")
 
 
-def parameters(*names: str) -> str:
-    """Return a table of the parameters of localizers, each with what it is; of several, whose."""
-    rows: dict[tuple[str, str], dict[str, str]] = {}  # default by localizer by name and meaning
-    for localizer in names:
-        for one in localizers.describe(localizer).parameters:
-            row = rows.setdefault((one.name, one.meaning), {})
-            row[localizer] = f"`{one.default_words}`".replace("'", '"')
-    lines = []
-    for (name, meaning), defaults in rows.items():
-        said = ", ".join(dict.fromkeys(defaults.values()))
-        of = "all" if len(defaults) == len(names) else ", ".join(f"`{n}`" for n in defaults)
-        lines.append([f"`{name}`", said, meaning, of])
-    heads = ["parameter", "default", "what it is", "of"]
-    wide = len(names) > 1
-    return table(heads if wide else heads[:3], (line if wide else line[:3] for line in lines))
-
-
-_SCORES: dict[str, Iterable[Score]] = {
-    "offset": METRICS,
-    "run": JOURNEY_SCORES.values(),
-    "log": TRACK_SCORES.values(),
-}
-
-
-def scores(*kinds: str) -> str:
-    """Return a table of scores: of beliefs at an "offset", of a "run", of a whole "log"; or all."""
-    rows = (
-        [f"`{one.name}`", one.words + (f" ({one.unit})" if tell else ""), one.better]
-        for kind in kinds or _SCORES
-        for one in _SCORES[kind]
-        for tell in [one.unit not in ("", "share", one.words.split()[-1])]
-    )
-    return table(["score", "what it is (unit)", "better"], rows)
-
-
-def suites() -> str:
-    """Return a table of the suites."""
-    sweeps = {name: sweep_named(name) for name in SUITES}
-    return table(
-        ["suite", "trials", "what it compares"],
-        ([f"`{n}`", f"{s.planned:,}", s.title] for n, s in sweeps.items()),
-    )
-
-
-def scenarios() -> str:
-    """Return a table of the scenarios."""
-    rows = ([f"`{name}`", scenario(name).words] for name in scenario_names())
-    return table(["scenario", "what it is"], rows)
-
-
-def agents() -> str:
-    """Return a table of the agents."""
-    rows = ([f"`{name}`", _first_line(agent)] for name, agent in AGENTS.items())
-    return table(["agent", "what it does"], rows)
-
-
-def laws() -> str:
-    """Return a table of the laws of a localizer."""
-    rows = ([law_name(law), _first_line(law)] for law in LAWS)
-    return table(["law", "what must hold"], rows)
-
-
-def _first_line(thing: object) -> str:
-    return str(thing.__doc__).partition("\n")[0].replace("``", "`")
-
-
-OF_CODE: dict[str, Callable[..., str]] = {  # by the word of their marker
-    one.__name__: one for one in (parameters, scores, suites, scenarios, agents, laws)
-}
-
-
 def renewed(text: str) -> str:
     """Return a page with the table below each of its markers made anew."""
 
@@ -223,7 +154,8 @@ def renewed(text: str) -> str:
             return head + numbers(**tomllib.loads(content))
         if word not in OF_CODE:
             return found[0]
-        return head + OF_CODE[word](*(part.strip() for part in content.split(",") if part.strip()))
+        names = (part.strip() for part in content.split(","))
+        return head + table(*OF_CODE[word](*filter(None, names)))
 
     return MARKER.sub(made, text)
 

@@ -31,6 +31,7 @@ from localizers.models.prior import (
     UniformPrior,
 )
 from localizers.models.robot import RobotModel
+from localizers.models.scan import Scan
 from localizers.registry import (
     ScanPlugIn,
     make,
@@ -64,6 +65,7 @@ __all__ = [
     "PoseBelief",
     "Prior",
     "RobotModel",
+    "Scan",
     "ScanPlugIn",
     "Tracker",
     "UniformPrior",

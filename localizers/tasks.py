@@ -44,13 +44,12 @@ class Localize(LocalizeEnv):
         localizer: a name of ``localizers.make``, or {"name": …} with parameters; ``particles`` is
             10,000 unless given. It assumes the world's noise, and beams to the power of 0.1.
         scan: "beams" casts the rays of each particle; "field" looks up how far from a wall they
-            end (``ScanField``), which is faster: for training. ``gym.make_vec`` then runs many
-            natively, with ``localizer={"name": "mcl", "particles": 1000}``.
-        floor_plan: as for ``Room-v0``; ``{"office": {"seeds": [0, 1000], …}}`` draws one of these
-            offices at each reset. An office of 24 m × 26 m unless given.
-        lidar, robot, noise: as for ``Room-v0``; changes to 16 beams all round, and the robot and
-            noise of the scenario ``lost``.
-        task: ``share``, ``hold``, ``max_steps``, ``particles``, ``cell``, ``render_mode``.
+            end, which is faster: for training.
+        floor_plan: as for ``Room-v0``; None: an office of 24 m × 26 m.
+        lidar: changes to 16 beams all round that reach 12 m, with a noise of 0.5 m.
+        robot: changes to that of the scenario ``lost``.
+        noise: changes to that of the scenario ``lost``.
+        task: the arguments of ``LocalizeEnv``.
     """
 
     def __init__(
@@ -75,9 +74,11 @@ class Track(TrackEnv):
 
     Args:
         localizer: as for ``Localize``, with 500 particles unless given.
-        floor_plan, lidar, robot, noise: as for ``Room-v0``; changes to its room, with 16 beams all
-            round and a noise that blurs the belief within a few steps.
-        task: ``tolerance``, ``least``, ``max_steps``, ``particles``, ``cell``, ``render_mode``.
+        floor_plan: as for ``Localize``; None: the room of ``Room-v0``.
+        lidar: changes to 16 beams all round, with a noise of 10 px.
+        robot: changes to the robot of ``Room-v0``.
+        noise: changes to a noise that blurs the belief within a few steps.
+        task: the arguments of ``TrackEnv``.
     """
 
     def __init__(

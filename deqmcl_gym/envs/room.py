@@ -63,29 +63,25 @@ class RoomEnv(gym.Env[Any, Singles]):
     **Version History**: v0, as of 0.2.0 with this reward and end.
 
     Args:
-        preset: name of the world to start from; `deqmcl_gym/Guided-v0` has `preset="guided"`, …
+        preset: the world to start from: "paper", "matched", "sharp" or "guided".
         world: a ``World`` to start from, instead of a preset.
-        floor_plan: the map: `outer` corners, `obstacles` and their `unit`, "px" or "m"; the path of
-            a ROS map's yaml file or of a JSON file of polygons; or an `office` and its `form`,
-            "grid" or "polygons". An office with `seeds` is another one in each episode.
+        floor_plan: the map: corners (`outer`, `obstacles`, `unit`), the path of a ROS map's yaml or
+            of such corners as JSON, or an `office`; None: the preset's.
         lidar: beams, field of view, range and noise. This and the following parts are objects, or
             JSON-able changes to the preset's.
         robot, noise, start, lap: see ``deqmcl_gym.world.config``.
-        driver: follows that path from the true pose and replans at every step; "none" removes the
-            preset's.
+        driver: follows the path from the true pose, with a new plan at every step.
         route: a start and a goal, drawn in each episode, instead of the lap.
-        clutter: boxes and pillars that are not on the map. This and the following three are drawn
-            anew in each episode; scans, contacts and a driver meet what is there, and
-            ``floor_plan`` stays the map.
-        changed_walls: inner walls removed, added or shifted.
-        people, glass: who walk about; inner walls that do not reflect all beams.
-        horizon: number of planned actions shown; None shows all that are left. Routes differ in
-            length, so several envs with routes in one ``gym.make_vec`` need a number.
-        ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
+        clutter: boxes and pillars that are not on the map.
+        changed_walls: inner walls that are not as on the map.
+        people: people who walk about.
+        glass: inner walls that do not reflect all beams.
+        horizon: rows of `planned_actions`; None: all of the plan.
+        ends_at_goal: whether the episode ends when the lap is done or the goal reached.
         observation: "scan", or "dict" for scan, plan, progress, clock and the goal of a route.
         plan: False leaves the plan out of the dict: with it, its first row is the solution.
         goal: in the dict, "map": x and y; "relative": distance and bearing from the true pose.
-        render_mode: None or "rgb_array".
+        render_mode: None, "rgb_array" or "human".
 
     Attributes:
         floor_plan: the map m, for localizers too; that of this episode.

@@ -62,6 +62,13 @@ def test_a_script_of_the_gallery_runs(script, monkeypatch):
     run(script)
 
 
+def test_scores_of_policies_have_the_columns_of_their_report():
+    said = run("acting/scores.py", "Room-v0", "--policies", "spin,still", "--episodes", 1)
+    report = (ROOT / "docs/reports/acting/printed/scores.csv").read_text()
+    assert said.splitlines()[0] == report.splitlines()[0]
+    assert {line.split(",")[1] for line in said.split()[1:]} == {"spin", "still"}
+
+
 @pytest.mark.slow
 def test_theta_phase_tells_which_part_of_a_cycle_each_queue_has():
     rows = [re.split(r" *\| *", row)[1:4] for row in run("theta_phase.py").splitlines()[1:]]

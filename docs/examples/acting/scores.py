@@ -23,6 +23,9 @@ from deqmcl_gym.validation import InputError
 
 _PICTURES = 40  # of a film, about
 _BASELINE = "spin"
+_NAMES = {
+    "±": "return_2se", "gain ±": "gain_2se", "done low": "done_low", "done high": "done_high",
+}  # fmt: skip
 
 
 class Filmed(gym.Wrapper[Any, Any, Any, Any]):
@@ -58,15 +61,16 @@ def film(task: str, policy: str) -> bytes:
 
 
 def table(evaluations: Iterable[Evaluation]) -> pd.DataFrame:
-    """Return a row each, the best first."""
+    """Return a row each, the best first; ``…_2se`` are two standard errors."""
     rows = pd.DataFrame([own.row for own in evaluations])
+    rows = rows.rename(columns=_NAMES)
     return rows.sort_values("return", ascending=False, ignore_index=True)
 
 
 def main() -> None:
     """Print the tables asked for, as CSV."""
     words = (
-        "Scores of reference policies, as CSV. ±: two standard errors; gain: above spin in the "
+        "Scores of reference policies, as CSV. 2se: two standard errors; gain: above spin in the "
         "same episodes; steps: the median, episodes that were not done counted as endless."
     )
     parser = argparse.ArgumentParser("python docs/examples/acting/scores.py", description=words)
