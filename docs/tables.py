@@ -20,18 +20,17 @@ each with its ``{name}``. A dot in a name of a part is written ``_``: ``world_li
 
 With ``by = ["method"]`` and ``across = "scenario"`` a row has several scenarios, and a cell names
 them: ``{guided.error:.1f}``; a number is named with an n before it: ``{n300.error:.1f}``. Other
-tables are of the code: ``<!-- parameters: mcl-plan -->``, ``<!-- arguments: Room-v0 -->``,
-``<!-- ids -->``; see ``OF_CODE``.
+tables are of the code, see ``OF_CODE``: ``<!-- parameters: mcl-plan, deq-mcl -->``, of localizers;
+``<!-- arguments: Room-v0 -->``, ``<!-- ids -->``; ``<!-- scores: offset -->``, ``<!-- suites -->``,
+``scenarios``, ``agents``, ``laws``.
 """
 
-import inspect
 import json
 import math
 import re
 import sys
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Iterable, Mapping
 from numbers import Real
 from pathlib import Path
 from types import SimpleNamespace
@@ -39,11 +38,12 @@ from typing import Any
 
 import pandas as pd
 
+from docs.tables_of_code import OF_CODE
+
 ROOT = Path(__file__).resolve().parents[1]
 REPORTS = ROOT / "docs" / "reports"
-MARKER = re.compile(r"(<!-- (\w+)(?:[:\n]| (?=-->))((?:(?!-->)[\s\S])*)-->\n)((?:\|.*\n)*)")
+MARKER = re.compile(r"(<!-- (\w+)(?::|\s)((?:(?!-->)[\s\S])*)-->\n)((?:\|.*\n)*)")
 _JSON = "params", "world", "assumed", "swept"  # columns whose parts become columns of their own
-OF_CODE: dict[str, Callable[..., str]] = {}  # by the word of their marker
 
 
 class Number(float):
@@ -154,7 +154,8 @@ def renewed(text: str) -> str:
             return head + numbers(**tomllib.loads(content))
         if word not in OF_CODE:
             return found[0]
-        return head + OF_CODE[word](*(part.strip() for part in content.split(",") if part.strip()))
+        names = (part.strip() for part in content.split(","))
+        return head + table(*OF_CODE[word](*filter(None, names)))
 
     return MARKER.sub(made, text)
 
@@ -162,136 +163,6 @@ def renewed(text: str) -> str:
 def pages() -> list[Path]:
     """Return the pages that may have markers."""
     return [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-
-
-def ids() -> str:
-    """Return the ids of the environments: what they are, of what arguments, how long they last."""
-    import gymnasium as gym
-
-    from deqmcl_gym.registration import ABOUT
-    from deqmcl_gym.world.presets import WORLDS
-
-    rows = []
-    for name, about in ABOUT.items():
-        spec = gym.spec(f"deqmcl_gym/{name}")
-        made = dict(spec.kwargs)
-        if "preset" in made:
-            made = _changes(WORLDS["paper"], WORLDS[made["preset"]])
-        given = ", ".join(f"`{part}={_code(value)}`" for part, value in _flat(made))
-        arguments = {each: default for each, default, _ in _signature(_class(name))}
-        most = spec.max_episode_steps or arguments.get("max_steps") or "none"
-        together = "in kernels" if spec.vector_entry_point else "in a loop"
-        if "scan" in arguments:
-            together = '`scan="field"`'
-        rows.append([f"`{name}`", about, given, str(most), together])
-    return table(["`deqmcl_gym/…`", "what it is", "set", "most steps", "`make_vec`"], rows)
-
-
-def arguments(name: str) -> str:
-    """Return the arguments of an id, or of a part of it (``Office``), from the code's own words."""
-    found = _class(name)
-    if is_dataclass(found):
-        return table(["key", "default", "meaning"], _keys("", found, found))
-    rows = []
-    for argument, default, said in _signature(found):
-        part, asked = _part(argument) if name == "Room-v0" else (None, True)
-        if asked:
-            rows.append([f"`{argument}`", f"`{_code(default)}`", said])
-        if part is not None:
-            rows += _keys(f"{argument}.", type(part), part)
-    return table(["argument", "default", "meaning"], rows)
-
-
-def _class(name: str) -> Any:
-    import gymnasium as gym
-    from gymnasium.envs.registration import load_env_creator
-
-    import deqmcl_gym
-
-    if "-v" not in name:
-        return getattr(deqmcl_gym, name, None) or getattr(deqmcl_gym.maps, name)
-    return load_env_creator(str(gym.spec(f"deqmcl_gym/{name}").entry_point))
-
-
-def _signature(found: type) -> Iterator[tuple[str, Any, str]]:
-    """Yield the arguments of a class and of those that it is derived from, with their words."""
-    told = set()
-    for owner in (one for one in found.__mro__ if one.__module__.split(".")[0] != "gymnasium"):
-        words = _words(owner)
-        for argument in inspect.signature(owner).parameters.values():
-            asked = argument.default is not argument.empty
-            if asked and argument.name in words and argument.name not in told:
-                told.add(argument.name)
-                yield argument.name, argument.default, words[argument.name]
-
-
-def _words(owner: type) -> dict[str, str]:
-    """Return what the docstring of a class says of each argument."""
-    section = (inspect.getdoc(owner) or "").partition("Args:\n")[2].partition("\n\n")[0]
-    found: dict[str, str] = {}
-    for names, words in re.findall(r"^    (\w[\w, ]*): ((?:.*\n?)(?:     .*\n?)*)", section, re.M):
-        said = " ".join(words.split()).removesuffix(".").replace("``", "`").replace("|", "or")
-        found |= dict.fromkeys(names.split(", "), said)
-    return found
-
-
-def _part(argument: str) -> tuple[Any, bool]:
-    """Return a part of the world with its defaults, and whether a world may be without it."""
-    from deqmcl_gym.world import config
-    from deqmcl_gym.world.presets import WORLDS
-
-    if argument in config._OPTIONAL:
-        return config._OPTIONAL[argument](), True
-    part = getattr(WORLDS["paper"], argument, None)
-    return (None, True) if argument == "floor_plan" or part is None else (part, False)
-
-
-def _keys(prefix: str, owner: Any, defaults: Any) -> list[list[str]]:
-    """Return a row for each field of a dataclass, with the comment ``#:`` above or beside it."""
-    source = inspect.getsource(owner)
-    lines = re.findall(r"((?:^    #: .*\n)*)^    (\w+): [^\n#]*(?:#: (.*))?$", source, re.M)
-    said = {name: " ".join(above.replace("#:", "").split()) or own for above, name, own in lines}
-    rows = []
-    for own in fields(owner):
-        per = own.metadata.get("length", 0)
-        unit = {1: " px", -1: " /px"}.get(per, "")
-        value = _code(getattr(defaults, own.name))
-        words = said[own.name].replace("``", "`")
-        rows.append([f"`{prefix}{own.name}`", f"`{value}`{unit if value != 'None' else ''}", words])
-    return rows
-
-
-def _changes(of: Any, to: Any) -> dict[str, Any]:
-    """Return what differs between two dataclasses, part by part."""
-    found: dict[str, Any] = {}
-    for own in fields(of):
-        old, new = getattr(of, own.name), getattr(to, own.name)
-        if old != new:
-            found[own.name] = {} if is_dataclass(new) else new
-            if is_dataclass(old) and is_dataclass(new):
-                found[own.name] = _changes(old, new)
-    return found
-
-
-def _flat(parts: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    for name, value in parts.items():
-        if name == "floor_plan" or not (isinstance(value, dict) and value):
-            yield name, value
-        else:
-            yield from ((f"{name}.{key}", each) for key, each in value.items())
-
-
-def _code(value: Any) -> str:
-    """Return a value as code; angles as shares of π."""
-    share = value / math.pi if isinstance(value, float) else 0.0
-    for below in (1, 2, 4, 12):
-        if share and math.isclose(share * below, round(share * below), abs_tol=1e-9):
-            times = round(share * below)
-            return f"{times if times != 1 else ''}π{f'/{below}' if below > 1 else ''}"
-    return repr(value).replace("'", '"')
-
-
-OF_CODE |= {"ids": ids, "arguments": arguments}
 
 
 def main(words: list[str]) -> int:

@@ -7,8 +7,8 @@ PPO in many rooms at once: ``python docs/examples/ppo.py``.
 It needs the extra ``rl``: ``pip install '.[rl]'`` in the clone. ``deqmcl_gym.sb3.Rooms`` hands the
 native vector env to Stable-Baselines3. By default the policy sees only the nine ranges of
 ``deqmcl_gym/Sharp-v0``, neither its pose nor its plan. The script draws the learning curve and
-prints how many of 20 laps are finished: `Train a policy <../acting.html>`_ has results. ``--id`` and
-``--set`` train elsewhere, as ``--id Journey-v1 --set '{"plan": false, "goal": "relative"}'``.
+prints how many of 20 laps are finished: `Train a policy <../acting.html>`_ has results. Elsewhere
+train ``--id`` and ``--set``, as ``--id Journey-v1 --set '{"plan": false, "goal": "relative"}'``.
 
 .. image:: ../figures/ppo.svg
 """

@@ -13,13 +13,12 @@ from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import Mount
 from deqmcl_gym.world import config
 from deqmcl_gym.world.presets import WORLDS
-from docs import tables
+from docs import tables_of_code as tables
 
 
 def rows(table):
     """The cells of a table's rows, by the name in the first."""
-    lines = [[cell.strip() for cell in line.split("|")[1:-1]] for line in table.splitlines()[2:]]
-    return {cells[0].strip("`"): cells[1:] for cells in lines}
+    return {cells[0].strip("`"): cells[1:] for cells in table[1]}
 
 
 def test_every_id_has_a_row_with_its_steps():
@@ -28,7 +27,7 @@ def test_every_id_has_a_row_with_its_steps():
     assert {f"deqmcl_gym/{name}" for name in found} == ours
     assert found["Room-v0"][-2] == "408"
     assert found["Localize-v0"][-2] == "300"
-    assert "`lidar.beams=9`" in tables.ids()
+    assert "`lidar.beams=9`" in found["Sharp-v0"][1]
 
 
 def test_the_arguments_of_a_room_are_those_of_its_signature_and_of_all_parts():
