@@ -18,10 +18,22 @@ Table = tuple[list[str], Iterable[list[str]]]  # heads, rows
 
 
 def parameters(*names: str) -> Table:
-    """Return a table of the parameters of localizers, each with what it is; of several, whose."""
+    """Return a table of the parameters of localizers, each with what it is; of several, whose.
+
+    Those of a name after a minus are left out: "cbgl", "-mcl-map".
+    """
+    left_out = {
+        one.name
+        for name in names
+        if name.startswith("-")
+        for one in localizers.describe(name[1:]).parameters
+    }
+    names = tuple(name for name in names if not name.startswith("-"))
     rows: dict[tuple[str, str], dict[str, str]] = {}  # default by localizer by name and meaning
     for localizer in names:
         for one in localizers.describe(localizer).parameters:
+            if one.name in left_out:
+                continue
             row = rows.setdefault((one.name, one.meaning), {})
             row[localizer] = f"`{one.default_words}`".replace("'", '"')
     lines = []

@@ -1,6 +1,6 @@
 """The tables of the documents are those of the reports: ``python -m docs.tables``."""
 
-from docs import tables
+from docs import tables, tables_of_code
 
 
 def test_every_table_of_the_pages_is_that_of_its_report():
@@ -15,3 +15,10 @@ def test_parts_of_a_files_name_are_columns():
         ["mcl", "intel", ""],
         ["amcl", "freiburg", "amcl"],
     ]
+
+
+def test_parameters_of_another_localizer_are_left_out():
+    _, rows = tables_of_code.parameters("cbgl", "-mcl-map")
+    assert {row[0] for row in rows} == {
+        "`poses`", "`matched`", "`modes`", "`spread`", "`spread_heading`",
+    }  # fmt: skip
