@@ -39,7 +39,7 @@ except ModuleNotFoundError as missing:
     sys.exit(f"{missing.name} is not installed: pip install '.[rl]' in the clone.")
 
 TRAINED = {"office": {**OFFICE, "seeds": [1000, 2000]}}  # scored: 0, 1, …
-FILTER = {"scan": "field", "localizer": {"name": "mcl", "particles": 2000}}  # of the training
+FILTER = {"scan": "field", "localizer": {"name": "mcl", "particles": 5000}}  # of the training
 QUARTER = math.pi / 4
 #: what a decision does in four steps: turns, then metres driven
 DECISIONS = np.array([

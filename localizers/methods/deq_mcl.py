@@ -40,7 +40,9 @@ class Shared:
     """Parameters of several methods; each method takes those it needs."""
 
     particles: Annotated[int, "number of particles, N, at least 1"] = 1000
-    lag: Annotated[int, "L, past steps kept and planned steps read, at least 0; more: more foresight, fewer poses"] = 20
+    lag: Annotated[
+        int, "L, past steps kept, planned steps read, at least 0; more: a longer view, fewer poses"
+    ] = 20
     beta: Annotated[
         float | None,
         "a colliding step weighs exp(-β); 0 or more, inf rejects it; None: the robot's",

@@ -10,7 +10,7 @@ ANSWERS = {
     "How do I install it without make?": "README.md#install-and-run",
     "What is worth a plan, in one table?": "README.md#what-a-plan-is-worth",
     "What does DEQ-MCL do in one step?": "docs/deq-mcl.ipynb#one-step-by-hand",
-    "Why does it lose one world in ten?": "docs/deq-mcl.ipynb#why-it-loses-one-world-in-ten",
+    "Why did it lose one run in ten?": "docs/deq-mcl.ipynb#why-it-lost-one-run-of-ten",
     "How do I get a LaTeX table?": "docs/deq-mcl.ipynb#your-own-localizer",
     "How do I compare a class of my own?": "docs/quickstart.md#plug-in-your-own",
     "What does a localizer get to know?": "docs/write-a-localizer.md#the-robot-model",
