@@ -1,11 +1,10 @@
-"""The commands of ``deqmcl``, one file each.
+"""The commands of ``deqmcl``, a function each: ``NAME_command(options) -> str``, what to print.
 
-A file holds ``arguments(parser)`` and ``run(options) -> str``, what to print; ``options.words`` are
-the words of the command line. Its docstring is what ``--help`` says. It imports what is heavy only
+Its docstring is what ``--help`` says, its decorator has its options. What is heavy is imported
 where it runs, so that ``deqmcl new --help`` stays fast.
 """
 
-GROUPS = {
+GROUPS = {  # of the commands
     "for everybody": {
         "paper": "run the paper's experiment: Table 1, figures, report",
         "run": "run one lap: animation, error curve, trace",
@@ -25,6 +24,11 @@ GROUPS = {
     },
 }
 COMMANDS = {name: words for group in GROUPS.values() for name, words in group.items()}
+MODULES = {  # that they are in
+    "experiments": ("paper", "run", "sweep", "report", "verify"),
+    "logs": ("replay", "score", "tune"),
+    "plug_ins": ("check", "list", "new"),
+}
 GONE = {  # said to whoever still types them
     "basin": "deqmcl sweep basin --set world.log=LOG --set world.map=MAP.yaml asks that",
     "export": "deqmcl report DIR --latex --pdf writes them into DIR/export",

@@ -38,7 +38,7 @@ from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.running import Options, begun, check
-from benchmarks.sweeps.sweepfile import params_by_localizer
+from benchmarks.sweeps.sweepfile import check_localizers, params_by_localizer
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import file_words, percent
 from benchmarks.trials.spec import Method
@@ -46,8 +46,7 @@ from benchmarks.trials.tracks import AGREE, agreement
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Scanner, Trajectory
-from deqmcl_gym.validation import InputError, integer
-from localizers import names as localizer_names
+from deqmcl_gym.validation import integer
 from localizers import parameters
 from localizers.methods.deq_mcl import Shared
 from localizers.registry import Factory
@@ -415,10 +414,7 @@ def methods_of(
     shared: Mapping[str, Mapping[str, Any]] = NOTHING,
 ) -> tuple[Method, ...]:
     """Return localizers with ``own`` parameters, else those ``shared``, else so many particles."""
-    if not localizers:
-        raise InputError(f"no localizer is named: allowed values: {', '.join(localizer_names())}.")
-    if len(set(localizers)) < len(localizers):
-        raise InputError(f"a localizer is named twice in {', '.join(localizers)}.")
+    check_localizers(localizers)
     params = {
         name: {**(shared.get(name) or particles_by_name(name, particles)), **own.get(name, {})}
         for name in localizers

@@ -23,8 +23,7 @@ from pathlib import Path
 from msgspec import to_builtins
 from msgspec.structs import replace
 
-from benchmarks.commands import paper as paper_command
-from benchmarks.commands import sweep as sweep_command
+from benchmarks.commands.experiments import asked, paper_command, sweep_command
 from benchmarks.execution.engines import Where, available_cpus
 from benchmarks.sweeps import manifest, suites
 from benchmarks.sweeps.design import Sweep
@@ -114,7 +113,7 @@ def sweep_of(command: str) -> Sweep | None:
     if first == "sweep":
         sweep_command.arguments(parser)
         options = parser.parse_args(rest)
-        return sweep_command.asked(options)
+        return asked(options)
     if first == "paper":
         paper_command.arguments(parser)
         given = parser.parse_args(rest)
