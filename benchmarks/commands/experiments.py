@@ -91,7 +91,7 @@ def paper_command(options: argparse.Namespace) -> str:
 
 
 def _paper_table(sweep: "Sweep", results: "Results", style: str) -> str:
-    from benchmarks.tables.comparison import reading, table_1
+    from benchmarks.report.tables import reading, table_1
     from benchmarks.tables.text import short_name
 
     worlds = "1 world" if sweep.trials == 1 else f"{sweep.trials} worlds"
@@ -102,7 +102,8 @@ def _paper_table(sweep: "Sweep", results: "Results", style: str) -> str:
         "beside ours"
     )
     rows = results.table
-    parts = [title, table_1(rows, style), PAPER_NOTE, *filter(None, [reading(rows)])]
+    table = table_1(rows, variances=style == "github").text(style)
+    parts = [title, table, PAPER_NOTE, *filter(None, [reading(rows)])]
     return "\n\n".join(parts) + "\n"
 
 
@@ -228,8 +229,9 @@ def _misfits(sweep: "Sweep") -> list[str | None]:
 
 def asked(options: argparse.Namespace) -> "Sweep":
     """Return the sweep that ``deqmcl sweep`` is asked for."""
-    from benchmarks.experiment import base_of, sweep
+    from benchmarks.experiment import sweep
     from benchmarks.setup import documents
+    from benchmarks.sweeps.suites import sweep_named
     from deqmcl_gym.validation import InputError, integer
     from localizers import parameters
 
@@ -249,7 +251,7 @@ def asked(options: argparse.Namespace) -> "Sweep":
         keys["trials"] = integer("--max-worlds", most, low=1, high=100_000)
         keys["until_decided"] = {} if options.margin is None else {"margin": options.margin}
     values = documents.settings(options.set)
-    made = sweep(base_of(options.suite, added), settings=values, **keys).sweep
+    made = sweep(sweep_named(options.suite, added), settings=values, **keys).sweep
     for name in added:
         parameters(name)
     if options.shard and made.until_decided:
@@ -277,18 +279,24 @@ def report_command(options: argparse.Namespace) -> str:
     """
     from benchmarks.files import own_folder, write_files
     from benchmarks.report.verdict import conclusion, progress
-    from benchmarks.report.writing import require_report, rewrite_report
+    from benchmarks.report.writing import require_report, write_report
     from benchmarks.sweeps.results import left_out_lines, pooled, results_in
     from deqmcl_gym.validation import InputError
 
     require_report()
     (first, *more), target = options.folders, options.out or options.folders[0]
-    if more and target.resolve() == first.resolve():
+    same = target.resolve() == first.resolve()
+    if more and same:
         raise InputError("several folders make one report: give --out DIR, a new folder for it.")
     results = pooled(options.folders, options.words) if more else results_in(first)
     for line in left_out_lines(results, Path() if more else first):
         print(line, file=sys.stderr)
-    files = rewrite_report(first, target, results)
+    if same and any(record.track is not None for record in results.records):
+        raise InputError(
+            f"{first} is of deqmcl replay, which writes its report: run it again, or give another "
+            "--out."
+        )
+    files = write_report(target, results, draw=False, of=None if same else first)
     if options.latex or options.pdf:
         if not results.records:
             raise InputError(f"{first} has no finished trial: run its sweep first.")

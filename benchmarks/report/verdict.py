@@ -56,13 +56,7 @@ def verdict_on(panel: Panel) -> str:
 
 def progress(results: Results) -> str:
     """Say how far a sweep has come."""
-    done = results.planned - len(results.failures) - results.missing
-    said = f"{done} of {results.planned} trials finished"
-    if results.failures:
-        said += f", {len(results.failures)} failed"
-    if results.missing:
-        said += f", {results.missing} not run yet: this report is partial"
-    return said + "."
+    return f"{results.progress}{': this report is partial' if results.missing else ''}."
 
 
 def baseline_words(panels: Sequence[Panel], results: Results) -> str:

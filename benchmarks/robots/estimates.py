@@ -185,7 +185,7 @@ def score(
         for label, own in known.items()
         if own.sum() < _ALL * own.size
     ]
-    texts = [*accuracy(runs), *(table.text("simple") for table in tables_of(runs)), said]
+    texts = [*accuracy(runs), *(table.text() for table in tables_of(runs)), said]
     texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
     return uncovered, "\n\n".join(texts)
 

@@ -68,10 +68,10 @@ def suite_names() -> list[str]:
     return sorted(path.stem for path in _SUITES.glob("*.toml"))
 
 
-def suite_file(what: str, name: str) -> Path:
-    """Return the sweep file of a suite."""
+def suite_file(what: str, name: str, others: Iterable[str] = ()) -> Path:
+    """Return the sweep file of a suite; a refusal names ``others`` that are allowed, too."""
     try:
-        return _SUITES / f"{one_of(what, name, suite_names())}.toml"
+        return _SUITES / f"{one_of(what, name, [*suite_names(), *others])}.toml"
     except InputError as error:
         if Path(name).exists():
             raise InputError(
