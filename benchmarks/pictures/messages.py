@@ -24,7 +24,7 @@ from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import PREFIX, SUFFIX
-from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
+from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.maps.polygons import edges_of
 from deqmcl_gym.numerics import Floats, Reals, arrays
@@ -64,7 +64,9 @@ class Messages:
         self._kinds: Mapping[str, Any] = vars(channels)
         self._names, self._map, self._lidar = names, stage.room.floor_plan, stage.room.lidar
         self._metre, self._lag = metre(self._map.unit), stage.trial.lag
-        self._even = _is_even(self._lidar)
+        steps = np.diff(self._lidar.bearings)
+        alike = steps.size == 0 or np.abs(steps - steps[0]).max() <= _EVEN
+        self._even = bool(alike and len(self._lidar.places) == 1)
         self._channels: dict[str, Any] = {}
 
     def write(self, time: float, moments: Sequence[Step]) -> None:
@@ -225,12 +227,6 @@ class Messages:
             fields=self._fields(("red", "green", "blue", "alpha"), 1, "Uint8"),
             data=colors.tobytes(),
         )
-
-
-def _is_even(lidar: Lidar) -> bool:
-    steps = np.diff(lidar.bearings)
-    alike = steps.size == 0 or np.abs(steps - steps[0]).max() <= _EVEN
-    return bool(alike and len(lidar.places) == 1)
 
 
 def check_file(path: Path) -> None:

@@ -22,13 +22,12 @@ import pandas as pd
 from benchmarks.pictures import styled
 from benchmarks.report.charts import STYLE, Chart, canvas, line
 from benchmarks.robots.played import replay_of
-from benchmarks.tables.text import csv_text
 from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.files import write_text
-from docs.numbers.reading import DIFF, ROOT, filled, read, row
+from docs.numbers.reading import DIFF, ROOT, csv_text, filled, read, row
 from docs.numbers.reading import table as written
 
 DIFF_2 = "{diff:+.2f} ({diff_low:.2f} to {diff_high:.2f})"

@@ -2,11 +2,13 @@
 
 import csv
 import functools
+import io
 import json
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -117,3 +119,13 @@ DIFF_METRES = (
 DIFF = "{diff:+.1f} ({diff_low:.1f} to {diff_high:.1f})"
 INTERVAL = "{diff:+.2f} [{diff_low:+.2f}, {diff_high:+.2f}]"
 DRAWS = {"start_draws": 20}
+
+
+def csv_text(header: Sequence[str], lines: Iterable[Iterable[Any]]) -> str:
+    """Return a table as CSV; None and NaN are empty cells."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(header)
+    for line in lines:
+        writer.writerow("" if isinstance(v, float) and math.isnan(v) else v for v in line)
+    return out.getvalue()

@@ -32,7 +32,6 @@ from benchmarks.sweeps.store import named
 from benchmarks.sweeps.verifying import compare_again, record_parts, sample
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import csv_of
-from benchmarks.tables.text import csv_text
 from benchmarks.trials.attempt import Outcome, provenance_of
 from benchmarks.trials.provenance import code_digest
 from benchmarks.trials.scoring import TrialRecord
@@ -41,7 +40,7 @@ from deqmcl_gym.files import write_text
 from deqmcl_gym.validation import InputError
 from docs.numbers import made, pages
 from docs.numbers.made import Report, Verified
-from docs.numbers.reading import ROOT
+from docs.numbers.reading import ROOT, csv_text
 
 FOLDERS = ROOT / "results" / "reports"
 CORES = 2  # that minutes are told for
