@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.commands.options import (
+from benchmarks.commands import (
     JOBS,
     MCAP,
     RETRY_FAILED,

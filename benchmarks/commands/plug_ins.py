@@ -9,7 +9,7 @@ from shlex import quote
 from traceback import format_exception
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.commands.options import command, file, folder, option, switch
+from benchmarks.commands import command, file, folder, option, switch
 from benchmarks.console import doing
 
 if TYPE_CHECKING:  # loaded when needed

@@ -7,8 +7,8 @@ from argparse import ArgumentParser
 
 from deqmcl_command import METHODS, SMALL, exit_code, files, lines, records
 
+from benchmarks.commands import setting_sweep
 from benchmarks.commands.experiments import paper_command
-from benchmarks.commands.options import setting_sweep
 from benchmarks.sweeps.suites import paper_sweep, sweep_named
 from benchmarks.sweeps.sweepfile import sweep_of
 
