@@ -9,7 +9,6 @@ from base64 import b64encode
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -53,14 +52,6 @@ _LATEX = str.maketrans(
 )  # fmt: skip
 
 
-class Section(NamedTuple):
-    """A panel: its verdict, if there are several, then its tables and charts."""
-
-    panel: Panel
-    verdict: str
-    parts: list[Part]
-
-
 def parts_of(panel: Panel, *, pictured: bool = True) -> list[Part]:
     """Return what stands below the verdict on a panel: the list to add to."""
     tracks = track_parts(panel)
@@ -99,18 +90,15 @@ def page_files(
     panels = results.panels
     several = len(panels) > 1
     with styled(STYLE), films(panels, folder, draw=draw) as filmed:
+        parts = [parts_of(panel, pictured=panel.number <= _PICTURED) for panel in panels]
+        for first in parts[:1]:
+            first.extend(more)
         sections = [
-            Section(
-                panel,
-                verdict_on(panel) if several else "",
-                parts_of(panel, pictured=panel.number <= _PICTURED),
-            )
-            for panel in panels
+            {"panel": panel, "verdict": verdict_on(panel) if several else "", "parts": content}
+            for panel, content in zip(panels, parts, strict=True)
         ]
-        for section in sections[:1]:
-            section.parts.extend(more)
         swept = swept_charts(panels)
-        charts = [chart for section in sections for part in section.parts for chart in part.charts]
+        charts = [chart for content in parts for part in content for chart in part.charts]
         drawn = {chart.name: chart.drawn("svg") for chart in (*swept, *charts)}
         animations, no_films = filmed()
     figures = pictures_of_paper(folder)
