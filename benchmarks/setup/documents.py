@@ -172,10 +172,7 @@ def parsed(what: str, text: str) -> Any:
 def sweep_text(
     notes: Iterable[str], top: Mapping[str, Any], tables: Mapping[str, Mapping[str, Any]]
 ) -> str:
-    """Return a sweep file: comments, values before all tables, and tables by name.
-
-    A table whose name has brackets, as "[localizers]", is one of a list.
-    """
+    """Return a sweep file: comments, values before all tables, and tables by name."""
     clean = (
         "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in n) for n in notes
     )
