@@ -140,6 +140,7 @@ def _mean_sd(mean: float, sd: float) -> str:
     return f"{fixed(mean)} ({fixed(sd)})"
 
 
+_tenths = partial(percent, digits=1)
 _METHOD: Columns = {"method": "label", "belief about": words(state_name, "offset")}
 
 
@@ -177,7 +178,9 @@ def verdict_table(panel: Panel) -> Table:
             for label, itself in zip(rows["label"], rows["is_baseline"], strict=True)
         ],
         **numbers,
-        "ms per step (ratio)": words(_cost, "ms_per_step", "cost"),
+        "ms per step (ratio)": words(
+            lambda ms, ratio: f"{fixed(ms)} ({significant(ratio, 2)} ×)", "ms_per_step", "cost"
+        ),
         "worlds": "worlds",
     }
     best = [n for n, order in enumerate(rows["order"]) if order == rows["order"].iloc[0]]
@@ -247,7 +250,9 @@ def detection_table(panel: Panel) -> Table | None:
         "method": "label",
         "AUROC (95 %)": AUROC,
         f"steps with {far}": words(_tenths, "far_steps"),
-        "in how many worlds": words(_of_worlds, "far_worlds", "worlds"),
+        "in how many worlds": words(
+            lambda k, n: "n/a" if math.isnan(k) else f"{k:.0f} of {n}", "far_worlds", "worlds"
+        ),
     }
     return Table("detection", of_rows(rows, columns), about=far)
 
@@ -303,18 +308,6 @@ def _marks(relations: Iterable[str], aim: Score | None) -> list[str]:
 
 def _lost(share: float, runs: int, low: float, high: float) -> str:
     return f"{percent(share)} of {runs} ({100 * low:.0f} to {100 * high:.0f})"
-
-
-def _cost(ms: float, ratio: float) -> str:
-    return f"{fixed(ms)} ({significant(ratio, 2)} ×)"
-
-
-def _tenths(share: float) -> str:
-    return percent(share, 1)
-
-
-def _of_worlds(some: float, worlds: int) -> str:
-    return "n/a" if math.isnan(some) else f"{some:.0f} of {worlds}"
 
 
 def _score_columns(score: Score) -> Columns:

@@ -231,6 +231,8 @@ def replay(
 ) -> ReplayResults:
     """Play the records of a log to localizers, and return how far off each was.
 
+    What is refused raises ``InputError`` before anything is run.
+
     Args:
         log: path of the log, or of its parts.
         map: path of the map's yaml.
@@ -243,9 +245,6 @@ def replay(
         residuals: whether to tell and draw where the map is wrong.
         command: the words that started it, for the folder.
         how: reference, start, particles, seeds, seed, fit_beams: see ``planned``.
-
-    Raises:
-        InputError: something of it is refused; nothing is run then.
     """
     names, factories = named_localizers(localizers)
     amcl = None if nav2 is None else read_nav2(Path(nav2), node)
