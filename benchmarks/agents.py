@@ -46,11 +46,9 @@ class OpenLoop:
         del robot
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals | None:
-        """Return None: the plan is the env's."""
         return None
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
-        """Return the next planned action; the plan is the env's."""
         return info["planned_actions"][0], None
 
 
@@ -58,13 +56,11 @@ class Stale(OpenLoop):
     """The plan that the env shows is carried out; the localizer is shown that of another start."""
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
-        """Return the plan from the other start, all of it."""
         planned = info["planned_actions"][: info["planned_count"]]
         self._rest: Reals = np.roll(planned, -(len(planned) // _AHEAD), axis=0)
         return self._rest
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
-        """Return the next action planned by the env, and what is left of the other plan."""
         self._rest = self._rest[1:]
         return info["planned_actions"][0], self._rest
 
@@ -83,7 +79,6 @@ class Misplaced(OpenLoop):
         self._plan = _lap(robot)
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
-        """Return the plan from the pose seen at the start."""
         if not np.isfinite(info["truth"]).all():
             raise InputError("the agent must see the true pose: give a world that tells it.")
         seed = np.abs(np.rint(1e6 * info["truth"])).astype(np.int64)
@@ -94,7 +89,6 @@ class Misplaced(OpenLoop):
         return self._seen_from(info["truth"])
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
-        """Return the next action planned by the env, and the author's plan after it."""
         return info["planned_actions"][0], self._seen_from(info["truth"])[1:]
 
     def _seen_from(self, truth: Reals) -> Reals:
@@ -109,11 +103,9 @@ class OldRoute(OpenLoop):
     """
 
     def plan_at_reset(self, info: dict[str, Any]) -> None:
-        """Return None: the plan at reset is the env's."""
         self._route = _route_of(info)
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
-        """Return the next action planned by the env, and what is left of the plan shown."""
         if np.array_equal(info["route"], self._route):
             self._shown: Reals = info["planned_actions"][: info["planned_count"]]
         self._shown = self._shown[1:]
@@ -127,7 +119,6 @@ class OtherRoute(Stale):
         self._world = _in_the_building(robot)
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
-        """Return the plan of the other robot; which route it has depends on the one shown only."""
         seed = np.abs(np.rint(1e3 * np.array(_route_of(info)))).astype(np.int64).ravel()
         corners = Journeys(self._world).between(None, np.random.default_rng(seed))
         self._rest = Course.along(corners, (*corners[0].tolist(), 0.0), self._world).actions
@@ -146,11 +137,9 @@ class OnEstimate:
         self._plan = _lap(robot)
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
-        """Return no plan: nothing is believed yet."""
         return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
-        """Return the next action of a plan from the mean pose, and the rest of that plan."""
         if (seen := _points(belief)) is None:
             return _LOOK_ROUND, None
         planned = _ahead_of(self._plan, mean_pose(*seen), least=1)
@@ -179,7 +168,6 @@ class ToGoal:
         self.pose: Pose = (0.0, 0.0, 0.0)
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals | None:
-        """Return no plan: nothing is believed yet."""
         if "goal" not in info:
             raise InputError("the agent drives to a goal: give a world with a route.")
         x, y = info["goal"].tolist()
@@ -187,7 +175,6 @@ class ToGoal:
         return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
-        """Return the next action towards the goal, and those after it."""
         if (seen := _points(belief)) is None:
             return _LOOK_ROUND, None
         self.pose = best_cluster(*seen, unit=self._map.unit).mean
@@ -240,12 +227,10 @@ class Dispatched(ToGoal):
         self._rng: np.random.Generator | None = None
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
-        """Return no plan."""
         self._rng = rng_of(info)
         return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals]:
-        """Return the next action along the route, and no plan."""
         assert self._rng is not None
         x, y, heading = np.asarray(info["truth"]).tolist()
         self.pose = x, y, heading
@@ -265,7 +250,6 @@ class OnRoute(ToGoal):
     """
 
     def plan_at_reset(self, info: dict[str, Any]) -> None:
-        """Return None: the plan at reset is the env's."""
         super().plan_at_reset(info)
         corners = np.array(info["route"])
         self.follow(Course.along(corners, (*corners[0].tolist(), 0.0), self._world))

@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import NoReturn
 
 from benchmarks import console
-from benchmarks.commands import COMMANDS, GONE, GONE_OPTIONS, GROUPS
+from benchmarks.commands import COMMANDS, GONE, GONE_OPTIONS, GROUPS, MODULES
 
 BAD_INPUT, FAILED, INTERRUPTED, NOT_READ, TERMINATED = 2, 3, 130, 141, 143
 _DESCRIPTION = "Benchmark of self-localization for robots with a known plan." + "".join(
@@ -39,9 +39,9 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         sentence = message.rstrip(".")
         if message.startswith("unrecognized arguments: "):
-            given = message.removeprefix("unrecognized arguments: ").split()[0]
-            sentence = f"unknown argument {given!r}"
-            flag = given.split("=")[0]
+            word = message.removeprefix("unrecognized arguments: ").split()[0]
+            sentence = f"unknown argument {word!r}"
+            flag = word.split("=")[0]
             known = [flag for action in self._actions for flag in action.option_strings]
             nearest = difflib.get_close_matches(flag, known, n=1)
             if flag in known:  # argparse knows the options of a command only after its name
@@ -157,15 +157,15 @@ def _parse(arguments: Sequence[str]) -> argparse.Namespace:
         dest="command", required=True, metavar="COMMAND", prog="deqmcl", help=argparse.SUPPRESS
     )
     for name in COMMANDS:
-        own = subparsers.add_parser(name, allow_abbrev=False)
+        subparser = subparsers.add_parser(name, allow_abbrev=False)
         if name not in typed:
             continue
-        command = import_module(f"benchmarks.commands.{name.replace('-', '_')}")
-        own.description = command.__doc__
-        command.arguments(own)
+        module = next(module for module, names in MODULES.items() if name in names)
+        command = getattr(import_module(f"benchmarks.commands.{module}"), f"{name}_command")
+        command.arguments(subparser)
         traced = "show a traceback when something fails"
-        own.add_argument("--debug", action="store_true", help=traced)
-        own.set_defaults(run=command.run)
+        subparser.add_argument("--debug", action="store_true", help=traced)
+        subparser.set_defaults(run=command.run)
     if completing:
         import argcomplete
 

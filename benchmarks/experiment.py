@@ -22,20 +22,19 @@ from benchmarks.execution.engines import Where
 from benchmarks.pictures.film import Camera, camera_of
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import write_report
-from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup.overrides import NOTHING, Named, Overrides
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence, summary
 from benchmarks.sweeps.running import Options, Running, begun, check, shard_of
-from benchmarks.sweeps.suites import PAPER_METHODS, SUITES, sweep_named
-from benchmarks.sweeps.sweepfile import refuse_idle, sweep_of, with_localizers, with_settings
+from benchmarks.sweeps.suites import sweep_named
+from benchmarks.sweeps.sweepfile import refuse_idle, sweep_of, with_settings
 from benchmarks.sweeps.verifying import adopted
 from benchmarks.tables.comparison import FURTHER, RESULTS
 from benchmarks.tables.frames import INNER, trials_frame
 from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
-from deqmcl_gym.validation import InputError, integer, one_of, shown
+from deqmcl_gym.validation import InputError, integer, shown
 from localizers import registered
 from localizers.registry import Factory
 
@@ -70,14 +69,13 @@ def sweep(
     """
     given, factories = as_toml(keys), dict[str, Factory]()
     if localizers:
-        one = isinstance(localizers, str) or callable(localizers)
-        listed, factories = named_localizers([localizers] if one else localizers)
+        listed, factories = named_localizers(localizers)
         given["localizers"] = as_toml(listed)
     if vary:
         axes = [{name: v} for name, v in vary.items()] if isinstance(vary, Mapping) else vary
         given["vary"] = as_toml(axes)
     with knowing(factories):
-        base = base_of(of)
+        base = of if isinstance(of, Sweep) else sweep_named(str(of))
         made = sweep_of(given, title=base.title, base=base)
         if localizers and "baseline" not in given and base.baseline not in made.names:
             made = replace(made, baseline="")
@@ -241,7 +239,7 @@ def run(
     The sweep has this scenario and seed. An unknown name or a bad value raises ``InputError``.
     """
     integer("trial", trial)
-    (name,), factories = named_localizers([localizer])
+    (name,), factories = named_localizers(localizer)
     with knowing(factories):
         of = Sweep(
             title=scenario,
@@ -260,32 +258,21 @@ def _picture(camera: Camera, step: Step, method: str) -> NDArray[np.uint8]:
     return np.ascontiguousarray(camera.frame(step, [f"{method}, t = {step.t}"]))
 
 
-def base_of(of: str | Path | Sweep, added: Sequence[str] = ()) -> Sweep:
-    """Return the sweep that a name leads to, or that of a scenario; with further localizers."""
-    if isinstance(of, Sweep):
-        return with_localizers(of, added)
-    name = str(of)
-    if name in SCENARIOS and name not in SUITES:
-        methods = tuple(map(Method, PAPER_METHODS))
-        return with_localizers(Sweep(title=name, scenario=name, localizers=methods), added)
-    if not name.endswith(".toml"):
-        one_of("suite or scenario", name, {*SUITES, *SCENARIOS})
-    return sweep_named(name, added)
-
-
-def named_localizers(given: Sequence[Any]) -> tuple[list[Any], dict[str, Factory]]:
-    """Return localizers with classes and functions by their names, and these by name."""
+def named_localizers(localizers: Any) -> tuple[list[Any], dict[str, Factory]]:
+    """Return one or more localizers, classes and functions by their names, and these by name."""
+    single = isinstance(localizers, str) or callable(localizers)
     names, factories = [], dict[str, Factory]()
-    for one in given:
-        name = getattr(one.func if isinstance(one, partial) else one, "__name__", None)
-        if not callable(one):
-            names.append(one)
+    for localizer in [localizers] if single else localizers:
+        made_by = localizer.func if isinstance(localizer, partial) else localizer
+        name = getattr(made_by, "__name__", None)
+        if not callable(localizer):
+            names.append(localizer)
         elif not isinstance(name, str) or name == "<lambda>":
             raise InputError(
-                f"the localizer is {shown(one)}, but must be a name, a class or a function with a "
-                "name."
+                f"the localizer is {shown(localizer)}, but must be a name, a class or a function "
+                "with a name."
             )
-        elif factories.setdefault(name, one) is not one:
+        elif factories.setdefault(name, localizer) is not localizer:
             raise InputError(f"two localizers are called {name}: give one of them another name.")
         else:
             names.append(name)

@@ -9,22 +9,22 @@ from deqmcl_gym.validation import InputError
 
 def is_empty(folder: Path) -> bool:
     """Whether a folder is missing, or holds nothing but what a killed process of ours leaves."""
+
+    def is_begun(path: Path) -> bool:
+        return path.match("trials*.jsonl") and path.is_file() and path.stat().st_size == 0
+
     try:
-        return all(is_temporary(path) or _is_begun(path) for path in folder.iterdir())
+        return all(is_temporary(path) or is_begun(path) for path in folder.iterdir())
     except FileNotFoundError:
         return True
     except OSError:  # a file, or not to be read: said when it is to be written to
         return not folder.is_dir()
 
 
-def _is_begun(path: Path) -> bool:
-    return path.match("trials*.jsonl") and path.is_file() and path.stat().st_size == 0
-
-
-def own_folder(folder: Path, file: str) -> Path:
-    """Make a folder for the files of a command, or take one where it wrote before."""
+def own_folder(folder: Path, *names: str) -> Path:
+    """Make a folder for the files of a command, or take one that has one of its files already."""
     taken = (folder / "manifest.json").exists()  # by a sweep
-    if not is_empty(folder) and (taken or not (folder / file).is_file()):
+    if not is_empty(folder) and (taken or not any((folder / name).exists() for name in names)):
         raise InputError(
             f"the output folder {folder} holds files, but none of this command's: give a new or "
             "an empty one."

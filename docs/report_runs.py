@@ -19,11 +19,11 @@ import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
+import pandas as pd
 from msgspec import Struct, convert, to_builtins
 from msgspec.structs import replace
 
-from benchmarks.commands import paper as paper_command
-from benchmarks.commands import sweep as sweep_command
+from benchmarks.commands.experiments import asked, paper_command, sweep_command
 from benchmarks.execution.engines import Where
 from benchmarks.sweeps import suites
 from benchmarks.sweeps.design import Sweep
@@ -31,7 +31,6 @@ from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.verifying import compare_again, record_parts, sample
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import csv_of
-from benchmarks.tables.text import csv_text
 from benchmarks.trials.attempt import Outcome, provenance_of
 from benchmarks.trials.provenance import code_digest
 from benchmarks.trials.scoring import TrialRecord
@@ -110,7 +109,7 @@ def sweep_of(command: str) -> Sweep | None:
     first, *rest = shlex.split(command)
     if first == "sweep":
         sweep_command.arguments(parser)
-        return sweep_command.asked(parser.parse_args(rest))
+        return asked(parser.parse_args(rest))
     if first == "paper":
         paper_command.arguments(parser)
         given = parser.parse_args(rest)
@@ -172,7 +171,7 @@ def _renewed(name: str, made: Made, where: Where) -> Report:
     for key, trial in sample({k: r.trial for k, r in records.items()}, code_digest()).items():
         said = (_digest_of(trial), trial.scenario, trial.localizer, *trial.run)
         rows.append([*said, records[key].scores[0]["error"], fingerprint(records[key])])
-    write_text(_sample(name), csv_text(_SAMPLED, rows))
+    write_text(_sample(name), csv_of(pd.DataFrame(rows, columns=_SAMPLED)))
     git = ["git", "describe", "--always", "--dirty=+", "--exclude=*"]
     commit = subprocess.run(git, cwd=ROOT, check=True, capture_output=True, text=True).stdout
     return replace(

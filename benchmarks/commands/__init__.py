@@ -1,11 +1,18 @@
-"""The commands of ``deqmcl``, one file each.
+"""The commands of ``deqmcl``, a function each: ``NAME_command(options) -> str``, what to print.
 
-A file holds ``arguments(parser)`` and ``run(options) -> str``, what to print; ``options.words`` are
-the words of the command line. Its docstring is what ``--help`` says. It imports what is heavy only
-where it runs, so that ``deqmcl new --help`` stays fast.
+Its docstring is what ``--help`` says, its decorator has its options; those that several share are
+here. What is heavy is imported where it runs, so that ``deqmcl new --help`` stays fast.
 """
 
-GROUPS = {
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:  # --help loads nothing heavy
+    from benchmarks.sweeps.design import Sweep
+
+GROUPS = {  # of the commands
     "for everybody": {
         "paper": "run the paper's experiment: Table 1, figures, report",
         "run": "run one lap: animation, error curve, trace",
@@ -25,6 +32,11 @@ GROUPS = {
     },
 }
 COMMANDS = {name: words for group in GROUPS.values() for name, words in group.items()}
+MODULES = {  # that they are in
+    "experiments": ("paper", "run", "sweep", "report", "verify"),
+    "logs": ("replay", "score", "tune"),
+    "plug_ins": ("check", "list", "new"),
+}
 GONE = {  # said to whoever still types them
     "basin": "deqmcl sweep basin --set world.log=LOG --set world.map=MAP.yaml asks that",
     "export": "deqmcl report DIR --latex --pdf writes them into DIR/export",
@@ -49,3 +61,161 @@ GONE_OPTIONS = {
     "--suites": "deqmcl list suites",
     "--unknown": "--set world.unknown=free",
 }
+
+Option = Callable[[Any], object]  # adds itself to a parser, or to a group of its options
+
+
+class Command(NamedTuple):
+    """A command: what it runs, and its options."""
+
+    run: Callable[[argparse.Namespace], str]
+    options: Sequence[Option]
+
+    def arguments(self, parser: argparse.ArgumentParser) -> None:
+        """Add its words and its options to a parser."""
+        parser.description = self.run.__doc__
+        for add in self.options:
+            add(parser)
+
+
+def command(*options: Option) -> Callable[[Callable[[argparse.Namespace], str]], Command]:
+    """Make a command of a function, with these options."""
+    return lambda run: Command(run, options)
+
+
+def option(*names: str, **how: Any) -> Option:
+    """Declare an option, or a positional argument, as argparse has it."""
+    return lambda parser: parser.add_argument(*names, **how)
+
+
+def switch(name: str, words: str) -> Option:
+    """Declare an option without a value."""
+    return option(name, action="store_true", help=words)
+
+
+def group(title: str, *options: Option) -> Option:
+    """Declare options that ``--help`` shows under a title."""
+
+    def add(parser: argparse.ArgumentParser) -> None:
+        inside = parser.add_argument_group(title)
+        for each in options:
+            each(inside)
+
+    return add
+
+
+def folder(text: str) -> Path:
+    """Return the folder of an argument; "" would be the current one."""
+    return _path(text, "a folder, as in results/mine")
+
+
+def file(text: str) -> Path:
+    """Return the file of an argument; "" would be the current folder."""
+    return _path(text, "a file")
+
+
+def _path(text: str, what: str) -> Path:
+    from deqmcl_gym.files import is_possible
+
+    if not text.strip():
+        raise argparse.ArgumentTypeError(f"it is empty: name {what}")
+    if not is_possible(Path(text)):
+        raise argparse.ArgumentTypeError("it has a name of more than 255 bytes: give a shorter one")
+    return Path(text)
+
+
+def share(text: str) -> float:
+    """Return 5% or 0.05 as a number."""
+    number, percent, _ = text.strip().partition("%")
+    try:
+        return float(number) / 100 if percent else float(number)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"it is {text!r}: give a share, as 5% or 0.05") from None
+
+
+JOBS = option("--jobs", type=int, metavar="J", help="trials or runs at a time (one per processor)")
+MCAP = option("--mcap", type=file, metavar="FILE.mcap",
+    help="also write what is believed, for Foxglove and Lichtblick (needs the extra view)",
+)  # fmt: skip
+RETRY_FAILED = switch("--retry-failed", "run again what failed before")
+TIMEOUT = option("--timeout", type=float, metavar="S",
+    help="seconds allowed per trial or run (no limit; for a plug-in 3600)",
+)  # fmt: skip
+
+
+def out(default: str | None = None, *, without: str | None = None) -> Option:
+    """Declare the output folder; it must be given if there is neither a default nor ``without``.
+
+    The latter is told, and left to the command, which is given None.
+    """
+    usual = default or without
+    words = "output folder" if usual is None else f"output folder ({usual})"
+    how: dict[str, Any] = {"default": default, "required": usual is None, "help": words}
+    return option("--out", type=folder, metavar="DIR", **how)
+
+
+def seed(default: int | None = 0) -> Option:
+    """Declare the root seed; None: that of the sweep."""
+    words = f"root of all randomness ({'as in the sweep' if default is None else default})"
+    return option("--seed", type=int, default=default, metavar="S", help=words)
+
+
+def settings(
+    example: str = "params.mcl.particles=500",
+    names: str = "world.…, assumed.…, params.… and others, docs/sweeps.md",
+) -> Option:
+    """Declare single values by the names that a sweep file has, of which the command takes some."""
+    words = f"a value by its name in a sweep file, as {example}: {names} (one --set each)"
+    return option("--set", action="append", default=[], metavar="NAME=VALUE", help=words)
+
+
+def trials(default: int | None = None) -> Option:
+    """Declare the number of worlds; None: that of the sweep."""
+    words = f"worlds of each setting ({'as in the sweep' if default is None else default})"
+    return option("--trials", type=int, default=default, metavar="K", help=words)
+
+
+SETTING: tuple[Option, ...] = (  # of ``setting_sweep``
+    option("--scenario", default="paper", metavar="NAME",
+        help="a name (deqmcl list), room.toml or file.py:NAME (paper)"),
+    seed(),
+    option("--particles", type=int, default=1000, metavar="N", help="particles (1000)"),
+    option("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)"),
+)  # fmt: skip
+
+
+def setting_sweep(
+    options: argparse.Namespace, localizers: Sequence[str], trials: int = 1
+) -> "Sweep":
+    """Return the localizers on the worlds of a setting, with what is set."""
+    from benchmarks.setup import documents
+    from benchmarks.sweeps.suites import paper_sweep
+    from benchmarks.sweeps.sweepfile import check_localizers, with_settings
+    from deqmcl_gym.validation import integer
+
+    check_localizers(localizers)
+    sweep = paper_sweep(
+        localizers=localizers,
+        scenario=options.scenario,
+        trials=integer("--trials", trials, low=1, high=100_000),
+        seed=integer("--seed", options.seed),
+        lag=integer("--lag", options.lag),
+        particles=integer("--particles", options.particles, low=1),
+    )
+    return with_settings(sweep, documents.settings(options.set))
+
+
+def localizers_named(listed: str) -> tuple[str, ...]:
+    """Return the names in ``a,b,c``, without blanks; ``file.py`` is its only localizer."""
+    from localizers.registry import LOCALIZER
+
+    return tuple(LOCALIZER.complete(name) for part in listed.split(",") if (name := part.strip()))
+
+
+def mcap_of(options: argparse.Namespace) -> Path | None:
+    """Return the absolute path of the file for Foxglove, if one is asked for."""
+    from benchmarks.pictures.messages import check_file
+
+    if options.mcap is not None:
+        check_file(options.mcap)
+    return None if options.mcap is None else Path(options.mcap).absolute()

@@ -33,14 +33,6 @@ from deqmcl_gym.validation import InputError
 from localizers import Belief
 
 
-def require_plots() -> None:
-    """Refuse to go on without matplotlib."""
-    if find_spec("matplotlib") is None:
-        raise InputError(
-            "plots need matplotlib, which is not installed: pip install 'deqmcl-gym[plots]'."
-        )
-
-
 @styled()
 def error_plot(curves: Mapping[str, tuple[Indices, Floats]], title: str, words: str) -> bytes:
     """Return error curves over the state's step as PNG; ``words`` say what error and its unit."""
@@ -64,27 +56,6 @@ FIG_5_METHOD = "deq-mcl"
 FIG_5_STATE = 150  # the paper's
 LAP_METHODS = ("mcl", "deq-mcl")
 _SHOWN = {*FIG_4_METHODS, FIG_5_METHOD, *LAP_METHODS}
-PAPER_FIGURES = {  # by how the file's name begins: heading, what is to be seen
-    **{
-        f"fig4_{method}": (
-            f"Figure 4: half-way round, {method}",
-            "Particles about the present, orange; with a queue also about the past, pink, and the "
-            "future, light blue. Cross: the estimate, their mean. Line: the plan, from the robot.",
-        )
-        for method in FIG_4_METHODS
-    },
-    f"fig5_step{FIG_5_STATE}": (
-        f"Figure 5: state {FIG_5_STATE} when it is present",
-        "The belief about it is orange. Its particles were drawn L steps earlier, as a future.",
-    ),
-    "fig5_step": (
-        f"Figure 5: state {FIG_5_STATE}, looked back at",
-        "The belief about the same state is pink now; the ring is where the robot was. No new "
-        "particles were drawn: those that later scans contradict are gone, copies of others stand "
-        "in their places. So the SD shrinks; the error does only if the right ones are left.",
-    ),
-    "lap": ("The lap", "As figure 4, every 4th step."),
-}
 LAP_STRIDE = 4  # steps per frame
 LAP_MILLISECONDS = 120
 _ERRORS = {  # drawn, by the map's unit
@@ -156,7 +127,10 @@ def run_lap(trial: Trial, out: Path, log: Path | None, mcap: Path | None) -> str
 
     ``log`` is where to write the lap as a log, ``mcap`` what is believed, for Foxglove.
     """
-    require_plots()
+    if find_spec("matplotlib") is None:
+        raise InputError(
+            "plots need matplotlib, which is not installed: pip install 'deqmcl-gym[plots]'."
+        )
     if log is not None:
         check_writable(log)
         if os.path.lexists(log):

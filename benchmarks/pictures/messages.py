@@ -24,7 +24,7 @@ from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import PREFIX, SUFFIX
-from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
+from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.maps.polygons import edges_of
 from deqmcl_gym.numerics import Floats, Reals, arrays
@@ -64,15 +64,21 @@ class Messages:
         self._kinds: Mapping[str, Any] = vars(channels)
         self._names, self._map, self._lidar = names, stage.room.floor_plan, stage.room.lidar
         self._metre, self._lag = metre(self._map.unit), stage.trial.lag
-        self._even = _is_even(self._lidar)
+        steps = np.diff(self._lidar.bearings)
+        alike = steps.size == 0 or np.abs(steps - steps[0]).max() <= _EVEN
+        self._even = bool(alike and len(self._lidar.places) == 1)
         self._channels: dict[str, Any] = {}
 
     def write(self, time: float, moments: Sequence[Step]) -> None:
         """Log what the localizers believe after a step, at a time in s; the map first."""
         self._time = round(time * 1e9)
         self._stamp = self._fox.Timestamp(*divmod(self._time, 10**9))
-        if "/map" not in self._channels:
-            self._write_map()
+        if "/map" not in self._channels and isinstance(self._map, GridMap):
+            self._log("/map", self._grid(self._map))
+        elif "/map" not in self._channels and isinstance(self._map, PolygonMap):
+            walls = [np.array(corners) for corners in (self._map.outer, *self._map.obstacles)]
+            ends = np.vstack([edges_of(corners) for corners in walls]).reshape(-1, 2)
+            self._log("/map", self._lines("walls", ends, "LineList", _BLACK))
         first = moments[0]
         truth = first.truth if np.isfinite(first.truth).all() else None
         best = [self._best(moment) for moment in moments]
@@ -199,15 +205,6 @@ class Messages:
         entity = self._framed("SceneEntity", id=name, lines=[line] if len(way) else [])
         return self._fox.SceneUpdate(entities=[entity])
 
-    def _write_map(self) -> None:
-        floor_plan: Map = self._map
-        if isinstance(floor_plan, GridMap):
-            self._log("/map", self._grid(floor_plan))
-        elif isinstance(floor_plan, PolygonMap):
-            walls = [np.array(corners) for corners in (floor_plan.outer, *floor_plan.obstacles)]
-            ends = np.vstack([edges_of(corners) for corners in walls]).reshape(-1, 2)
-            self._log("/map", self._lines("walls", ends, "LineList", _BLACK))
-
     def _grid(self, floor_plan: GridMap) -> Any:
         cells = floor_plan.occupancy
         colors = np.empty((*cells.shape, 4), np.uint8)
@@ -225,12 +222,6 @@ class Messages:
             fields=self._fields(("red", "green", "blue", "alpha"), 1, "Uint8"),
             data=colors.tobytes(),
         )
-
-
-def _is_even(lidar: Lidar) -> bool:
-    steps = np.diff(lidar.bearings)
-    alike = steps.size == 0 or np.abs(steps - steps[0]).max() <= _EVEN
-    return bool(alike and len(lidar.places) == 1)
 
 
 def check_file(path: Path) -> None:

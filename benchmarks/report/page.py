@@ -6,20 +6,19 @@ A paper needs tables in LaTeX (booktabs), charts in PDF, and BibTeX of what is c
 import json
 import re
 from base64 import b64encode
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from benchmarks.pictures import styled
 from benchmarks.report import tables
-from benchmarks.report.animations import IMAGES, Animation, films, pictures_of_paper
+from benchmarks.report.animations import IMAGES, films, pictures_of_paper
 from benchmarks.report.charts import STYLE, panel_charts
 from benchmarks.report.swept import swept_charts
-from benchmarks.report.tables import Part, Table
+from benchmarks.report.tables import Part
 from benchmarks.report.tracks import track_parts
 from benchmarks.report.verdict import baseline_words, conclusion, progress, verdict_on
 from benchmarks.sweeps.results import Results
@@ -31,6 +30,13 @@ from deqmcl_gym.files import command_line, utf8
 
 _PICTURED = 8  # panels with pictures; the tables are of all
 _FEW = 20  # worlds below which an interval is called rough
+_HEADINGS = {  # of groups of scores of whole runs
+    "lost": "Localized",
+    "ambiguity": "Two places that fit",
+    "recovery": "Found again",
+    "log": "Against the reference",
+    "driving": "Arrived",
+}
 _MARKS = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"})
 _LATEX = str.maketrans(
     {
@@ -46,20 +52,12 @@ _LATEX = str.maketrans(
 )  # fmt: skip
 
 
-class Section(NamedTuple):
-    """A panel: its verdict, if there are several, then its tables and charts."""
-
-    panel: Panel
-    verdict: str
-    parts: list[Part]
-
-
 def parts_of(panel: Panel, *, pictured: bool = True) -> list[Part]:
     """Return what stands below the verdict on a panel: the list to add to."""
     tracks = track_parts(panel)
     if panel.ranked["score"].isna().all():
         return tracks
-    journeys = [(tables.GROUP_WORDS[g.name][0], tables.journey_table(panel, g)) for g in GROUPS]
+    journeys = [(_HEADINGS[group.name], tables.journey_table(panel, group)) for group in GROUPS]
     below = [
         ("Calibration", tables.calibration_table(panel)),
         ("Does the quality detect large errors?", tables.detection_table(panel)),
@@ -92,18 +90,15 @@ def page_files(
     panels = results.panels
     several = len(panels) > 1
     with styled(STYLE), films(panels, folder, draw=draw) as filmed:
+        parts = [parts_of(panel, pictured=panel.number <= _PICTURED) for panel in panels]
+        for first in parts[:1]:
+            first.extend(more)
         sections = [
-            Section(
-                panel,
-                verdict_on(panel) if several else "",
-                parts_of(panel, pictured=panel.number <= _PICTURED),
-            )
-            for panel in panels
+            {"panel": panel, "verdict": verdict_on(panel) if several else "", "parts": content}
+            for panel, content in zip(panels, parts, strict=True)
         ]
-        for section in sections[:1]:
-            section.parts.extend(more)
         swept = swept_charts(panels)
-        charts = [chart for section in sections for part in section.parts for chart in part.charts]
+        charts = [chart for content in parts for part in content for chart in part.charts]
         drawn = {chart.name: chart.drawn("svg") for chart in (*swept, *charts)}
         animations, no_films = filmed()
     figures = pictures_of_paper(folder)
@@ -140,9 +135,10 @@ def page_files(
         "environment": json.dumps(results.environment, indent=2),
         "drawn": drawn,
     }
-    page = _engine().get_template("page.html.jinja").render(telling)
-    markdown = _markdown(results, [Part("", "", glances, swept)], sections, animations)
-    contents = {"report.html": utf8(page), "results.md": utf8(markdown)}
+    contents = {
+        name: utf8(_engine().get_template(f"{name}.jinja").render(telling))
+        for name in ("report.html", "results.md")
+    }
     contents |= {f"{IMAGES}/{name}.svg": svg for name, svg in drawn.items()}
     contents |= {f"{IMAGES}/{film.name}.webp": film.webp for film in animations}
     contents |= {f"{IMAGES}/{film.name}.png": film.png for film in animations}
@@ -157,55 +153,17 @@ def _engine() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    engine.filters["base64"] = lambda content: b64encode(content).decode()
-    engine.filters["table"] = lambda table: Markup(table.html)  # its cells are escaped
+    engine.filters |= {
+        "base64": lambda content: b64encode(content).decode(),
+        "table": lambda table: Markup(table.html),  # its cells are escaped
+        "plain": plain,
+        "fenced": fenced,
+        "github": lambda table: table.text("github", plain, "**{}**"),
+        "tex": escaped,
+        "tabular": lambda table: table.latex(escaped).strip(),
+    }
     engine.globals["css"] = Markup((files(__package__) / "page.css").read_text(encoding="utf-8"))
     return engine
-
-
-def _markdown(
-    results: Results, top: Sequence[Part], sections: Sequence[Section], films: Sequence[Animation]
-) -> str:
-    """Return verdict, tables and pictures, and how they were made, for a repository."""
-    blocks = [f"# {plain(results.title)}", plain(conclusion(results))]
-    blocks += [
-        f"{progress(results)} How to read it: docs/reports.md of deqmcl-gym has every number's "
-        "definition.",
-        *_blocks(top),
-    ]
-    for section in sections:
-        blocks += [f"## {section.panel.number}. {plain(section.panel.title)}"]
-        blocks += [plain(section.verdict)] if section.verdict else []
-        blocks += _blocks(section.parts)
-    blocks += [_picture(f"{film.name}.webp", film.title, film.caption) for film in films]
-    further = {
-        "Failed trials": tables.failed_table(results),
-        "Files left out": tables.left_out_table(results),
-    }
-    for heading, table in further.items():
-        blocks += [f"## {heading}", _github(table)] if table else []
-    environment = json.dumps(results.environment, indent=2)
-    blocks += ["## How to reproduce it", fenced(command_line(results.command)), fenced(environment)]
-    return "\n\n".join([*blocks, *filter(None, [results.made_by])]) + "\n"
-
-
-def _blocks(parts: Sequence[Part]) -> Iterator[str]:
-    for part in parts:
-        yield from [f"### {part.heading}"] if part.heading else []
-        yield from [plain(part.note)] if part.note else []
-        for table in part.tables:
-            yield from (plain(table.caption), _github(table))
-        for chart in part.charts:
-            yield _picture(f"{chart.name}.svg", chart.title, chart.caption)
-
-
-def _picture(file: str, title: str, caption: str) -> str:
-    title, caption = plain(title), plain(caption)
-    return f"![{title}]({IMAGES}/{file})\n\n**{title}.** {caption}"
-
-
-def _github(table: Table) -> str:
-    return table.text("github", plain, "**{}**")
 
 
 def plain(text: str) -> str:
@@ -221,16 +179,16 @@ def fenced(text: str) -> str:
 
 def latex_files(results: Results) -> dict[str, bytes]:
     """Return tables.tex and references.bib by name."""
-    head = f"% Made by: {escaped(command_line(results.command))}\n"
-    parts = [head + "% Needs \\usepackage{amssymb,booktabs,graphicx}.\n"]
-    if len(results.panels) > 1:
-        parts.append(_latex_table(tables.glance_table(results.panels), "glance", results.title))
+    shown = [(tables.glance_table(results.panels), "glance", results.title)]
+    shown = shown if len(results.panels) > 1 else []
     for panel in results.panels:
         caption = f"{panel.where}: {verdict_on(panel).partition(':')[0]}"
-        parts.append(_latex_table(tables.verdict_table(panel), f"setting-{panel.number}", caption))
+        shown.append((tables.verdict_table(panel), f"setting-{panel.number}", caption))
+    template = _engine().get_template("tables.tex.jinja")
+    tex = template.render(command=command_line(results.command), tables=shown)
     cited = (files(__package__) / "references.bib").read_text(encoding="utf-8")
     return {
-        "tables.tex": utf8("\n".join(parts)),
+        "tables.tex": utf8(tex),
         "references.bib": utf8(cited.replace("VERSION", __version__)),
     }
 
@@ -247,11 +205,3 @@ def escaped(text: str) -> str:
     """Return a text as LaTeX in ASCII; a letter that it has no name for as its code, [U+4E2D]."""
     done = " ".join(text.split()).translate(_LATEX)
     return "".join(char if char.isascii() else f"{{[}}U+{ord(char):04X}{{]}}" for char in done)
-
-
-def _latex_table(table: Table, label: str, caption: str) -> str:
-    return (
-        f"% {escaped(table.caption)}\n\\begin{{table*}}\n\\centering\\small\n"
-        f"\\caption{{{escaped(caption)}.}}\n\\label{{tab:{label}}}\n"
-        f"\\resizebox{{\\linewidth}}{{!}}{{{table.latex(escaped).strip()}}}\n\\end{{table*}}\n"
-    )

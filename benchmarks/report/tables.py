@@ -1,8 +1,10 @@
 """Tables of a panel: frames of words, which pandas writes as HTML, Markdown, text and LaTeX."""
 
+import json
 import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from functools import partial
 from html import escape
 from typing import Any, NamedTuple
 
@@ -14,6 +16,7 @@ from benchmarks.tables.panels import Panel, common_words
 from benchmarks.tables.signals import QUESTIONS, WRONG
 from benchmarks.tables.stats import Interval
 from benchmarks.tables.text import (
+    BLIND,
     estimated,
     fixed,
     p_value,
@@ -33,54 +36,17 @@ _MARKED = {
     "equal": "=",
 }
 _LISTED = 100  # files left out
-GROUP_WORDS = {  # by group of scores of whole runs: heading, what its columns mean
-    "lost": (
-        "Localized",
-        "Of the best cluster. Localized to the end: within that distance and angle of the truth in "
-        "every step of the last 25 % of the run. Metres to localize: driven until it stays within "
-        "1 m and 30° to the end; never: half of the runs or more do not. False commitment: "
-        "quality above 0.5 while more than 2 m off, in a step of the last 25 %; beside it, as a "
-        "share of all steps.",
-    ),
-    "ambiguity": (
-        "Two places that fit",
-        "A half turn gives the same map, so that scans fit two poses. Weight within 1 m and 30° of "
-        "each, on average over the last 25 % of a run; the smaller of the two as a share of both: "
-        "½ is undecided, 0 has picked one.",
-    ),
-    "recovery": (
-        "Found again",
-        "After the kidnap. Recovered: the best cluster is within 0.45 m of the truth for 20 steps "
-        "in a row. Metres to recover: driven from the kidnap until these steps begin.",
-    ),
-    "log": (
-        "Against the reference",
-        "Of the best cluster, at the records that have a reference: mean over runs of the median.",
-    ),
-    "driving": (
-        "Arrived",
-        "Arrived: ends within 0.5 m of the goal, without contact. SPL: success weighted by path "
-        "length, shortest / max(driven, shortest) of runs that arrive, 0 of others. Contacts: "
-        "steps that a wall stopped. Clearance: least distance of the robot's rim to a wall.",
-    ),
-}
-_TESTS = (
-    " Difference to the baseline: on the same worlds; where it never happens, metres count as the "
-    "longest way driven in that world. p: sign test over worlds for shares, signed-rank test for "
-    "metres, corrected by Holm's method for all tests of this section. Intervals: 95 %."
-)
-
-
 Writer = Callable[[pd.DataFrame], Iterable[Any]]
 Columns = Mapping[str, str | Writer]  # by title: a column of a frame, or how rows are told
 
 
 class Table(NamedTuple):
-    """A frame of words with what it shows; the first column names a line."""
+    """A frame of words; the first column names a line."""
 
-    caption: str
+    name: str  # of its caption in captions.jinja
     frame: pd.DataFrame
     strong: Collection[tuple[int, int]] = ()  # cells in bold, by line and column
+    about: Any = None  # what the caption is told
 
     def written(self, words: Callable[[str], str] = str, strong: str = "{}") -> pd.DataFrame:
         """Return the cells in a markup language: ``words`` escapes, ``strong`` is bold."""
@@ -171,25 +137,20 @@ def dashed(write: Callable[[float], str]) -> Callable[[float], str]:
 
 
 def _mean_sd(mean: float, sd: float) -> str:
-    """A mean and its SD."""
     return f"{fixed(mean)} ({fixed(sd)})"
 
 
+_tenths = partial(percent, digits=1)
 _METHOD: Columns = {"method": "label", "belief about": words(state_name, "offset")}
 
 
 def verdict_table(panel: Panel) -> Table:
     """The methods, the best first, and how they compare with the baseline."""
-    rows, aim, unit, at = panel.ranked, panel.aim, panel.unit, panel.thresholds
+    rows, aim, unit = panel.ranked, panel.aim, panel.unit
     plug_ins = plug_in_labels(panel)
-    caption = "The best first and in bold, compared with the baseline on the same worlds. "
     error: Columns = {f"error e, {unit} (SD)": words(_mean_sd, "error", "error_sd")}
     relation: Columns = {"verdict": "relation"}
     if panel.rule:
-        caption += (
-            "All intervals of the sweep, at all looks, hold together with 95 %; each method's own "
-            "score is of the worlds that it needed. "
-        )
         decided = apart("decided", "+.1f", " %" if aim is None else " points", 100)
         numbers = {
             f"difference to the baseline ({AT_ALL_LOOKS})": lambda rows: [
@@ -200,11 +161,6 @@ def verdict_table(panel: Panel) -> Table:
             **(error if aim is None else {aim.words: words(percent, "score")}),
         }
     elif aim is None:
-        caption += (
-            "Error of the belief about the present, x[t]. Better, worse: the interval excludes 0 "
-            f"and p < 0.05. Lost: position error above {at.lost:g} {unit} on average over the last "
-            f"{at.lost_steps} states. "
-        )
         numbers = {
             **error,
             "difference to the baseline (95 %)": apart("diff"),
@@ -216,33 +172,33 @@ def verdict_table(panel: Panel) -> Table:
     else:
         difference = {"difference of e (95 %)": apart("diff")}
         numbers = {**_score_columns(aim), **relation, **error, **difference}
-    caption += (
-        "ms per step: the method's own time, median over runs, and its ratio to the baseline's."
-    )
     columns: Columns = {
         "method": lambda rows: [
             label + (" (baseline)" if itself else " (plug-in)" if label in plug_ins else "")
             for label, itself in zip(rows["label"], rows["is_baseline"], strict=True)
         ],
         **numbers,
-        "ms per step (ratio)": words(_cost, "ms_per_step", "cost"),
+        "ms per step (ratio)": words(
+            lambda ms, ratio: f"{fixed(ms)} ({significant(ratio, 2)} ×)", "ms_per_step", "cost"
+        ),
         "worlds": "worlds",
     }
     best = [n for n, order in enumerate(rows["order"]) if order == rows["order"].iloc[0]]
-    return Table(caption, of_rows(rows, columns), [(n, column) for n in best for column in (0, 1)])
+    strong = [(n, column) for n in best for column in (0, 1)]
+    return Table("verdict", of_rows(rows, columns), strong, panel)
 
 
 def journey_table(panel: Panel, group: ScoreGroup) -> Table | None:
-    """Scores of whole runs; None if the panel has none of this group."""
-    rows = panel.ranked
-    scores = [score for score in group.scores if score.name in rows]
+    """Scores of whole runs, but for what the verdict tells; None if the panel has none."""
+    rows, ranked_by = panel.ranked, None if panel.rule else panel.aim
+    scores = [score for score in group.scores if score.name in rows and score is not ranked_by]
     if not scores:
         return None
     columns: dict[str, str | Writer] = {"method": "label"}
     for score in scores:
         columns |= _score_columns(score)
     tested = any(score.tested for score in scores)
-    return Table(GROUP_WORDS[group.name][1] + (_TESTS if tested else ""), of_rows(rows, columns))
+    return Table(group.name, of_rows(rows, columns), about=tested)
 
 
 def glance_table(panels: Sequence[Panel]) -> Table:
@@ -260,15 +216,9 @@ def glance_table(panels: Sequence[Panel]) -> Table:
         best = rows.loc[rows["order"] == rows["order"].iloc[0], "label"]
         strong += [(n, 1 + labels.index(label)) for label in best]
         lines.append([f"{panel.number}. {panel.where}", *(marked.get(one, "–") for one in labels)])
-    aims = [panel.aim.words if panel.aim else "error e of x[t]" for panel in panels]
-    caption = (
-        f"Score: {'; '.join(dict.fromkeys(aims))}; the best of a setting in bold. ▼ smaller than "
-        "the baseline's, ▲ larger (95 % interval excludes 0 and p < 0.05 after Holm's correction; "
-        "where a sweep stops when decided: by more than the margin), ○ inconclusive, = the same."
-    )
-    if common := common_words({panel.setting: None for panel in panels}):
-        caption += f" All settings: {', '.join(common)}."
-    return Table(caption, pd.DataFrame(lines, columns=["setting", *labels]), strong)
+    scores = dict.fromkeys(panel.aim.words if panel.aim else "error e of x[t]" for panel in panels)
+    about = {"scores": scores, "common": common_words({panel.setting: None for panel in panels})}
+    return Table("glance", pd.DataFrame(lines, columns=["setting", *labels]), strong, about)
 
 
 def calibration_table(panel: Panel) -> Table:
@@ -281,8 +231,7 @@ def calibration_table(panel: Panel) -> Table:
         "entropy, nats": words(lambda nats: fixed(nats).replace("-", "−"), "entropy"),
         "in walls": words(_tenths, "wall_share"),
     }
-    caption = "With 95 % intervals over worlds; n/a: the method's belief has no spread."
-    return Table(caption, of_rows(panel.rows, columns))
+    return Table("calibration", of_rows(panel.rows, columns))
 
 
 def nees_words(*ends: float) -> str:
@@ -301,13 +250,11 @@ def detection_table(panel: Panel) -> Table | None:
         "method": "label",
         "AUROC (95 %)": AUROC,
         f"steps with {far}": words(_tenths, "far_steps"),
-        "in how many worlds": words(_of_worlds, "far_worlds", "worlds"),
+        "in how many worlds": words(
+            lambda k, n: "n/a" if math.isnan(k) else f"{k:.0f} of {n}", "far_worlds", "worlds"
+        ),
     }
-    caption = (
-        f"AUROC of the quality at x[t] against {far}, over all steps of all worlds; 1: every far "
-        "step has a smaller quality than every other, ½: no better than chance."
-    )
-    return Table(caption, of_rows(rows, columns))
+    return Table("detection", of_rows(rows, columns), about=far)
 
 
 def validity_table(results: Results) -> Table | None:
@@ -320,37 +267,15 @@ def validity_table(results: Results) -> Table | None:
         )
         for number, members in zip(plans["panel"], plans["panels"], strict=True)
     ]
-    caption = (
-        "AUROC of what a filter makes of a plan against whether the plan, laid from the true pose, "
-        "collides. feasible: share of the belief from which it does not; tempering: λ; "
-        "log_evidence: of the belief with the plan over that without; log_evidence_20: its mean "
-        "over 20 steps; trusted: P(the plans are about this robot); trusted_lap: its least in a "
-        "lap, against whether the plan collides at any of its steps; quality: confidence by the "
-        "scans. 1: a plan in conflict always has the smaller value; ½: chance. The scenarios of a "
-        "line are taken together."
-    )
-    return _signal_table(
-        _far(plans.assign(scenarios=scenarios), "conflict_"),
-        ["scenarios", "label"],
-        "steps in conflict",
-        caption,
-    )
+    rows = _far(plans.assign(scenarios=scenarios), "conflict_")
+    return _signal_table("validity", rows, ["scenarios", "label"], "steps in conflict")
 
 
 def told_apart_table(panel: Panel) -> Table | None:
     """The AUROC of what may tell lost robots from wrong maps; None where none is wrong."""
-    caption = (
-        "AUROC of what is seen at the best cluster. lost: it is not within 1 m and 30° of the true "
-        f"pose; the map is wrong here: more than {percent(WRONG)} of the returns contradict it "
-        "at the true pose. quality: confidence; explained: share of the returns that "
-        "agree with the map; beyond_random: explained, less the most at one of 256 random poses; "
-        "short, long: shares that contradict it; repeated, elsewhere: shares that do so where the "
-        "map was contradicted from another pose before, and where it was not; trusted: the belief "
-        "that the plan is about this robot. 1: trouble always has the smaller quality, explained, "
-        "beyond_random or trust, or the larger share; ½: chance; below ½: the opposite."
-    )
     maps = panel.maps.replace({"question": QUESTIONS}) if len(panel.maps) else panel.maps
-    return _signal_table(_far(maps), ["label", "question"], "steps that are", caption)
+    keys = ["label", "question"]
+    return _signal_table("told_apart", _far(maps), keys, "steps that are", percent(WRONG))
 
 
 def failed_table(results: Results) -> Table | None:
@@ -363,8 +288,7 @@ def failed_table(results: Results) -> Table | None:
         )
         for one in results.failures
     ]
-    caption = "Trials that raised an error; no mean includes them."
-    return Table(caption, pd.DataFrame(lines, columns=["trial", "reason"])) if lines else None
+    return Table("failed", pd.DataFrame(lines, columns=["trial", "reason"])) if lines else None
 
 
 def left_out_table(results: Results) -> Table | None:
@@ -372,8 +296,7 @@ def left_out_table(results: Results) -> Table | None:
     lines = [*results.left_out.items()]
     if len(lines) > _LISTED:
         lines[_LISTED:] = [(f"… and {len(lines) - _LISTED:,} more", "")]
-    caption = "Files in the folder that are no trials of this sweep."
-    return Table(caption, pd.DataFrame(lines, columns=["file", "why"])) if lines else None
+    return Table("left_out", pd.DataFrame(lines, columns=["file", "why"])) if lines else None
 
 
 def _marks(relations: Iterable[str], aim: Score | None) -> list[str]:
@@ -385,18 +308,6 @@ def _marks(relations: Iterable[str], aim: Score | None) -> list[str]:
 
 def _lost(share: float, runs: int, low: float, high: float) -> str:
     return f"{percent(share)} of {runs} ({100 * low:.0f} to {100 * high:.0f})"
-
-
-def _cost(ms: float, ratio: float) -> str:
-    return f"{fixed(ms)} ({significant(ratio, 2)} ×)"
-
-
-def _tenths(share: float) -> str:
-    return percent(share, 1)
-
-
-def _of_worlds(some: float, worlds: int) -> str:
-    return "n/a" if math.isnan(some) else f"{some:.0f} of {worlds}"
 
 
 def _score_columns(score: Score) -> Columns:
@@ -435,7 +346,9 @@ def _far(signals: pd.DataFrame, of: str = "") -> pd.DataFrame:
     return signals.rename(columns={f"{of}steps": "far_steps", f"{of}worlds": "far_worlds"})
 
 
-def _signal_table(signals: pd.DataFrame, keys: list[str], steps: str, caption: str) -> Table | None:
+def _signal_table(
+    name: str, signals: pd.DataFrame, keys: list[str], steps: str, about: str = ""
+) -> Table | None:
     """AUROC of signals, a column each, by what they are of."""
     known = signals[signals["auroc"].notna()]
     if known.empty:
@@ -446,4 +359,63 @@ def _signal_table(signals: pd.DataFrame, keys: list[str], steps: str, caption: s
         share = percent(rows["far_steps"].iloc[0], 1)
         lines.append([*of, *(cells.get(name, "–") for name in names), share])
     columns = [{"label": "method"}.get(key, key) for key in keys]
-    return Table(caption, pd.DataFrame(lines, columns=[*columns, *names, steps]))
+    return Table(name, pd.DataFrame(lines, columns=[*columns, *names, steps]), about=about)
+
+
+_VARIANCES = {"var_x": ("var x", 1), "var_y": ("var y", 1), "var_cos": ("var cos θ", 3),
+    "var_sin": ("var sin θ", 3)}  # fmt: skip
+_PRINTED = ("error", "error_sd", "entropy", *_VARIANCES)
+TABLE_1 = {  # as printed (Taniguchi, Fukawa & Yamakawa 2024)
+    "deq-mcl": (20.95, 17.66, 7.82, 419.92, 290.04, 0.09, 0.07),
+    "mcl-smoother": (22.88, 20.01, 8.88, 977.39, 611.06, 0.14, 0.11),
+    "mcl-map": (25.00, 18.38, 9.69, 792.28, 616.85, 0.17, 0.16),
+    "mcl": (26.17, 22.00, 9.81, 966.93, 591.79, 0.19, 0.16),
+}
+
+
+def table_1(rows: pd.DataFrame, *, variances: bool = False) -> Table:
+    """Our Table 1, of one panel's ``results_table``, with the paper's values beside ours."""
+
+    def printed(form: str) -> Writer:
+        def write(method: str, offset: int) -> str:
+            known = method in TABLE_1 and offset <= 0
+            numbers = dict(zip(_PRINTED, TABLE_1[method], strict=True)) if known else {}
+            return form.format_map(numbers) if known else ""
+
+        return words(write, "method", "offset")
+
+    baseline = short_name(rows["baseline"].iloc[0]) if len(rows) else ""
+    columns: dict[str, str | Writer] = {
+        "method": words(short_name, "method"),
+        "of": words(state_name, "offset"),
+        f"error - {baseline}'s, 95 %": apart("diff"),
+        "error (SD)": words(_mean_sd, "error", "error_sd"),
+        "paper": printed("{error:.2f} ({error_sd:.2f})"),
+        "entropy": words(fixed, "entropy"),
+        "paper's": printed("{entropy:.2f}"),
+        "in walls": words(_tenths, "wall_share"),
+    }
+    for name, (title, digits) in _VARIANCES.items() if variances else ():
+        columns[title] = words(partial(fixed, digits=digits), name)
+        columns[f"paper's {title}"] = printed(f"{{{name}:g}}")
+    return Table("", of_rows(rows, columns))
+
+
+def reading(rows: pd.DataFrame) -> str:
+    """Return one sentence on what the error of dead reckoning means for the others' of a panel."""
+    present = rows[rows["offset"] == 0]
+    blind = present[present["method"] == BLIND]
+    filters = present[present["method"] != BLIND]
+    agents = present["params"].map(lambda params: json.loads(params).get("agent"))
+    if agents.nunique(dropna=False) > 1 or blind.empty or filters.empty:  # not on the same paths
+        return ""
+    error, best = blind["error"].iloc[0], filters.sort_values("error", kind="stable").iloc[0]
+    theirs = f"{short_name(best['method'])}: {fixed(best['error'])}"
+    if error < best["error"]:
+        return (
+            f"{BLIND}, which uses no scan, has a smaller error at x[t] than "
+            f"every filter ({fixed(error)}; the best filter is {theirs}): here the plan "
+            "alone predicts the path better than the filters do, so the table shows how well "
+            "filters tolerate wrong assumptions, not whether localization is needed."
+        )
+    return f"{BLIND} (error {fixed(error)} at x[t]) is worse than the best filter ({theirs})."

@@ -5,7 +5,7 @@ and scores. Lengths are in m, angles in rad; errors are those of best clusters.
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -194,7 +194,7 @@ def track_parts(panel: Panel) -> list[Part]:
         "last lost: from there on the estimate is never again within 1 m and 30°."
     )
     return [
-        Part("", tables=tables_of(runs)),
+        Part("", tables=tables_of(runs, without=[REACHED])),  # the verdict has it
         Part("On the map", note, charts=track_charts(panel, runs, floor_plan)),
         Part("Over the distance driven", charts=error_charts(panel, runs)),
     ]
@@ -221,12 +221,13 @@ def _degrees(angle: float) -> str:
     return f"{math.degrees(angle):.2f}°"
 
 
+REACHED = "localized to the end"
 _METRES = "{:.3f} m".format
 _LOCALIZER: Columns = {"localizer": "label", "runs": "seeds"}
 _RESULTS: Columns = {
     "within 1 m, 30°": _told("within_1m", percent),
     "0.5 m, 10°": _told("within_05m", percent),
-    "localized to the end": lambda rows: _count(rows, "success_1m", rows["seeds"]),
+    REACHED: lambda rows: _count(rows, "success_1m", rows["seeds"]),
     # of a failed run it is not known
     "lost": lambda rows: _count(rows, "lost", rows["seeds"] - rows["failed"]),
     "position, median": _told("position_median", _METRES),
@@ -252,33 +253,20 @@ _STAMPS: Columns = {
 }
 
 
-def tables_of(runs: pd.DataFrame) -> list[Table]:
-    """Return the scores as readable tables; without a reference only the agreement."""
+def tables_of(runs: pd.DataFrame, without: Collection[str] = ()) -> list[Table]:
+    """Return the scores as readable tables, without these columns; with no reference one."""
     tracks, rows = list(ended(runs)["track"]), scores_by_localizer(runs)
     if rows.empty:
         return []
     if not any(track.known.size for track in tracks):
-        caption = "How well the scans fit the map at the pose that each localizer estimates."
-        return [Table(caption, of_rows(rows, {**_LOCALIZER, **_FITTING, **_TIMED}))]
+        return [Table("agreement", of_rows(rows, {**_LOCALIZER, **_FITTING, **_TIMED}))]
     between = any(track.at_stamps.size < track.known.size for track in tracks)
-    caption = (
-        "Best cluster against the reference: share of records within a distance and an angle, runs "
-        f"localized to the end (at {1 - TOLERATED:.0%} of the records of the last 25 %, within 1 m "
-        "and 30°), errors over all records of all runs. Lost: off by more than 1 m on average over "
-        "the last 20 records. ms per step: own time for a record, median over runs."
-    )
-    of_beliefs = (
-        "Share of records at the reference's own times whose reference lies in the credible region "
-        "of so many per cent; NEES: 3 if the belief is as sure as it may be, more if too sure; log "
-        "score: -log of the density of the reference, nats, the smaller the better; n/a: it has no "
-        "spread. Beams: with a return, within so much of the map's range at the best cluster. APE "
-        "without alignment, RPE from record to record: as evo_ape tum and evo_rpe tum compute them "
-        "from tracks/, mean over runs." + " At stamps: at the reference's own times." * between
-    )
+    results = {**_LOCALIZER, **_RESULTS, **_TIMED}
+    results = {name: column for name, column in results.items() if name not in without}
     beliefs = {**_LOCALIZER, **_BELIEFS, **_FITTING, **(_STAMPS if between else {})}
     return [
-        Table(caption, of_rows(rows, {**_LOCALIZER, **_RESULTS, **_TIMED})),
-        Table(of_beliefs, of_rows(rows, beliefs)),
+        Table("accuracy", of_rows(rows, results), about=TOLERATED),
+        Table("beliefs", of_rows(rows, beliefs), about=between),
     ]
 
 
@@ -323,12 +311,7 @@ def differences_table(panel: Panel) -> Table | None:
         columns[title] = means(f"{name}_diff", form, scale=scale)
         columns[f"p, Holm ({unit})"] = words(p_value, f"{name}_p_holm")
         columns[f"runs needed ({unit})"] = partial(_needed, panel, name)
-    caption = (
-        f"Difference to {rows['reference'].iloc[0]}, over runs of the same seed, with 95 % "
-        f"bootstrap intervals. p is corrected by Holm's method for {panel.tests} tests. Runs "
-        "needed: would show a difference of this size with 80 % power."
-    )
-    return Table(caption, of_rows(rows, columns))
+    return Table("", of_rows(rows, columns))
 
 
 def run_words(run: pd.Series) -> str:

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import pandas as pd
@@ -17,11 +17,6 @@ from benchmarks.tables.text import BLIND, interval, p_value, percent, short_name
 
 AT_ALL_LOOKS = "95 % at all looks"  # what an interval of a decided comparison is
 _COVERAGE_APART = 0.1  # difference of shares inside a region that is told
-
-
-def each(rows: pd.DataFrame) -> Iterator[Any]:
-    """Go through rows, whose columns are attributes."""
-    return iter(rows.itertuples())
 
 
 def conclusion(results: Results) -> str:
@@ -56,13 +51,7 @@ def verdict_on(panel: Panel) -> str:
 
 def progress(results: Results) -> str:
     """Say how far a sweep has come."""
-    done = results.planned - len(results.failures) - results.missing
-    said = f"{done} of {results.planned} trials finished"
-    if results.failures:
-        said += f", {len(results.failures)} failed"
-    if results.missing:
-        said += f", {results.missing} not run yet: this report is partial"
-    return said + "."
+    return f"{results.progress}{': this report is partial' if results.missing else ''}."
 
 
 def baseline_words(panels: Sequence[Panel], results: Results) -> str:
@@ -132,17 +121,18 @@ def plug_in_labels(panel: Panel) -> set[str]:
 def _plug_ins(panel: Panel, winner: Any) -> list[Any]:
     """The plug-ins of which the verdict on the winner says nothing."""
     rows, told = panel.ranked, {winner.label, *panel.present.query("is_baseline")["label"]}
-    return [*each(rows[rows["label"].isin(plug_in_labels(panel) - told)])]
+    return [*rows[rows["label"].isin(plug_in_labels(panel) - told)].itertuples()]
 
 
 def _winner(ranked: pd.DataFrame) -> Any:
     """The first of those that are better than their baseline; where none is, the first."""
     better = ranked[ranked["relation"] == "better"]
-    return next(each(better if len(better) else ranked))
+    return next(iter((better if len(better) else ranked).itertuples()))
 
 
 def _sentence(panel: Panel, ranked: pd.DataFrame) -> str:
-    first, row = next(each(ranked)), _winner(ranked)
+    first: Any = next(iter(ranked.itertuples()))
+    row = _winner(ranked)
     reached = _reached(panel, row)
     if row.relation == "better":
         said = f"{row.label} is best: {reached}, {_ahead(panel, row)}"
@@ -160,7 +150,7 @@ def _sentence(panel: Panel, ranked: pd.DataFrame) -> str:
     ahead = f"first is {row.label}, {reached}, {_ahead(panel, row)}"
     if isinstance(row.decision, str):
         return f"No method is shown to be better than {row.reference}: {ahead}."
-    base = next(one for one in each(panel.ranked) if one.label == row.reference)
+    base = next(r for r in panel.ranked.itertuples() if r.label == row.reference)
     doubt = f"p = {p_value(row.p)}"
     if stats.least_p(row.paired_worlds, panel.tests) >= ALPHA:
         doubt = (
@@ -216,7 +206,7 @@ def _on_a_log(panel: Panel) -> str:
     low, high = rows[f"{score}_diff_low"], rows[f"{score}_diff_high"]
     clear = rows[((low > 0) | (high < 0)) & (rows[f"{score}_p_holm"] < ALPHA)]
     if len(clear):
-        near = next(each(clear))
+        near: Any = next(iter(clear.itertuples()))
         apart = Interval(*(getattr(near, f"{score}_diff{end}") for end in ("", "_low", "_high")))
         first = near.label if apart.mean < 0 else near.reference
         errors = rows[["label", score]].itertuples(index=False)

@@ -42,53 +42,38 @@ def load() -> None:
         from benchmarks.report import page  # noqa: F401
 
 
-def write_report(out: Path | str, results: Results, *, draw: bool = True) -> list[Path]:
+def write_report(
+    out: Path | str, results: Results, *, draw: bool = True, of: Path | None = None
+) -> list[Path]:
     """Write the tables, report.html, results.md and images/ of a sweep; return the files.
 
-    Films that the folder has not are drawn, unless ``draw`` is false. results.csv and trials.csv
-    depend on nothing but the trials; timings.csv, the page and results.md also tell times and
-    versions. Without the extra ``report`` there are the tables only. A folder that holds files, but
-    neither a sweep nor a report, raises ``InputError``.
+    Films that the folder has not are drawn, unless ``draw`` is false; those and the figures ``of``
+    another folder are shown if it is given. results.csv and trials.csv depend on nothing but the
+    trials; timings.csv, the page and results.md also tell times and versions. Without the extra
+    ``report`` there are the tables only. A folder that holds files, but neither a sweep nor a
+    report, raises ``InputError``.
     """
     if not isinstance(results, Results):
         raise InputError(f"the results are {shown(results)}: give the folder first, then results.")
-    with doing(f"writing the report in {out}"):
-        folder = Path(out)
-        if not (folder / MANIFEST).is_file():
+    folder = Path(out)
+    with doing(f"writing the report in {folder}"):
+        if of is not None or not (folder / MANIFEST).is_file():
             own_folder(folder, "results.csv")
-        return _written(folder, folder, results, draw=draw)
+        tables = _tables(results)
+        for name in ("decisions.csv", "gaps.csv", "plans.csv", "maps.csv", "basin.csv"):
+            if name not in tables:
+                (folder / name).unlink(missing_ok=True)
+        files = write_files(folder, tables)  # the numbers, whatever keeps the pictures away
+        if no_report() is not None:
+            return files
+        load()
+        from benchmarks.report.page import page_files
 
-
-def rewrite_report(folder: Path, out: Path, results: Results) -> list[Path]:
-    """Write the report of a folder anew, into it or elsewhere; no trial is run."""
-    if out.exists() and out.samefile(folder):
-        if any(record.track is not None for record in results.records):
-            raise InputError(
-                f"{folder} is of deqmcl replay, which writes its report: run it again, or give "
-                "another --out."
-            )
-    else:
-        own_folder(out, "results.csv")
-    return _written(out, folder, results, draw=False)
-
-
-def _written(out: Path, folder: Path, results: Results, *, draw: bool) -> list[Path]:
-    """Write a report with the films and figures of a folder."""
-    tables = _tables(results)
-    for name in ("decisions.csv", "gaps.csv", "plans.csv", "maps.csv", "basin.csv"):
-        if name not in tables:
-            (out / name).unlink(missing_ok=True)
-    files = write_files(out, tables)  # the numbers, whatever keeps the pictures away
-    if no_report() is not None:
-        return files
-    load()
-    from benchmarks.report.page import page_files
-
-    pages = page_files(results, folder, draw=draw)
-    for path in (out / "images").glob("lap-*"):  # of worlds that are not shown any more
-        if f"images/{path.name}" not in pages:
-            path.unlink()
-    return files + write_files(out, pages)
+        pages = page_files(results, of or folder, draw=draw)
+        for path in (folder / "images").glob("lap-*"):  # of worlds that are not shown any more
+            if f"images/{path.name}" not in pages:
+                path.unlink()
+        return files + write_files(folder, pages)
 
 
 def _tables(results: Results) -> dict[str, bytes]:

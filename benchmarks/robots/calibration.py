@@ -76,8 +76,7 @@ def with_fitted_beams(replay: Replay) -> Replay:
     words = " ".join(f"--set assumed.scan.{name}={value:.12g}" for name, value in parts.items())
     gained = fit.log_likelihoods[0], fit.log_likelihoods[-1]
     return replace(
-        replay,
-        world=replay.world | {"judged": first + count},
+        _judged_after(replay, count),
         assumed=replay.assumed
         | {"scan.kind": "beam-model", **{f"scan.{name}": value for name, value in parts.items()}},
         beams=f"Beam model, by expectation maximization on {fit.readings:,} readings from "
@@ -98,17 +97,17 @@ def calibrated(replay: Replay) -> Replay:
     count = _part(replay.log)
     if count is None:
         return replay
-    here = {name: own for name, own in replay.assumed.items() if not name.startswith("prior.")}
-    own = {name: value for name, value in replay.world.items() if name != "judged"}
-    world = Overrides({**own, "start": _first(replay)})
-    begun = replace(replay, assumed=Overrides(here), world=world)
+    assumed = {name: v for name, v in replay.assumed.items() if not name.startswith("prior.")}
+    world = {name: v for name, v in replay.world.items() if name != "judged"}
+    world["start"] = _first(replay)
+    begun = replace(replay, assumed=Overrides(assumed), world=Overrides(world))
     tried = {power: _covered(begun, power, count) for power in _POWERS}
     level, noise = LEVEL / 100, 2 * math.sqrt(LEVEL * (100 - LEVEL)) / 100 / math.sqrt(count)
     for _ in range(_FINER):
         following = {power: share for power, (share, off) in tried.items() if off <= _NEAR}
-        power = min(following, key=lambda one: abs(following[one] - level), default=math.nan)
-        below = max((one for one, share in following.items() if share >= level), default=math.nan)
-        above = min((one for one, share in following.items() if share < level), default=math.nan)
+        power = min(following, key=lambda p: abs(following[p] - level), default=math.nan)
+        below = max((p for p, share in following.items() if share >= level), default=math.nan)
+        above = min((p for p, share in following.items() if share < level), default=math.nan)
         between = float(f"{math.sqrt(below * above):.2g}")
         if not below < between < above or abs(following[power] - level) <= noise:
             break
@@ -121,16 +120,13 @@ def calibrated(replay: Replay) -> Replay:
             "errors and regions of methods that use it say little. Check map, mounting and start.",
         )
     covered = following[power]
+    former = "(with power 1 it loses the robot)"
     if 1.0 in following:
         former = f"({percent(following[1.0])} with power 1)"
-    else:
-        former = "(with power 1 it loses the robot)"
-    doubt = ""
-    if abs(covered - level) > noise:
-        doubt = f" No power comes nearer to {LEVEL} %: trust the regions as little."
+    doubt = f" No power comes nearer to {LEVEL} %: trust the regions as little."
+    doubt = doubt if abs(covered - level) > noise else ""
     return replace(
-        replay,
-        world=replay.world | {"judged": int(replay.log.referenced[0]) + count},
+        _judged_after(replay, count),
         assumed=replay.assumed | {"scan.power": power},
         calibration=f"The likelihood of a scan is raised to the power {power:.3g}: with it, the "
         f"95 % region of mcl covers {percent(covered)} of the reference's poses in the first "
@@ -142,8 +138,11 @@ def calibrated(replay: Replay) -> Replay:
 def judged_alike(replay: Replay) -> Replay:
     """Return what is played without a fit, its beliefs judged by the records as after one."""
     count = _part(replay.log)
-    if count is None:
-        return replay
+    return replay if count is None else _judged_after(replay, count)
+
+
+def _judged_after(replay: Replay, count: int) -> Replay:
+    """Return what is played, its beliefs judged by the records after those fitted on."""
     judged = int(replay.log.referenced[0]) + count
     return replace(replay, world=replay.world | {"judged": judged})
 
@@ -183,14 +182,10 @@ def _covered(replay: Replay, power: float, count: int) -> tuple[float, float]:
         seed=_ROOT,
         trial=0,
     )
-    return _tracked(trial, count)
-
-
-def _tracked(trial: Trial, count: int) -> tuple[float, float]:
     stage = Stage.of(trial)
-    kept = stage.collector()
-    assert isinstance(kept, TrackLog)
-    for moment in islice(stage.moments(), count):
-        kept.see(moment)
-    off = float(np.quantile(kept.track.errors.translation, 0.95))
-    return kept.scores()[f"coverage_{LEVEL}"], off
+    tracked = stage.collector()
+    assert isinstance(tracked, TrackLog)
+    for step in islice(stage.moments(), count):
+        tracked.see(step)
+    off = float(np.quantile(tracked.track.errors.translation, 0.95))
+    return tracked.scores()[f"coverage_{LEVEL}"], off

@@ -88,9 +88,12 @@ class Replay:
         setup, log = self.scenario, self.log
         motion = ", ".join(f"{name} {value:.3g}" for name, value in vars(self.motion).items())
         places = log.scanner.places
-        said = " and ".join(f"({x:g}, {y:g})" for x, y in places)
-        mounted = f" The scanner is mounted at {said} {log.unit} on it, ahead and left."
-        told = [
+        at = " and ".join(f"({x:g}, {y:g})" for x, y in places)
+        mounted = f" The scanner is mounted at {at} {log.unit} on it, ahead and left."
+        head = "changed_walls."
+        changed = {n.removeprefix(head): v for n, v in self.world.items() if n.startswith(head)}
+        walls = ", ".join(f"{name} {value}" for name, value in changed.items())
+        facts = [
             f"Motion model: {kind_of(self.motion)}, {motion} ({self.noise}).",
             f"Scan model: {setup.scan}. Radius of the robot: {setup.room().radius:g} {log.unit}. "
             f"A step that collides is charged β = {setup.beta:g} by methods that are given no β: "
@@ -98,13 +101,13 @@ class Replay:
             self.beams,
             self.calibration,
             f"Unknown cells of the map: {_UNKNOWN[self.world['unknown']]}.",
-            self._changed,
+            f"The map's walls are changed on purpose ({walls})." if walls else "",
             self._start,
             "Poses are of the robot's base (ROS: base_link): the start, the reference and "
             f"tracks/*.tum.{mounted if any(map(any, places)) else ''}",
             self.reference or NO_ERROR,
         ]
-        return [fact for fact in told if fact]
+        return [fact for fact in facts if fact]
 
     @property
     def sideways(self) -> str | None:
@@ -120,23 +123,11 @@ class Replay:
         )
 
     @property
-    def _changed(self) -> str:
-        """What is changed of the map, in words; "" if nothing is."""
-        of_it = {
-            name.partition(".")[2]: value
-            for name, value in self.world.items()
-            if name.startswith("changed_walls.")
-        }
-        if not of_it:
-            return ""
-        told = ", ".join(f"{name} {value}" for name, value in of_it.items())
-        return f"The map's walls are changed on purpose ({told})."
-
-    @property
     def _start(self) -> str:
         prior = self.scenario.prior
         if type(prior) is not Gaussian:
-            return f"Start: {prior.where}."
+            told = (f"{n} {value}" for n, value in self.assumed.items() if n.startswith("prior."))
+            return f"Start: {', '.join(told)}."
         around = "the reference's first pose"
         if (at := prior.mean or self.log[0].reference) is not None:
             x, y, heading = at

@@ -38,7 +38,7 @@ from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.running import Options, begun, check
-from benchmarks.sweeps.sweepfile import params_by_localizer
+from benchmarks.sweeps.sweepfile import check_localizers, params_by_localizer
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import file_words, percent
 from benchmarks.trials.spec import Method
@@ -46,8 +46,7 @@ from benchmarks.trials.tracks import AGREE, agreement
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Scanner, Trajectory
-from deqmcl_gym.validation import InputError, integer
-from localizers import names as localizer_names
+from deqmcl_gym.validation import integer
 from localizers import parameters
 from localizers.methods.deq_mcl import Shared
 from localizers.registry import Factory
@@ -92,12 +91,12 @@ def planned(
     them. The first localizer is the baseline; each has ``seeds`` runs, and takes ``particles`` by
     whatever name it has for them; None: its own default.
     """
-    usual: dict[str, Any] = {"world.every": every_for(localizers)}
+    usual: dict[str, Any] = {"world.every": OFTEN if "amcl" in localizers else EVERY}
     if nav2 is not None:
         usual = nav2.world | nav2.assumed
         if fit_beams:
             usual = {n: value for n, value in usual.items() if not n.startswith("assumed.scan.")}
-    with doing("reading the log and the map"), log_warnings() as said:
+    with doing("reading the log and the map"), log_warnings() as of_reader:
         replay = replay_of(
             log,
             floor_plan,
@@ -106,20 +105,20 @@ def planned(
             otherwise=None if nav2 is None else nav2.start,
             settings=usual | dict(settings),
         )
-    warnings = warn(said)  # whatever fails later
+    warnings = warn(of_reader)  # whatever fails later
     if fit_beams:
         with doing("fitting the beam model to the first part of the log"):
             replay = with_fitted_beams(replay)
-    own = params_by_localizer(params_among(settings), localizers)
+    params = params_by_localizer(params_among(settings), localizers)
     if "scan.power" not in replay.assumed:
-        if any(uses_scan(name, params) for name, params in own.items()):
+        if any(uses_scan(name, values) for name, values in params.items()):
             with doing("fitting the power of the scan model to the first part of the log"):
                 replay = calibrated(replay)
         else:
             replay = judged_alike(replay)
     shared = {} if nav2 is None else {"amcl": nav2.params}
     sweep = replay_sweep(
-        replay, localizers, particles=particles, seeds=seeds, root=seed, shared=shared, own=own
+        replay, localizers, particles=particles, seeds=seeds, root=seed, shared=shared, own=params
     )
     check(sweep)
     warnings += warn(gated(sweep, settings.get("world.every")))
@@ -154,7 +153,7 @@ def replay_sweep(
         seed=root,
         trials=seeds,
         baseline=localizers[0],
-        takes=own_params,
+        takes=lambda _: (),  # each is given its own parameters, and no lag
     )
 
 
@@ -170,19 +169,13 @@ def sweep_file(sweep: Sweep, notes: Sequence[str] = ()) -> str:
     return sweep_text(notes, top | {"localizers": methods}, tables)
 
 
-def every_for(localizers: Sequence[str]) -> str:
-    """Return how far apart records are played to localizers by default."""
-    return OFTEN if "amcl" in localizers else EVERY
-
-
 def gated(sweep: Sweep, every: str | None) -> list[str]:
     """Return the note that ``amcl`` will update less often than on a robot; none if it will not."""
-    waits = [method for method in sweep.localizers if method.name == "amcl"]
-    told = {"update_min_d", "update_min_a"}
-    if every is None or not waits or told & waits[0].params.keys():
+    waits = [method.params.keys() for method in sweep.localizers if method.name == "amcl"]
+    if every is None or not waits or {"update_min_d", "update_min_a"} & waits[0]:
         return []
-    often, given = spacing("every", OFTEN, "m"), spacing("--every", every, "m")
-    if given[0] <= often[0] and given[1] <= often[1]:
+    least, asked = spacing("every", OFTEN, "m"), spacing("--every", every, "m")
+    if asked[0] <= least[0] and asked[1] <= least[1]:
         return []
     return [
         "amcl updates when the robot has moved 0.25 m or turned 0.2 rad, as Nav2's does, but only "
@@ -238,6 +231,8 @@ def replay(
 ) -> ReplayResults:
     """Play the records of a log to localizers, and return how far off each was.
 
+    What is refused raises ``InputError`` before anything is run.
+
     Args:
         log: path of the log, or of its parts.
         map: path of the map's yaml.
@@ -250,12 +245,8 @@ def replay(
         residuals: whether to tell and draw where the map is wrong.
         command: the words that started it, for the folder.
         how: reference, start, particles, seeds, seed, fit_beams: see ``planned``.
-
-    Raises:
-        InputError: something of it is refused; nothing is run then.
     """
-    one = isinstance(localizers, str) or callable(localizers)
-    names, factories = named_localizers([localizers] if one else localizers)
+    names, factories = named_localizers(localizers)
     amcl = None if nav2 is None else read_nav2(Path(nav2), node)
     options = Options(where=Where(jobs=jobs, timeout=timeout))
     with knowing(factories), ExitStack() as stack:
@@ -275,20 +266,23 @@ def run_replay(
     """
     played, sweep, warnings = plan.replay, plan.sweep, plan.warnings
     with begun(sweep, out, options, command=command) as running:
-        said = [*warnings, *warn([played.sideways, disagreement(played.scenario), touches(played)])]
+        shown = [
+            *warnings,
+            *warn([played.sideways, disagreement(played.scenario), touches(played)]),
+        ]
         results = running.results()
         runs = _runs(played, sweep, results)
-        said += warn([_misfit(played, runs)])
+        shown += warn([_misfit(played, runs)])
         wrong = residuals_of(played, runs) if residuals else None
         with doing(f"writing the report in {out}"):
             for name in (PICTURE, TABLE):  # of a run with --residuals
                 (out / name).unlink(missing_ok=True)
-            files = write_files(out, _contents(played, runs, results, said, wrong))
-    apart = [table for panel in results.panels if (table := differences_table(panel))]
+            files = write_files(out, _contents(played, runs, results, shown, wrong))
+    differences = [table for panel in results.panels if (table := differences_table(panel))]
     first, *others = tables_of(runs)
     texts = [conclusion(results), *accuracy(runs), played.overview]
     texts += [] if wrong is None else [wrong.said]
-    texts += [*(one.text("simple") for one in (first, *apart, *others)), *played.facts]
+    texts += [*(table.text() for table in (first, *differences, *others)), *played.facts]
     names = ", ".join(path.name for path in files if path.parent == out)
     written = [f"Written to {out}: {names} and {_TRACKS}/."]
     if (why := no_report()) is not None:
@@ -316,10 +310,10 @@ def misfit_words(share: float, where: str, scanner: Scanner) -> str | None:
 def disagreement(played: LogScenario) -> str | None:
     """Return the warning that log and map do not fit, by the reference; None if they do."""
     log, floor_plan = played.recording()
-    known = log.referenced
-    if not known.size:
+    at = log.referenced
+    if not at.size:
         return None
-    part = log.of_records(known[np.unique(np.linspace(0, known.size - 1, _LOOKED_AT).astype(int))])
+    part = log.of_records(at[np.unique(np.linspace(0, at.size - 1, _LOOKED_AT).astype(int))])
     assert part.reference is not None
     share = agreement(part, floor_plan, part.reference)[1]
     return misfit_words(share, "from the reference poses", log.scanner)
@@ -354,7 +348,8 @@ def _runs(replay: Replay, sweep: Sweep, results: Results) -> pd.DataFrame:
     """Return the runs of each localizer, in the order in which they were named."""
     names = [method.name for method in sweep.localizers]
     records = {
-        name: [one for one in results.records if one.trial.localizer == name] for name in names
+        name: [record for record in results.records if record.trial.localizer == name]
+        for name in names
     }
     failed = [failure.trial.localizer for failure in results.failures]
     return runs_frame(records, {name: failed.count(name) for name in names}, replay.log)
@@ -402,12 +397,6 @@ def _tracks(replay: Replay, runs: pd.DataFrame) -> dict[str, bytes]:
     return files
 
 
-def own_params(name: str) -> tuple[str, ...]:
-    """Say that a localizer takes no parameter that all have: each is given its own, and no lag."""
-    parameters(name)
-    return ()
-
-
 def methods_of(
     localizers: Sequence[str],
     particles: int | None,
@@ -415,10 +404,7 @@ def methods_of(
     shared: Mapping[str, Mapping[str, Any]] = NOTHING,
 ) -> tuple[Method, ...]:
     """Return localizers with ``own`` parameters, else those ``shared``, else so many particles."""
-    if not localizers:
-        raise InputError(f"no localizer is named: allowed values: {', '.join(localizer_names())}.")
-    if len(set(localizers)) < len(localizers):
-        raise InputError(f"a localizer is named twice in {', '.join(localizers)}.")
+    check_localizers(localizers)
     params = {
         name: {**(shared.get(name) or particles_by_name(name, particles)), **own.get(name, {})}
         for name in localizers

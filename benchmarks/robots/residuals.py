@@ -101,7 +101,9 @@ class Residuals:
         clear = CLEAR * length
         ends = np.column_stack([points.ravel() for points in rays.points(ranges)])
         hit = short & known_part(self.floor_plan).free(ends).reshape(short.shape)
-        hit[hit] = _solid_part(self.floor_plan).distance(ends[hit.ravel()]) > clear
+        solid = self.floor_plan  # all whose unknown cells are free
+        solid = replace(solid, unknown="free") if isinstance(solid, GridMap) else solid
+        hit[hit] = solid.distance(ends[hit.ravel()]) > clear
         walls = rays.cells(expected + 0.25 * self.lattice.cell)  # just inside the wall
         with np.errstate(invalid="ignore"):
             ended_there = returned & ~short & ~long & (np.abs(ranges - expected) <= clear)
@@ -169,12 +171,8 @@ class Residuals:
             ]
             for number, place in enumerate(self.places[:_LISTED], 1)
         ]
-        rest = len(self.places) - len(lines)
-        caption = (
-            "Share: of the beams that reach its cells, those that contradict the map. Poses: at "
-            "least 0.5 m apart." + (f" The {rest} smaller places are in {TABLE}." if rest else "")
-        )
-        return Table(caption, pd.DataFrame(lines, columns=[*header, "beams", "poses", "share"]))
+        frame = pd.DataFrame(lines, columns=[*header, "beams", "poses", "share"])
+        return Table("residuals", frame, about=len(self.places) - len(lines))
 
     @cached_property
     def chart(self) -> Chart:
@@ -243,8 +241,3 @@ def _poses_apart(poses: Reals, least: float) -> Indices:
             firsts.append(place)
         numbers[i] = nearest
     return numbers
-
-
-def _solid_part(floor_plan: Map) -> Map:
-    """Return a map whose unknown cells are free: all solid ones are known to be."""
-    return replace(floor_plan, unknown="free") if isinstance(floor_plan, GridMap) else floor_plan

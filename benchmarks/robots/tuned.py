@@ -11,15 +11,18 @@ import pandas as pd
 import yaml
 
 from benchmarks.files import write_files
+from benchmarks.report.tables import Table
 from benchmarks.report.writing import load, no_report
 from benchmarks.robots.nav2 import nav2_document
+from benchmarks.robots.replaying import sweep_file
 from benchmarks.robots.search import RUNS, Candidate, Task, Tuning
 from benchmarks.robots.space import Space
-from benchmarks.setup.documents import sweep_text
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
+from benchmarks.sweeps.design import Sweep
 from benchmarks.tables.frames import by_world, csv_of
 from benchmarks.tables.stats import Interval, estimate
 from benchmarks.tables.text import estimated, fixed, percent, significant
+from benchmarks.trials.spec import Method
 from deqmcl_gym.files import command_line, utf8
 from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import InputError
@@ -160,9 +163,7 @@ def _scores(tuning: Tuning) -> str:
 
 
 def _markdown(columns: Mapping[str, Any]) -> str:
-    align = ["left", *["right"] * (len(columns) - 1)]
-    frame = pd.DataFrame(columns)
-    return frame.to_markdown(index=False, tablefmt="pipe", disable_numparse=True, colalign=align)
+    return Table("", pd.DataFrame(columns)).text("pipe")
 
 
 def _changed(tuning: Tuning) -> str:
@@ -271,18 +272,17 @@ def _sweep_file(tuning: Tuning, words: Sequence[str]) -> str:
     """Return the winner as a sweep file over the first log."""
     task, segment = tuning.task, tuning.task.training[0]
     trial = task.trial(tuning.best.values, segment)
-    lag = {"lag": task.usual["lag"]} if "lag" in task.usual else {}
-    params = {f"params.{name}": value for name, value in (Overrides(lag) | trial.params).items()}
-    assumed = {n: v for n, v in trial.assumed.items() if not n.startswith("prior.")}
-    return sweep_text(
-        [" ".join(command_line(words).split())],
-        {"scenario": "replay", "lag": 0},
-        {
-            "world": segment.whole,
-            "assumed": assumed,
-            "[localizers]": {"name": task.localizer, **params},
-        },
+    sweep = Sweep(
+        title=f"{task.localizer}, tuned",
+        scenario=trial.scenario,
+        lag=0,
+        localizers=(Method(task.localizer, trial.params),),
+        world=segment.whole,
+        assumed=Overrides({n: v for n, v in trial.assumed.items() if not n.startswith("prior.")}),
+        baseline=task.localizer,
+        takes=lambda _: (),
     )
+    return sweep_file(sweep, [" ".join(command_line(words).split())])
 
 
 def _nav2(

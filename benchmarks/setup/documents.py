@@ -172,12 +172,11 @@ def parsed(what: str, text: str) -> Any:
 def sweep_text(
     notes: Iterable[str], top: Mapping[str, Any], tables: Mapping[str, Mapping[str, Any]]
 ) -> str:
-    """Return a sweep file: comments, values before all tables, and tables by name.
-
-    A table whose name has brackets, as "[localizers]", is one of a list.
-    """
-    lines = [f"# {_printable(note)}" for note in notes]
-    lines += _lines(top)
+    """Return a sweep file: comments, values before all tables, and tables by name."""
+    clean = (
+        "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in n) for n in notes
+    )
+    lines = [*(f"# {note}" for note in clean), *_lines(top)]
     for name, own in tables.items():
         lines += ["", f"[{name}]", *_lines(own)]
     return "\n".join(lines) + "\n"
@@ -196,7 +195,3 @@ def _toml(value: Any) -> str:
     if isinstance(value, float) and not math.isfinite(value):
         return str(value)
     return json.dumps(value, ensure_ascii=False)
-
-
-def _printable(words: str) -> str:
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in words)

@@ -73,7 +73,7 @@ class LogScenario(Scenario):
     def motion_of(self, log: Log) -> MotionModel:
         """Return the motion that filters assume; with too little of a reference, the default."""
         known = self.estimated and shows_noise(log)
-        return _noise(log, kind_of(self.motion)) if known else self.motion
+        return motion_noise(log, kind_of(self.motion)) if known else self.motion
 
     def changed(
         self, world: Mapping[str, Any] = NOTHING, assumed: Mapping[str, Any] = NOTHING
@@ -187,11 +187,6 @@ def _played(env: Overrides, digests: str) -> tuple[Log, Map]:
 
 
 @lru_cache(maxsize=4)
-def _noise(log: Log, kind: str) -> MotionModel:
-    return motion_noise(log, kind)
-
-
-@lru_cache(maxsize=4)
 def shows_noise(log: Log) -> bool:
     """Whether a log has enough of a reference to estimate the noise of its odometry."""
     return log.reference is not None and len(typical_steps(log)[0]) >= LEAST_STEPS
@@ -255,6 +250,7 @@ def _explained(errors: Floats, by: Floats) -> Floats:
     return fit
 
 
+@lru_cache(maxsize=4)
 def motion_noise(log: Log, kind: str = "differential") -> MotionModel:
     """Return the motion model of a kind with the noise of steps of a log, thinned as it is played.
 

@@ -47,13 +47,6 @@ class Gaussian:
         number("prior.sd_position", self.sd_position, low=0)
         number("prior.sd_heading", self.sd_heading, low=0)
 
-    @property
-    def where(self) -> str:
-        """Where it is, in words."""
-        if self.mean is None:
-            return "around the planned start"
-        return "around ({:g}, {:g}, {:.2f} rad)".format(*self.mean)
-
     def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> GaussianPrior:
         """Return p(x_0) in the episode that a room has begun last; nothing is drawn."""
         mean = room.expected_start if self.mean is None else self.mean
@@ -97,12 +90,6 @@ class Displaced(Gaussian):
         within = math.remainder(turned, 4 * math.pi)  # within 2π, as a pose must be
         return replace(right, mean=(px, py, within))
 
-    @property
-    def where(self) -> str:
-        """Where it is, in words."""
-        off = f"wrong by {self.distance:g} and {math.degrees(self.angle):.0f}°"
-        return f"{super().where}, {off}"
-
 
 @dataclass(frozen=True, kw_only=True)
 class Uniform:
@@ -130,17 +117,6 @@ class Uniform:
         """Return p(x_0) in a room; nothing is drawn."""
         region = self._region()
         return UniformPrior(floor_plan=room.floor_plan, radius=room.radius, region=region)
-
-    @property
-    def where(self) -> str:
-        """Where it is, in words."""
-        if self.polygon is not None:
-            return f"anywhere in the polygon of {len(self.polygon)} corners, in any heading"
-        if self.near is None:
-            return "anywhere on the map"
-        x, y = self.near
-        at_least = f"{self.beyond:g} to " if self.beyond else "up to "
-        return f"{at_least}{self.within:g} from ({x:g}, {y:g}), in any heading"
 
     def _region(self) -> PolygonRegion | AnnulusRegion | None:
         if self.polygon is not None:
@@ -179,13 +155,6 @@ class Places:
             raise InputError("the prior has kind places, but no place: add [[prior.places]].")
         parts = tuple(place.prior.of(room) for place in self.places)
         return MixturePrior(parts=parts, weights=tuple(place.weight for place in self.places))
-
-    @property
-    def where(self) -> str:
-        """Where they are, in words."""
-        total = sum(place.weight for place in self.places)
-        each = (f"{100 * p.weight / total:.0f} % {p.prior.where}" for p in self.places)
-        return f"one of {len(self.places)} places: {'; '.join(each)}"
 
 
 def _place(given: Any) -> WeightedPlace:

@@ -63,9 +63,15 @@ class Results:
     rule: Rule | None = None  #: when comparisons are decided; None if the worlds were fixed
 
     def __repr__(self) -> str:
+        return f"<Results of {self.title!r}: {self.progress}>"
+
+    @property
+    def progress(self) -> str:
+        """How far it has come, in words."""
         done = self.planned - len(self.failures) - self.missing
-        counts = f"{done} of {self.planned} trials finished, {len(self.failures)} failed"
-        return f"<Results of {self.title!r}: {counts}>"
+        others = {"failed": len(self.failures), "missing": self.missing}
+        counts = [f"{done:,} of {self.planned:,} trials finished"]
+        return ", ".join([*counts, *(f"{n:,} {what}" for what, n in others.items() if n)])
 
     @cached_property
     def panels(self) -> list[Panel]:
@@ -324,14 +330,7 @@ def left_out_lines(results: Results, out: Path) -> list[str]:
 
 def summary(sweep: Sweep, results: Results, out: Path, files: Sequence[Path]) -> str:
     """Say how far a sweep has come, and where that is written."""
-    done = results.planned - len(results.failures) - results.missing
-    parts = [f"{sweep.title}: {done:,} of {results.planned:,} trials finished"]
-    if results.failures:
-        parts.append(f"{len(results.failures):,} failed")
-    if results.missing:
-        parts.append(f"{results.missing:,} missing")
-    lines = [", ".join(parts) + "."]
-    lines += _incomplete(sweep, results)
+    lines = [f"{sweep.title}: {results.progress}.", *_incomplete(sweep, results)]
     if equal := sweep.combinations - sweep.planned:
         lines.append(f"{equal:,} combinations equal others and were run once.")
     names = ", ".join(path.name for path in files if path.parent == out)

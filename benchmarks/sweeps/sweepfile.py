@@ -19,7 +19,7 @@ from benchmarks.sweeps.design import PARTS, Axis, Limit, Sweep, Takes, UntilDeci
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, integer, one_of
-from localizers import absolute_name, parameters
+from localizers import absolute_name, names, parameters
 from localizers.registry import LOCALIZER
 
 _KEYS = (
@@ -68,10 +68,10 @@ def suite_names() -> list[str]:
     return sorted(path.stem for path in _SUITES.glob("*.toml"))
 
 
-def suite_file(what: str, name: str) -> Path:
-    """Return the sweep file of a suite."""
+def suite_file(what: str, name: str, others: Iterable[str] = ()) -> Path:
+    """Return the sweep file of a suite; a refusal names ``others`` that are allowed, too."""
     try:
-        return _SUITES / f"{one_of(what, name, suite_names())}.toml"
+        return _SUITES / f"{one_of(what, name, [*suite_names(), *others])}.toml"
     except InputError as error:
         if Path(name).exists():
             raise InputError(
@@ -244,6 +244,16 @@ def _split(given: Overrides, names: "_Names") -> tuple[Overrides, dict[str, Over
             shared[key] = value
     alone = {localizer: names.params(Overrides(values)) for localizer, values in own.items()}
     return names.params(Overrides(shared)), alone
+
+
+def check_localizers(named: Sequence[str]) -> None:
+    """Refuse no localizer, an unknown one, and one that is named twice."""
+    if not named:
+        raise InputError(f"no localizer is named: allowed values: {', '.join(names())}.")
+    for name in named:
+        parameters(name)
+    if len(set(named)) < len(named):
+        raise InputError(f"a localizer is named twice in {', '.join(named)}.")
 
 
 def refuse_idle(sweep: Sweep, names: Iterable[str] | None = None) -> None:

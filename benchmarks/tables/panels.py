@@ -3,7 +3,6 @@
 import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,11 +26,6 @@ from benchmarks.tables.text import BASELINE, short_name, short_names
 from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method, Setting, Trial
-
-# What a filter assumes of a world's numbers.
-_ASSUMED = {"lidar.sigma": "scan.sigma"} | {
-    f"noise.{name}": f"motion.{name}" for name in ("drive", "turn", "drift")
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -308,7 +302,9 @@ def _swept(methods: Sequence[Method]) -> list[Overrides]:
     for method in methods:
         for name, value in method.values.items():
             if is_number(value):
-                seen.setdefault((_owner(method, name), name), set()).add(spelt(value))
+                agent = method.agent if name.startswith("agent.") else None
+                owner = agent.name if agent else method.name
+                seen.setdefault((owner, name), set()).add(spelt(value))
     names = {name for (_, name), values in seen.items() if len(values) > 1}
     taken = dict.fromkeys(
         Overrides({name: value for name, value in method.values.items() if name in names})
@@ -320,12 +316,6 @@ def _swept(methods: Sequence[Method]) -> list[Overrides]:
         for swept in taken
         if not any(len(more) > len(swept) and agree(swept, more) for more in taken)
     ]
-
-
-def _owner(method: Method, name: str) -> str:
-    """The localizer or the agent that has a parameter."""
-    agent = method.agent if name.startswith("agent.") else None
-    return agent.name if agent else method.name
 
 
 def _labels(methods: Sequence[Method]) -> dict[Method, str]:
@@ -382,20 +372,7 @@ def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
 
 
 def _words(setting: Setting) -> list[str]:
-    world = [f"{name} {value}" for name, value in setting.world.short().items()]
-    return [*world, *_assumed(setting), *map(disturbance_words, setting.disturbance)]
-
-
-def _assumed(setting: Setting) -> list[str]:
-    """What filters assume; in a few words if they assume all that the world is told to be."""
-    told = {_ASSUMED[name]: value for name, value in setting.world.items() if name in _ASSUMED}
-    alike = bool(told) and told.items() <= setting.assumed.items()
-    apart = [(n, value) for n, value in setting.assumed.items() if not (alike and n in told)]
-    words = [f"assumed {name} {_without_folder(value)}" for name, value in apart]
-    return [*words, "filters assume the same"] if alike else words
-
-
-def _without_folder(value: Any) -> Any:
-    """Return ``path/file.py:NAME`` as "file:NAME"; other values as they are."""
-    place, _, name = str(value).rpartition(":")
-    return f"{Path(place).stem}:{name}" if place.endswith(".py") else value
+    assumptions = setting.assumed.items()
+    assumed = (f"assumed {n} {short_name(v) if isinstance(v, str) else v}" for n, v in assumptions)
+    world = (f"{name} {value}" for name, value in setting.world.short().items())
+    return [*world, *assumed, *map(disturbance_words, setting.disturbance)]

@@ -1,12 +1,9 @@
 """Names of methods and what they mean, states, numbers, intervals and tables as text."""
 
-import csv
-import io
 import math
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from itertools import count
-from typing import Any
 
 from benchmarks.tables.stats import Interval
 
@@ -53,16 +50,6 @@ def short_names(names: Collection[str]) -> dict[str, str]:
 def state_name(offset: int) -> str:
     """x_t, x_{t-20}, … in plain characters."""
     return f"x[t{offset:+d}]" if offset else "x[t]"
-
-
-def csv_text(header: Sequence[str], lines: Iterable[Iterable[Any]]) -> str:
-    """Return a table as CSV; None and NaN are empty cells."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(header)
-    for line in lines:
-        writer.writerow("" if isinstance(v, float) and math.isnan(v) else v for v in line)
-    return out.getvalue()
 
 
 def fixed(value: float, digits: int = 2) -> str:

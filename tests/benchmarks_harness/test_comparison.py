@@ -126,7 +126,7 @@ def test_settings_are_panels_named_by_what_sets_them_apart():
         "noise.drive 0.1, L 20": {"world": {"noise.drive": 0.1}},
         "assumed scan.sigma 5.0, L 10": {"assumed": assumed, "lag": 10},
         "kidnap step 100, L 20": {"disturbance": [{"kind": "kidnap", "step": 100}]},
-        "lidar.sigma 5.0, filters assume the same, L 20": {"world": noisy, "assumed": assumed},
+        "lidar.sigma 5.0, assumed scan.sigma 5.0, L 20": {"world": noisy, "assumed": assumed},
         "lidar.sigma 5.0, assumed scan.sigma 9.0, L 20": {
             "world": noisy, "assumed": {"scan.sigma": 9.0}
         },

@@ -133,7 +133,7 @@ def test_pictures_and_tables_have_words_for_those_who_do_not_see_them(page):
 
 def test_the_page_says_how_far_it_came_and_how_to_get_the_same(page):
     words = " ".join(page.words)
-    assert "36 of 39 trials finished, 1 failed, 2 not run yet" in words
+    assert "36 of 39 trials finished, 1 failed, 2 missing" in words
     assert "deqmcl sweep 'a b.toml' --out there" in words
     assert '"code": "f00d"' in words
 
@@ -168,11 +168,11 @@ def test_a_report_that_is_written_anew_has_the_animations_of_the_folder_and_runs
     written(out, given, [LAP])
     monkeypatch.setattr(animations, "films_of", lambda panel: [LAP])
     monkeypatch.setattr(animations, "filmed", None)
-    files = writing.rewrite_report(out, elsewhere, given)
+    files = writing.write_report(elsewhere, given, draw=False, of=out)
     for path in files:
         assert path.read_bytes() == (out / path.relative_to(elsewhere)).read_bytes()
     (out / "images" / "lap-1-best-0.png").unlink()
-    writing.rewrite_report(out, elsewhere, given)
+    writing.write_report(elsewhere, given, draw=False, of=out)
     page = (elsewhere / "report.html").read_text(encoding="utf-8")
     assert "No animation: the folder has none of these worlds" in page
 
@@ -201,7 +201,7 @@ def test_a_report_is_written_whatever_the_words_of_its_command_are(tmp_path):
 def test_no_finished_trial_at_all_still_makes_a_report(tmp_path):
     writing.write_report(tmp_path, results([], failures=[(trial_of("x", 0), "boom")], missing=3))
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "0 of 4 trials finished, 1 failed, 3 not run yet" in text
+    assert "0 of 4 trials finished, 1 failed, 3 missing" in text
     assert "boom" in text
 
 

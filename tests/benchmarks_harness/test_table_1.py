@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from report_cases import changed, finished, paired, parsed, table_of, trials, trials_csv
 
-from benchmarks.tables.comparison import reading, table_1
+from benchmarks.report.tables import reading, table_1
 from benchmarks.tables.frames import csv_of, timings_table
 from benchmarks.tables.text import WORDS
 
@@ -23,9 +23,8 @@ PAPER = (4, 6, 9, 11, 13, 15)  # columns
 
 
 def lines(*records):
-    """Cells of each line below the header of the Markdown table."""
-    text = table_1(table_of(records), "github")
-    return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines()[2:]]
+    """Cells of each line of the table with variances."""
+    return table_1(table_of(records), variances=True).frame.to_numpy().tolist()
 
 
 @pytest.mark.parametrize("offset", [0, -20, 20])
@@ -44,7 +43,7 @@ def test_our_values_are_rounded_and_named():
     mcl, _, past = lines(*made, *trials("mcl-map", [2.0, 3.0, 7.0], offsets=(0, -20)))
     assert mcl[:4] == ["mcl", "x[t]", "baseline", "3.00 (2.65)"]
     assert (mcl[5], mcl[7], mcl[8], mcl[12]) == ("9.88", "4.6 %", "1000.0", "0.123")
-    assert past[:3] == ["mcl-map", "x[t-20]", "+1.00 [+1.00, +1.00]"]
+    assert past[:3] == ["mcl-map", "x[t-20]", "+1.00 (1.00 to 1.00)"]
 
 
 def test_what_is_unknown_reads_na_and_a_difference_without_interval_stands_alone():
@@ -52,16 +51,15 @@ def test_what_is_unknown_reads_na_and_a_difference_without_interval_stands_alone
     _, now, past = lines(
         finished("mcl", 0, 5.0), finished("x", 0, {0: 3.5, -20: None}, scores=unknown)
     )
-    assert (now[2], now[5], now[7]) == ("-1.50", "n/a", "n/a")
+    assert (now[2], now[5], now[7]) == ("−1.50", "n/a", "n/a")
     assert (past[2], past[3]) == ("n/a", "n/a (n/a)")
 
 
 def test_in_a_terminal_no_line_of_any_method_of_ours_is_longer_than_120_columns():
     rows = table_of(paired(dict.fromkeys(("mcl", *WORDS), (1234.5, (0, -20, 20)))))
-    for line in table_1(rows, "simple").splitlines():
-        assert len(line) <= 120
-    header = table_1(rows, "simple").splitlines()[0]
-    assert header.split()[:5] == ["method", "of", "error", "-", "mcl's,"]
+    text = table_1(rows).text().splitlines()
+    assert max(map(len, text)) <= 120
+    assert text[0].split()[:5] == ["method", "of", "error", "-", "mcl's,"]
 
 
 def sentence(**errors):

@@ -375,8 +375,8 @@ def test_a_start_may_be_what_a_person_knows(recorded, capsys, start):
     )
     words = ("--particles", "50", "--seeds", "1", "--start", start, "--localizers", "mcl-map")
     assert replay(*KNOWN, *words, "--out", "o") == 0
-    said = {"p": "one of 2 places: 50 % up to 0.5 from (1.2, 1)", "n": "up to 0.8 from (1.2, 1)"}
-    assert said.get(start[0], "in the polygon of 4 corners") in capsys.readouterr().out
+    said = {"p": "prior.kind places, prior.places (", "n": "prior.near (1.2, 1.0)"}
+    assert said.get(start[0], "prior.polygon ((0.5, 0.5), (") in capsys.readouterr().out
 
 
 def test_a_localizer_has_its_own_parameters_before_shared_ones_before_the_number_of_particles():

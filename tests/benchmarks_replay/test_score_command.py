@@ -8,8 +8,8 @@ from deqmcl_command import exit_code, lines
 from hall import recorded_in_a_hall, write_lap
 from scipy.stats import chi2
 
+from benchmarks.robots.estimates import played_by_replay
 from benchmarks.robots.played import replay_of
-from benchmarks.robots.scoring import played_by_replay
 from benchmarks.trials.tracks import calibration_of_gaussians
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import composed, relative

@@ -12,7 +12,7 @@ from sweep_command import write_small
 import deqmcl_gym
 import localizers
 from benchmarks.agents import AGENTS
-from benchmarks.commands import COMMANDS, paper
+from benchmarks.commands import COMMANDS, experiments
 from benchmarks.setup.names import scenario, scenario_names
 from benchmarks.sweeps.suites import SUITES
 
@@ -36,8 +36,9 @@ def test_help_is_no_error_and_loads_nothing_heavy():
 
 def test_a_terminal_without_greek_letters_is_no_reason_to_fail():
     code = (
-        "from benchmarks import cli; from benchmarks.commands import run\n"
-        "run.run = lambda *_: 'cos θ'; raise SystemExit(cli.main())"
+        "from benchmarks import cli; from benchmarks.commands import experiments as of\n"
+        "of.run_command = of.run_command._replace(run=lambda *_: 'cos θ')\n"
+        "raise SystemExit(cli.main())"
     )
     arguments = ("run", "--localizer", "mcl", "--out", "out")
     ascii_only = os.environ | {"PYTHONIOENCODING": "ascii"}
@@ -96,7 +97,8 @@ def test_a_run_that_fails_says_why_on_one_line_and_with_debug_where(
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(paper, "run", fail)
+    failing = experiments.paper_command._replace(run=fail)
+    monkeypatch.setattr(experiments, "paper_command", failing)
     assert exit_code("paper", "--out", tmp_path) == code
     assert capsys.readouterr() == ("", said)
     if code == 3 and not isinstance(error, OSError):

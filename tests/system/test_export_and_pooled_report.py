@@ -39,14 +39,16 @@ def swept(tmp_path_factory):
     return run
 
 
-@pytest.mark.parametrize(
-    ("flag", "made"), [("--latex", {"tables.tex", "references.bib"}), ("--pdf", {"figures"})]
-)
-def test_a_report_for_a_paper_has_tables_figures_and_bibtex(swept, tmp_path, capsys, flag, made):
-    assert report(swept("mcl", "mcl-map"), "--out", tmp_path / "out", flag) == 0
-    there = {name.partition("/")[0] for name in files(tmp_path / "out" / "export")}
-    assert there == made
-    assert ("export/figures/points-1.pdf" in capsys.readouterr().out) == (flag == "--pdf")
+def test_a_report_for_a_paper_has_tables_and_bibtex_and_then_its_figures_too(
+    swept, tmp_path, capsys
+):
+    folder, out = swept("mcl", "mcl-map"), tmp_path / "out"
+    made = {"tables.tex", "references.bib"}
+    for flag, more in (("--latex", set()), ("--pdf", {"figures"})):
+        assert report(folder, "--out", out, flag) == 0
+        made |= more
+        assert {name.partition("/")[0] for name in files(out / "export")} == made
+        assert ("export/figures/points-1.pdf" in capsys.readouterr().out) == (flag == "--pdf")
 
 
 def test_no_setting_of_matplotlib_that_a_user_has_changes_a_chart(swept, tmp_path):

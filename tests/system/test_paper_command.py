@@ -7,7 +7,8 @@ from argparse import ArgumentParser
 
 from deqmcl_command import METHODS, SMALL, exit_code, files, lines, records
 
-from benchmarks.commands import paper, shared
+from benchmarks.commands import setting_sweep
+from benchmarks.commands.experiments import paper_command
 from benchmarks.sweeps.suites import paper_sweep, sweep_named
 from benchmarks.sweeps.sweepfile import sweep_of
 
@@ -38,12 +39,12 @@ def test_the_command_writes_all_promised_files_and_is_quiet_where_no_one_watches
 
 def test_the_command_is_the_sweep_of_its_name():
     parser = ArgumentParser()
-    paper.arguments(parser)
+    paper_command.arguments(parser)
     options = parser.parse_args([])
-    assert shared.setting_sweep(options, METHODS, options.trials) == sweep_named("paper")
+    assert setting_sweep(options, METHODS, options.trials) == sweep_named("paper")
     assert options.out.as_posix() == "results/paper"
     options = parser.parse_args(["--seed", "1"])
-    assert shared.setting_sweep(options, METHODS, options.trials).seed == 1
+    assert setting_sweep(options, METHODS, options.trials).seed == 1
 
 
 def test_the_table_has_every_method_at_every_offset_it_holds(small_run):

@@ -72,7 +72,7 @@ def test_missing_trials_are_counted(reported, tmp_path, capsys):
     folder = shutil.copytree(reported, tmp_path / "partial")
     lose(folder, 0, 1, 2)
     assert exit_code("report", folder) == 0
-    expected = "9 of 12 trials finished, 3 not run yet: this report is partial."
+    expected = "9 of 12 trials finished, 3 missing: this report is partial."
     assert capsys.readouterr().out.startswith(expected)
     assert expected in (folder / "report.html").read_text(encoding="utf-8")
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.sweepfile import read_sweep, suite_file, suite_names, with_localizers
@@ -14,10 +15,17 @@ PAPER_METHODS = ("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl"
 
 
 def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
-    """Return the sweep of a suite, or of a path that ends in .toml, with further localizers."""
+    """Return the sweep of a suite, a scenario or a path in .toml, with further localizers.
+
+    A scenario has the methods of the paper.
+    """
     if name.endswith(".toml"):
         return read_sweep(Path(name), added)
-    return with_localizers(read_sweep(suite_file("suite", name)), added)
+    if name in SCENARIOS and name not in SUITES:
+        sweep = Sweep(title=name, scenario=name, localizers=tuple(map(Method, PAPER_METHODS)))
+    else:
+        sweep = read_sweep(suite_file("suite or scenario", name, SCENARIOS))
+    return with_localizers(sweep, added)
 
 
 def paper_sweep(

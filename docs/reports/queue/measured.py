@@ -23,7 +23,7 @@ import pandas as pd
 from benchmarks.pictures import styled
 from benchmarks.report.charts import STYLE, Chart, canvas, line
 from benchmarks.robots.played import replay_of
-from benchmarks.tables.text import csv_text
+from benchmarks.tables.frames import csv_of
 from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -180,7 +180,7 @@ def table(cells: list[Cell], jobs: int) -> str:
             _line(cell, [one.result() for one in own])
             for cell, own in zip(cells, pending, strict=True)
         ]
-    return csv_text(COLUMNS, lines)
+    return csv_of(pd.DataFrame(lines, columns=COLUMNS))
 
 
 def _line(cell: Cell, found: list[dict[str, float]]) -> list[str]:

@@ -162,30 +162,30 @@ def score(
         "trials.csv": utf8(csv_of(tracks_trials(runs))),
     }
     files = write_files(own_folder(out, "results.csv"), contents)
-    known = {
+    covered = {
         label: np.isfinite(track.best[:, 0])
         for label, track in theirs[["label", "track"]].to_numpy()
     }
     if isinstance(by, Played):
-        said = (
+        how = (
             f"Scored at {len(by.log):,} records of {Path(by.log.source).name}: the last pose of "
             "the estimate, carried on by the odometry since."
         )
-        said += "" if by.log.referenced.size else f" {NO_ERROR}"
+        how += "" if by.log.referenced.size else f" {NO_ERROR}"
     else:
-        counts = ", ".join(f"{label} {len(own):,}" for label, own in known.items())
-        said = (
+        counts = ", ".join(f"{label} {len(poses):,}" for label, poses in covered.items())
+        how = (
             f"Scored at the estimates' own times: {counts} poses within the reference, which is "
             "interpolated in straight lines; give --log to follow the odometry. Metres are those "
             "of the reference."
         )
     uncovered = [
-        f"{label} covers {own.sum():,} of the {own.size:,} records, {percent(own.mean())}: at the "
-        "others it is not localized; errors are those of the records that it covers."
-        for label, own in known.items()
-        if own.sum() < _ALL * own.size
+        f"{label} covers {poses.sum():,} of the {poses.size:,} records, {percent(poses.mean())}: "
+        "at the others it is not localized; errors are those of the records that it covers."
+        for label, poses in covered.items()
+        if poses.sum() < _ALL * poses.size
     ]
-    texts = [*accuracy(runs), *(table.text("simple") for table in tables_of(runs)), said]
+    texts = [*accuracy(runs), *(table.text() for table in tables_of(runs)), how]
     texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
     return uncovered, "\n\n".join(texts)
 

@@ -1,0 +1,338 @@
+"""Trials in worlds: the paper's experiment, a lap, a sweep; and folders of their results."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from benchmarks.commands import (
+    JOBS,
+    MCAP,
+    RETRY_FAILED,
+    SETTING,
+    TIMEOUT,
+    command,
+    file,
+    folder,
+    group,
+    localizers_named,
+    mcap_of,
+    option,
+    out,
+    seed,
+    setting_sweep,
+    settings,
+    share,
+    switch,
+    trials,
+)
+from benchmarks.console import checking, doing, log_warnings, warn
+
+if TYPE_CHECKING:  # --help loads nothing heavy
+    from benchmarks.sweeps.design import Sweep
+    from benchmarks.sweeps.results import Results
+
+MANY = 100_000  # trials; more are run only with --yes
+PAPER_NOTE = (
+    "Errors mix lengths and unitless components, as the paper's do; SD over trials; entropy in "
+    "nats from the four variances. The paper does not say at which offset it took its rows with a "
+    'smoother, so its values stand beside x[t] and x[t-L]; "in walls" is the weight on poses '
+    "where the robot does not fit."
+)
+
+
+@command(
+    *SETTING,
+    trials(10),
+    option("--localizers", metavar="A,B,…", help="methods (the paper's and baselines)"),
+    settings(),
+    JOBS,
+    out("results/paper"),
+)
+def paper_command(options: argparse.Namespace) -> str:
+    """Run the paper's experiment: all methods on the same worlds.
+
+    Trials that the output folder already holds are not run again.
+    """
+    from benchmarks.execution import prepare
+
+    prepare()  # while this process loads what it needs
+    from benchmarks.execution.engines import Where
+    from benchmarks.execution.processes import GUEST_SECONDS, Processes
+    from benchmarks.experiment import Experiment
+    from benchmarks.files import write_files
+    from benchmarks.pictures.figures import chosen, write_paper_figures
+    from benchmarks.report.verdict import conclusion
+    from benchmarks.report.writing import load, write_report
+    from benchmarks.sweeps.results import summary
+    from benchmarks.sweeps.running import Options, complete
+    from benchmarks.sweeps.suites import PAPER_METHODS
+
+    named, target = options.localizers, options.out
+    how = Options(where=Where(jobs=options.jobs), retry_failed=True)
+    localizers = PAPER_METHODS if named is None else localizers_named(named)
+    sweep = setting_sweep(options, localizers, options.trials)
+    if not (target / "report.html").exists():
+        load()  # while the workers load theirs
+    with Experiment(sweep).begun(target, how, options.words) as running:
+        with Processes(1, timeout=GUEST_SECONDS) as beside:  # where the kernels are loaded
+            figures = target / "figures"
+            drawing = beside.submit(write_paper_figures, chosen(sweep.distinct()), figures)
+            results = running.results()
+            drawn = [] if results.failures or results.missing else drawing.result()
+            # figures/lap.webp is a lap; three more would be a second of waiting
+            files = write_report(target, results, draw=False) + drawn
+            complete(results, summary(sweep, results, target, files))
+        write_files(target, {"table.md": _paper_table(sweep, results, "github").encode()})
+    written = [file.relative_to(target) for file in files if file.parent.name != "images"]
+    table = _paper_table(sweep, results, "simple")
+    names = ", ".join(map(str, written))
+    return f"{table}\n{conclusion(results)}\n\nWritten to {target}: table.md, {names}."
+
+
+def _paper_table(sweep: "Sweep", results: "Results", style: str) -> str:
+    from benchmarks.report.tables import reading, table_1
+    from benchmarks.tables.text import short_name
+
+    worlds = "1 world" if sweep.trials == 1 else f"{sweep.trials} worlds"
+    mark = "# " if style == "github" else ""
+    title = (
+        f"{mark}Table 1, scenario {short_name(sweep.scenario)}: {worlds}, N = "
+        f"{sweep.params['particles']}, L = {sweep.lag}, seed {sweep.seed}; the paper's values "
+        "beside ours"
+    )
+    rows = results.table
+    table = table_1(rows, variances=style == "github").text(style)
+    parts = [title, table, PAPER_NOTE, *filter(None, [reading(rows)])]
+    return "\n\n".join(parts) + "\n"
+
+
+@command(
+    *SETTING,
+    option("--localizer", required=True, metavar="NAME", help="the method"),
+    settings(),
+    option("--log", type=file, metavar="FILE",
+        help="also write the lap as a log: .csv, .csv.gz or .npz"),
+    MCAP,
+    out(),
+)  # fmt: skip
+def run_command(options: argparse.Namespace) -> str:
+    """Run one lap of one localizer.
+
+    Writes its animation, its error curve, and its trace as npz and as TUM files (for evo).
+    """
+    from benchmarks.pictures.figures import run_lap
+    from benchmarks.sweeps.running import check
+    from localizers.registry import LOCALIZER
+
+    mcap = mcap_of(options)
+    sweep = setting_sweep(options, [LOCALIZER.complete(options.localizer)])
+    with checking():
+        check(sweep)
+    (trial,) = sweep.distinct()
+    log = None if options.log is None else options.log.absolute()
+    with doing(f"running and drawing a lap of {trial.localizer}"):
+        return run_lap(trial, options.out.absolute(), log, mcap)
+
+
+@command(
+    option("suite", metavar="SUITE|SCENARIO|FILE.toml", help="a suite, a scenario with the paper's "
+        "methods, or a sweep file"),
+    out(without="results/SUITE"),
+    option("--with", dest="added", action="append", default=[], metavar="LOCALIZER[,…]",
+        help="localizers to add"),
+    settings(),
+    trials(),
+    seed(None),
+    JOBS,
+    switch("--dry-run", "list settings and methods, and estimate the time"),
+    group(
+        "no more worlds than needed",
+        switch("--until-decided", "run each method only until it is known to be better or worse "
+            "than the baseline, or equivalent"),
+        option("--margin", type=share, metavar="M", help="difference that does not matter (5%%)"),
+        option("--max-worlds", type=int, metavar="K", help="most worlds of each setting (1000)"),
+    ),
+    group(
+        "where trials run, and what becomes of those that fail",
+        option("--executor", default="process", metavar="E", help="process, dask or "
+            "module:factory"),
+        option("--scheduler", metavar="ADDRESS", help="Dask scheduler (a new cluster on this "
+            "machine)"),
+        option("--shard", metavar="I/N", help="run only every N-th trial, starting with the I-th"),
+        TIMEOUT,
+        RETRY_FAILED,
+        switch("--fail-fast", "stop at the first failed trial"),
+        switch("--adopt", "go on in a folder of other code, libraries or plug-ins, if deqmcl "
+            "verify finds no number that differs"),
+        switch("--yes", "run more than 100,000 trials without confirmation"),
+        option("--mcap", type=folder, metavar="DIR", help="also write the runs of the report's "
+            "animations, for Foxglove and Lichtblick (needs the extra view)"),
+    ),
+)  # fmt: skip
+def sweep_command(options: argparse.Namespace) -> str:
+    """Run a suite, a scenario (deqmcl list has both) or a sweep file in TOML; write its report.
+
+    Trials that the output folder already holds are not run again.
+    """
+    from benchmarks.execution import prepare
+
+    if options.executor == "process":
+        prepare()  # while this process loads what it needs
+    from benchmarks.experiment import Experiment
+    from benchmarks.pictures.messages import check_folder
+    from benchmarks.report.animations import write_laps
+    from benchmarks.report.writing import no_report
+    from benchmarks.sweeps.running import check, complete, dry_run, shard_of
+    from deqmcl_gym.validation import InputError
+
+    if options.mcap is not None:
+        check_folder(options.mcap)
+    sweep = asked(options)
+    if sweep.combinations > MANY and not options.yes:
+        raise InputError(
+            f"the sweep has {sweep.combinations:,} trials, more than {MANY:,}: give --yes to run "
+            "them all, or vary less."
+        )
+    warn(_misfits(sweep))
+    if options.dry_run:
+        shards = shard_of(options.shard)[1] if options.shard else 1
+        with checking():
+            check(sweep)
+        with doing("measuring trials"):
+            return dry_run(sweep, options.jobs, options.timeout, shards)
+    names = ("executor", "scheduler", "timeout", "shard", "retry_failed", "fail_fast", "adopt")
+    how = {name: getattr(options, name) for name in names}
+    target = options.out or Path("results") / Path(options.suite).stem
+    ended = Experiment(sweep).run(options.jobs, target, **how, report=True, command=options.words)
+    laps = "" if options.mcap is None else write_laps(ended.results, options.mcap)
+    tables_only = f"\nTables only: {why}" if (why := no_report()) else ""
+    text = "\n".join(filter(None, [str(ended), laps, tables_only]))
+    return complete(ended.results, text, part=options.shard is not None)
+
+
+def _misfits(sweep: "Sweep") -> list[str | None]:
+    """Read the logs of a sweep; return warnings of them, and that one does not fit its map."""
+    from benchmarks.robots.replaying import disagreement
+    from benchmarks.setup.logs import LogScenario
+    from benchmarks.setup.names import scenario
+
+    worlds = dict.fromkeys((trial.scenario, trial.world) for trial in sweep.cells())
+    named = [(scenario(name), world) for name, world in worlds]
+    played = [(of_log, world) for of_log, world in named if isinstance(of_log, LogScenario)]
+    if not played:
+        return []
+    with doing("reading the log and the map"), log_warnings() as warnings:
+        misfits = [disagreement(of_log.changed(world)) for of_log, world in played]
+    return [*warnings, *misfits]
+
+
+def asked(options: argparse.Namespace) -> "Sweep":
+    """Return the sweep that ``deqmcl sweep`` is asked for."""
+    from benchmarks.experiment import sweep
+    from benchmarks.setup import documents
+    from benchmarks.sweeps.suites import sweep_named
+    from deqmcl_gym.validation import InputError, integer
+    from localizers import parameters
+
+    added = [name for listed in options.added for name in localizers_named(listed)]
+    keys: dict[str, Any] = {}
+    if options.trials is not None:
+        keys["trials"] = integer("--trials", options.trials, low=1, high=100_000)
+    if options.seed is not None:
+        keys["seed"] = integer("--seed", options.seed)
+    for flag, value in (("--margin", options.margin), ("--max-worlds", options.max_worlds)):
+        if value is not None and not options.until_decided:
+            raise InputError(f"{flag} is of --until-decided: give that too.")
+    if options.until_decided:
+        if options.trials is not None:
+            raise InputError("--trials fixes the worlds: give --max-worlds with --until-decided.")
+        most = 1000 if options.max_worlds is None else options.max_worlds
+        keys["trials"] = integer("--max-worlds", most, low=1, high=100_000)
+        keys["until_decided"] = {} if options.margin is None else {"margin": options.margin}
+    values = documents.settings(options.set)
+    made = sweep(sweep_named(options.suite, added), settings=values, **keys).sweep
+    for name in added:
+        parameters(name)
+    if options.shard and made.until_decided:
+        raise InputError(
+            "--shard runs a part of all trials, but until all comparisons are decided nobody knows "
+            "which these are: leave out --shard or --until-decided."
+        )
+    return made
+
+
+@command(
+    option("folders", type=folder, nargs="+", metavar="DIR", help="folder of results"),
+    out(without="DIR itself, if it is one"),
+    switch("--latex", "also write the tables in LaTeX, and BibTeX"),
+    switch("--pdf", "also write the charts as PDF"),
+)
+def report_command(options: argparse.Namespace) -> str:
+    """Write the report of the finished trials in a folder, or in several of the same worlds.
+
+    That is report.html, results.md with its images, and the tables results.csv, trials.csv and
+    timings.csv. No code that a folder names is run: animations are those that the sweep drew.
+    Several folders may differ in their localizers and agents only, and must be complete. --latex
+    and --pdf write what a paper needs into DIR/export: tables.tex (booktabs) with references.bib,
+    and the charts.
+    """
+    from benchmarks.files import own_folder, write_files
+    from benchmarks.report.verdict import conclusion, progress
+    from benchmarks.report.writing import require_report, write_report
+    from benchmarks.sweeps.results import left_out_lines, pooled, results_in
+    from deqmcl_gym.validation import InputError
+
+    require_report()
+    (first, *more), target = options.folders, options.out or options.folders[0]
+    same = target.resolve() == first.resolve()
+    if more and same:
+        raise InputError("several folders make one report: give --out DIR, a new folder for it.")
+    results = pooled(options.folders, options.words) if more else results_in(first)
+    for line in left_out_lines(results, Path() if more else first):
+        print(line, file=sys.stderr)
+    if same and any(record.track is not None for record in results.records):
+        raise InputError(
+            f"{first} is of deqmcl replay, which writes its report: run it again, or give another "
+            "--out."
+        )
+    files = write_report(target, results, draw=False, of=None if same else first)
+    if options.latex or options.pdf:
+        if not results.records:
+            raise InputError(f"{first} has no finished trial: run its sweep first.")
+        from benchmarks.report.page import latex_files, pdf_files
+
+        contents = latex_files(results) if options.latex else {}
+        contents |= pdf_files(results) if options.pdf else {}
+        files += write_files(own_folder(target / "export", "tables.tex", "figures"), contents)
+    written = [path.relative_to(target) for path in files]
+    names = ", ".join(str(path) for path in written if path.parts[0] != "images")
+    words = f"{progress(results)}\nWritten to {target}: {names} and their images."
+    return f"{words}\n{conclusion(results)}"
+
+
+@command(
+    option("folder", type=folder, metavar="DIR", help="folder of results"),
+    option("--share", type=share, metavar="S", help="share of trials to run again, beside one of "
+        "each setting and method (1%%)"),
+    JOBS,
+    TIMEOUT,
+)  # fmt: skip
+def verify_command(options: argparse.Namespace) -> str:
+    """Run a sample of a folder's finished trials again, and compare their results.
+
+    The sample is the first world of each setting and method, and 1 % of the others (--share), drawn
+    by the digest of the code. If all results are the same to the last digit, the folder's manifest
+    says so, and deqmcl sweep goes on with what is there; if not, the exit code is 1. A sample
+    cannot prove what happens rarely: run the sweep again for numbers that must hold without a
+    doubt.
+    """
+    from benchmarks.execution import prepare
+
+    prepare()  # while this process loads what it needs
+    from benchmarks.execution.engines import Where
+    from benchmarks.sweeps.verifying import SAMPLED, verify
+    from deqmcl_gym.validation import number
+
+    part = SAMPLED if options.share is None else number("--share", options.share, low=0, high=1)
+    return verify(options.folder, Where(jobs=options.jobs, timeout=options.timeout), part)

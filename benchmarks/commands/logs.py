@@ -1,0 +1,349 @@
+"""Recorded logs: localizers replayed on one, what another stack made of one, and tuning on some."""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from benchmarks.commands import (
+    JOBS,
+    MCAP,
+    RETRY_FAILED,
+    TIMEOUT,
+    Option,
+    command,
+    folder,
+    group,
+    localizers_named,
+    mcap_of,
+    option,
+    out,
+    seed,
+    settings,
+    switch,
+)
+from benchmarks.console import doing, log_warnings, warn
+
+if TYPE_CHECKING:  # --help loads nothing heavy
+    from benchmarks.robots.nav2 import Amcl
+    from benchmarks.robots.played import Replay
+    from benchmarks.robots.search import Task
+
+_OF_LOGS = "world.…, assumed.… and params.… (docs/your-map-your-log.md)"  # that may be set
+_NODE = option(
+    "--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)"
+)
+
+
+def _every(default: str) -> Option:
+    words = f"play a record each time the robot has moved this far ({default})"
+    return option("--every", metavar="D,A", help=words)
+
+
+def _nav2(words: str) -> Option:
+    return option("--nav2", type=Path, metavar="PARAMS.yaml", help=words)
+
+
+@command(
+    option("log", nargs="+", metavar="LOG", help="a CARMEN log or ROS bag, or its parts; CSV or "
+        "npz"),
+    option("--map", required=True, metavar="MAP.yaml", help="the map, as for ROS' map_server"),
+    option("--reference", metavar="REF.tum", help="true poses in the map's frame (the log's own)"),
+    option("--localizers", default="mcl,amcl", metavar="A,B,…", help="methods (mcl,amcl)"),
+    option("--start", metavar="S", help="where the robot starts: reference, global, x,y,θ in m and "
+        "rad, as in --start=1,2,0, room=x,y,x,y,…, near=x,y,within[,beyond], or a .toml file "
+        "(reference, if there is one)"),
+    _nav2("Nav2's parameter file: sets all of amcl, and for the others what is not set here"),
+    _NODE,
+    _every("0.2m,5deg; with amcl 0.0625m,3deg, so that it updates as often as a robot's"),
+    settings("assumed.scan.sigma=0.1 or world.max_beams=60", _OF_LOGS),
+    option("--seeds", type=int, default=10, metavar="K", help="runs of each localizer (10)"),
+    JOBS,
+    out(without="results/LOG"),
+    group(
+        "more",
+        option("--particles", type=int, metavar="N", help="particles of all (each method's "
+            "default: 1000; amcl: at most 2000)"),
+        switch("--fit-beams", "assume the four-part beam model that fits scans from reference "
+            "poses in the first part of the log, and print it"),
+        switch("--residuals", "also tell and draw where the map is wrong: cells that beams end in "
+            "or pass though the map says otherwise"),
+        seed(),
+        TIMEOUT,
+        switch("--dry-run", "print what would be run, as a sweep file with all that is set and "
+            "fitted"),
+        MCAP,
+    ),
+)  # fmt: skip
+def replay_command(options: argparse.Namespace) -> str:
+    """Play the same records of a log to every localizer, as fast as possible, and compare them.
+
+    Writes tables, trajectories (TUM, for evo) and a page: docs/your-map-your-log.md.
+    """
+    from benchmarks.execution.engines import Where
+    from benchmarks.pictures.messages import shown_again
+    from benchmarks.robots.replaying import planned, run_replay, sweep_file
+    from benchmarks.sweeps.running import Options, complete
+
+    how = Options(where=Where(jobs=options.jobs, timeout=options.timeout))
+    mcap = mcap_of(options)
+    plan = planned(
+        options.log,
+        options.map,
+        localizers_named(options.localizers),
+        reference=options.reference,
+        start=options.start,
+        settings=_settings(options),
+        particles=options.particles,
+        seeds=options.seeds,
+        seed=options.seed,
+        nav2=_amcl(options),
+        fit_beams=options.fit_beams,
+    )
+    if options.dry_run:
+        return sweep_file(plan.sweep, [*plan.warnings, *plan.replay.facts]).rstrip()
+    target = options.out or Path("results") / Path(options.log[0]).name.partition(".")[0]
+    played = run_replay(plan, target, how, options.words, residuals=options.residuals)
+    text = complete(played.results, str(played))
+    if mcap is None:
+        return text
+    first = list(replace(plan.sweep, trials=1).distinct())
+    with doing("playing the first run of each again, to show it"):
+        shown_again(first, mcap)
+    return f"{text}\n\nMCAP, the first run of each: {options.mcap}"
+
+
+def _amcl(options: argparse.Namespace) -> "Amcl | None":
+    """Return what Nav2's file says; None: there is none."""
+    from benchmarks.robots.nav2 import read_nav2
+    from deqmcl_gym.validation import InputError
+
+    if options.node is not None and options.nav2 is None:
+        raise InputError("--node is given without --nav2: name the file that the node is in.")
+    return None if options.nav2 is None else read_nav2(options.nav2, options.node)
+
+
+def _settings(options: argparse.Namespace) -> dict[str, Any]:
+    """Return what is set, ``--every`` among it."""
+    from benchmarks.setup import documents
+    from deqmcl_gym.validation import InputError
+
+    values = documents.settings(options.set)
+    if options.every is None:
+        return values
+    if "world.every" in values:
+        raise InputError("--every is given, and world.every set: give one of them.")
+    return values | {"world.every": options.every}
+
+
+@command(
+    option("estimates", nargs="+", metavar="THEIRS", help="an estimate, [NAME=]FILE[:TOPIC]: "
+        "slam.tum, mine=poses.csv, run.mcap:/amcl_pose"),
+    option("--reference", metavar="REF.tum", help="true poses in the map's frame"),
+    option("--beside", type=folder, metavar="DIR", help="a folder of deqmcl replay: its log, "
+        "reference and map, and its rows in the table"),
+    option("--log", metavar="LOG", help="score at the records of a log, as replay does"),
+    option("--map", metavar="MAP.yaml", help="compare the log's scans with a map"),
+    settings("world.reading.base_frame=base", "world.reading.…"),
+    option("--every", metavar="D,A", help="score a record each time the robot has moved this far "
+        "(0.2m,5deg)"),
+    option("--covariance", metavar="FILE", help="covariances of the only estimate, lines of a time "
+        "and 6, 9 or 36 numbers"),
+    out(),
+)  # fmt: skip
+def score_command(options: argparse.Namespace) -> str:
+    """Score what another stack has estimated on a log, with the columns of ``deqmcl replay``.
+
+    An estimate is a TUM file, a CSV with time,x,y,heading and perhaps covariances, or a topic of
+    poses in a bag: docs/tune-on-your-log.md.
+    """
+    from benchmarks.robots.estimates import estimates_of, played_before, played_by_replay, score
+    from benchmarks.robots.played import reading_among
+    from benchmarks.setup import documents
+    from deqmcl_gym.logs import read_tum
+    from deqmcl_gym.validation import InputError
+
+    beside, log, reference = options.beside, options.log, options.reference
+    of_log = {"--map": options.map, "--every": options.every, "--set": options.set or None}
+    of_replay = {**of_log, "--log": log, "--reference": reference}
+    alone = [name for name, value in of_log.items() if value is not None]
+    if beside is not None and (extra := [name for name, value in of_replay.items() if value]):
+        raise InputError(
+            f"{extra[0]} is given with --beside, whose folder says what was played: leave one of "
+            "them out."
+        )
+    if beside is None and log is None and alone:
+        raise InputError(f"{alone[0]} is given without --log: name the log that it is about.")
+    if beside is None and log is None and reference is None:
+        raise InputError("there is nothing to score by: give --reference, --log or --beside.")
+    with doing("reading the estimates and what they are scored by"), log_warnings() as warnings:
+        by: Any  # a log, or a reference alone
+        if beside is not None:
+            by = played_before(beside)
+        elif log is not None:
+            reading = reading_among(documents.settings(options.set))
+            by = played_by_replay(log, reference, reading, options.map, options.every)
+        else:
+            by = read_tum(reference)
+        estimates = estimates_of(options.estimates, options.covariance)
+        uncovered, text = score(by, estimates, options.out)
+    warn([*warnings, *uncovered])
+    return text
+
+
+@command(
+    option("logs", nargs="+", metavar="LOG", help="a CARMEN log, ROS bag, CSV or npz file, or "
+        "several"),
+    option("--map", action="append", default=[], metavar="MAP.yaml", help="the map; for several "
+        "logs one for all, or one each in their order"),
+    option("--reference", action="append", default=[], metavar="REF.tum", help="true poses in the "
+        "map's frame (the log's own), as --map"),
+    option("--localizer", default="amcl", metavar="NAME", help="what is tuned (amcl)"),
+    option("--space", type=Path, metavar="FILE.toml", help="ranges, in place of the built-in ones"),
+    option("--score", default="log-score", metavar="NAME", help="what is to be best: log-score (of "
+        "the pose with its covariance), median, p95 (position error), localized, "
+        "false-commitment (log-score)"),
+    option("--max-ms", type=float, metavar="MS", help="most ms per step that the winner may take"),
+    option("--candidates", type=int, default=108, metavar="N", help="how many candidates, in "
+        "rounds of 18; more go on in the same folder (108)"),
+    _nav2("your Nav2 parameters: the default to beat"),
+    _NODE,
+    settings("params.max_particles=500 or world.max_beams=60", _OF_LOGS),
+    JOBS,
+    out(),
+    group(
+        "segments",
+        option("--segment", type=float, default=15.0, metavar="M", help="m driven in a segment "
+            "(15)"),
+        option("--gap", type=float, default=2.0, metavar="M", help="m driven between two (2)"),
+        option("--start-sd", default="0.2m,0.1rad", metavar="D,A", help="how well the start of a "
+            "segment is known, standard deviations (0.2m,0.1rad)"),
+        _every("0.2m,5deg; for amcl 0.05m,3deg"),
+    ),
+    group("more", seed(), TIMEOUT, RETRY_FAILED),
+)  # fmt: skip
+def tune_command(options: argparse.Namespace) -> str:
+    """Search the parameters of a localizer that are best on your logs, and say what is gained.
+
+    Trains on some segments of the logs and tells the gain on others, which the search does not see;
+    the same command resumes: docs/tune-on-your-log.md.
+    """
+    from benchmarks.execution.engines import Where
+    from benchmarks.robots.search import GOALS, searching
+    from benchmarks.robots.tuned import write_tuned
+    from benchmarks.sweeps.running import Options
+    from deqmcl_gym.validation import InputError, integer, number, one_of
+
+    named = localizers_named(options.localizer)
+    if len(named) != 1:
+        raise InputError(f"--localizer is {options.localizer!r}, but must name one localizer.")
+    (name,) = named
+    one_of("score", options.score, GOALS)
+    if options.max_ms is not None:
+        number("--max-ms", options.max_ms, low=0, above=True)
+    integer("--candidates", options.candidates, low=2, high=100_000)
+    if options.nav2 is not None and name != "amcl":
+        raise InputError(f"--nav2 is given, but {name} is tuned: leave it out, or tune amcl.")
+    nav2 = _amcl(options)
+    where = Where(jobs=options.jobs, timeout=options.timeout)
+    task = _task(options, name, nav2)
+    with doing("checking the segments and the ends of all ranges"):
+        task.check()
+    how = Options(where=where, retry_failed=options.retry_failed, progress=False)
+    with searching(task, options.out, how) as search:
+        tuning = search.run(options.candidates)
+        return write_tuned(tuning, options.out, options.words, options.nav2, options.node)
+
+
+def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":
+    """Return what is searched for, of the options."""
+    from benchmarks.robots.nav2 import usual_params
+    from benchmarks.robots.played import length_and_angle, params_among
+    from benchmarks.robots.search import Task, cut
+    from benchmarks.robots.space import space_of
+    from benchmarks.setup.overrides import Overrides
+    from benchmarks.sweeps.sweepfile import params_by_localizer
+    from deqmcl_gym.validation import integer, number
+    from localizers import parameters
+    from localizers.methods.deq_mcl import Shared
+
+    seed = integer("--seed", options.seed)
+    length = number("--segment", options.segment, low=0, above=True)
+    gap = number("--gap", options.gap, low=0)
+    sd = length_and_angle("--start-sd", options.start_sd)
+    own = params_by_localizer(params_among(_settings(options)), [name])[name]
+    replays = _replays(options, name, nav2)
+    noise = [n for n in vars(replays[0].motion) if n != "still"]
+    base = Overrides({} if nav2 is None else nav2.params) | own
+    space = space_of(options.space, name, noise, base)
+    training, held_out = cut(replays, length, gap, sd, seed)
+    taken = parameters(name) or ()
+    setup = replays[0].scenario
+    tempered = {"beta": setup.beta, "plan_beta": setup.beta}
+    defaults = usual_params() if name == "amcl" else vars(Shared()) | tempered
+    scan = {f"scan.{part}": value for part, value in vars(setup.scan).items()}
+    usual = {n: v for n, v in defaults.items() if n in taken and v is not None}
+    return Task(
+        localizer=name,
+        base=base,
+        usual=Overrides({**usual, **scan, **training[0].assumed, **base}),
+        space=space,
+        training=training,
+        held_out=held_out,
+        score=options.score,
+        max_ms=options.max_ms,
+        seed=seed,
+    )
+
+
+def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "list[Replay]":
+    """Return the logs as the default would play them."""
+    from benchmarks.robots.calibration import calibrated
+    from benchmarks.robots.played import replay_of
+    from benchmarks.robots.replaying import disagreement
+    from deqmcl_gym.validation import InputError
+
+    files = [Path(log).resolve() for log in options.logs]
+    for log, file in zip(options.logs, files, strict=True):
+        if files.count(file) > 1:
+            raise InputError(f"{log} is given twice: give each log once.")
+    maps = _each("--map", options.map, options.logs)
+    references = _each("--reference", options.reference or [None], options.logs)
+    usual: dict[str, Any] = {}
+    if name == "amcl":
+        usual = {"world.every": "0.05m,3deg", "world.max_beams": 180}
+    if nav2 is not None:
+        usual |= nav2.assumed | nav2.bounds
+    settings = usual | _settings(options)
+    with doing("reading the logs and the maps"), log_warnings() as warnings:
+        each = zip(options.logs, maps, references, strict=True)
+        replays = [
+            replay_of(log, floor_plan, reference=reference, otherwise="global", settings=settings)
+            for log, floor_plan, reference in each
+        ]
+    for replay, log in zip(replays, options.logs, strict=True):
+        if not replay.log.referenced.size:
+            raise InputError(f"{log} has no reference, so no error is known: give --reference.")
+    notes = [] if nav2 is None else nav2.notes
+    sideways = [replay.sideways for replay in replays]
+    warn([*warnings, *notes, *sideways, *(disagreement(one.scenario) for one in replays)])
+    if {replay.log.unit for replay in replays} != {"m"}:
+        raise InputError("a log is in px, but tune takes logs in m: give another one.")
+    if name != "amcl" and "scan.power" not in replays[0].assumed:
+        with doing("fitting the power of the scan model to the first part of the log"):
+            replays = [calibrated(replay) for replay in replays]
+    return replays
+
+
+def _each(flag: str, given: list[Any], logs: list[str]) -> list[Any]:
+    """Return one for each log."""
+    from deqmcl_gym.validation import InputError
+
+    if len(given) == 1:
+        return given * len(logs)
+    if len(given) != len(logs):
+        raise InputError(
+            f"{flag} is given {len(given)} times for {len(logs)} logs: give it once, or once for "
+            "each log, in their order."
+        )
+    return given

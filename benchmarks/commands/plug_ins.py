@@ -1,0 +1,275 @@
+"""What there is to name, how it is begun, and the laws that it must keep."""
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from shlex import quote
+from traceback import format_exception
+from typing import TYPE_CHECKING, Any
+
+from benchmarks.commands import command, file, folder, option, switch
+from benchmarks.console import doing
+
+if TYPE_CHECKING:  # loaded when needed
+    from localizers.checks import LawVerdict, Report
+
+_KINDS = "suites", "localizers", "scenarios", "agents"
+_FEW = 6  # shown of each kind
+_FIRST = "paper", "quick", "lost-quick", "wrong-map-quick", "plan-sensor", "basin"  # of the suites
+
+
+@command(
+    option(
+        "kind",
+        nargs="?",
+        metavar="|".join((*_KINDS, "LOCALIZER")),
+        help="all of one kind; or what a localizer is, and its parameters",
+    ),
+    switch("--all", "all of every kind"),
+)
+def list_command(options: argparse.Namespace) -> str:
+    """List suites, localizers, scenarios and agents; or describe a localizer."""
+    from benchmarks.agents import AGENTS
+    from benchmarks.setup.names import scenario, scenario_names
+    from benchmarks.sweeps.suites import SUITES
+    from deqmcl_gym.validation import one_of
+    from localizers import describe, names
+
+    with doing("loading the localizers"):
+        localizers = list(names())
+    if options.kind is not None and options.kind not in _KINDS:
+        if ":" not in options.kind and not options.kind.endswith(".py"):
+            one_of("kind or localizer", options.kind, (*_KINDS, *localizers))
+        return str(describe(options.kind))
+    suites = [name for name in _FIRST if name in SUITES]
+    suites += [name for name in SUITES if name not in suites]
+    kinds = {
+        "suites": ("deqmcl sweep NAME", suites, _suite),
+        "localizers": ("deqmcl list NAME says what they take", localizers, _parameters),
+        "scenarios": (
+            "deqmcl sweep NAME, or --set scenario=NAME",
+            scenario_names(),
+            lambda name: scenario(name).words,
+        ),
+        "agents": (
+            "--set agent=NAME",
+            list(AGENTS),
+            lambda name: str(AGENTS[name].__doc__).partition("\n")[0],
+        ),
+    }
+    parts = []
+    for kind in kinds if options.kind is None else [options.kind]:
+        title, listed, words_of = kinds[kind]
+        shown = listed if options.all or options.kind else listed[:_FEW]
+        rows = [(name, words_of(name)) for name in shown]
+        if len(shown) < len(listed):
+            rows.append(("…", f"{len(listed) - len(shown)} more: deqmcl list {kind}"))
+        width = max(len(name) for name, _ in rows)
+        lines = [f"  {name:<{width}}  {words}".rstrip() for name, words in rows]
+        parts.append("\n".join([f"{kind.capitalize()} ({title})", *lines]))
+    return "\n\n".join(parts)
+
+
+def _suite(name: str) -> str:
+    from benchmarks.sweeps.suites import sweep_named
+
+    sweep = sweep_named(name)
+    return f"{sweep.planned:,} trials on {sweep.trials} worlds: {sweep.title}"
+
+
+def _parameters(name: str) -> str:
+    """Return a localizer's parameters; a plug-in that cannot be loaded must not spoil the list."""
+    from deqmcl_gym.validation import one_line
+    from localizers import parameters
+
+    try:
+        known = parameters(name)
+    except Exception as error:
+        return f"cannot be loaded: {one_line(str(error))}"
+    return "any parameters" if known is None else ", ".join(known)
+
+
+_OFFICE: dict[str, dict[str, Any]] = {  # parameters of ``Office``, each with its own default
+    "seed": {"type": int, "metavar": "N", "help": "seed of the building (0)"},
+    "wings": {"type": int, "metavar": "N",
+        "help": "wings side by side, 1 to 8, each 16 to 24 m long (2)"},
+    "corridors": {"type": int, "metavar": "N", "help": "corridors through all wings, 1 to 6 (2)"},
+    "corridor": {"type": float, "metavar": "N", "help": "width of all corridors, m (2.0)"},
+    "door": {"type": float, "metavar": "N", "help": "width of all doors, m (0.9)"},
+    "repeated": {"action": "store_true", "help": "make all wings identical"},
+    "symmetric": {"action": "store_true", "help": "make the building the same after a half turn"},
+}  # fmt: skip
+
+
+def _new(parser: argparse.ArgumentParser) -> None:
+    """Add what can be new."""
+    kinds = parser.add_subparsers(dest="kind", required=True, metavar="localizer|map")
+    words = "a file with a small working localizer, class MyLocalizer"
+    localizer = kinds.add_parser("localizer", allow_abbrev=False, help=words)
+    option("file", type=file, metavar="FILE.py", help="the file; must not exist yet")(localizer)
+    words = "an office from a seed: a ROS map of 0.1 m cells, and the same as polygons"
+    office = kinds.add_parser("map", allow_abbrev=False, help=words, description=f"Write {words}.")
+    for name, how in _OFFICE.items():
+        office.add_argument(f"--{name}", default=argparse.SUPPRESS, **how)
+    option("--out", type=folder, required=True, metavar="DIR", help="a new or empty folder")(office)
+
+
+@command(_new)
+def new_command(options: argparse.Namespace) -> str:
+    """Write something to start from: a small working localizer, or a building as a map."""
+    return _map(options) if options.kind == "map" else _localizer(options.file)
+
+
+def _localizer(path: Path) -> str:
+    from importlib.util import find_spec
+
+    from deqmcl_gym.files import write_text
+    from deqmcl_gym.validation import InputError
+
+    if "," in str(path):
+        raise InputError(f"the new file is {path}, but --with takes names separated by commas.")
+    if path.suffix != ".py":
+        raise InputError(f"the new file is {path}, but must end in .py, as in my_localizer.py.")
+    if path.exists() or path.is_symlink():
+        raise InputError(f"the new file {path} already exists: choose another name.")
+    if not path.parent.is_dir():
+        raise InputError(f"the folder of the new file {path} does not exist: create it.")
+    package = find_spec("localizers")  # without loading it
+    assert package is not None, "the packages are installed together"
+    template = Path(str(package.origin)).with_name("template.py")
+    write_text(path, template.read_text(encoding="utf-8"))
+    name = quote(f"{path if path.is_absolute() else f'./{path}'}:MyLocalizer")
+    return (
+        f"Written: {path}, a working localizer. Check it and run it:\n"
+        f"  deqmcl check {name}\n"
+        f"  deqmcl sweep quick --with {name} --out results/mine"
+    )
+
+
+def _map(options: argparse.Namespace) -> str:
+    from tempfile import TemporaryDirectory
+
+    from deqmcl_gym.files import writable_folder, write_text
+    from deqmcl_gym.maps import Office, polygon_map
+    from deqmcl_gym.validation import InputError
+
+    office = Office(**{name: value for name, value in vars(options).items() if name in _OFFICE})
+    out: Path = options.out
+    if out.is_dir() and any(out.iterdir()):
+        raise InputError(f"the output folder {out} is not empty: give a new or an empty one.")
+    with TemporaryDirectory(dir=writable_folder(out)) as folder:
+        unfinished = Path(folder)
+        office.grid.save(unfinished / "office.yaml")
+        write_text(unfinished / "office.json", polygon_map.polygons_text(office.polygons))
+        for path in unfinished.iterdir():
+            path.replace(out / path.name)
+    _, _, width, height = office.grid.bounds
+    return (
+        f"Written to {out}: an office of {width:.1f} x {height:.1f} m, as office.yaml with "
+        f'office.pgm and as office.json. Drive in it: floor_plan = "{out / "office.yaml"}".'
+    )
+
+
+class LawsBrokenError(RuntimeError):
+    """A localizer, an agent or a scan model breaks laws, which have been printed."""
+
+
+def _kind_of_plug_in(parser: argparse.ArgumentParser) -> None:
+    kinds = parser.add_mutually_exclusive_group()
+    switch("--agent", "NAME is of an agent")(kinds)
+    switch("--scan", "NAME is of a scan model")(kinds)
+
+
+@command(
+    option("name", metavar="NAME", help="a name (deqmcl list), package.module:NAME or "
+        "path/to/file.py[:NAME]"),
+    option("--map", metavar="MAP.yaml", help="try it on this map, in m, instead of a small room of "
+        "polygons"),
+    _kind_of_plug_in,
+    option("--scenario", metavar="NAME", help="where an agent drives (guided; with a goal, "
+        "driving), or whose map and lidar a scan model is for (sharp; if it needs a map of cells, "
+        "lost)"),
+    option("--timeout", type=float, default=60.0, metavar="S", help="seconds allowed per law (60)"),
+)  # fmt: skip
+def check_command(options: argparse.Namespace) -> str:
+    """Check a localizer, an agent or a scan model against named laws.
+
+    One line per law: ok, FAILED or skipped, with the reason. Exit code 3 if a law fails.
+    """
+    from benchmarks.execution import prepare
+    from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
+    from deqmcl_gym.validation import InputError, number
+
+    number("--timeout", options.timeout, low=0, high=1e6, above=True)
+    by_scenario = options.agent or options.scan
+    if by_scenario and options.map is not None:
+        raise InputError("--map is for localizers: with --agent or --scan give --scenario.")
+    if options.scenario is not None and not by_scenario:
+        raise InputError(
+            "--scenario is for agents and scan models: give --agent or --scan, or --map for a "
+            "localizer."
+        )
+    prepare()  # while this process loads what it needs
+    from localizers.checks import LawVerdict, Report
+
+    kind = "agents" if options.agent else "scan models" if options.scan else "localizers"
+    subject = kind, options.name, options.scenario or options.map
+
+    def attempt(law: str) -> LawVerdict:
+        try:
+            verdict: LawVerdict = worker.submit(_verdict, law, options.timeout, *subject).result()
+            return verdict
+        except TimedOutError:
+            note = f"no answer within {options.timeout:g} s; --timeout S allows more"
+        except WorkerDiedError as error:
+            note = str(error)
+        return LawVerdict(law, "FAILED", note)
+
+    with Processes(1, timeout=options.timeout) as worker:
+        with doing(f"loading {options.name}"):
+            needs = worker.submit(_needs, options.timeout, *subject).result()
+        report = Report(options.name, needs, attempt)
+        for law in needs:
+            with doing(f"trying the law {law!r}"):
+                verdict = report.verdict(law)
+            print(verdict, flush=True)
+    verdicts, failed = report.verdicts, report.failed
+    if failed:
+        named = ", ".join(repr(verdict.law) for verdict in failed)
+        at_once = subject[::2] == ("localizers", None) and failed[0] in verdicts[1:3]
+        hint = " If it is for maps of cells alone, give one: --map MAP.yaml." * at_once
+        words = f"{len(failed)} of {len(verdicts)} laws failed: {named}.{hint}"
+        raise LawsBrokenError(words) from failed[0].error
+    skipped = sum(verdict.status == "skipped" for verdict in verdicts)
+    more = f" ({skipped} skipped)" if skipped else ""
+    return f"{options.name} keeps all laws of {kind}{more}."
+
+
+@cache
+def _report(timeout: float, kind: str, name: str, where: str | None) -> "Report":
+    """Load what is under check, in a worker once; an agent and a scan model in a scenario."""
+    if kind != "localizers":
+        from benchmarks.checks import check_agent, check_scan
+
+        return (check_agent if kind == "agents" else check_scan)(name, where, time_limit=timeout)
+    from deqmcl_gym.maps import GridMap
+    from localizers.checks import LAWS
+    from localizers.checks.subject import localizer_drive, robot_on
+    from localizers.checks.verdicts import report_of
+
+    robot = None if where is None else robot_on(GridMap.load(where))
+    return report_of(replace(localizer_drive(name, robot), time_limit=timeout), LAWS)
+
+
+def _needs(*subject: Any) -> Mapping[str, str | None]:
+    return _report(*subject).needs
+
+
+def _verdict(law: str, *subject: Any) -> "LawVerdict":
+    """Try a law; an error, whose class another process may lack, is told by its traceback."""
+    verdict = _report(*subject).attempt(law)
+    if verdict.error is None:
+        return verdict
+    return replace(verdict, error=RuntimeError("".join(format_exception(verdict.error))))
