@@ -39,7 +39,7 @@ class Robots(NamedTuple):
 class CellRows(NamedTuple):
     """The cells of s maps, padded to the largest; empty for polygons."""
 
-    reach: Any  # as ``grid_kernels.CellGrid``, flat, (s, c)
+    reach: Any  # as of ``GridMap.cells``, flat, (s, c)
     up: Any
     down: Any
     sight: Any  # the reach for beams, flat, (s, c)
@@ -215,7 +215,7 @@ def cast_in_rooms(
 
 @compiled
 def _grid(cells: Any, slot: int) -> Any:
-    """Return a ``grid_kernels.CellGrid`` as a plain tuple, of one of the maps."""
+    """Return ``GridMap.cells`` of one of the maps."""
     reach, up, down, _, shapes, frames, _, _ = cells
     rows, columns = shapes[slot]
     size = rows * columns

@@ -95,7 +95,6 @@ CASES = [
     (cells, {"occupancy": [[0, 0], [0]]}, "rows of whole numbers"),
     *((cells, {"occupancy": OPEN, "unknown": bad}, "unknown") for bad in ("wall", 2)),
     *((GridMap.load, {"path": bad}, ".yaml file") for bad in ("map.pgm", 5)),
-    (PolygonMap.from_grid, {"grid": cells(OPEN), "tolerance": -0.1}, "tolerance"),
     (PolygonMap.from_grid, {"grid": cells(OPEN, unknown="transparent")}, 'unknown = "transparent"'),
     (floor_plan, {"given": {"office": {"sed": 3}}}, "did you mean 'seed'"),
     (floor_plan, {"given": {"office": {}, "form": "x"}}, "allowed values: grid, polygons"),
