@@ -81,14 +81,13 @@ class GridMap(MapForm):
         """
         return grid_file.remembered(path, unknown, lambda read: cls(unknown=unknown, **read))
 
-    def save(self, path: str | os.PathLike[str], mode: str = "trinary") -> None:
-        """Write a map as ROS' map_saver does: a yaml file, and an image of its name beside it.
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a map as ROS' map_saver does: a yaml file, and a pgm of its name beside it.
 
-        "trinary" and "raw" write a pgm, "scale" a png, whose unknown cells are transparent. A mode
-        whose image cannot hold the map is refused.
+        Cells are free, occupied or, between the thresholds, unknown.
         """
         grid_file.write_map(
-            path, mode, self.occupancy, resolution=self.resolution, origin=self.origin,
+            path, self.occupancy, resolution=self.resolution, origin=self.origin,
             thresholds=(self.free_thresh, self.occupied_thresh),
         )  # fmt: skip
 

@@ -29,9 +29,20 @@ from deqmcl_gym.numerics import Floats
 from deqmcl_gym.numerics.arrays import wrapped
 from deqmcl_gym.validation import InputError
 from localizers.api import mean_pose
-from localizers.checks import process
 from localizers.checks.subject import DRIVE_STEPS, LocalizerDrive, Snapshot, snapshot
-from localizers.checks.verdicts import LawBrokenError, Laws, LawSkippedError, Subject, difference
+from localizers.checks.verdicts import (
+    ADDED_BY_IMPORTS,
+    GLOBAL_RNG,
+    LawBrokenError,
+    Laws,
+    LawSkippedError,
+    Subject,
+    changes_since,
+    difference,
+    process_state,
+    running,
+    state_kept,
+)
 from localizers.kinds import parameters_of, raised
 from localizers.models.beams import GaussianUniform
 from localizers.models.motion import increments
@@ -140,13 +151,13 @@ def other_rng_other_result(subject: LocalizerDrive) -> str | None:
 
 def global_rng_untouched(subject: Subject) -> None:
     """Neither NumPy's global random state nor that of ``random`` changes."""
-    with process.state_kept():
+    with state_kept():
         np.random.seed(2_718_281)  # noqa: NPY002
         random.seed(2_718_281)
-        before = process.state()
+        before = process_state()
         subject.history()
-        if process.GLOBAL_RNG in process.changes_since(before):
-            raise LawBrokenError(f"it uses {process.GLOBAL_RNG}: {subject.remedy}")
+        if GLOBAL_RNG in changes_since(before):
+            raise LawBrokenError(f"it uses {GLOBAL_RNG}: {subject.remedy}")
 
 
 def process_state_untouched(subject: LocalizerDrive) -> None:
@@ -154,10 +165,10 @@ def process_state_untouched(subject: LocalizerDrive) -> None:
 
     An import may add to the filters of warnings, to os.environ and to sys.path, as many do.
     """
-    before = process.state()
+    before = process_state()
     subject.history()
-    by_run = [name for name in process.changes_since(before) if name != process.GLOBAL_RNG]
-    by_import = [name for name in subject.imported if name not in process.ADDED_BY_IMPORTS]
+    by_run = [name for name in changes_since(before) if name != GLOBAL_RNG]
+    by_import = [name for name in subject.imported if name not in ADDED_BY_IMPORTS]
     for what, names in (("its import", by_import), ("it", by_run)):
         if names:
             raise LawBrokenError(
@@ -168,11 +179,11 @@ def process_state_untouched(subject: LocalizerDrive) -> None:
 
 def nothing_left_running(subject: LocalizerDrive) -> None:
     """A second after the localizer is gone, no thread and no process that it started runs on."""
-    before = process.running()
+    before = running()
     subject.history()
     gc.collect()
     until = time.monotonic() + _GRACE
-    while left := [name for key, name in process.running().items() if key not in before]:
+    while left := [name for key, name in running().items() if key not in before]:
         if time.monotonic() > until:
             more = f" and {len(left) - 1} more" if left[1:] else ""
             raise LawBrokenError(f"it leaves {left[0]}{more} running: end what it starts")
@@ -334,7 +345,7 @@ def runs_in_a_worker(subject: LocalizerDrive) -> None:
             f"it cannot be sent to another process ({type(error).__name__}: {error}): check it by "
             "its name, as package.module:NAME or path/to/file.py:NAME"
         ) from error
-    with process.state_kept(), ProcessPoolExecutor(1, get_context("spawn")) as worker:
+    with state_kept(), ProcessPoolExecutor(1, get_context("spawn")) as worker:
         os.environ["PYTHONSAFEPATH"] = "1"  # it finds no modules in the working folder
         try:
             answer = worker.submit(_history_of, sent).result()

@@ -12,8 +12,13 @@ from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import SUM_TOLERANCE, digits, one_of
 from localizers.api import Belief, Localizer
-from localizers.checks import process
-from localizers.checks.verdicts import LawBrokenError, Subject, difference
+from localizers.checks.verdicts import (
+    LawBrokenError,
+    Subject,
+    changes_since,
+    difference,
+    process_state,
+)
 from localizers.kinds import absolute_name, parameters_of
 from localizers.models.beams import GaussianUniform
 from localizers.models.motion import OdometryMotion
@@ -184,7 +189,7 @@ def localizer_drive(
 ) -> LocalizerDrive:
     """Return a localizer along a random drive; see ``check_localizer``."""
     robot = default_robot() if robot is None else robot
-    source, before = localizer, process.state()
+    source, before = localizer, process_state()
     if isinstance(localizer, str):
         name, factory = localizer, resolve(localizer)
         source = factory if name in LOCALIZER.added else absolute_name(name)
@@ -193,7 +198,7 @@ def localizer_drive(
     names = parameters_of(factory)
     for param in params if names is not None else ():
         one_of(f"parameter of localizer {name!r}", param, names or ())
-    imported = tuple(process.changes_since(before))
+    imported = tuple(changes_since(before))
     return LocalizerDrive(
         name=name, source=source, params=params, robot=robot, imported=imported,
         **random_drive(robot, np.random.default_rng(0)),

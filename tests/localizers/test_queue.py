@@ -5,7 +5,7 @@ import pytest
 from following import follow
 
 import localizers
-from localizers.inference.queue import Queue
+from localizers.inference.belief import Queue
 from localizers.models.motion import increments
 
 
