@@ -93,7 +93,7 @@ class Map(Protocol):
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
-        """Drive poses through several moves: ``driven`` and ``collides`` for each.
+        """Drive poses through several moves, turn then translation; ``collides`` for each.
 
         Poses are rows x, y, θ, (3, n), moves forward, left, turn, (F, 3, n), float32. Return the
         poses after each step, or the last if 1 is ``kept``, (kept, 3, n), and how many steps of

@@ -169,20 +169,6 @@ class PolygonMap(MapForm):
         return caster_of(self.outer, self.obstacles, pixel(self.unit))
 
 
-def driven(poses: Singles, moves: Singles) -> Singles:
-    """Turn, then move: θ' = θ + turn; (x', y') = (x, y) + R(θ') (forward, left); θ' in [-π, π].
-
-    Poses x, y, θ and moves forward, left, turn are rows, (3, n) float32.
-    """
-    if len(poses) != 3 or poses.shape != moves.shape:
-        raise InputError(
-            f"poses have shape {poses.shape} and moves {moves.shape}, but both must be (3, n)."
-        )
-    out = np.empty_like(poses)
-    drive_kernels.drive(poses, moves, out)
-    return out
-
-
 @dataclass(frozen=True)
 class _FarCaster:
     """The caster of a map far from (0, 0), for poses in the map's frame."""

@@ -6,7 +6,7 @@ the present and to the oldest state, which are read at every step; named tuples 
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple, Self
@@ -150,15 +150,6 @@ class Queue(NamedTuple):
             found.append(states.copy() if order is None else states.take(order, axis=1))
             order = compose(self.links[index - 1], order) if index else order
         return found[::-1]
-
-    def back(self, particles: Indices) -> Iterator[States]:
-        """Yield the present states of some particles, (d, k), then those before them."""
-        order = self._order(self.present)
-        columns = particles if order is None else order[particles]
-        for index in range(self.present, -1, -1):
-            yield self.slots[index][:, columns]
-            if index > 0 and (link := self.links[index - 1]) is not None:
-                columns = link[columns]
 
     def _order(self, index: int) -> Link:
         """Return the map from the current order to that of slot ``index``."""

@@ -199,9 +199,6 @@ def mixed(belief: Any, share: float, other: Belief, rng: np.random.Generator) ->
 
 def _paths_of(belief: Belief, pointers: Floats) -> Iterator[States]:
     """Yield the present states that pointers fall on, (d, k), then those before them."""
-    if isinstance(belief, ParticleBelief):  # no need to look at all particles at every offset
-        yield from belief.queue.back(pointed_at(belief.weights, pointers))
-        return
     offset, chosen = 0, None
     while (points := belief.points(offset)) is not None:
         chosen = pointed_at(points[1], pointers) if chosen is None else chosen
