@@ -11,7 +11,6 @@ import os
 import pickle
 import random
 import time
-from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
@@ -28,7 +27,6 @@ from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.numerics import Floats
 from deqmcl_gym.numerics.arrays import wrapped
 from deqmcl_gym.validation import InputError
-from localizers.api import mean_pose
 from localizers.checks.subject import DRIVE_STEPS, LocalizerDrive, Snapshot, snapshot
 from localizers.checks.verdicts import (
     ADDED_BY_IMPORTS,
@@ -94,7 +92,7 @@ def whole_turn(subject: LocalizerDrive) -> None:
     prior = subject.prior
     x, y, heading = prior.mean
     higher = replace(prior, mean=(x, y, heading + 2 * math.pi))
-    _require_alike(subject, subject.history(prior=higher), "with a start heading written 2π higher")
+    subject.require_alike(subject.history(prior=higher), "with a start heading written 2π higher")
 
 
 def half_turn(subject: LocalizerDrive) -> None:
@@ -112,7 +110,7 @@ def half_turn(subject: LocalizerDrive) -> None:
     turned = replace(robot, floor_plan=_turned(robot.floor_plan))
     run = subject.history(robot=turned, prior=turned_prior)
     back = [{0: (_half_turned(belief[0][0]), belief[0][1])} for belief in run]
-    _require_alike(subject, back, "in a world turned by half a turn")
+    subject.require_alike(back, "in a world turned by half a turn")
 
 
 def same_rng_same_result(subject: Subject) -> None:
@@ -388,28 +386,6 @@ def _half_turned(poses: Floats) -> Floats:
     turned: Floats = poses * np.array([-1.0, -1.0, 1.0]) + np.array([0.0, 0.0, math.pi])
     turned[:, 2] = wrapped(turned[:, 2])
     return turned
-
-
-def _require_alike(subject: LocalizerDrive, other: Sequence[Snapshot], when: str) -> None:
-    """Raise unless the mean poses of the present agree with the subject's own at every step.
-
-    Within one standard deviation of the belief, plus a hundredth of the map's shorter side, or 0.1
-    rad: rounding may send a particle another way, which moves a mean by far less than that;
-    headings that are not treated as angles move it by far more.
-    """
-    x0, y0, x1, y1 = subject.robot.floor_plan.bounds
-    slack = min(x1 - x0, y1 - y0) / 100
-    for t, (one, two) in enumerate(zip(subject.history(), other, strict=True)):
-        poses, weights = one[0]
-        mean = np.array(mean_pose(poses, weights))
-        off, spread = np.array(mean_pose(*two[0])) - mean, poses - mean
-        off[2], spread[:, 2] = wrapped(off[2]), wrapped(spread[:, 2])
-        allowed = np.sqrt(weights @ np.square(spread)) + np.array([slack, slack, 0.1])
-        if not (np.abs(off) <= allowed).all():
-            raise LawBrokenError(
-                f"{when} the mean pose at step {t} differs by ({off[0]:.3g}, {off[1]:.3g}, "
-                f"{off[2]:.3g} rad) in (x, y, heading)"
-            )
 
 
 LAWS: Laws = {
