@@ -9,7 +9,7 @@ LOWEST := tests/deqmcl_gym_env/test_clients.py tests/maps/test_grid_files.py tes
 unexport PYTHONDONTWRITEBYTECODE  # the tests start some hundred processes: compile once
 
 .DEFAULT_GOAL := help
-.PHONY: help setup paper test test-slow lowest check format lint types contracts docs docs-numbers reports stale site release clean
+.PHONY: help setup paper test test-slow lowest check format lint types contracts docs tables reports stale site release clean
 
 help:  ## List the targets
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/' | expand -t 12
@@ -49,14 +49,15 @@ contracts: $(READY)  ## Check who may import whom
 docs: $(READY)  ## Run the code of README and docs
 	$(BIN)/python -m pytest --markdown-docs -m markdown-docs --ignore=docs/gallery README.md docs
 
-docs-numbers: $(READY)  ## Write the tables of README and docs from the CSV files of docs/reports
-	$(BIN)/python -m docs.numbers.pages
+tables: $(READY)  ## Write the tables of README and docs from the reports and the code
+	$(BIN)/python -m docs.tables
 
-reports: $(READY)  ## Verify or make again the reports that are of other code (say which: ARGS=--dry-run)
-	$(BIN)/python -m docs.numbers.remake $(ARGS)
+reports: $(READY)  ## Run the samples of all reports again, or whole reports: ARGS="NAME ..."
+	$(BIN)/python -m docs.report_runs $(ARGS)
 
-stale: $(READY)  ## Check that no number is of other code, unless that was verified or is accepted
-	$(BIN)/python -m docs.numbers.remake --dry-run
+stale: $(READY)  ## Check that tables and reports have the numbers of this code
+	$(BIN)/python -m docs.tables --check
+	$(BIN)/python -m docs.report_runs --check
 
 site: $(READY)  ## Build the site into build/site; it runs the scripts of the gallery
 	$(BIN)/sphinx-build -q -W --keep-going -c docs/site . build/site

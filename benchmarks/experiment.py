@@ -221,7 +221,7 @@ class ExperimentResults:
         now = self.table[self.table["offset"] == 0]
         varied = [name for name in self._varied if now[name].nunique() > 1]
         first = now[["label", *varied, *_SHOWN]].round(3)
-        return f"<p>{self!r}</p>{first.to_html(index=False)}"
+        return f"<p>{self!r}</p>{first.to_html(index=False, na_rep='')}"
 
     @property
     def _varied(self) -> list[str]:

@@ -46,6 +46,17 @@ ENV_ID = "deqmcl_gym/Room-v0"
 JOURNEY_ENV_ID = "deqmcl_gym/Journey-v1"
 LOG_ENV_ID = "deqmcl_gym/Log-v0"
 TASKS = {"deqmcl_gym/Localize-v0": "Localize", "deqmcl_gym/Track-v0": "Track"}
+ABOUT = {  # what the ids are
+    "Room-v0": "a lap in the paper's room, with one weak beam",
+    "Paper-v0": "the same",
+    "Matched-v0": "the same, from a start drawn around the expected one",
+    "Sharp-v0": "the same lap, with nine sharp beams",
+    "Guided-v0": "large noise, and a driver who makes a new plan at each step",
+    "Journey-v1": "a route through an office, new in each episode, with a driver",
+    "Log-v0": "a recorded log, played back",
+    "Localize-v0": "lost in an office: find out where you are, and say so",
+    "Track-v0": "reach a goal and know it, where scans cost",
+}
 PRESETS = "paper", "matched", "sharp", "guided"  # names of ``WORLDS``, whose maps run kernels
 # Twice the 204 steps of the planned lap in the paper's room (a test checks this)
 MAX_EPISODE_STEPS = 408
@@ -87,15 +98,17 @@ def _register(registry: ModuleType) -> None:
     )
     registry.register(id=LOG_ENV_ID, entry_point="deqmcl_gym.envs.log:LogEnv")
     for name, task in TASKS.items():
-        registry.register(id=name, entry_point=f"{__name__}:{task}")
+        many = f"{__name__}:localize" if task == "Localize" else None
+        registry.register(id=name, entry_point=f"{__name__}:{task}", vector_entry_point=many)
 
 
 def __getattr__(name: str) -> Any:
-    """Return the class of a task; the package ``localizers`` is imported when one is made."""
-    if name not in TASKS.values():
+    """Return what makes a task; the package ``localizers`` is imported when one is made."""
+    if name not in (*TASKS.values(), "localize"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     try:
-        return getattr(import_module("localizers.tasks"), name)
+        module = "localizers.many" if name == "localize" else "localizers.tasks"
+        return getattr(import_module(module), name)
     except (ImportError, AttributeError):
         found = sys.modules.get("localizers")
         if found is None or hasattr(found, "RobotModel"):

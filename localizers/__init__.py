@@ -16,6 +16,7 @@ from localizers.api import (
     mean_pose,
     quality_of,
 )
+from localizers.description import describe
 from localizers.inference.hedge import hedged
 from localizers.kinds import absolute_name
 from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform, LatentShare
@@ -30,6 +31,7 @@ from localizers.models.prior import (
     UniformPrior,
 )
 from localizers.models.robot import RobotModel
+from localizers.models.scan import Scan
 from localizers.registry import (
     ScanPlugIn,
     make,
@@ -63,11 +65,13 @@ __all__ = [
     "PoseBelief",
     "Prior",
     "RobotModel",
+    "Scan",
     "ScanPlugIn",
     "Tracker",
     "UniformPrior",
     "absolute_name",
     "best_cluster",
+    "describe",
     "hedged",
     "make",
     "mean_pose",

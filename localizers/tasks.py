@@ -6,11 +6,12 @@ noise, and the prior from which the start is drawn. No localizer imports this.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from deqmcl_gym.envs.acting import LocalizeEnv, Site, Sites, TrackEnv
-from deqmcl_gym.validation import InputError, shown
+from deqmcl_gym.validation import InputError, one_of, shown
 from deqmcl_gym.world.config import World, extent_of, offices_of
 from deqmcl_gym.world.presets import WORLDS
 from localizers.api import Localizer
@@ -18,6 +19,7 @@ from localizers.models.beams import CensoredGaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.models.robot import RobotModel
+from localizers.models.scan_field import ScanField
 from localizers.registry import make, parameters
 
 OFFICE = {"wings": 1, "corridors": 2}  # 24 m × 26 m
@@ -41,25 +43,30 @@ class Localize(LocalizeEnv):
     Args:
         localizer: a name of ``localizers.make``, or {"name": …} with parameters; ``particles`` is
             10,000 unless given. It assumes the world's noise, and beams to the power of 0.1.
-        floor_plan: as for ``Room-v0``; ``{"office": {"seeds": [0, 1000], …}}`` draws one of these
-            offices at each reset. An office of 24 m × 26 m unless given.
-        lidar, robot, noise: as for ``Room-v0``; changes to 16 beams all round, and the robot and
-            noise of the scenario ``lost``.
-        task: ``share``, ``hold``, ``max_steps``, ``particles``, ``cell``, ``render_mode``.
+        scan: "beams" casts the rays of each particle; "field" looks up how far from a wall they
+            end, which is faster: for training.
+        floor_plan: as for ``Room-v0``; None: an office of 24 m × 26 m.
+        lidar: changes to 16 beams all round that reach 12 m, with a noise of 0.5 m.
+        robot: changes to that of the scenario ``lost``.
+        noise: changes to that of the scenario ``lost``.
+        task: the arguments of ``LocalizeEnv``.
     """
 
     def __init__(
         self,
         *,
         localizer: str | dict[str, Any] = "mcl-map",
+        scan: str = "beams",
         floor_plan: Any = None,
         lidar: Any = None,
         robot: Any = None,
         noise: Any = None,
         **task: Any,
     ) -> None:
+        one_of("scan", scan, ("beams", "field"))
         world = partial(_world, _LOST, lidar=lidar, robot=robot, noise=noise)
-        super().__init__(_there(partial(_lost, localizer, world), floor_plan), **task)
+        site = partial(_lost, localizer, world, by_field=scan == "field")
+        super().__init__(_there(site, floor_plan), **task)
 
 
 class Track(TrackEnv):
@@ -67,9 +74,11 @@ class Track(TrackEnv):
 
     Args:
         localizer: as for ``Localize``, with 500 particles unless given.
-        floor_plan, lidar, robot, noise: as for ``Room-v0``; changes to its room, with 16 beams all
-            round and a noise that blurs the belief within a few steps.
-        task: ``tolerance``, ``least``, ``max_steps``, ``particles``, ``cell``, ``render_mode``.
+        floor_plan: as for ``Localize``; None: the room of ``Room-v0``.
+        lidar: changes to 16 beams all round, with a noise of 10 px.
+        robot: changes to the robot of ``Room-v0``.
+        noise: changes to a noise that blurs the belief within a few steps.
+        task: the arguments of ``TrackEnv``.
     """
 
     def __init__(
@@ -96,9 +105,14 @@ def _there(site: Callable[[Any], Site], floor_plan: Any) -> Site | Sites:
     return site(floor_plan) if offices is None else Sites(offices, site)
 
 
-def _lost(localizer: Any, world_in: Callable[[Any], World], floor_plan: Any) -> Site:
+def _lost(
+    localizer: Any, world_in: Callable[[Any], World], floor_plan: Any, *, by_field: bool
+) -> Site:
     world = world_in(floor_plan)
-    made = _localizer(localizer, robot_model(world, BEAM_POWER), particles=10_000)
+    model = robot_model(world, BEAM_POWER)
+    if by_field:
+        model = replace(model, scan=ScanField(sigma=world.lidar.sigma, power=BEAM_POWER))
+    made = _localizer(localizer, model, particles=10_000)
     anywhere = UniformPrior(floor_plan=world.floor_plan, radius=world.body + world.skin)
     extent = extent_of(floor_plan or _LOST["floor_plan"], world.floor_plan)
     return Site(world, made, anywhere, extent)

@@ -12,7 +12,7 @@ GROUPS = {
         "sweep": "run a suite, a scenario or a sweep file; resumable, on one or many machines",
         "report": "rewrite the report of a folder of results, or write one of several",
         "check": "check that a localizer obeys the laws the benchmarks rely on",
-        "list": "list suites, localizers, scenarios and agents",
+        "list": "list suites, localizers, scenarios and agents; describe a localizer",
     },
     "for robots": {
         "replay": "play a recorded log to localizers, and compare them",

@@ -1,4 +1,4 @@
-"""List suites, localizers, scenarios and agents: some of each, or all of one kind."""
+"""List suites, localizers, scenarios and agents; or describe a localizer."""
 
 import argparse
 from collections.abc import Sequence
@@ -13,7 +13,8 @@ _FIRST = "paper", "quick", "lost-quick", "wrong-map-quick", "plan-sensor", "basi
 def arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments."""
     add = parser.add_argument
-    add("kind", nargs="?", choices=_KINDS, metavar="|".join(_KINDS), help="all of one kind")
+    add("kind", nargs="?", metavar="|".join((*_KINDS, "LOCALIZER")),
+        help="all of one kind; or what a localizer is, and its parameters")  # fmt: skip
     add("--all", action="store_true", help="all of every kind")
 
 
@@ -22,14 +23,20 @@ def run(options: argparse.Namespace) -> str:
     from benchmarks.agents import AGENTS
     from benchmarks.setup.names import scenario_names
     from benchmarks.sweeps.suites import SUITES
-    from localizers import names
+    from deqmcl_gym.validation import one_of
+    from localizers import describe, names
 
     with doing("loading the localizers"):
         localizers = list(names())
+    name = options.kind
+    if name is not None and name not in _KINDS:
+        if ":" not in name and not name.endswith(".py"):
+            one_of("kind or localizer", name, (*_KINDS, *localizers))
+        return str(describe(name))
     first = [name for name in _FIRST if name in SUITES]
     kinds = {
         "suites": ("deqmcl sweep NAME", [*first, *(n for n in SUITES if n not in first)], _suite),
-        "localizers": ("with their parameters", localizers, _parameters),
+        "localizers": ("deqmcl list NAME says what they take", localizers, _parameters),
         "scenarios": ("deqmcl sweep NAME, or --set scenario=NAME", scenario_names(), _scenario),
         "agents": ("--set agent=NAME", list(AGENTS), lambda name: _first_line(AGENTS[name])),
     }

@@ -1,7 +1,7 @@
 """Score what another stack has estimated on a log, with the columns of ``deqmcl replay``.
 
 An estimate is a TUM file, a CSV with time,x,y,heading and perhaps covariances, or a topic of poses
-in a bag: docs/score-your-stack.md.
+in a bag: docs/tune-on-your-log.md.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Runs as MCAP files for Foxglove and Lichtblick: docs/look-at-it.md has the table of topics.
+"""Runs as MCAP files for Foxglove and Lichtblick, with the topics of docs/your-map-your-log.md.
 
 Made by foxglove-sdk, an optional extra, from the moments that animations are drawn from. Lengths
 are in metres; the frames are ``map`` and ``base_link``.

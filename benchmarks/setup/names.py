@@ -1,6 +1,6 @@
 """Scenarios and agents by name: built in, ``room.toml``, or as localizers are named.
 
-docs/scenarios.md has the table of a scenario file's keys.
+docs/sweeps.md has the table of a scenario file's keys.
 """
 
 from collections.abc import Mapping

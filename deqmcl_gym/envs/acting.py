@@ -27,7 +27,7 @@ from deqmcl_gym.world.episode import Body, contacts_of
 from deqmcl_gym.world.rules import Commands, StepResult, check_options, scan_space, within
 from deqmcl_gym.world.sensor import LidarSensor
 
-_RIGHT = Near(1.0, math.radians(30))  # of the best cluster to the truth
+RIGHT = Near(1.0, math.radians(30))  # of the best cluster to the truth
 _GOALS = 10_000  # drawn before a room is refused
 
 
@@ -72,6 +72,14 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
     each reset draws one, with another generator spawned; before the first reset the building is
     that of the first seed. ``floor_plan`` is the map of the episode, ``building`` the seed of its
     office, where one is drawn; else None.
+
+    Args:
+        site: where it acts, or the sites of which each episode draws one. The env runs a copy of
+            the localizer.
+        max_steps: steps after which an episode is truncated.
+        particles: poses drawn from the belief, for the observation.
+        cell: side of the squares of an image of the belief, for the observation; None: none.
+        render_mode: None, "rgb_array" or "human".
     """
 
     metadata: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": 30}
@@ -277,9 +285,10 @@ class LocalizeEnv(ActingEnv):
 
     Args:
         site: where it is lost, or the sites of which each episode draws one; ``starts`` is p(x_0).
-            The env runs a copy of the localizer.
-        shown: ``particles`` and ``cell``, as of ``BeliefView``, and ``render_mode``, None or
-            "rgb_array".
+        share: of the belief, that its best cluster must exceed.
+        hold: for how many steps in a row.
+        max_steps: steps after which an episode is truncated.
+        shown: ``particles``, ``cell`` and ``render_mode`` of ``ActingEnv``.
     """
 
     def __init__(
@@ -307,7 +316,7 @@ class LocalizeEnv(ActingEnv):
         best = best_cluster(*self.belief.points(), unit=self.floor_plan.unit)
         sure = best.share > self.share
         self._confident = self._confident + 1 if sure else 0
-        right = sure and _RIGHT([best.mean], self.pose, unit=self.floor_plan.unit)[0]
+        right = sure and RIGHT([best.mean], self.pose, unit=self.floor_plan.unit)[0]
         self._right = self._right + 1 if right else 0
 
     def _judged(self, on: NDArray[np.bool_], collided: bool) -> tuple[float, bool, bool]:
@@ -336,12 +345,13 @@ class TrackEnv(ActingEnv):
 
     Args:
         site: where it drives, or the sites of which each episode draws one; start and goal are
-            drawn from its ``starts``. The env runs a copy of the localizer.
+            drawn from its ``starts``.
         around: called with ``mean``, gives p(x_0) around a pose; the mean itself is drawn so that
             the start is distributed like that around it.
-        tolerance, least: distances, in the map's unit.
-        shown: ``particles`` and ``cell``, as of ``BeliefView``, and ``render_mode``, None or
-            "rgb_array".
+        tolerance: distance from the goal within which a declaration is right, in the map's unit.
+        least: least distance from the start to the goal, in the map's unit.
+        max_steps: steps after which an episode is truncated.
+        shown: ``particles``, ``cell`` and ``render_mode`` of ``ActingEnv``.
     """
 
     _heads = ("sense", "declare")

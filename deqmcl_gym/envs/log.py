@@ -205,6 +205,7 @@ class LogEnv(gym.Env[Singles, Singles]):
         length: number of records from there on, before `every`; None is all.
         on_mismatch: what an action other than the recorded one does: "error" refuses it, "warn"
             warns and plays the log, "ignore" plays it.
+        render_mode: None, "rgb_array" or "human".
         reading: further arguments of `deqmcl_gym.logs.read`: `{"scan_topic": "/scan"}`.
         unknown: what unknown cells of a map that is given by the path of its yaml count as:
             "obstacle" (as None), "transparent" (beams pass, robots do not), "free", or an occupancy

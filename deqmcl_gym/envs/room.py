@@ -47,9 +47,9 @@ class RoomEnv(gym.Env[Any, Singles]):
     `gymnasium.wrappers.RescaleAction(env, -1, 1)`.
 
     **Observation Space**: `Box(0, 400, (beams,), float32)`: ranges (px). With `observation="dict"`
-    also `plan` (h, 2), the actions to come; `progress` (1,), along the lap; `clock` (1,), the share
-    of the plan's steps that are done; `goal` (2,), the end of a route. `info` has the plan too, and
-    under `truth` the true pose.
+    also `plan` (h, 2), the actions to come, unless `plan=False`; `progress` (1,), along the lap;
+    `clock` (1,), the share of the plan's steps that are done; `goal` (2,), the end of a route.
+    `info` has the plan too, and under `truth` the true pose.
 
     **Rewards**: progress along the lap in px up to the goal, -10 for a contact, +100 at the goal.
 
@@ -63,27 +63,25 @@ class RoomEnv(gym.Env[Any, Singles]):
     **Version History**: v0, as of 0.2.0 with this reward and end.
 
     Args:
-        preset: name of the world to start from; `deqmcl_gym/Guided-v0` has `preset="guided"`, …
+        preset: the world to start from: "paper", "matched", "sharp" or "guided".
         world: a ``World`` to start from, instead of a preset.
-        floor_plan: the map: `outer` corners, `obstacles` and their `unit`, "px" or "m"; the path of
-            a ROS map's yaml file or of a JSON file of polygons; or an `office` and its `form`,
-            "grid" or "polygons". An office with `seeds` is another one in each episode.
+        floor_plan: the map: corners (`outer`, `obstacles`, `unit`), the path of a ROS map's yaml or
+            of such corners as JSON, or an `office`; None: the preset's.
         lidar: beams, field of view, range and noise. This and the following parts are objects, or
             JSON-able changes to the preset's.
         robot, noise, start, lap: see ``deqmcl_gym.world.config``.
-        driver: follows that path from the true pose and replans at every step; "none" removes the
-            preset's.
+        driver: follows the path from the true pose, with a new plan at every step.
         route: a start and a goal, drawn in each episode, instead of the lap.
-        clutter: boxes and pillars that are not on the map. This and the following three are drawn
-            anew in each episode; scans, contacts and a driver meet what is there, and
-            ``floor_plan`` stays the map.
-        changed_walls: inner walls removed, added or shifted.
-        people, glass: who walk about; inner walls that do not reflect all beams.
-        horizon: number of planned actions shown; None shows all that are left. Routes differ in
-            length, so several envs with routes in one ``gym.make_vec`` need a number.
-        ends_at_goal: end the episode when lap or route is done, even if the plan has steps left.
+        clutter: boxes and pillars that are not on the map.
+        changed_walls: inner walls that are not as on the map.
+        people: people who walk about.
+        glass: inner walls that do not reflect all beams.
+        horizon: rows of `planned_actions`; None: all of the plan.
+        ends_at_goal: whether the episode ends when the lap is done or the goal reached.
         observation: "scan", or "dict" for scan, plan, progress, clock and the goal of a route.
-        render_mode: None or "rgb_array".
+        plan: False leaves the plan out of the dict: with it, its first row is the solution.
+        goal: in the dict, "map": x and y; "relative": distance and bearing from the true pose.
+        render_mode: None, "rgb_array" or "human".
 
     Attributes:
         floor_plan: the map m, for localizers too; that of this episode.
@@ -113,6 +111,8 @@ class RoomEnv(gym.Env[Any, Singles]):
         horizon: int | None = None,
         ends_at_goal: bool = True,
         observation: str = "scan",
+        plan: bool = True,
+        goal: str = "map",
         render_mode: str | None = None,
         **unknown: Any,
     ) -> None:
@@ -120,7 +120,7 @@ class RoomEnv(gym.Env[Any, Singles]):
             preset=preset, world=world, horizon=horizon, ends_at_goal=ends_at_goal,
             floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise, start=start, lap=lap,
             driver=driver, route=route, clutter=clutter, changed_walls=changed_walls,
-            people=people, glass=glass, observation=observation, **unknown,
+            people=people, glass=glass, observation=observation, plan=plan, goal=goal, **unknown,
         )  # fmt: skip
         self.world = rules.world
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
@@ -140,6 +140,11 @@ class RoomEnv(gym.Env[Any, Singles]):
     def radius(self) -> float:
         """Radius of the robot's disc."""
         return self.world.robot.radius
+
+    @property
+    def rules(self) -> RoomRules:
+        """What all its episodes share."""
+        return self._rules
 
     @property
     def draws_building(self) -> bool:
@@ -302,8 +307,9 @@ class RoomEnv(gym.Env[Any, Singles]):
             return episode.scan.copy()
         covered = episode.progress / episode.course.path.length
         elapsed = episode.step / episode.plan.limit
-        goal = episode.course.goal
-        return self._rules.seen(episode.scan, info["planned_actions"], covered, elapsed, goal)
+        goal, pose = episode.course.goal, episode.pose
+        planned = info["planned_actions"]
+        return self._rules.seen(episode.scan, planned, covered, elapsed, goal, pose)
 
     @property
     def _episode(self) -> Episode:

@@ -56,9 +56,7 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
             room: further arguments of :class:`deqmcl_gym.envs.room.RoomEnv`.
         """
         self._limit = _limit(max_episode_steps)
-        self._mode = _MODES[
-            one_of("autoreset_mode", getattr(autoreset_mode, "value", autoreset_mode), _MODES)
-        ]
+        self._mode = checked_mode(autoreset_mode)
         self._rules = rules = RoomRules.of(**room)
         _check_together(rules)
         self.num_envs = _number(num_envs, rules)
@@ -124,9 +122,9 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         the next episode in the order of its last seed. If one is refused, or no start is free, all
         episodes continue.
         """
-        chosen = self._chosen(options)
+        chosen = chosen_rooms(options, self.num_envs)
         rooms = np.flatnonzero(chosen)
-        self._begin(rooms, self._checked_seeds(seed))
+        self._begin(rooms, checked_seeds(seed, self.num_envs))
         self._rooms.observe(rooms)
         nothing = np.zeros((self.num_envs, 2), np.float32)
         none = np.zeros_like(chosen)
@@ -214,7 +212,8 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         if rules.observation == "scan":
             return rooms.scans.copy()
         goals = None if rules.journeys is None else rooms.goals
-        return rules.seen(rooms.scans, rooms.plans()[0], rooms.covered, rooms.elapsed, goals)
+        shares = rooms.covered, rooms.elapsed
+        return rules.seen(rooms.scans, rooms.plans()[0], *shares, goals, rooms.poses)
 
     def _info(self, among: Bools, commands: RoomActions, collided: Bools, success: Bools) -> Info:
         """Return ``RoomInfo`` as arrays over the rooms, zero if not ``among``."""
@@ -237,32 +236,6 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         told.update({f"_{key}": among.copy() for key in told})
         return told
 
-    def _chosen(self, options: Mapping[str, Any] | None) -> Bools:
-        check_options(options)
-        mask = options.get("reset_mask") if options else None
-        if mask is None:
-            return np.ones(self.num_envs, np.bool_)
-        chosen = np.asarray(mask)
-        if chosen.dtype != np.bool_ or chosen.shape != (self.num_envs,) or not chosen.any():
-            raise InputError(
-                f"reset_mask is {mask!r}, but must be {self.num_envs} Boolean values, at least one "
-                "of them True."
-            )
-        return chosen.copy()
-
-    def _checked_seeds(self, seed: object) -> list[int | None]:
-        if seed is None:
-            return [None] * self.num_envs
-        if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str):
-            first = integer("seed", seed)
-            return list(range(first, first + self.num_envs))
-        if len(seed) != self.num_envs:
-            raise InputError(
-                f"seed has {len(seed)} numbers, but there are {self.num_envs} rooms: give one "
-                "seed for each, or a single number."
-            )
-        return [None if one is None else integer("seed", one) for one in seed]
-
     def _check_lap(self, wish: str) -> None:
         if self._rules.journeys is not None:
             raise UnavailableError(
@@ -275,6 +248,41 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
                 f"the episode in room {self._episodes.index(None)} has not begun: call reset() "
                 f"before {wish}()."
             )
+
+
+def checked_mode(mode: Any) -> AutoresetMode:
+    """Return a mode given by its name, or as Gymnasium's constant."""
+    return _MODES[one_of("autoreset_mode", getattr(mode, "value", mode), _MODES)]
+
+
+def chosen_rooms(options: Mapping[str, Any] | None, number: int) -> Bools:
+    """Return which rooms a reset begins, (n,)."""
+    check_options(options)
+    mask = options.get("reset_mask") if options else None
+    if mask is None:
+        return np.ones(number, np.bool_)
+    chosen = np.asarray(mask)
+    if chosen.dtype != np.bool_ or chosen.shape != (number,) or not chosen.any():
+        raise InputError(
+            f"reset_mask is {mask!r}, but must be {number} Boolean values, at least one "
+            "of them True."
+        )
+    return chosen.copy()
+
+
+def checked_seeds(seed: object, number: int) -> list[int | None]:
+    """Return a seed for each room, or None; see ``RoomVectorEnv.reset``."""
+    if seed is None:
+        return [None] * number
+    if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str):
+        first = integer("seed", seed)
+        return list(range(first, first + number))
+    if len(seed) != number:
+        raise InputError(
+            f"seed has {len(seed)} numbers, but there are {number} rooms: give one "
+            "seed for each, or a single number."
+        )
+    return [None if one is None else integer("seed", one) for one in seed]
 
 
 def journeys(*, max_episode_steps: int | None = None, **room: Any) -> RoomVectorEnv:

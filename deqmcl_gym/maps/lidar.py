@@ -33,12 +33,12 @@ _SLACK = 1e-9  # rad
 class Mount:
     """A scanner on the robot. Lengths are in the map's unit, angles in rad."""
 
-    x: float = field(default=0.0, metadata=LENGTH)  #: where its rays start, ahead
+    x: float = field(default=0.0, metadata=LENGTH)  #: where its rays start, ahead of the centre
     y: float = field(default=0.0, metadata=LENGTH)  #: and left of the robot's centre
-    heading: float = 0.0  #: against the robot's
+    heading: float = 0.0  #: of the scanner against the robot's, rad
     upside_down: bool = False  #: its angles count clockwise, seen from above
-    beams: int | None = None  #: None is an equal share of the lidar's
-    blind: tuple[tuple[float, float], ...] = ()  #: sectors (from, to) that parts of the robot hide
+    beams: int | None = None  #: its beams; None: an equal share of the lidar's
+    blind: tuple[tuple[float, float], ...] = ()  #: sectors (from, to) without readings, rad
 
     def __post_init__(self) -> None:
         keep_plain(self)
@@ -88,13 +88,14 @@ class Lidar:
     ``mounts``, a :class:`Mount`, a mapping or a row (x, y, heading); their beams follow in turn.
     """
 
-    beams: int = 1  #: 1 or more; of all mounts together. One looks straight ahead
-    field_of_view: float = math.pi / 2  #: angle between the outermost beams of a fan, rad
+    beams: int = 1  #: number of beams, of all mounts together; a single one looks straight ahead
+    field_of_view: float = math.pi / 2  #: angle between the outermost beams, rad
     max_range: float = field(default=400.0, metadata=LENGTH)  #: largest range reported
-    sigma: float = field(default=100.0, metadata=LENGTH)  #: SD of the noise of ranges
+    sigma: float = field(default=100.0, metadata=LENGTH)  #: standard deviation of the range noise
+    #: where on the robot the rays start, ahead and left of its centre
     mounting: tuple[float, float] = field(default=CENTRE, metadata=LENGTH)
-    mounts: tuple[Mount, ...] = ()  #: instead of ``mounting``: of several scanners, or a turned one
-    min_range: float = field(default=0.0, metadata=LENGTH)  #: shorter readings are no measurements
+    mounts: tuple[Mount, ...] = ()  #: several scanners, or a turned one, instead of ``mounting``
+    min_range: float = field(default=0.0, metadata=LENGTH)  #: shorter readings are lost: +inf
 
     def __post_init__(self) -> None:
         keep_plain(self)

@@ -37,13 +37,13 @@ class Office:
     same values give the same building on every machine.
     """
 
-    seed: int = 0
-    wings: int = 2  #: side by side, each 16 to 24 m long
-    corridors: int = 2  #: 2 or more form loops
-    corridor: float = 2.0  #: width of all
-    door: float = 0.9  #: width of all
+    seed: int = 0  #: of the building
+    wings: int = 2  #: 1 to 8, side by side, each 16 to 24 m long
+    corridors: int = 2  #: 1 to 6, through all wings; 2 or more form loops
+    corridor: float = 2.0  #: width of all corridors, 0.8 to 10 m
+    door: float = 0.9  #: width of all doors, 0.7 to 1.5 m
     repeated: bool = False  #: all wings are the same, so that scans do not tell them apart
-    symmetric: bool = False  #: the building is the same after a half turn, exactly
+    symmetric: bool = False  #: the same after a half turn; needs an even number of wings
 
     def __post_init__(self) -> None:
         integer("office.seed", self.seed, high=2**63 - 1)

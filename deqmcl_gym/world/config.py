@@ -99,7 +99,7 @@ class Robot:
 
     radius: float = field(default=8.0, metadata=LENGTH)  #: of the disc
     max_distance: float = field(default=10.0, metadata=LENGTH)  #: longest drive in one step
-    max_turn: float = math.pi / 4  #: in one step to either side, rad
+    max_turn: float = math.pi / 4  #: largest turn in one step, rad
 
     def __post_init__(self) -> None:
         keep_plain(self)
@@ -112,9 +112,9 @@ class Robot:
 class MotionNoise:
     """``ε_d ~ N(0, (drive |d|)²)``, ``ε_φ ~ N(0, (turn |φ| + drift |d|)²)`` on a command (d, φ)."""
 
-    drive: float = 0.02  #: σ_dd, length per length
-    turn: float = 0.02  #: σ_φφ, rad per rad
-    drift: float = field(default=0.0005, metadata=PER_LENGTH)  #: σ_φd, rad per length
+    drive: float = 0.02  #: error of the distance, per distance driven
+    turn: float = 0.02  #: error of the turn, rad per rad turned
+    drift: float = field(default=0.0005, metadata=PER_LENGTH)  #: error of the turn, rad per length
 
     def __post_init__(self) -> None:
         keep_plain(self)
@@ -134,9 +134,10 @@ class Start:
     Without a pose (x, y, θ) it is around the bottom centre of the lap, along it.
     """
 
+    #: (x, y, θ); None: the middle of the lowest side of the lap, along it
     pose: tuple[float, float, float] | None = field(default=None, metadata=POSE)
-    sd_position: float = field(default=0.0, metadata=LENGTH)  #: in x and in y; 0: exactly
-    sd_heading: float = 0.0  #: rad
+    sd_position: float = field(default=0.0, metadata=LENGTH)  #: standard deviation in x and in y
+    sd_heading: float = 0.0  #: standard deviation of the heading, rad
 
     def __post_init__(self) -> None:
         keep_plain(self)
@@ -155,6 +156,7 @@ class Lap:
 
     step: float = field(default=5.0, metadata=LENGTH)  #: distance of a driving step
     turn: float = math.pi / 12  #: angle of a turning step, rad
+    #: 3 or more corners of the closed path; None: around the obstacles
     waypoints: tuple[tuple[float, float], ...] | None = field(default=None, metadata=LENGTH)
 
     def __post_init__(self) -> None:
@@ -180,7 +182,7 @@ class Lap:
 class Driver:
     """A driver that knows the true pose and steers back to the planned path at every step."""
 
-    look_ahead: float = field(default=25.0, metadata=LENGTH)  #: along the path to where it heads
+    look_ahead: float = field(default=25.0, metadata=LENGTH)  #: how far along the path it aims
     on_the_spot: float = 0.5  #: heading error beyond which it turns without driving, rad
 
     def __post_init__(self) -> None:
@@ -196,12 +198,12 @@ class Route:
     A given ``start.pose`` or ``goal`` is not drawn.
     """
 
-    goal: tuple[float, float] | None = field(default=None, metadata=LENGTH)  #: None: drawn
-    min_length: float = field(default=250.0, metadata=LENGTH)  #: of a drawn one
-    max_length: float = field(default=3000.0, metadata=LENGTH)  #: of a drawn one
-    clearance: float = field(default=2.5, metadata=LENGTH)  #: from the rim to walls
-    comfort: float = field(default=40.0, metadata=LENGTH)  #: to walls, if there is room
-    tolerance: float = field(default=25.0, metadata=LENGTH)  #: at which it is reached
+    goal: tuple[float, float] | None = field(default=None, metadata=LENGTH)  #: its end; None: drawn
+    min_length: float = field(default=250.0, metadata=LENGTH)  #: of a drawn route
+    max_length: float = field(default=3000.0, metadata=LENGTH)  #: of a drawn route
+    clearance: float = field(default=2.5, metadata=LENGTH)  #: least distance of the rim to walls
+    comfort: float = field(default=40.0, metadata=LENGTH)  #: distance to walls where there is room
+    tolerance: float = field(default=25.0, metadata=LENGTH)  #: where the goal counts as reached
 
     def __post_init__(self) -> None:
         keep_plain(self)

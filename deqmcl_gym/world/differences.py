@@ -79,12 +79,13 @@ class Clutter:
     planned on the map, 0.2 m (10 px) beside the robot, or only off its ends.
     """
 
-    number: int = 10
-    share: float | None = None  #: of the free area, 0 to 0.5, instead of a number
+    number: int = 10  #: of things
+    share: float | None = None  #: of the free area that they cover, 0 to 0.5, instead of a number
+    #: least and greatest side of a box, or diameter of a pillar
     size: tuple[float, float] = field(default=(15.0, 40.0), metadata=LENGTH)
-    round: float = 0.5  #: share of pillars among them
-    where: str = "anywhere"  #: one of ``PLACES``
-    keep_route: bool = True
+    round: float = 0.5  #: share of pillars
+    where: str = "anywhere"  #: "anywhere", "walls", "corridors" or "rooms"
+    keep_route: bool = True  #: whether the way planned on the map stays free
 
     def __post_init__(self) -> None:
         keep_plain(self)
@@ -186,10 +187,10 @@ class ChangedWalls:
     (25 to 150 px) beside it or, as often, what closes a door.
     """
 
-    share: float = 0.1  #: of the length of the inner walls, 0 to 0.5
+    share: float = 0.1  #: of the inner walls' length that is changed, 0 to 0.5
     distance: float = field(default=25.0, metadata=LENGTH)  #: greatest shift
     kinds: tuple[str, ...] = KINDS  #: what happens to a piece, each as often
-    keep_route: bool = True  #: as in ``Clutter``, for walls shifted and added
+    keep_route: bool = True  #: as for clutter
 
     def __post_init__(self) -> None:
         keep_plain(self)
@@ -296,9 +297,9 @@ def map_changed(floor_plan: Map, given: Mapping[str, Any], points: Floats, body:
 class Glass:
     """Inner walls, as on the map, of which beams do not always return."""
 
-    share: float = 0.2  #: of the length of the inner walls
+    share: float = 0.2  #: of the inner walls' length that is glass
     lost: float = 0.7  #: share of the beams that meet glass and are not reflected
-    reads: str = "through"  #: what these measure: "through", what is behind, or "max"
+    reads: str = "through"  #: what these measure: what is behind, or with "max" the largest range
 
     def __post_init__(self) -> None:
         keep_plain(self)

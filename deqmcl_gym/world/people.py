@@ -30,9 +30,9 @@ class People:
     per s.
     """
 
-    number: int = 10
-    radius: float = field(default=15.0, metadata=LENGTH)
-    speed: tuple[float, float] = field(default=(25.0, 75.0), metadata=LENGTH)
+    number: int = 10  #: of people, up to 1000
+    radius: float = field(default=15.0, metadata=LENGTH)  #: of a person
+    speed: tuple[float, float] = field(default=(25.0, 75.0), metadata=LENGTH)  #: range, per s
     seconds: float = 0.4  #: duration of a step of the robot
 
     def __post_init__(self) -> None:

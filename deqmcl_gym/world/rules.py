@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym import validation
 from deqmcl_gym.maps import Box, Lidar, Offices, PolygonMap
-from deqmcl_gym.numerics import Bools, Floats, Pose, RoomActions, Singles
+from deqmcl_gym.numerics import Bools, Floats, Pose, RoomActions, Singles, arrays
 from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of, shown
 from deqmcl_gym.world.config import Robot, World, extent_of, offices_of
 from deqmcl_gym.world.course import MAX_STEPS, Course, centred_heading
@@ -31,7 +31,7 @@ _COUNTS = "two", "three", "four"  # numbers in an action with so many heads
 _START_TRIES = 1000
 _FREE_TRIES = 100_000
 _ARGUMENTS = ("preset", "world", *(own.name for own in fields(World)), "horizon", "ends_at_goal")
-_ARGUMENTS += ("observation", "render_mode")
+_ARGUMENTS += ("observation", "plan", "goal", "render_mode")
 
 
 class Commands:
@@ -62,16 +62,17 @@ class Commands:
         raise InputError(f"the action is {action!r}, but must be {self._words}")
 
     def checked_each(self, actions: Any, resting: Bools) -> RoomActions:
-        """Return one action for each room as a fresh array, (n, 2) float32.
+        """Return one action for each room as a fresh array, (n, 2) float32, or longer by the heads.
 
         Actions of rooms that are ``resting`` (n,) are ignored, but must be numbers.
         """
         commands = _as_float32(actions)
-        if commands is None or commands.shape != (resting.size, 2):
+        shape = resting.size, *self.space.shape
+        if commands is None or commands.shape != shape:
             given = repr(actions) if commands is None else f"of shape {commands.shape}"
             raise InputError(
-                f"the actions are {given}, but must be numbers of shape ({resting.size}, 2): a "
-                "distance and a turn for each room."
+                f"the actions are {given}, but must be numbers of shape {shape}, for each room "
+                f"{self._words}"
             )
         inside = (commands >= self.space.low) & (commands <= self.space.high)
         outside = ~(inside.all(axis=1) | resting)
@@ -146,6 +147,8 @@ class RoomRules:
     horizon: int | None  # how many planned actions ``info`` shows; None: all
     ends_at_goal: bool  # when lap or route is done, even if the plan has steps left
     observation: str  # "scan", or "dict" for scan, plan, progress, clock and goal
+    shows_plan: bool = True  # in dicts
+    goal: str = "map"  # of a route, in dicts: "map", x and y, or "relative" to the true pose
     offices: Offices | None = None  # of which each episode draws one
     extent: Box | None = None  # (x0, y0, x1, y1) of goals in observations; None: the map's
 
@@ -158,6 +161,8 @@ class RoomRules:
         horizon: int | None = None,
         ends_at_goal: bool = True,
         observation: str = "scan",
+        plan: bool = True,
+        goal: str = "map",
         **parts: Any,
     ) -> "RoomRules":
         """Return the rules that the environment's arguments describe."""
@@ -177,7 +182,16 @@ class RoomRules:
         rows = None if horizon is None else integer("horizon", horizon, low=1, high=MAX_STEPS)
         one_of("observation", observation, ("scan", "dict"))
         ends, extent = boolean("ends_at_goal", ends_at_goal), extent_of(given, world.floor_plan)
-        rules = cls(world, rows, ends, observation, offices, extent)
+        shows_plan = boolean("plan", plan)
+        one_of("goal", goal, ("map", "relative"))
+        if observation == "scan" and not shows_plan:
+            raise InputError('plan is False, but it is part of observation="dict" only: give that.')
+        if goal == "relative" and (observation == "scan" or world.route is None):
+            raise InputError(
+                'goal is "relative", but only the observation "dict" of a world with a route has a '
+                "goal: take Journey-v1."
+            )
+        rules = cls(world, rows, ends, observation, shows_plan, goal, offices, extent)
         for part in (world.changed_walls, world.glass):
             if part is not None:
                 part.check(world.floor_plan)
@@ -254,13 +268,16 @@ class RoomRules:
         if self.observation == "scan":
             return scans
         actions, shape = self.commands.space, (self.rows, 1)
-        goal: dict[str, Any] = {}
+        parts: dict[str, Any] = {}
         if self.world.route is not None:
-            goal["goal"] = within(self.extent or self.world.floor_plan.bounds)
+            extent = self.extent or self.world.floor_plan.bounds
+            parts["goal"] = within(extent) if self.goal == "map" else relative_space(extent)
+        if self.shows_plan:
+            low, high = np.tile(actions.low, shape), np.tile(actions.high, shape)
+            parts["plan"] = gym.spaces.Box(low, high)
         return gym.spaces.Dict(
             scan=scans,
-            **goal,
-            plan=gym.spaces.Box(np.tile(actions.low, shape), np.tile(actions.high, shape)),
+            **parts,
             progress=gym.spaces.Box(-1.0, 1.0, (1,), np.float32),
             clock=gym.spaces.Box(0.0, 1.0, (1,), np.float32),
         )
@@ -272,19 +289,24 @@ class RoomRules:
         covered: Any,
         elapsed: Any,
         goal: ArrayLike | None = None,
+        pose: ArrayLike | None = None,
     ) -> Any:
         """Return an observation of one room or of n, all arrays fresh.
 
         Scans are (B,) or (n, B), planned actions (h, 2) or (n, h, 2), goals of routes (2,) or
-        (n, 2). ``covered`` and ``elapsed`` are shares of the path and of the plan's steps.
+        (n, 2), true poses (3,) or (n, 3). ``covered`` and ``elapsed`` are shares of the path and
+        of the plan's steps.
         """
         if self.observation == "scan":
             return scan.copy()
         covered = np.clip(covered, -1.0, 1.0)
+        parts: dict[str, Any] = {"plan": planned.copy()} if self.shows_plan else {}
+        if goal is not None:
+            told = goal if self.goal == "map" else relative_to(pose, goal)
+            parts["goal"] = np.array(told, np.float32)
         return {
             "scan": scan.copy(),
-            **({} if goal is None else {"goal": np.array(goal, np.float32)}),
-            "plan": planned.copy(),
+            **parts,
             "progress": np.asarray(covered, np.float32)[..., None],
             "clock": np.asarray(elapsed, np.float32)[..., None],
         }
@@ -346,6 +368,21 @@ def within(extent: Box) -> gym.spaces.Box:
     """Return the space of positions (x, y) in (x0, y0, x1, y1)."""
     x0, y0, x1, y1 = extent
     return gym.spaces.Box(np.array([x0, y0], np.float32), np.array([x1, y1], np.float32))
+
+
+def relative_space(extent: Box) -> gym.spaces.Box:
+    """Return the space of distance and bearing of positions in (x0, y0, x1, y1) from within."""
+    x0, y0, x1, y1 = extent
+    low, high = np.array([[0.0, -np.pi], [math.hypot(x1 - x0, y1 - y0), np.pi]], np.float32)
+    return gym.spaces.Box(low, high)
+
+
+def relative_to(pose: Any, goal: Any) -> Floats:
+    """Return distance and bearing, in [-π, π], of goals (..., 2) from poses (..., 3)."""
+    off = np.asarray(goal, np.float64) - np.asarray(pose, np.float64)[..., :2]
+    distance = np.sqrt((off**2).sum(axis=-1))
+    ahead = arrays.arctan2(off[..., 1], off[..., 0]) - np.asarray(pose, np.float64)[..., 2]
+    return np.stack([distance, arrays.wrapped(ahead)], axis=-1)
 
 
 def scan_space(lidar: Lidar) -> gym.spaces.Box:

@@ -47,7 +47,7 @@ axes.legend(loc="upper left", fontsize="small")
 # How likely scans are at the true poses, on average, in buildings that no training saw. On
 # a right map the beam model is right and the net is not: it has to find out what the world is like.
 # Where the map is wrong, the net predicts scans better. What that is worth to a filter is told in
-# `Learning <../learning.html#a-learned-scan-model>`_.
+# `Train a policy <../acting.html#a-learned-scan-model>`_.
 
 levels = {"right map": "lost", "middle": folder / "middle.toml", "high": folder / "high.toml"}
 scores = []

@@ -4,7 +4,7 @@ Theta phase precession
 
 The queues of localizers as theta phase precession, like figures 1 and 3 of the paper. In the
 hypothesis of its section 2, a theta cycle of the hippocampus holds one queue of states, read from
-the past (early phase) to the future (late phase). [What it shows](../phase.md)
+the past (early phase) to the future (late phase). [What it shows](../equations.md#theta-phase)
 
 ``theta_phase.py SCENARIO METHOD …`` draws another figure.
 """

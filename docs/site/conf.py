@@ -19,7 +19,7 @@ author = copyright = "the deqmcl-gym authors"  # noqa: A001 - Sphinx' name for i
 version = release = deqmcl_gym.__version__
 
 extensions = [
-    "myst_parser",
+    "myst_nb",  # with myst_parser
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
@@ -27,13 +27,19 @@ extensions = [
 ]
 root_doc = "README"
 include_patterns = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md", "docs/**"]
-exclude_patterns = ["docs/examples/**", "**/sg_execution_times.*"]
+exclude_patterns = ["docs/examples/**", "docs/gallery/*.ipynb", "**/sg_execution_times.*"]
 suppress_warnings = ["config.cache"]
 
 myst_heading_anchors = 4  # as GitHub names them
 myst_enable_extensions = ["dollarmath"]
 myst_fence_as_directive = ["math"]
 html_math_renderer = "mathml"
+
+nb_execution_mode = "force"  # the notebook has no outputs in the repository
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
+nb_output_stderr = "remove"  # progress
+nb_ipywidgets_js = {}  # no network: a slider moves in a live notebook only
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "description"
@@ -43,7 +49,7 @@ autodoc_typehints_description_target = "documented_params"  # of dataclasses: as
 GALLERY = (
     "first_localizer", "custom_room", "many_rooms", "plan_sensor", "doors", "theta_phase",
     "lost_in_a_building", "your_map", "your_log", "sweep_and_report", "figures_for_a_paper",
-    "learned_scan_model", "ppo", "ppo_localize", "sb3_journeys", "cleanrl_journeys",
+    "learned_scan_model", "ppo", "ppo_localize", "cleanrl_journeys",
 )  # fmt: skip
 
 
@@ -63,7 +69,7 @@ class FromFirstSteps:
 sphinx_gallery_conf = {
     "examples_dirs": "docs/examples",
     "gallery_dirs": "docs/gallery",
-    "filename_pattern": r"examples/(?!ppo|sb3|cleanrl)",  # run all but those that need PyTorch
+    "filename_pattern": r"examples/(?!ppo|cleanrl)",  # run all but those that need PyTorch
     "ignore_pattern": r"conftest",
     "within_subsection_order": FromFirstSteps,
     "show_memory": False,
@@ -111,50 +117,45 @@ def _tree(caption, *documents):
 
 CONTENTS = {
     "README": _tree(
-        "Guide",
+        "Learn",
+        "docs/deq-mcl",
         "docs/quickstart",
-        "docs/environment",
-        "docs/scenarios",
-        "docs/buildings",
+        "docs/gallery/index",
+    )
+    + _tree(
+        "Do",
         "docs/write-a-localizer",
         "docs/sweeps",
-        "docs/reports",
+        "docs/acting",
         "docs/your-map-your-log",
         "docs/tune-on-your-log",
-        "docs/score-your-stack",
-        "docs/how-wrong-may-the-start-be",
-        "docs/run-on-your-robot",
-        "docs/look-at-it",
-        "docs/gallery/index",
-        "docs/acting",
-        "docs/learning",
+    )
+    + _tree(
+        "Look up",
+        "docs/environment",
+        "docs/reports",
+        "docs/equations",
+        "docs/classical",
         "docs/faq",
+        "docs/site/api",
+        "docs/site/api-wrappers",
+        "docs/site/api-benchmarks",
     )
     + _tree(
         "Results",
         "docs/plan-sensor",
-        "docs/lost",
         "docs/wrong-map",
-        "docs/study",
-        "docs/queue",
-        "docs/phase",
-        "docs/classical",
         "docs/speed",
         "docs/reports/README",
     )
     + _tree(
-        "Reference",
-        "docs/site/api",
-        "docs/site/api-wrappers",
-        "docs/site/api-benchmarks",
-        "docs/architecture",
-        "docs/equations",
-        "docs/decisions/README",
+        "The project",
         "docs/README",
+        "docs/architecture",
+        "docs/decisions",
         "CONTRIBUTING",
         "CHANGELOG",
     ),
-    "docs/decisions/README": _tree("", "0*", "../notes/0*"),
     "docs/reports/README": _tree("", "*", "*/*"),
 }
 

@@ -167,7 +167,7 @@ def normalized_with_log_sum(log_weights: LogWeights) -> tuple[Weights, float]:
 
 
 @compiled
-def _systematic(weights: Floats, offset: float, out: Indices) -> None:
+def fill_systematic(weights: Floats, offset: float, out: Indices) -> None:
     """Do as ``pointed_at`` for (k + offset) / n, without a branch to mispredict at each pointer."""
     n = weights.size
     before = np.empty(n)  # the weight of the particles before each
@@ -243,7 +243,7 @@ def systematic(weights: Weights, rng: np.random.Generator) -> Indices:
     Thrun et al. 2005, table 4.4 ("low variance sampler"); Kitagawa 1996.
     """
     chosen = np.empty(weights.size, np.intp)
-    _systematic(weights, rng.random(), chosen)
+    fill_systematic(weights, rng.random(), chosen)
     return chosen
 
 

@@ -6,6 +6,7 @@ have Nav2's names, defaults and units; docs/classical.md lists what differs, wit
 
 import math
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -187,57 +188,64 @@ class AdaptiveLocalizer:
 def amcl(
     robot: RobotModel,
     *,
-    max_particles: int = 2000,
-    min_particles: int = 500,
-    pf_err: float = 0.05,
-    pf_z: float = 0.99,
-    recovery_alpha_slow: float = 0.0,
-    recovery_alpha_fast: float = 0.0,
-    resample_interval: int = 1,
-    selective_resampling: bool = False,
-    update_min_d: float = 0.25,
-    update_min_a: float = 0.2,
-    robot_model_type: str = DIFFERENTIAL,
-    alpha1: float = 0.2,
-    alpha2: float = 0.2,
-    alpha3: float = 0.2,
-    alpha4: float = 0.2,
-    alpha5: float = 0.2,
-    laser_model_type: str = "likelihood_field",
-    max_beams: int = 60,
-    z_hit: float = 0.5,
-    z_short: float = 0.05,
-    z_max: float = 0.05,
-    z_rand: float = 0.5,
-    sigma_hit: float = 0.2,
-    lambda_short: float = 0.1,
-    laser_likelihood_max_dist: float = 2.0,
-    do_beamskip: bool = False,
-    beam_skip_distance: float = 0.5,
-    beam_skip_threshold: float = 0.3,
-    beam_skip_error_threshold: float = 0.9,
-    field_cell: float = 0.02,
+    max_particles: Annotated[int, "most particles, at least min_particles"] = 2000,
+    min_particles: Annotated[int, "least particles, at least 1"] = 500,
+    pf_err: Annotated[float, "ε of KLD-sampling, above 0; bins are 0.5 m x 0.5 m x 10°"] = 0.05,
+    pf_z: Annotated[float, "z of KLD-sampling"] = 0.99,
+    recovery_alpha_slow: Annotated[
+        float, "slow rate of random poses, 0 to 1; Nav2 recommends 0.001"
+    ] = 0.0,
+    recovery_alpha_fast: Annotated[
+        float, "fast rate, from the slow one to 1; Nav2 recommends 0.1; with both 0 none"
+    ] = 0.0,
+    resample_interval: Annotated[int, "updates between two resamplings, at least 1"] = 1,
+    selective_resampling: Annotated[
+        bool, "ROS 1's: resample only if the effective particles are at most half"
+    ] = False,
+    update_min_d: Annotated[float, "m of odometry until the next scan is used, 0 or more"] = 0.25,
+    update_min_a: Annotated[float, "rad of odometry until the next scan is used, 0 or more"] = 0.2,
+    robot_model_type: Annotated[
+        str, "motion: this, nav2_amcl::OmniMotionModel, or robot (the robot's own)"
+    ] = DIFFERENTIAL,
+    alpha1: Annotated[float, "noise of turns by turns, 0 or more"] = 0.2,
+    alpha2: Annotated[float, "noise of turns by distance"] = 0.2,
+    alpha3: Annotated[float, "noise of distance by distance"] = 0.2,
+    alpha4: Annotated[float, "noise of distance by turns"] = 0.2,
+    alpha5: Annotated[float, "noise of moves to the side, of the omni model"] = 0.2,
+    laser_model_type: Annotated[
+        str, "scans: this, likelihood_field_prob, beam, or robot (its own, all beams)"
+    ] = "likelihood_field",
+    max_beams: Annotated[
+        int, "every so many-th beam is used, so that these are about as many; at least 2"
+    ] = 60,
+    z_hit: Annotated[
+        float, "weight of a return from the map, 0 or more; weights need no sum of 1"
+    ] = 0.5,
+    z_short: Annotated[float, "weight of a return from before it; of beam only"] = 0.05,
+    z_max: Annotated[float, "weight of no return; of beam only"] = 0.05,
+    z_rand: Annotated[float, "weight of a random return"] = 0.5,
+    sigma_hit: Annotated[float, "SD of a return, m, above 0"] = 0.2,
+    lambda_short: Annotated[
+        float, "how fast short returns get rare, per m, 0 or more; of beam only"
+    ] = 0.1,
+    laser_likelihood_max_dist: Annotated[
+        float, "distance from walls, m, that fields reach, above 0"
+    ] = 2.0,
+    do_beamskip: Annotated[
+        bool, "whether likelihood_field_prob leaves out beams while the cloud is small"
+    ] = False,
+    beam_skip_distance: Annotated[
+        float, "m to a wall within which a particle agrees with a beam, 0 or more"
+    ] = 0.5,
+    beam_skip_threshold: Annotated[float, "share of particles that must agree, 0 to 1"] = 0.3,
+    beam_skip_error_threshold: Annotated[
+        float, "share of beams left out, 0 to 1, from which all are used"
+    ] = 0.9,
+    field_cell: Annotated[
+        float, "edge of a cell of the field on a map of polygons, m, above 0"
+    ] = 0.02,
 ) -> AdaptiveLocalizer:
-    """Return Nav2's AMCL, with its units: metres on a map in px, too (1 px is 0.02 m).
-
-    Args:
-        pf_err, pf_z: ε and z of KLD-sampling, with bins of 0.5 m x 0.5 m x 10°.
-        recovery_alpha_slow, recovery_alpha_fast: 0 and 0 never draw random poses; Nav2 recommends
-            0.001 and 0.1.
-        resample_interval: updates between two resamplings.
-        selective_resampling: ROS 1's: resample only if the effective sample size is at most N / 2.
-        update_min_d, update_min_a: m and rad of odometry before the next scan is used; with 0, any
-            movement will do.
-        robot_model_type: "nav2_amcl::DifferentialMotionModel" or "nav2_amcl::OmniMotionModel", of
-            ``alpha1`` to ``alpha5``; or "robot": the robot's own motion model.
-        laser_model_type: "likelihood_field", "likelihood_field_prob", "beam", or "robot": the
-            robot's own scan model, of all beams.
-        max_beams: every so many-th beam of a scan is used, so that these are about as many.
-        z_hit, z_short, z_max, z_rand: weights, not normalised; fields have z_hit and z_rand only.
-        do_beamskip: whether "likelihood_field_prob" leaves out beams while the cloud is small; for
-            its distance and shares see ``BeamSkipping``.
-        field_cell: edge of a cell of the distance table on a map of polygons.
-    """
+    """Return Nav2's AMCL, with its units: metres on a map in px, too (1 px is 0.02 m)."""
     integer("max_particles", max_particles, low=1, high=MAX_PARTICLES)
     one_of("laser_model_type", laser_model_type, LASER_MODELS)
     one_of("robot_model_type", robot_model_type, ROBOT_MODELS)

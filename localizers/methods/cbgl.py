@@ -7,6 +7,7 @@ the map, here by climbing down that error, as GMapping does (Grisetti, Stachniss
 
 import math
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 
@@ -104,11 +105,11 @@ class FirstFix:
 
     tracker: ParticleFilter
     matching: Matching
-    poses: int  # K, hypotheses, drawn from the prior
-    matched: int  # k, how many of them are matched
-    modes: int  # around how many of the matched poses the particles are put, the best ones
-    spread: float  # standard deviation of a particle around its pose, in x and y, in the map's unit
-    spread_heading: float  # that of its heading, rad
+    poses: int  # K; for these see ``cbgl``
+    matched: int  # k
+    modes: int
+    spread: float
+    spread_heading: float
 
     def initial(self, prior: Prior, plan: Actions, rng: np.random.Generator) -> ParticleBelief:
         """Return the belief at t = 0: draws from the prior. The plan is not used."""
@@ -167,18 +168,19 @@ def cbgl(
     robot: RobotModel,
     shared: Shared,
     *,
-    poses: int = 100_000,
-    matched: int = 10,
-    modes: int = 1,
-    spread: float | None = None,
-    spread_heading: float = 0.1,
+    poses: Annotated[int, "poses drawn from the prior and ranked by the first scan"] = 100_000,
+    matched: Annotated[int, "of these the best, matched to the map; 1 to poses"] = 10,
+    modes: Annotated[int, "of these the best, where MCL starts; 1 (as published) to matched"] = 1,
+    spread: Annotated[
+        float | None, "SD in x and y, in the map's unit, that it starts with; None: 0.25 m"
+    ] = None,
+    spread_heading: Annotated[float, "SD of the heading, rad, that it starts with"] = 0.1,
 ) -> FirstFix:
     """Return MCL on the map that starts at the pose where the first scan has the least error.
 
     Until the first scan the belief is ``poses`` draws from the prior; at it they are ranked, and
     then forgotten. A wrong fix is only found again by random poses: see ``recovery_alpha_slow``.
-    ``beam_filter`` counts from the second scan on. For the numbers see ``FirstFix``: with ``modes``
-    = 1 it is CBGL, and a ``spread`` of None is 12.5 px, or 0.25 m.
+    ``beam_filter`` counts from the second scan on.
     """
     px = pixel(robot.floor_plan.unit)
     poses = integer("poses", poses, low=1, high=MAX_PARTICLES)

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 from functools import lru_cache
 from statistics import NormalDist
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -264,13 +264,18 @@ class KalmanFilter:
         return gated, int((~predicted).sum())
 
 
-def ekf(robot: RobotModel, *, gate: float = 0.99) -> FilterLocalizer[GaussianBelief]:
+def ekf(
+    robot: RobotModel,
+    *,
+    gate: Annotated[
+        float, "share of beams used if all is as assumed, above 0, to 1; 1: every beam is used"
+    ] = 0.99,
+) -> FilterLocalizer[GaussianBelief]:
     """Return the extended Kalman filter, for ``OdometryMotion`` and a scan with ``hit_moments``.
 
     A beam is a measurement with these mean and variance; its Jacobian is by central differences of
-    the ray cast. ``gate`` is the share of beams that pass if all is as assumed, by the χ² of their
-    innovation, to which random readings are left; 1 lets every beam pass. A prior is reduced to its
-    mean and covariance: a uniform one over a building will hardly find the robot.
+    the ray cast. ``gate`` is by the χ² of its innovation, to which random readings are left. Of a
+    prior the mean and covariance count: a uniform one over a building will hardly find the robot.
     """
     number("gate", gate, low=0, high=1, above=True)
     if not hasattr(robot.scan, "hit_moments"):

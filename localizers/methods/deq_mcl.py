@@ -7,7 +7,7 @@ sources stand with the functions that make them, and in docs/equations.md.
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from inspect import Parameter, Signature, signature
-from typing import Any, Generic, TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
 from deqmcl_gym.validation import InputError, integer, keep_plain, number, one_of, shown
 from localizers.inference.bayes_filter import Filter, FilterLocalizer
@@ -30,35 +30,52 @@ FOR_THE_LOST = (
     "recovery_alpha_slow",
     "recovery_alpha_fast",
 )  # parameters of the methods that can find a lost robot
+_KEEP = "least share of effective particles that a plan leaves, κ, 0 to 1; 0 is exact"
+_CHARGE = "always, or new: each planned step once, when it comes into view"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shared:
     """Parameters of several methods; each method takes those it needs."""
 
-    particles: int = 1000  # N
-    lag: int = 20  # L, how many past steps are smoothed, and how many planned steps are read
-    # β ≥ 0; a step that collides is charged exp(-β), inf rejects it outright; None: the robot's
-    beta: float | None = None
-    # distance from a wall, in the map's unit, below which a step is charged for where it ends, see
-    # ``Inflation``; None: only steps that collide are charged
-    inflation_radius: float | None = None
-    cost_scaling_factor: float | None = None  # how fast it falls, per length; None: Nav2's 10 / m
-    cost_map: str | None = None  # instead, a file with the cost of each cell: ``CostImage.load``
-    # that chooses beams: "none", "distance" (``DistanceFilter``) or "entropy" (``EntropyFilter``)
-    beam_filter: str = "none"
-    resampler: str = "systematic"  # "systematic", "stratified" or "multinomial"
-    # resample if the effective sample size is below this share of N; None: always, as in the paper
-    ess_threshold: float | None = None
-    plan_beta: float | None = None  # β of a colliding step of a plan as evidence; None: the robot's
-    # K, draws from the prior per particle, chosen by how feasible the plan shown at reset is from
-    # them; 1 ignores the plan. Poses injected after a new route are chosen in the same way.
-    start_draws: int = 1
-    # standard deviation added to them, in the map's unit; 0 is exact importance sampling
-    start_jitter: float = 0.0
-    scan_keep: float = 0.0  # κ, the least share of the ESS that a scan leaves; 0 is exact
-    recovery_alpha_slow: float = 0.0  # rates of ``Recovery``, which injects random poses
-    recovery_alpha_fast: float = 0.0  # 0 and 0 inject none
+    particles: Annotated[int, "number of particles, N, at least 1"] = 1000
+    lag: Annotated[int, "past steps kept, and planned steps read, L, at least 0"] = 20
+    beta: Annotated[
+        float | None,
+        "a colliding step weighs exp(-β); 0 or more, inf rejects it; None: the robot's",
+    ] = None
+    inflation_radius: Annotated[
+        float | None,
+        "charge steps that end nearer to a wall than this, at least the robot's radius; None: none",
+    ] = None
+    cost_scaling_factor: Annotated[
+        float | None, "how fast that charge falls, per length, 0 or more; None: Nav2's 10 / m"
+    ] = None
+    cost_map: Annotated[
+        str | None, "instead, a file with the cost of each cell: a map's .yaml or an image"
+    ] = None
+    beam_filter: Annotated[str, "which beams are left out: none, distance or entropy"] = "none"
+    resampler: Annotated[str, "systematic, stratified or multinomial"] = "systematic"
+    ess_threshold: Annotated[
+        float | None, "resample below this share of effective particles, 0 to 1; None: always"
+    ] = None
+    plan_beta: Annotated[
+        float | None, "β of a colliding step of a plan as evidence, 0 or more; None: the robot's"
+    ] = None
+    # poses injected after a new route are chosen in the same way
+    start_draws: Annotated[
+        int, "draws per particle at the start, chosen by the plan, at least 1; 1 ignores the plan"
+    ] = 1
+    start_jitter: Annotated[
+        float, "SD added to those chosen, in the map's unit, 0 or more; 0 is exact"
+    ] = 0.0
+    scan_keep: Annotated[
+        float, "least share of effective particles that a scan leaves, 0 to 1; 0 is exact"
+    ] = 0.0
+    recovery_alpha_slow: Annotated[
+        float, "slow rate of a scan's likelihood, for random poses, 0 to 1; with both 0 none"
+    ] = 0.0
+    recovery_alpha_fast: Annotated[float, "fast rate, from the slow one to 1"] = 0.0
 
     def __post_init__(self) -> None:
         integer("particles", self.particles, low=1)
@@ -150,11 +167,18 @@ class FamilyMethod(Generic[_F]):
         return FilterLocalizer(robot, self.build(robot, Shared(**shared), **own))
 
     @property
+    def __wrapped__(self) -> Callable[..., _F]:
+        """What has the docstring; for ``inspect``."""
+        return self.build
+
+    @property
     def __signature__(self) -> Signature:
         """The robot, the accepted shared parameters, its own parameters; for ``inspect``."""
         robot, _, *own = signature(self.build).parameters.values()
         shared = [
-            Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default)
+            Parameter(
+                field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=field.type
+            )
             for field in fields(Shared)
             if field.name in self.takes
         ]
@@ -216,12 +240,17 @@ def mcl_map_smoother(robot: RobotModel, shared: Shared) -> ParticleFilter:
 
 
 @method(*mcl_map_smoother.takes)
-def deq_mcl(robot: RobotModel, shared: Shared, *, pilots: int = 16) -> ParticleFilter:
+def deq_mcl(
+    robot: RobotModel,
+    shared: Shared,
+    *,
+    pilots: Annotated[int, "futures drawn per particle for a new plan, at least 1"] = 16,
+) -> ParticleFilter:
     """Return DEQ-MCL, Q(t) = p(x_{t-L:t+L} | a_{1:t}, â_{t+1:T}, o_{1:t}, m), L = ``lag``.
 
     Taniguchi, Fukawa & Yamakawa 2024, eqs. (2)-(3): the planned future is drawn ahead, charged for
     collisions, and resampled together with the present. x_t is drawn L steps before its scan, and
-    of these draws few survive a sharp sensor (docs/queue.md). ``pilots`` are those of ``Redraw``.
+    of these draws few survive a sharp sensor (docs/plan-sensor.md).
     """
     base = mcl_map_smoother.build(robot, shared)
     return replace(base, future=shared.lag, pilots=integer("pilots", pilots, low=1))
@@ -232,15 +261,14 @@ def mcl_plan(
     robot: RobotModel,
     shared: Shared,
     *,
-    keep: float = 0.8,
-    charge: str = "always",
+    keep: Annotated[float, _KEEP] = 0.8,
+    charge: Annotated[str, _CHARGE] = "always",
 ) -> ParticleFilter:
     """Return map-based MCL, p(x_t | a_{1:t}, o_{1:t}, π_{0:t}, m), of plans by their first L steps.
 
     Ours. p(π_t | x_t, m) ∝ exp(-β C), where C planned steps collide without noise, as nobody plans
     through walls. A plan made from the filter's own estimate merely confirms it; a stale one
-    misleads. ``keep`` is κ of ``PlanEvidence``, 0 is exact; ``charge`` is "always", or "new": each
-    planned step once, when it comes into view.
+    misleads.
     """
     new_only = one_of("charge", charge, ("always", "new")) == "new"
     sensor = shared.sensor(robot)
@@ -253,17 +281,17 @@ def deq_mcl_fresh(
     robot: RobotModel,
     shared: Shared,
     *,
-    evidence: str = "future",
-    pilots: int = 8,
-    keep: float | None = None,
-    charge: str | None = None,
+    evidence: Annotated[str, "future, or plan: the plan is evidence as in mcl-plan"] = "future",
+    pilots: Annotated[int, "futures drawn per particle after each scan, at least 1"] = 8,
+    keep: Annotated[float | None, _KEEP, "None: 0.8"] = None,
+    charge: Annotated[str | None, _CHARGE, "None: new"] = None,
 ) -> ParticleFilter:
     """Return DEQ-MCL whose future is drawn anew from the present after each scan.
 
     The target is Q(t): p(x_t) ∝ α_t(x_t) h_t(x_t), α_t of the scans and steps so far, h_t(x) =
     E[Π g of the next L planned steps | x_t = x] from ``pilots`` roll-outs (Lin, Chen & Liu 2013).
-    With ``evidence`` = "plan" the plan is evidence as ``mcl_plan`` reads it, by ``keep`` and
-    ``charge`` (None: 0.8 and "new"), and p(x_{t+1:t+L} | x_t, plan, m) changes no weight.
+    With ``evidence`` = "plan" the plan is evidence as ``mcl_plan`` reads it, and
+    p(x_{t+1:t+L} | x_t, plan, m) changes no weight.
     """
     integer("pilots", pilots, low=1)
     if one_of("evidence", evidence, ("future", "plan")) == "plan":
@@ -293,16 +321,21 @@ def mcl_plan_hedged(
     robot: RobotModel,
     shared: Shared,
     *,
-    switching: float = 0.001,
-    trust: float = 0.5,
-    mutual: bool = False,
-    plans: str = "all",
-    own_plans: bool = True,
+    switching: Annotated[
+        float, "probability per step that plans become right or wrong, 0 to 0.5"
+    ] = 0.001,
+    trust: Annotated[float, "probability at the start that plans are right, 0 to 1"] = 0.5,
+    mutual: Annotated[
+        bool, "whether the half without plans takes over from the other, too"
+    ] = False,
+    plans: Annotated[
+        str, "all: each is evidence; first: they only choose poses at the start"
+    ] = "all",
+    own_plans: Annotated[bool, "whether plans made from this very estimate are shown to it"] = True,
 ) -> Hedge:
     """Return a ``Hedge`` of ``mcl_plan``, exact, and ``mcl_map``, each with half of the particles.
 
-    ``plans`` "all": each is evidence; "first": they only choose poses, by ``start_draws``, which
-    are for the half that is shown plans.
+    ``start_draws`` are for the half that is shown plans.
     """
     integer("particles", shared.particles, low=2)
     advised = replace(shared, particles=shared.particles // 2)

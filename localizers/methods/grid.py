@@ -8,7 +8,7 @@ keeps its mean exactly, and adds up to a quarter of a cell² of variance per axi
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -315,12 +315,12 @@ class GridFilter:
 
 
 def grid(
-    robot: RobotModel, *, cell: float | None = None, headings: int = 72
+    robot: RobotModel,
+    *,
+    cell: Annotated[float | None, "edge of a cell, in the map's unit; None: 5 px or 0.1 m"] = None,
+    headings: Annotated[int, "cells of the heading, at least 4"] = 72,
 ) -> FilterLocalizer[GridBelief]:
-    """Return Markov localization on a grid over the floor plan's bounds, by ``OdometryMotion``.
-
-    A cell has an edge of ``cell``, in the map's unit; None is 5 px, or 0.1 m.
-    """
+    """Return Markov localization on a grid over the floor plan's bounds, by ``OdometryMotion``."""
     cells = PoseGrid(
         bounds=robot.floor_plan.bounds,
         cell=5 * pixel(robot.floor_plan.unit) if cell is None else cell,

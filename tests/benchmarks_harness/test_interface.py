@@ -70,6 +70,7 @@ def test_in_jupyter_results_are_a_verdict_and_a_table_of_what_varies(results):
     assert repr(results) in html
     assert "<th>particles</th>" in html
     assert "<th>seed</th>" not in html
+    assert "NaN" not in html  # the baseline's difference from itself
     assert len(repr(results)) < 300
 
 

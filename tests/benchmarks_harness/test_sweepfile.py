@@ -85,7 +85,7 @@ def test_what_a_file_does_not_say_is_as_in_the_paper_and_its_name_is_the_title(t
 
 def test_the_file_in_the_documents_says_what_they_say_of_it(tmp_path):
     document = Path(__file__).parents[2] / "docs" / "sweeps.md"
-    text, changed = re.findall(r"```toml\n(.*?)\n```", document.read_text(), re.DOTALL)
+    text, changed, *_ = re.findall(r"```toml\n(.*?)\n```", document.read_text(), re.DOTALL)
     sweep = read(tmp_path, text)
     assert sweep.combinations == 1440
     assert f"= {sweep.combinations} trials" in document.read_text()

@@ -1,6 +1,8 @@
 """Table 1 with the paper's values and the sentence on dead reckoning; trials.csv, timings.csv."""
 
+import csv
 import math
+from pathlib import Path
 
 import pytest
 from report_cases import changed, finished, paired, parsed, table_of, trials, trials_csv
@@ -9,6 +11,7 @@ from benchmarks.tables.comparison import reading, table_1
 from benchmarks.tables.frames import csv_of, timings_table
 from benchmarks.tables.text import WORDS
 
+ROOT = Path(__file__).parents[2]
 PRINTED = {  # typed from Table 1 of the paper: error, SD, entropy, variances of x, y, cos θ, sin θ
     "deq-mcl": ("20.95 (17.66)", "7.82", "419.92", "290.04", "0.09", "0.07"),
     "mcl-smoother": ("22.88 (20.01)", "8.88", "977.39", "611.06", "0.14", "0.11"),
@@ -104,3 +107,12 @@ def test_timings_csv_has_a_line_per_trial_in_seconds_and_milliseconds_per_step()
     timed = [changed(finished("mcl", 0, 1.0), seconds=seconds) for seconds in (0.3, None)]
     lines = parsed(csv_of(timings_table(timed)))
     assert [(line["seconds"], line["ms_per_step"]) for line in lines] == [("0.3", "5.0"), ("", "")]
+
+
+def test_the_papers_values_in_the_reports_are_those_printed():
+    with (ROOT / "docs/reports/paper/printed/table1.csv").open() as file:
+        for row in csv.DictReader(file):
+            error, *others = PRINTED[row["method"]]
+            assert f"{row['error']} ({row['error_sd']})" == error
+            names = ("entropy", "var_x", "var_y", "var_cos", "var_sin")
+            assert [row[name] for name in names] == others

@@ -1,6 +1,5 @@
 """Every link within the documents leads somewhere, and every name of code is there."""
 
-import os
 import pkgutil
 import re
 from pathlib import Path
@@ -11,9 +10,8 @@ import pytest
 ROOT = Path(__file__).parents[2]
 OUTSIDE = [ROOT / f"{name}.md" for name in ("README", "CONTRIBUTING", "CHANGELOG")]
 DOCUMENTS = sorted([*OUTSIDE, *(ROOT / "docs").rglob("*.md")])
-DECISIONS = ROOT / "docs" / "decisions"
 # what describes the code as it is, not as it was
-CURRENT = [path for path in DOCUMENTS if not path.name.startswith(("00", "CHANGELOG"))]
+CURRENT = [path for path in DOCUMENTS if not path.name.startswith("CHANGELOG")]
 
 FENCE = re.compile(r"^(```|~~~).*?^\1[ \t]*$", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"(`+)(?!`).*?(?<!`)\1(?!`)", re.DOTALL)
@@ -97,11 +95,3 @@ def there(dotted):
 @pytest.mark.parametrize("document", CURRENT, ids=lambda p: p.relative_to(ROOT).as_posix())
 def test_every_name_of_code_is_where_the_document_says(document):
     assert list(gone(document)) == []
-
-
-def test_decisions_and_notes_have_a_number_each_and_are_all_listed():
-    pages = [*DECISIONS.glob("0*.md"), *(DECISIONS.parent / "notes").glob("0*.md")]
-    numbers = [page.name[:5] for page in pages]
-    assert len({*numbers}) == len(numbers)
-    listed = targets((DECISIONS / "README.md").read_text())
-    assert {os.path.relpath(page, DECISIONS) for page in pages} <= set(listed)

@@ -19,15 +19,15 @@ from test_links import ROOT
 from benchmarks.trials.stage import DISTURBANCES
 from deqmcl_gym import logs
 from localizers import template
-from localizers.checks import LAWS, check_localizer, law_name
+from localizers.checks import LAWS, check_localizer
 
 FEWER = ("--particles 3000 --seeds 2", "--particles 300 --seeds 1")  # global: whether it runs
 NAMED = "./my_localizer.py:MyLocalizer"
-LOCALIZER, LOG, SCORE, ROBOT, TUNE, WRONG, BASIN, LOOK = (
+LOCALIZER, LOG, TUNE, WRONG, CLASSICAL, SWEEPS = (
     (ROOT / "docs" / f"{name}.md").read_text()
     for name in (
-        *("write-a-localizer", "your-map-your-log", "score-your-stack", "run-on-your-robot"),
-        *("tune-on-your-log", "wrong-map", "how-wrong-may-the-start-be", "look-at-it"),
+        *("write-a-localizer", "your-map-your-log", "tune-on-your-log"),
+        *("wrong-map", "classical", "sweeps"),
     )
 )
 
@@ -36,8 +36,8 @@ def blocks(page, language):
     return re.findall(rf"^```{language}\n(.*?)^```", page, re.MULTILINE | re.DOTALL)
 
 
-RECORD, PLAYED, REPLAY, _ = blocks(LOG, "python notest")
-STARTS, *_ = blocks(LOG, "toml")
+LAWS_SHOWN, NODE, FEED, _ = blocks(LOCALIZER, "python notest")
+RECORD, PLAYED, REPLAY = blocks(LOG, "python notest")
 
 
 def test_the_commands_on_a_localizer_work_as_they_stand_one_after_the_other(
@@ -58,11 +58,20 @@ def test_the_commands_on_a_localizer_work_as_they_stand_one_after_the_other(
     assert NAMED in (results / "report.html").read_text()
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/environment.md"])
-def test_the_table_of_ids_names_every_environment(page):
-    rows = re.findall(r"^\| (`\w+-v\d+`.*?) \|", (ROOT / page).read_text(), re.MULTILINE)
+def test_the_table_of_ids_names_every_environment():
+    page = (ROOT / "docs" / "environment.md").read_text()
+    rows = re.findall(r"^\| (`\w+-v\d+`.*?) \|", page, re.MULTILINE)
     named = [f"deqmcl_gym/{name}" for row in rows for name in re.findall(r"`(\S+)`", row)]
     assert sorted(named) == sorted(name for name in gym.registry if name.startswith("deqmcl_gym/"))
+
+
+def test_the_command_that_writes_a_building_works(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs" / "environment.md").read_text()
+    (command,) = re.findall(r"^\.venv/bin/deqmcl (.*)$", page, re.MULTILINE)
+    assert exit_code(*command.split()) == 0
+    for name in ("office.yaml", "office.json"):
+        gym.make("deqmcl_gym/Journey-v1", floor_plan=f"maps/three/{name}")
 
 
 def test_the_code_shown_is_the_file_that_new_localizer_writes():
@@ -71,7 +80,7 @@ def test_the_code_shown_is_the_file_that_new_localizer_writes():
 
 def test_the_pytest_shown_passes_with_the_file_that_new_localizer_writes(pytester):
     assert exit_code("new", "localizer", "my_localizer.py") == 0
-    pytester.makepyfile(*blocks(LOCALIZER, "python notest"))
+    pytester.makepyfile(LAWS_SHOWN)
     done = pytester.runpytest_inprocess("-p", "no:cacheprovider")
     done.assert_outcomes(passed=len(LAWS))
 
@@ -83,12 +92,6 @@ def test_the_check_from_python_runs_as_a_file(tmp_path):
     assert re.findall(r"^skipped .*", said, re.MULTILINE) == []
 
 
-def test_the_table_names_all_laws_in_their_order():
-    section = LOCALIZER.partition("## The laws")[2].partition("\n## ")[0]
-    rows = re.findall(r"^\| ([a-z ]+) \| .+ \|$", section, re.MULTILINE)
-    assert rows == ["law", *map(law_name, LAWS)]
-
-
 @pytest.fixture
 def lap(tmp_path, monkeypatch):
     """A folder with the log to begin with, its map and its reference."""
@@ -96,23 +99,36 @@ def lap(tmp_path, monkeypatch):
     exec(compile(RECORD, "record", "exec"), {})
 
 
+def commands(page, *words):
+    """The commands of a page that have one of some words; without words, all others."""
+    text = "".join(blocks(page, "sh")).replace("\\\n", "")
+    others = "basin", "--mcap", "deqmcl score"
+    return [x for x in text.splitlines() if any(w in x for w in words or others) == bool(words)]
+
+
 def test_the_page_on_ones_own_log_works_from_top_to_bottom(lap, capsys):
-    (commands,) = blocks(LOG, "sh")
-    assert FEWER[0] in commands
-    for command in commands.replace(*FEWER).splitlines():
-        words = shlex.split(command)
+    written(logs.read("lap.csv.gz"), Path("robot.mcap"))
+    Path("map.yaml").write_text(Path("hall.yaml").read_text())
+    Path("truth.tum").write_text(Path("lap.tum").read_text())
+    (nav2,) = blocks(LOG, "yaml")
+    Path("nav2_params.yaml").write_text(nav2)
+    assert sum(FEWER[0] in command for command in commands(LOG)) == 1
+    for command in commands(LOG):
+        words = shlex.split(command.replace(*FEWER))
         assert words[0] == "deqmcl"
         assert exit_code(*words[1:], "--jobs", "1") == 0, capsys.readouterr().err
+    assert "likelihood_field_prob" in capsys.readouterr().out
     found = {row["localizer"]: row for row in lines(Path("results/lap"), "results.csv")}
-    columns = set(re.findall(r"`([a-z_0-9]+)`", LOG.partition("| column |")[2].split("\n## ")[0]))
-    assert columns - {"_low", "_high", "inf"} <= set(found["mcl"])
+    table = LOG.partition("| column |")[2].split("\n\n")[0]
+    columns = set(re.findall(r"`([a-z_0-9]+)`", table))
+    assert len(columns) > 10
+    assert columns - {"inf", "evo_ape", "evo_rpe"} <= set(found["mcl"])
     assert float(found["mcl"]["position_median"]) < 0.1
     assert float(found["mcl"]["success_1m"]) == float(found["amcl"]["success_1m"]) == 1
-    Path("starts.toml").write_text(STARTS)
-    assert exit_code("sweep", "starts.toml", "--dry-run") == 0, capsys.readouterr().err
-    (out_of_date,) = blocks(WRONG, "toml")
-    Path("known.toml").write_text(out_of_date)
-    assert exit_code("sweep", "known.toml", "--dry-run") == 0, capsys.readouterr().err
+    assert Path("results/where/residuals.csv").is_file()
+    for name, page in (("starts.toml", LOG), ("known.toml", WRONG)):
+        Path(name).write_text(blocks(page, "toml")[0])
+        assert exit_code("sweep", name, "--dry-run") == 0, capsys.readouterr().err
     called: dict[str, Any] = {}
     exec(compile(PLAYED, "played", "exec"), called)
     assert list(called["played"].table["localizer"]) == ["mcl", "amcl"]
@@ -130,52 +146,50 @@ def test_the_page_on_scoring_works_from_top_to_bottom(lap, capsys):
     rows = [f"{t!r},{x!r},{y!r},{h!r}" for t, (x, y, h) in
             zip(log.times.tolist(), poses.tolist(), strict=True)]  # fmt: skip
     Path("theirs.csv").write_text("\n".join(["time,x,y,heading", *rows]))
-    (commands,) = blocks(SCORE, "sh")
-    for command in commands.splitlines():
+    first = commands(LOG, "--seeds 3")
+    for command in [*first, *commands(TUNE, "deqmcl score")]:
         assert exit_code(*shlex.split(command)[1:]) == 0, capsys.readouterr().err
     rows = {row["localizer"]: row for row in lines(Path("results/beside"), "results.csv")}
-    assert set(rows) == {"mcl", "amcl", "theirs"}
+    assert set(rows) == {"mcl", "amcl", "dead-reckoning", "theirs"}
     assert float(rows["theirs"]["position_median"]) == pytest.approx(math.hypot(0.1, 0.1), abs=1e-6)
 
 
-def test_the_page_on_wrong_starts_works(lap, capsys):
-    (command,) = blocks(BASIN, "sh")
-    (text,) = blocks(BASIN, "toml")
-    few = re.sub(r"0\.0, [0-9., ]+, (3\.\d+)\]", r"0.0, \1]", text)
-    assert few.count("[0.0, 3.") == 2
-    top = 'trials = 1\nlocalizers = ["mcl-map"]\nparams.particles = 50\n'
-    Path("wrong-starts.toml").write_text(top + few)
-    assert exit_code(*shlex.split(command)[1:], "--jobs", "1") == 0, capsys.readouterr().err
+def test_the_commands_on_classical_localizers_work(lap, capsys):
+    for command in commands(CLASSICAL):
+        few = command.replace("--trials 10", "--trials 1").replace("=20000 --seeds 2", "=600")
+        few = few.replace("--out", "--seeds 1 --out" if "replay" in few else "--out")
+        assert exit_code(*shlex.split(few)[1:], "--jobs", "1") == 0, capsys.readouterr().err
+    assert Path("results/amcl-global/results.csv").is_file()
+
+
+def test_starts_that_are_wrong_are_swept_as_the_page_says(lap, capsys):
+    (command,) = commands(LOG, "basin")
+    few = command.replace("[0,0.5,1,1.5,2,3]", "[0,3]")
+    assert few != command
+    fewer = "--set vary.assumed.prior.angle=[0,3.14] --set params.mcl-map.particles=50 --trials 1"
+    assert exit_code(*shlex.split(f"{few} {fewer} --jobs 1")[1:]) == 0, capsys.readouterr().err
     rows = lines(Path("results/basin"), "basin.csv")
-    assert (rows[0]["runs"], rows[0]["localized"], len(rows)) == ("1", "1", 4)
+    assert (rows[0]["runs"], rows[0]["localized"], len(rows)) == ("1", "1", 8)
     assert "Runs localized to the end" in Path("results/basin/report.html").read_text()
 
 
-def test_the_page_on_looking_works_and_names_the_topics(lap, capsys):
-    (commands,) = blocks(LOOK, "sh")
-    topics = set()
-    for command in commands.splitlines():
-        words = shlex.split(command)
-        assert exit_code(*words[1:]) == 0, capsys.readouterr().err
-        with open(words[words.index("--mcap") + 1], "rb") as file:
-            summary = make_reader(file).get_summary()
-        for channel in summary.channels.values():
-            topic = re.sub("^/(mcl-plan-hedged|mcl|amcl)/", "/NAME/", channel.topic)
-            row = next(
-                row for row in LOOK.splitlines() if row.startswith("| ") and f"`{topic}`" in row
-            )
-            schema = summary.schemas[channel.schema_id].name
-            assert schema in row or "JSON" in row
-            topics.add(topic)
-    assert topics == set(re.findall(r"`(/(?:NAME/)?[a-z]+)`", LOOK)) - {"/NAME/future"}
+def test_what_foxglove_shows_is_what_the_page_says(lap, capsys):
+    (command,) = commands(LOG, "--mcap")
+    assert exit_code(*shlex.split(command)[1:]) == 0, capsys.readouterr().err
+    with open("lap.mcap", "rb") as file:
+        channels = make_reader(file).get_summary().channels.values()
+    topics = {re.sub("^/(mcl-plan-hedged|mcl)/", "/NAME/", one.topic) for one in channels}
+    table = LOG.partition("| topic |")[2].split("\n\n")[0]
+    assert topics == set(re.findall(r"`(/(?:NAME/)?[a-z]+)`", table)) - {"/NAME/past",
+                                                                       "/NAME/future"}  # fmt: skip
 
 
 @pytest.mark.slow
 def test_the_commands_that_tune_work_as_the_page_says(lap, capsys):
-    (commands,) = blocks(TUNE, "sh")
     (space,) = blocks(TUNE, "toml")
     Path("space.toml").write_text(space)
-    first, *others = commands.replace("--candidates 36", "--candidates 2").splitlines()
+    first, *others = commands(TUNE)
+    first = first.replace("--candidates 36", "--candidates 2")
     for command in (first, *others, f"{first}-again --space space.toml"):
         assert exit_code(*shlex.split(command)[1:]) == 0, capsys.readouterr().err
     files = re.findall(r"^\| `([\w-]+\.\w+)` \|", TUNE, re.MULTILINE)
@@ -186,12 +200,10 @@ def test_the_commands_that_tune_work_as_the_page_says(lap, capsys):
 
 def test_the_loop_of_a_robot_works_from_a_bag_as_the_page_says(lap, monkeypatch, capsys):
     monkeypatch.syspath_prepend(os.getcwd())
-    node, _, feed = blocks(ROBOT, "python notest")
-    Path("localization.py").write_text(node)
+    Path("localization.py").write_text(NODE)
     written(logs.read("lap.csv.gz"), Path("robot.mcap"))
-    feed = feed.replace("map.yaml", "hall.yaml")
     names = {}
-    exec(compile(feed, "feed", "exec"), names)
+    exec(compile(FEED.replace("map.yaml", "hall.yaml"), "feed", "exec"), names)
     sys.modules.pop("localization")
     estimates, counts = names["estimates"], names["loop"].tracker.counts
     assert len(estimates) == counts.updates > 50
@@ -201,7 +213,7 @@ def test_the_loop_of_a_robot_works_from_a_bag_as_the_page_says(lap, monkeypatch,
 
 
 def test_the_table_of_disturbances_has_all_and_no_others():
-    _, table = (ROOT / "docs" / "sweeps.md").read_text().split("| disturbance | keys |\n")
+    _, table = SWEEPS.split("| disturbance | keys |\n")
     rows = table.split("\n\n")[0].splitlines()[1:]
     assert [re.match(r"\| `([\w-]+)` \|", row)[1] for row in rows] == list(DISTURBANCES)
 
@@ -211,3 +223,13 @@ def test_the_localizer_that_follows_the_plan_keeps_all_laws(tmp_path):
     (tmp_path / "follower.py").write_text(code)
     report = check_localizer(f"{tmp_path / 'follower.py'}:PlanFollower")
     assert report.passed, str(report)
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/quickstart.md"])
+def test_the_commands_to_begin_with_work(page, lap, capsys):
+    commands = "".join(blocks((ROOT / page).read_text(), "sh")).replace("map.yaml", "hall.yaml")
+    assert ("make paper" in commands) == (page == "README.md")
+    for command in re.findall(r"^(?:\.venv/bin/)?deqmcl (.+)", commands, re.MULTILINE):
+        words = re.sub(r"--trials \d+", "--trials 1", command).split()
+        fewer = ["--seeds", "1", "--particles", "100"] if words[0] == "replay" else []
+        assert exit_code(*words, *fewer) == 0, capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""Reports of other code are named, verified by their sample, or made again: ``make reports``."""
+"""Reports whose numbers this code no longer gets are named, and made again: ``make reports``."""
 
 import csv
 
@@ -6,98 +6,70 @@ import pytest
 from deqmcl_command import exit_code
 from sweep_command import without_report, write_small
 
-from docs.numbers import made, remake
-from docs.numbers.made import Report
+from deqmcl_gym.validation import InputError
+from docs import report_runs
+from docs.report_runs import Made, Report
 
 OLD, NEW = "0" * 64, "f" * 64
 
 
 @pytest.fixture
 def reports(tmp_path, monkeypatch):
-    """A folder of reports with one, of a small sweep, that was made by other code."""
+    """A folder of reports with one, of a small sweep, that has been made by this code."""
     folder = tmp_path / "reports"
     (folder / "sampled").mkdir(parents=True)
-    monkeypatch.setattr(made, "REPORTS", folder)
-    monkeypatch.setattr(remake, "FOLDERS", tmp_path / "runs")
-    monkeypatch.setattr(remake.pages, "main", lambda: None)
-    command = f"sweep '{write_small(tmp_path)}'"
-    small = Report(command=command, files={"small.csv": "results.csv"}, code=OLD, on="2026-11-22")
-    made.write({"small": small})
-    return folder
-
-
-@pytest.fixture
-def runs(monkeypatch):
-    """Commands that were run, in this process and without pictures."""
-    commands = []
+    monkeypatch.setattr(report_runs, "REPORTS", folder)
+    monkeypatch.setattr(report_runs, "RUNS", tmp_path / "runs")
 
     def run(command, **_):
-        commands.append(command[3:])
+        if command[0] == "git":
+            return type("Done", (), {"stdout": "abc+\n"})
         with without_report():
             return type("Done", (), {"returncode": exit_code(*command[3:])})
 
-    monkeypatch.setattr(remake.subprocess, "run", run)
-    return commands
+    monkeypatch.setattr(report_runs.subprocess, "run", run)
+    command = f"sweep '{write_small(tmp_path)}'"
+    small = Report(command=command, files={"small.csv": "results.csv"}, commit="old")
+    report_runs.write(Made(OLD, {"small": small}))
+    assert report_runs.main(["small", "--jobs", "1"]) == 0
+    return folder
 
 
-def under(code, monkeypatch):
-    """From here on the code has this digest."""
-    monkeypatch.setattr(remake, "code_digest", lambda: code)
-
-
-def renew(*words):
-    return remake.main([*words, "--jobs", "1"])
-
-
-def test_what_is_stale_is_named_made_again_and_verified_under_other_code(
-    reports, runs, monkeypatch, capsys
-):
-    assert renew("--dry-run") == 1
-    assert "1 of 1 reports are stale" in (said := capsys.readouterr().out)
-    assert "small: of code 000000000000" in said
-    assert "never timed" in said
-    assert renew("--verify") == 1  # there is no sample yet
-    assert runs == []
-    assert renew() == 0
-    assert len(runs) == 1
+def test_a_report_is_made_again_with_its_files_and_the_commit(reports):
     with (reports / "small.csv").open() as file:
         assert {row["method"] for row in csv.DictReader(file)} == {"mcl", "dead-reckoning"}
-    capsys.readouterr()
-    assert renew() == 0
-    assert "Nothing is to be done" in capsys.readouterr().out
-    under(NEW, monkeypatch)
-    assert renew("--dry-run") == 1
-    assert renew("--verify") == 0
-    assert made.read()["small"].verified.code == NEW
-    capsys.readouterr()
-    assert renew("--dry-run") == 0
-    assert "0 of 1 reports are stale; 1 are of this code" in capsys.readouterr().out
-    assert len(runs) == 1
+    assert report_runs.read().reports["small"].commit == "abc+"
+    with pytest.raises(InputError, match="there is no report large; there are small"):
+        report_runs.main(["large"])
 
 
-def test_a_trial_of_the_sample_that_differs_makes_the_report_again(
-    reports, runs, monkeypatch, capsys
-):
-    assert renew() == 0
+def test_a_change_that_no_record_feels_makes_nothing_stale(reports, monkeypatch, capsys):
+    monkeypatch.setattr(report_runs, "code_digest", lambda: NEW)
+    assert report_runs.main(["--check", "--jobs", "1"]) == 0
+    assert "small: 3 trials, none differs" in capsys.readouterr().out
+    assert report_runs.read().verified == OLD
+    assert report_runs.main(["--jobs", "1"]) == 0
+    assert report_runs.read().verified == NEW
+    capsys.readouterr()
+    assert report_runs.main(["--check"]) == 0  # and runs nothing
+    assert "under this code" in capsys.readouterr().out
+
+
+def test_a_record_that_differs_is_named_with_what_to_do(reports, monkeypatch, capsys):
     sample = reports / "sampled" / "small.csv"
-    kept = sample.read_text()
-    *_, last = kept.split(",")
-    sample.write_text(kept.replace(last.strip(), OLD))
-    under(NEW, monkeypatch)
-    before = made.read()
-    assert renew("--verify") == 1
-    assert "1 of 3 trials differ; the first" in capsys.readouterr().out
-    assert made.read() == before
-    assert renew() == 0
-    assert len(runs) == 2
-    assert sample.read_text() == kept
-    assert made.read()["small"].code == before["small"].code
-    assert made.read()["small"].verified is None
+    text = sample.read_text()
+    *_, last = text.split(",")
+    sample.write_text(text.replace(last.strip(), OLD))
+    assert report_runs.main(["--check", "--jobs", "1"]) == 1
+    printed = capsys.readouterr().out
+    assert "1 of 3 trials differ; the first" in printed
+    assert "make reports ARGS='small'" in printed
 
 
 def test_every_file_of_the_reports_is_of_one_run():
-    files = [file for report in made.read().values() for file in report.files]
-    held = [path.relative_to(made.REPORTS).as_posix() for path in made.REPORTS.glob("*/*.csv")]
+    made = report_runs.read().reports
+    files = [file for report in made.values() for file in report.files]
+    folder = report_runs.REPORTS
+    held = [path.relative_to(folder).as_posix() for path in folder.glob("*/*.csv")]
     assert sorted(files) == sorted(name for name in held if not name.startswith("sampled/"))
-    sampled = {path.stem for path in (made.REPORTS / "sampled").iterdir()}
-    assert sampled <= made.read().keys()
+    assert {path.stem for path in (folder / "sampled").iterdir()} <= made.keys()

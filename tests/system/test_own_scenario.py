@@ -1,7 +1,9 @@
-"""The scenario of docs/scenarios.md, a file of 15 lines, in every command that takes one."""
+"""The commands of docs/sweeps.md and docs/reports.md, and the scenario there, of 15 lines."""
 
 import json
 import re
+import shlex
+import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -9,14 +11,16 @@ import pytest
 from deqmcl_command import exit_code
 from sweep_command import without_report
 
+from benchmarks.report import writing
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps.office import Office
 
-PAGE = Path(__file__).parents[2] / "docs" / "scenarios.md"
+PAGE = Path(__file__).parents[2] / "docs" / "sweeps.md"
 BLOCKS = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
-ROOM, OFFICE, IN_A_ROOM, PLACES, _, AS_WORLD = BLOCKS  # displaced: test_basin.py
+NOISY, _, ROOM, OFFICE, IN_A_ROOM, PLACES, _, AS_WORLD, LIMITED = BLOCKS  # displaced: test_basin.py
+REPORTS = PAGE.with_name("reports.md")
 FEW = ("--scenario", "room.toml", "--particles", "20", "--lag", "3")
 
 
@@ -27,6 +31,31 @@ def room(tmp_path, monkeypatch):
     path = tmp_path / "room.toml"
     path.write_text(ROOM)
     return path
+
+
+def few_of(command):
+    return command.replace(" --set params.particles=300", "").replace("worlds 40", "worlds 20")
+
+
+@pytest.mark.parametrize("page", [PAGE, REPORTS], ids=lambda page: page.stem)
+def test_the_commands_of_a_page_work_as_they_stand_one_after_the_other(room, capsys, page):
+    Path("noisy.toml").write_text(NOISY)
+    few = ["--set", "params.particles=10", "--jobs", "1"]
+    commands = "".join(re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL))
+    with without_report() as patched:
+        patched.setattr(writing, "require_report", lambda: None)
+        for command in commands.splitlines():
+            words = shlex.split(few_of(command))
+            if words[0] != "deqmcl":
+                subprocess.run(command, shell=True, check=True)
+                continue
+            if words[1] in ("sweep", "paper"):
+                words += few if "--until-decided" in words else [*few, "--trials", "1"]
+            elif words[1] == "run":
+                continue  # below
+            assert exit_code(*words[1:]) == 0, (command, capsys.readouterr().err)
+    Path("limited.toml").write_text(LIMITED)
+    assert read_sweep(Path("limited.toml")).limits[0].method.params == {"particles": 100_000}
 
 
 @pytest.mark.parametrize(("text", "method"), [(ROOM, "mcl"), (OFFICE, "mcl-map")])

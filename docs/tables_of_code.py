@@ -1,0 +1,216 @@
+"""Tables that the code itself has: parameters, arguments, ids, scores … for ``docs.tables``."""
+
+import inspect
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import localizers
+from benchmarks.agents import AGENTS
+from benchmarks.setup.names import scenario, scenario_names
+from benchmarks.sweeps.suites import SUITES, sweep_named
+from benchmarks.trials.scores import JOURNEY_SCORES, METRICS, TRACK_SCORES, Score
+from localizers.checks import LAWS, law_name
+
+Table = tuple[list[str], Iterable[list[str]]]  # heads, rows
+
+
+def parameters(*names: str) -> Table:
+    """Return a table of the parameters of localizers, each with what it is; of several, whose."""
+    rows: dict[tuple[str, str], dict[str, str]] = {}  # default by localizer by name and meaning
+    for localizer in names:
+        for one in localizers.describe(localizer).parameters:
+            row = rows.setdefault((one.name, one.meaning), {})
+            row[localizer] = f"`{one.default_words}`".replace("'", '"')
+    lines = []
+    for (name, meaning), defaults in rows.items():
+        said = ", ".join(dict.fromkeys(defaults.values()))
+        of = "all" if len(defaults) == len(names) else ", ".join(f"`{n}`" for n in defaults)
+        lines.append([f"`{name}`", said, meaning, of])
+    heads = ["parameter", "default", "what it is", "of"]
+    wide = len(names) > 1
+    return (heads if wide else heads[:3], (line if wide else line[:3] for line in lines))
+
+
+_SCORES: dict[str, Iterable[Score]] = {
+    "offset": METRICS,
+    "run": JOURNEY_SCORES.values(),
+    "log": TRACK_SCORES.values(),
+}
+
+
+def scores(*kinds: str) -> Table:
+    """Return a table of scores: of beliefs at an "offset", of a "run", of a whole "log"; or all."""
+    rows = (
+        [f"`{one.name}`", one.words + (f" ({one.unit})" if tell else ""), one.better]
+        for kind in kinds or _SCORES
+        for one in _SCORES[kind]
+        for tell in [one.unit not in ("", "share", one.words.split()[-1])]
+    )
+    return (["score", "what it is (unit)", "better"], rows)
+
+
+def suites() -> Table:
+    """Return a table of the suites."""
+    sweeps = {name: sweep_named(name) for name in SUITES}
+    return (
+        ["suite", "trials", "what it compares"],
+        ([f"`{n}`", f"{s.planned:,}", s.title] for n, s in sweeps.items()),
+    )
+
+
+def scenarios() -> Table:
+    """Return a table of the scenarios."""
+    rows = ([f"`{name}`", scenario(name).words] for name in scenario_names())
+    return (["scenario", "what it is"], rows)
+
+
+def agents() -> Table:
+    """Return a table of the agents."""
+    rows = ([f"`{name}`", _first_line(agent)] for name, agent in AGENTS.items())
+    return (["agent", "what it does"], rows)
+
+
+def laws() -> Table:
+    """Return a table of the laws of a localizer."""
+    rows = ([law_name(law), _first_line(law)] for law in LAWS)
+    return (["law", "what must hold"], rows)
+
+
+def _first_line(thing: object) -> str:
+    return str(thing.__doc__).partition("\n")[0].replace("``", "`")
+
+
+def ids() -> Table:
+    """Return the ids of the environments: what they are, of what arguments, how long they last."""
+    import gymnasium as gym
+
+    from deqmcl_gym import ABOUT
+    from deqmcl_gym.world.presets import WORLDS
+
+    rows = []
+    for name, about in ABOUT.items():
+        spec = gym.spec(f"deqmcl_gym/{name}")
+        made = dict(spec.kwargs)
+        if "preset" in made:
+            made = _changes(WORLDS["paper"], WORLDS[made["preset"]])
+        given = ", ".join(f"`{part}={_code(value)}`" for part, value in _flat(made))
+        arguments = {each: default for each, default, _ in _signature(_class(name))}
+        most = spec.max_episode_steps or arguments.get("max_steps") or "none"
+        together = "in kernels" if spec.vector_entry_point else "in a loop"
+        if "scan" in arguments:
+            together = '`scan="field"`'
+        rows.append([f"`{name}`", about, given, str(most), together])
+    return (["`deqmcl_gym/…`", "what it is", "set", "most steps", "`make_vec`"], rows)
+
+
+def arguments(name: str) -> Table:
+    """Return the arguments of an id, or of a part of it (``Office``), from the code's own words."""
+    found = _class(name)
+    if is_dataclass(found):
+        return (["key", "default", "meaning"], _keys("", found, found))
+    rows = []
+    for argument, default, said in _signature(found):
+        part, asked = _part(argument) if name == "Room-v0" else (None, True)
+        if asked:
+            rows.append([f"`{argument}`", f"`{_code(default)}`", said])
+        if part is not None:
+            rows += _keys(f"{argument}.", type(part), part)
+    return (["argument", "default", "meaning"], rows)
+
+
+def _class(name: str) -> Any:
+    import gymnasium as gym
+    from gymnasium.envs.registration import load_env_creator
+
+    import deqmcl_gym
+
+    if "-v" not in name:
+        return getattr(deqmcl_gym, name, None) or getattr(deqmcl_gym.maps, name)
+    return load_env_creator(str(gym.spec(f"deqmcl_gym/{name}").entry_point))
+
+
+def _signature(found: type) -> Iterator[tuple[str, Any, str]]:
+    """Yield the arguments of a class and of those that it is derived from, with their words."""
+    told = set()
+    for owner in (one for one in found.__mro__ if one.__module__.split(".")[0] != "gymnasium"):
+        words = _words(owner)
+        for argument in inspect.signature(owner).parameters.values():
+            asked = argument.default is not argument.empty
+            if asked and argument.name in words and argument.name not in told:
+                told.add(argument.name)
+                yield argument.name, argument.default, words[argument.name]
+
+
+def _words(owner: type) -> dict[str, str]:
+    """Return what the docstring of a class says of each argument."""
+    section = (inspect.getdoc(owner) or "").partition("Args:\n")[2].partition("\n\n")[0]
+    found: dict[str, str] = {}
+    for names, words in re.findall(r"^    (\w[\w, ]*): ((?:.*\n?)(?:     .*\n?)*)", section, re.M):
+        said = " ".join(words.split()).removesuffix(".").replace("``", "`").replace("|", "or")
+        found |= dict.fromkeys(names.split(", "), said)
+    return found
+
+
+def _part(argument: str) -> tuple[Any, bool]:
+    """Return a part of the world with its defaults, and whether a world may be without it."""
+    from deqmcl_gym.world import config
+    from deqmcl_gym.world.presets import WORLDS
+
+    if argument in config._OPTIONAL:
+        return config._OPTIONAL[argument](), True
+    part = getattr(WORLDS["paper"], argument, None)
+    return (None, True) if argument == "floor_plan" or part is None else (part, False)
+
+
+def _keys(prefix: str, owner: Any, defaults: Any) -> list[list[str]]:
+    """Return a row for each field of a dataclass, with the comment ``#:`` above or beside it."""
+    source = inspect.getsource(owner)
+    lines = re.findall(r"((?:^    #: .*\n)*)^    (\w+): [^\n#]*(?:#: (.*))?$", source, re.M)
+    said = {name: " ".join(above.replace("#:", "").split()) or own for above, name, own in lines}
+    rows = []
+    for own in fields(owner):
+        per = own.metadata.get("length", 0)
+        unit = {1: " px", -1: " /px"}.get(per, "")
+        value = _code(getattr(defaults, own.name))
+        words = said[own.name].replace("``", "`")
+        rows.append([f"`{prefix}{own.name}`", f"`{value}`{unit if value != 'None' else ''}", words])
+    return rows
+
+
+def _changes(of: Any, to: Any) -> dict[str, Any]:
+    """Return what differs between two dataclasses, part by part."""
+    found: dict[str, Any] = {}
+    for own in fields(of):
+        old, new = getattr(of, own.name), getattr(to, own.name)
+        if old != new:
+            found[own.name] = {} if is_dataclass(new) else new
+            if is_dataclass(old) and is_dataclass(new):
+                found[own.name] = _changes(old, new)
+    return found
+
+
+def _flat(parts: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    for name, value in parts.items():
+        if name == "floor_plan" or not (isinstance(value, dict) and value):
+            yield name, value
+        else:
+            yield from ((f"{name}.{key}", each) for key, each in value.items())
+
+
+def _code(value: Any) -> str:
+    """Return a value as code; angles as shares of π."""
+    share = value / math.pi if isinstance(value, float) else 0.0
+    for below in (1, 2, 4, 12):
+        if share and math.isclose(share * below, round(share * below), abs_tol=1e-9):
+            times = round(share * below)
+            return f"{times if times != 1 else ''}π{f'/{below}' if below > 1 else ''}"
+    return repr(value).replace("'", '"')
+
+
+OF_CODE: dict[str, Callable[..., Table]] = {  # by the word of their marker
+    one.__name__: one
+    for one in (parameters, scores, suites, scenarios, agents, laws, ids, arguments)
+}

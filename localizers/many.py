@@ -1,0 +1,319 @@
+"""``Localize-v0`` many at once, for training: office, robot, scan, filter and summary are compiled.
+
+``gym.make_vec("deqmcl_gym/Localize-v0", num_envs=64, scan="field", localizer={"name": "mcl",
+"particles": 1000})``. The single env is the definition: tests drive both side by side. Rooms are
+shared out to threads, and their numbers do not depend on how.
+"""
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
+from gymnasium.vector.utils import batch_space, iterate
+from numpy.typing import NDArray
+
+from deqmcl_gym.envs import vector_kernels
+from deqmcl_gym.envs.acting import RIGHT
+from deqmcl_gym.envs.vector import checked_mode, checked_seeds, chosen_rooms
+from deqmcl_gym.envs.vector_rooms import Grounds, wide
+from deqmcl_gym.maps import GridMap, Offices
+from deqmcl_gym.maps.map import metre
+from deqmcl_gym.numerics import Bools, Floats, Indices, Singles, arrays
+from deqmcl_gym.world.config import World
+from deqmcl_gym.world.course import centred_heading
+from deqmcl_gym.world.sensor import LidarSensor, NormalTable
+from localizers.many_kernels import filter_rooms, summarize_rooms
+from localizers.models.prior import random_poses
+from localizers.models.scan_field import FieldOfMap, ScanField
+from localizers.tasks import Localize
+
+_KEPT = 256  # offices, with their tables
+
+
+def localize(
+    *, num_envs: int = 1, autoreset_mode: Any = AutoresetMode.NEXT_STEP, **task: Any
+) -> VectorEnv[Any, Any, Any]:
+    """Return many ``Localize-v0``: compiled if they can be, else Gymnasium's loop over single ones.
+
+    Compiled are those with ``scan="field"`` and the localizer "mcl", in offices of cells, with the
+    lidar in the robot's centre, that loses no readings, and without pictures.
+    """
+    single = Localize(**task)
+    if _is_native(single, task):
+        return LocalizeVectorEnv(single, num_envs, autoreset_mode)
+    return SyncVectorEnv(
+        [lambda: gym.make("deqmcl_gym/Localize-v0", **task)] * num_envs,
+        autoreset_mode=checked_mode(autoreset_mode),
+    )
+
+
+def _is_native(env: Localize, task: dict[str, Any]) -> bool:
+    given = task.get("localizer", "mcl-map")
+    params = {"name": given} if isinstance(given, str) else dict(given)
+    lidar = env.lidar
+    return (
+        params.pop("name", None) == "mcl"
+        and not params.keys() - {"particles"}
+        and task.get("scan") == "field"
+        and isinstance(env.floor_plan, GridMap)
+        and lidar.places == ((0.0, 0.0),)
+        and not lidar.loses
+        and env.render_mode is None
+    )
+
+
+class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
+    """n rooms of a ``Localize`` env, each with its own seed, building, robot and filter."""
+
+    def __init__(self, single: Localize, num_envs: int, autoreset_mode: Any) -> None:
+        """Make ``num_envs`` rooms like a single one."""
+        self._single, self._mode = single, checked_mode(autoreset_mode)
+        self.num_envs = n = int(num_envs)
+        self.metadata = {"autoreset_mode": self._mode}
+        self.single_observation_space = single.observation_space
+        self.single_action_space = single.action_space
+        self.observation_space = batch_space(single.observation_space, n)
+        self.action_space = batch_space(single.action_space, n)
+        self._spaces: Any = self.observation_space
+        self.world, self.lidar, self.max_steps = single.world, single.lidar, single.max_steps
+        localizer: Any = single._localizer
+        self._count = count = int(localizer.filter.particles)
+        robot = localizer.robot
+        self._scan = robot.scan
+        self._noise = tuple(vars(robot.motion)[name] for name in ("drive", "turn", "drift"))
+        # of the robots
+        self._grounds = Grounds(self.world, n, own=True)
+        gaps, arcs, progress = np.zeros((3, n))
+        robots = np.zeros((n, 3)), gaps, arcs, progress, np.zeros(n, np.intp)
+        self._robots = vector_kernels.Robots(*robots)
+        self._moves = NormalTable(n, 2, self.max_steps)
+        self._readings = NormalTable(n, self.lidar.beams, self.max_steps + 1)
+        courses = vector_kernels.Courses(  # none: of step_rooms only the motion counts
+            np.zeros((n, 1, 6)), np.ones(n, np.intp), np.full(n, np.inf), np.ones(n),
+            np.zeros((n, 2)), np.full(n, np.inf), np.full(n, np.iinfo(np.intp).max),
+        )  # fmt: skip
+        self._courses = tuple(courses)
+        self._rules = self.world.noise.sds, (np.inf, 0.0, 0.0), -1.0, np.iinfo(np.intp).max
+        self.scans = np.zeros((n, self.lidar.beams), np.float32)
+        # of the filters
+        self.particles = np.zeros((n, 3, count), np.float32)
+        self._log_weights, self.weights = np.zeros((2, n, count))
+        self._uniforms = np.zeros((n, count + 1))
+        self._tables, self._shapes = np.zeros((n, 0), np.float32), np.zeros((n, 2), np.intp)
+        self._frames = np.zeros((n, 5))
+        self._means, self._best, self._second = np.zeros((3, n, 3))
+        self._covariances, self._shares = np.zeros((n, 3, 3)), np.zeros((n, 2))
+        # of the episodes
+        self.buildings, self.steps = np.zeros(n, np.int64), np.zeros(n, np.int64)
+        self._confident, self._right = np.zeros((2, n), np.int64)
+        self._ended, self._begun = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+        self._streams: list[np.random.Generator | None] = [None] * n
+        self._own: list[Any] = [None] * n
+        self._shown: list[Any] = [None] * n
+        self._threads = max(1, min(n, len(os.sched_getaffinity(0))))
+        self._pool: ThreadPoolExecutor | None = None
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Any, dict[str, Any]]:
+        """Begin an episode in all rooms or those of a ``reset_mask``, as ``RoomVectorEnv``."""
+        chosen = chosen_rooms(options, self.num_envs)
+        rooms = np.flatnonzero(chosen)
+        self._begin(rooms, checked_seeds(seed, self.num_envs))
+        none = np.zeros(self.num_envs, np.bool_)
+        nothing = np.zeros((self.num_envs, 2), np.float32)
+        return self._seen(), self._info(chosen, nothing, none, none)
+
+    def step(self, actions: Singles) -> tuple[Any, Floats, Bools, Bools, dict[str, Any]]:
+        """Declare, or move and update in each room; begin the next episode where one ended."""
+        if not self._begun.all():
+            raise RuntimeError("the episodes have not begun: call reset() before step().")
+        again = np.flatnonzero(self._ended)
+        if again.size and self._mode is AutoresetMode.DISABLED:
+            raise RuntimeError(
+                f"the episode in room {again[0]} has ended: call reset() with its reset_mask "
+                "before step()."
+            )
+        given = self._single._commands.checked_each(actions, self._ended)
+        resting = self._ended.copy()
+        declared = (given[:, 2] >= 0.5) & ~resting
+        commands = given[:, :2].copy()
+        commands[resting | declared] = 0.0
+        collided = self._moved(commands, resting | declared)
+        self.steps[~resting] += 1
+        success = declared & (self._right >= self._single.hold)
+        truncated = ~declared & (self.steps >= self.max_steps) & ~resting
+        rewards = -1.0 - collided - 2.0 * self.max_steps * (declared & ~success)
+        rewards[resting] = 0.0
+        self._ended = declared | truncated
+        if again.size:
+            self._begin(again)
+        final: dict[str, Any] = {}
+        if self._mode is AutoresetMode.SAME_STEP and self._ended.any():
+            final = self._begun_again(commands, collided, success)
+        info = self._info(np.ones_like(resting), commands, collided, success)
+        return self._seen(), rewards, declared.copy(), truncated, info | final
+
+    def ranges(self, poses: Floats) -> Singles:
+        """Return what each room's lidar would measure at a pose, (n, 3), without noise, (n, B)."""
+        exact = np.empty((self.lidar.beams, self.num_envs), np.float32)
+        rooms = np.arange(self.num_envs)
+        local = self._grounds.local(rooms, np.asarray(poses, np.float64))
+        self.lidar.cast(self._grounds.caster(rooms), local, exact)
+        return exact.T
+
+    def close_extras(self, **_: Any) -> None:
+        """End the threads."""
+        if self._pool is not None:
+            self._pool.shutdown()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Threads are begun anew."""
+        return vars(self) | {"_pool": None}
+
+    def _begin(self, rooms: Indices, seeds: Sequence[int | None] | None = None) -> None:
+        for room in rooms.tolist():
+            seed, rng = seeds[room] if seeds else None, self._streams[room]
+            if seed is not None or rng is None:
+                rng = self._streams[room] = gym.utils.seeding.np_random(seed)[0]
+            start, motion, sensor, own, self._shown[room] = rng.spawn(5)
+            sites, building = self._single._sites, None
+            if sites is not None:
+                building = self.buildings[room] = sites.offices.drawn(rng.spawn(1)[0])
+            world, field = _place(self.world, sites and sites.offices, building, self._scan)
+            radius = world.body + world.skin
+            x, y, heading = random_poses(world.floor_plan, 1, start, radius)[:, 0].tolist()
+            pose = self._robots.poses[room] = x, y, centred_heading(heading)
+            self._grounds.put(room, world)
+            self._robots.gaps[room] = 0.0
+            caster = world.floor_plan.local.caster
+            self.scans[room] = LidarSensor(caster, world.floor_plan.datum, self.lidar, sensor).scan(
+                pose
+            )
+            self._moves.renew(room, motion)
+            self._readings.renew(room, sensor)
+            stream = own.spawn(1)[0]
+            self.particles[room] = random_poses(world.floor_plan, self._count, stream, radius)
+            self._log_weights[room], self._own[room] = 0.0, own
+            size = field.table.size
+            self._tables = wide(self._tables, size)
+            self._tables[room, :size] = field.table
+            self._shapes[room], self._frames[room] = field.shape, field.frame
+        self.steps[rooms] = self._confident[rooms] = self._right[rooms] = 0
+        self._ended[rooms], self._begun[rooms] = False, True
+        self._summarize(rooms)
+
+    def _moved(self, commands: Singles, still: Bools) -> Bools:
+        """Move the robots that are not ``still``, take their scans, and update their filters."""
+        n = self.num_envs
+        moved = np.empty(n), *np.empty((3, n), np.bool_)
+        self._moves.fill()
+        vector_kernels.step_rooms(
+            tuple(self._robots), self._grounds.kernel, self._courses, self._rules, commands,
+            self._moves.drawn, self._moves.at, still, moved,
+        )  # fmt: skip
+        rooms = np.flatnonzero(~still)
+        exact = np.empty((self.lidar.beams, rooms.size), np.float32)
+        local = self._grounds.local(rooms, self._robots.poses[rooms])
+        self.lidar.cast(self._grounds.caster(rooms), local, exact)
+        self._readings.fill()
+        noise = self._readings
+        limits = self.lidar.sigma, self.lidar.max_range
+        vector_kernels.report(rooms, exact, noise.drawn, noise.at, *limits, self.scans)
+        for room in rooms.tolist():
+            self._own[room].random(out=self._uniforms[room])
+        self._each(
+            rooms, filter_rooms, self.particles, self._log_weights, self._uniforms,
+            commands.astype(np.float64), self.scans, self.lidar.bearings, self._noise,
+            self._tables, self._shapes, self._frames, self.lidar.max_range,
+        )  # fmt: skip
+        self._summarize(rooms)
+        collided: Bools = moved[1]
+        return collided
+
+    def _summarize(self, rooms: Indices) -> None:
+        """Take note of new beliefs."""
+        size = metre(self._single.floor_plan.unit)
+        self._each(
+            rooms, summarize_rooms, self.particles, self._log_weights, self.weights, size,
+            self._means, self._covariances, self._best, self._second, self._shares,
+        )  # fmt: skip
+        sure = self._shares[rooms, 0] > self._single.share
+        off = self._best[rooms] - self._robots.poses[rooms]
+        distance = np.hypot(off[:, 0], off[:, 1]) / size
+        near = RIGHT.holds(distance, np.abs(arrays.wrapped(off[:, 2])))
+        self._confident[rooms] = np.where(sure, self._confident[rooms] + 1, 0)
+        self._right[rooms] = np.where(sure & near, self._right[rooms] + 1, 0)
+
+    def _each(self, rooms: Indices, kernel: Any, *arguments: Any) -> None:
+        """Run a kernel on rooms, shared out to the threads."""
+        self._pool = self._pool or ThreadPoolExecutor(self._threads)
+        parts = np.array_split(rooms, self._threads)
+        list(self._pool.map(lambda part: kernel(part, *arguments), parts))
+
+    def _seen(self) -> dict[str, Any]:
+        """Return the observations of all rooms, as fresh arrays."""
+        view = self._single._view
+        seen = {
+            "scan": self.scans.copy(),
+            "clock": (self.steps / self.max_steps)[:, None],
+            "confident": np.minimum(1.0, self._confident / self._single.hold)[:, None],
+            **view.moments(self._means, self._covariances),
+            "best": self._best,
+            "best_share": np.minimum(self._shares[:, :1], 1.0),
+            "second": self._second,
+            "second_share": np.minimum(self._shares[:, 1:], 1.0),
+        }
+        rooms = zip(self.particles, self.weights, self._shown, strict=True)
+        clouds = [view.cloud(states.T, weights, rng) for states, weights, rng in rooms]
+        seen |= {name: np.stack([cloud[name] for cloud in clouds]) for name in clouds[0]}
+        return {
+            name: np.clip(np.array(values, np.float32), space.low, space.high)
+            for name, values in seen.items()
+            for space in [self._spaces[name]]
+        }
+
+    def _info(
+        self, among: Bools, commands: Singles, collided: Bools, success: Bools
+    ) -> dict[str, Any]:
+        told: dict[str, Any] = {
+            "command": commands.copy(),
+            "collided": collided.astype(np.float64),
+            "is_success": success.astype(np.float64),
+            "truth": self._robots.poses.copy(),
+        }
+        if self._single._sites is not None:
+            told["building"] = self.buildings.copy()
+        for values in told.values():
+            values[~among] = 0
+        return told | {f"_{key}": among.copy() for key in told}
+
+    def _begun_again(self, commands: Singles, collided: Bools, success: Bools) -> dict[str, Any]:
+        """Begin the next episode where one has ended; return its last observation and info."""
+        ended, last = self._ended.copy(), np.full(self.num_envs, None, dtype=object)
+        for room, seen in enumerate(iterate(self.observation_space, self._seen())):
+            if ended[room]:
+                last[room] = seen
+        final = {"final_obs": last, "final_info": self._info(ended, commands, collided, success)}
+        self._begin(np.flatnonzero(ended))
+        commands[ended], collided[ended], success[ended] = 0.0, False, False
+        return final | {f"_{key}": ended.copy() for key in final}
+
+
+@lru_cache(_KEPT)
+def _place(
+    world: World, offices: Offices | None, building: int | None, scan: ScanField
+) -> tuple[World, FieldOfMap]:
+    """Return the world of a building, and the model of scans there."""
+    if offices is not None and building is not None:
+        world = replace(world, floor_plan=offices.map(building))
+    return world, scan.made(world.floor_plan, world.lidar)

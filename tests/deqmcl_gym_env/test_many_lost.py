@@ -1,0 +1,179 @@
+"""Many compiled ``Localize-v0`` are the single env, side by side, step by step."""
+
+import pickle
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode
+from refusals import refused
+
+import deqmcl_gym  # noqa: F401
+from localizers.many import LocalizeVectorEnv
+from localizers.models.prior import random_poses
+from localizers.models.scan import Scan
+from localizers.models.scan_field import ScanField
+
+ID = "deqmcl_gym/Localize-v0"
+TASK = {
+    "scan": "field",
+    "localizer": {"name": "mcl", "particles": 300},
+    "floor_plan": {"office": {"wings": 1, "corridors": 1, "seeds": [20, 60]}},
+    "share": 0.3,
+    "hold": 3,
+    "max_steps": 25,
+    "particles": 4,
+    "cell": 2.0,
+}
+ROOMS = 5
+
+
+def actions(rng, seen):
+    """Drives on, into walls too; declares now and then, when it is confident."""
+    move = rng.uniform([0.1, -0.6], [0.2, 0.6], (ROOMS, 2))
+    declared = (seen["confident"][:, 0] >= 1.0) & (rng.random(ROOMS) < 0.2)
+    return np.hstack([move, declared[:, None]]).astype(np.float32)
+
+
+def agree(many, single):
+    """Whether observations or infos are the same up to rounding."""
+    for name, value in single.items():
+        np.testing.assert_allclose(many[name], value, rtol=0, atol=1e-4, err_msg=name)
+
+
+def test_rooms_are_the_single_env_through_contacts_declarations_and_new_buildings():
+    envs = gym.make_vec(ID, num_envs=ROOMS, **TASK)
+    assert isinstance(envs, LocalizeVectorEnv)
+    singles = [gym.make(ID, **TASK) for _ in range(ROOMS)]
+    seen, info = envs.reset(seed=7)
+    for room, single in enumerate(singles):
+        own, told = single.reset(seed=7 + room)
+        agree({name: value[room] for name, value in seen.items()}, own)
+        agree({name: value[room] for name, value in info.items()}, told)
+    rng, ended = np.random.default_rng(0), np.zeros(ROOMS, bool)
+    ends, contacts, right = 0, 0, 0
+    for _ in range(120):
+        chosen = actions(rng, seen)
+        seen, rewards, terminated, truncated, info = envs.step(chosen)
+        assert envs.observation_space.contains(seen)
+        for room, single in enumerate(singles):
+            if ended[room]:
+                own, told = single.reset()
+                paid = 0.0, False, False
+            else:
+                own, *paid, told = single.step(chosen[room])
+            assert (rewards[room], terminated[room], truncated[room]) == tuple(paid)
+            agree({name: value[room] for name, value in seen.items()}, own)
+            agree({name: value[room] for name, value in info.items()}, told)
+        ended = terminated | truncated
+        ends += int(ended.sum())
+        contacts += int(info["collided"].sum())
+        right += int(info["is_success"].sum())
+    assert ends > 20
+    assert contacts > 20
+    assert right > 0
+
+
+def test_with_same_step_the_last_observation_is_told_and_the_next_episode_is_seen():
+    ways = {
+        mode: gym.make_vec(ID, num_envs=ROOMS, autoreset_mode=mode, **TASK)
+        for mode in (AutoresetMode.NEXT_STEP, "SameStep")
+    }
+    still = np.zeros((ROOMS, 3), np.float32)
+    steps = {}
+    for mode, envs in ways.items():
+        envs.reset(seed=3)
+        steps[mode] = [envs.step(still) for _ in range(TASK["max_steps"] + 1)]
+    next_step, same_step = steps.values()
+    last, _, _, truncated, info = same_step[-2]
+    assert truncated.all()
+    for room in range(ROOMS):
+        agree(info["final_obs"][room], {k: v[room] for k, v in next_step[-2][0].items()})
+    agree(last, next_step[-1][0])  # of the next episode
+    assert (info["final_info"]["truth"] == next_step[-2][4]["truth"]).all()
+
+
+def test_disabled_rooms_wait_for_their_reset():
+    envs = gym.make_vec(ID, num_envs=2, autoreset_mode="Disabled", **TASK)
+    envs.reset(seed=0)
+    declared = np.float32([[0, 0, 1], [0, 0, 0]])
+    envs.step(declared)
+    with pytest.raises(RuntimeError, match="the episode in room 0 has ended"):
+        envs.step(declared)
+    seen, _ = envs.reset(options={"reset_mask": np.array([True, False])})
+    assert seen["clock"].ravel().tolist() == [0.0, np.float32(1 / TASK["max_steps"])]
+
+
+def test_rooms_go_on_the_same_after_pickling_and_on_one_thread():
+    envs = gym.make_vec(ID, num_envs=ROOMS, **TASK)
+    rng = np.random.default_rng(1)
+    seen, _ = envs.reset(seed=1)
+    seen, *_ = envs.step(actions(rng, seen))
+    copy = pickle.loads(pickle.dumps(envs))
+    copy._threads = 1
+    for _ in range(30):
+        chosen = actions(rng, seen)
+        seen, other = envs.step(chosen)[0], copy.step(chosen)[0]
+        assert all((seen[name] == other[name]).all() for name in seen)
+    envs.close()
+    copy.close()
+
+
+SQUARE = {"outer": [[0, 0], [9, 0], [9, 9], [0, 9]], "unit": "m"}
+FEW = {"name": "mcl", "particles": 50}
+
+
+@pytest.mark.parametrize(
+    "task",
+    [
+        {},
+        {"scan": "field"},
+        {"localizer": FEW},
+        {"scan": "field", "localizer": FEW, "floor_plan": SQUARE},
+        {"scan": "field", "localizer": FEW, "lidar": {"min_range": 0.2}},
+    ],
+)
+def test_what_is_not_compiled_runs_one_by_one(task):
+    envs = gym.make_vec(ID, num_envs=2, **task)
+    assert isinstance(envs, gym.vector.SyncVectorEnv)
+    assert envs.num_envs == 2
+
+
+def test_a_field_weighs_a_beam_by_the_distance_of_its_end_to_the_nearest_wall():
+    env = gym.make(ID, scan="field", localizer={"name": "mcl", "particles": 10}).unwrapped
+    env.reset(seed=0)
+    lidar, plan = env.lidar, env.floor_plan
+    field = ScanField(sigma=0.5, power=0.1).made(plan, lidar)
+    poses = random_poses(plan, 40, np.random.default_rng(0), 0.2)
+    ranges = np.random.default_rng(1).uniform(0.5, 6.0, lidar.beams)
+    angles = poses[2][:, None] + lidar.bearings
+    ends = np.stack(
+        [
+            poses[0][:, None] + ranges * np.cos(angles),
+            poses[1][:, None] + ranges * np.sin(angles),
+        ],
+        axis=-1,
+    )
+    away = np.minimum(np.abs(plan.distance(ends.reshape(-1, 2))), 2.0).reshape(ends.shape[:2])
+    inside = plan.free(ends.reshape(-1, 2)).reshape(away.shape)
+    q = 0.5 * np.exp(-0.5 * (away / 0.5) ** 2) + 0.5 / 12.0
+    wanted = 0.1 * np.log(q).sum(axis=1)
+    found = field.log_likelihood(poses, Scan.of(ranges, lidar.max_range))
+    whole = inside.all(axis=1)  # beyond walls distances are to the nearest solid cell, 0
+    assert whole.sum() > 0
+    # distances between centres of cells of 0.1 m are off by at most a diagonal, 0.142 m; the slope
+    # of log q is at most 2.6 / m
+    assert np.abs(found - wanted)[whole].max() < 0.1 * lidar.beams * 2.6 * 0.142
+
+
+def test_bad_actions_are_refused_and_no_room_moves():
+    envs = gym.make_vec(ID, num_envs=2, **TASK)
+    with pytest.raises(RuntimeError, match="have not begun"):
+        envs.step(np.zeros((2, 3), np.float32))
+    envs.reset(seed=0)
+    before = envs._robots.poses.copy()
+    with refused("in room 1, the action is"):
+        envs.step(np.float32([[0.1, 0, 0], [9, 0, 0]]))
+    with refused("must be numbers of shape (2, 3)"):
+        envs.step(np.zeros((2, 2), np.float32))
+    assert (envs._robots.poses == before).all()
