@@ -99,7 +99,7 @@ def ids() -> Table:
     """Return the ids of the environments: what they are, of what arguments, how long they last."""
     import gymnasium as gym
 
-    from deqmcl_gym.registration import ABOUT
+    from deqmcl_gym import ABOUT
     from deqmcl_gym.world.presets import WORLDS
 
     rows = []

@@ -98,10 +98,8 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
             np.zeros((n, 1, 6)), np.ones(n, np.intp), np.full(n, np.inf), np.ones(n),
             np.zeros((n, 2)), np.full(n, np.inf), np.full(n, np.iinfo(np.intp).max),
         )  # fmt: skip
-        rules = vector_kernels.Rules(
-            self.world.noise.sds, (np.inf, 0.0, 0.0), -1.0, np.iinfo(np.intp).max
-        )
-        self._courses, self._rules = tuple(courses), tuple(rules)
+        self._courses = tuple(courses)
+        self._rules = self.world.noise.sds, (np.inf, 0.0, 0.0), -1.0, np.iinfo(np.intp).max
         self.scans = np.zeros((n, self.lidar.beams), np.float32)
         # of the filters
         self.particles = np.zeros((n, 3, count), np.float32)

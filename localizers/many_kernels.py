@@ -7,8 +7,7 @@ from deqmcl_gym.maps.drive_kernels import drive
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import atan2_64, cos64, sin64, wrapped64
-from localizers.inference.particles import normalize, shifted
-from localizers.inference.resampling import fill_systematic
+from localizers.inference.particles import fill_systematic, normalize, shifted
 from localizers.models.motion import noisy_moves
 from localizers.models.scan_field import add_at_ends
 

@@ -22,7 +22,7 @@ from benchmarks.trials.stage import Stage
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
-from localizers.models.beam_fit import BeamFit, fitted
+from localizers.models.beams import BeamFit, fitted
 
 LEVEL = 95
 PART = 0.3  # of the records, the first ones: fitted on; the rest judges

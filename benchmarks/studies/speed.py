@@ -31,10 +31,10 @@ import benchmarks
 from benchmarks.scenarios import SCENARIOS
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import ENV_ID as ROOM
+from deqmcl_gym import JOURNEY_ENV_ID as JOURNEY
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import Lidar, Map, Office, PolygonMap
 from deqmcl_gym.numerics import Floats, Reals, Singles
-from deqmcl_gym.registration import JOURNEY_ENV_ID as JOURNEY
 from deqmcl_gym.world.presets import PAPER_ROOM
 from localizers import GaussianPrior, GaussianUniform, OdometryMotion, Prior, RobotModel, make
 

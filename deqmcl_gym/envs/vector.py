@@ -10,10 +10,10 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, iterate
 from numpy.typing import NDArray
 
+from deqmcl_gym import MAX_EPISODE_STEPS
 from deqmcl_gym.envs.vector_rooms import Rooms
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import Bools, Indices, RoomActions
-from deqmcl_gym.registration import MAX_EPISODE_STEPS
 from deqmcl_gym.validation import (
     InputError,
     NoEpisodeError,

@@ -39,7 +39,7 @@ class Robots(NamedTuple):
 class CellRows(NamedTuple):
     """The cells of s maps, padded to the largest; empty for polygons."""
 
-    reach: Any  # as ``grid_kernels.CellGrid``, flat, (s, c)
+    reach: Any  # as of ``GridMap.cells``, flat, (s, c)
     up: Any
     down: Any
     sight: Any  # the reach for beams, flat, (s, c)
@@ -71,32 +71,6 @@ class Courses(NamedTuple):
     limits: Indices  # number of steps after which the plan ends, (n,)
 
 
-class Rules(NamedTuple):
-    """The values that are the same in all rooms and at every step."""
-
-    noise: tuple[float, float, float]  # σ_dd, σ_φφ, σ_φd
-    rewards: tuple[float, float, float]  # goal, bonus and penalty of ``judged_step``
-    near: float  # distance from the end of a route at which the task is done; -1: never
-    limit: int  # largest number of steps of an episode
-
-
-class DriverNumbers(NamedTuple):
-    """The driver of all rooms."""
-
-    rules: tuple[float, float, float, float]  # the first four of ``path_kernels.drive_along``
-    near: float  # distance from the end of the path at which it is done
-    clearance: float  # most room kept to walls on a route among cells; -1: they are not looked at
-
-
-class Moved(NamedTuple):
-    """The results of a step."""
-
-    rewards: Floats  # of ``judged_step``, (n,)
-    collided: Bools  # whether a wall stopped the robot, (n,)
-    terminated: Bools  # whether the task is done, (n,)
-    truncated: Bools  # by the limit, or with the plan used up and the task not done, (n,)
-
-
 @compiled
 def step_rooms(
     robots: tuple[Any, ...],
@@ -109,22 +83,26 @@ def step_rooms(
     resting: Bools,
     moved: tuple[Any, ...],
 ) -> None:
-    """Turn and drive the robots that are not ``resting``, (n,); fill in :class:`Moved`.
+    """Turn and drive the robots that are not ``resting``, (n,).
 
-    Tuples are plain ones: numba takes them faster. Commands are (distance, turn), (n, 2), normals
-    N(0, 1) for both, (n, rows, 2), of which each robot uses row ``at``, (n,); advanced by one.
+    Tuples are plain ones: numba takes them faster. Rules are the noise (σ_dd, σ_φφ, σ_φd), the
+    rewards of ``judged_step``, the distance from the end of a route at which the task is done (-1:
+    never) and the most steps of an episode. Commands are (distance, turn), (n, 2), normals N(0, 1)
+    for both, (n, rows, 2), of which each robot uses row ``at``, (n,); advanced by one. Filled in
+    are rewards, whether a wall stopped the robot, whether the task is done, and whether the limit
+    or the plan's end came before, (n,) each.
     """
     poses, gaps, arcs, progress, steps = robots
     slots, sizes, walls, counts, cells = grounds
     edges, edge_counts, periods, _, goals, _, limits = courses
     noise, rewards, near, limit = rules
-    said = Moved(*moved)
+    all_rewards, all_collided, terminated, truncated = moved
     # Numbers of each robot, not the tuples: passing a tuple on counts a reference to each of its
     # arrays, which took four fifths of a step when it was done for every robot.
     for i in range(resting.size):
         if resting[i]:
-            said.rewards[i] = 0.0
-            said.collided[i] = said.terminated[i] = said.truncated[i] = False
+            all_rewards[i] = 0.0
+            all_collided[i] = terminated[i] = truncated[i] = False
             continue
         x, y, heading = poses[i, 0], poses[i, 1], poses[i, 2]
         distance, turn = np.float64(commands[i, 0]), np.float64(commands[i, 1])
@@ -154,9 +132,9 @@ def step_rooms(
         off_x, off_y = x - goals[i, 0], y - goals[i, 1]
         if np.sqrt(off_x * off_x + off_y * off_y) <= near:
             reward, done = reward + rewards[1], True
-        said.rewards[i], said.collided[i], said.terminated[i] = reward, collided, done
+        all_rewards[i], all_collided[i], terminated[i] = reward, collided, done
         given_up = steps[i] >= limits[i] and not done
-        said.truncated[i] = given_up or steps[i] >= limit
+        truncated[i] = given_up or steps[i] >= limit
 
 
 @compiled
@@ -171,7 +149,10 @@ def plan_rooms(
 ) -> None:
     """Fill in what the drivers of ``rooms`` (k,) would do, as ``driver.GuidedPlan.after``.
 
-    ``shown`` are the next h actions, zero-padded, (n, h, 2), ``counts`` their number, (n,).
+    A driver is the first four rules of ``drive_along``, the distance from the path's end at which
+    it is done, and the most room that it keeps to walls on a route among cells (-1: it does not
+    look at them). ``shown`` are the next h actions, zero-padded, (n, h, 2), ``counts`` how many,
+    (n,).
     """
     poses, _, arcs, progress, steps = robots
     slots, sizes, _, _, cells = grounds
@@ -215,7 +196,7 @@ def cast_in_rooms(
 
 @compiled
 def _grid(cells: Any, slot: int) -> Any:
-    """Return a ``grid_kernels.CellGrid`` as a plain tuple, of one of the maps."""
+    """Return ``GridMap.cells`` of one of the maps."""
     reach, up, down, _, shapes, frames, _, _ = cells
     rows, columns = shapes[slot]
     size = rows * columns

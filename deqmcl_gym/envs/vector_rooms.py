@@ -49,7 +49,7 @@ class Rooms:
         near = -1.0
         if world.route is not None and rules.ends_at_goal:
             near = world.route.tolerance
-        self._numbers = tuple(kernels.Rules(world.noise.sds, rules.rewards, near, limit))
+        self._numbers = world.noise.sds, rules.rewards, near, limit
         self.scans = np.zeros((number, world.lidar.beams), np.float32)
         self._lap = None if world.route is not None else rules.plan
         self._driver = _driver(rules)
@@ -191,14 +191,14 @@ def _steps(rules: RoomRules) -> int:
 
 
 def _driver(rules: RoomRules) -> tuple[object, ...] | None:
-    """Return ``kernels.DriverNumbers``, if there is one and the kernel has what he looks at."""
+    """Return the driver of ``plan_rooms``, if there is one and it has what he looks at."""
     world = rules.world
     driver, lap, route = world.driver, world.lap, world.route
     if driver is None or (route is not None and not isinstance(world.floor_plan, GridMap)):
         return None
     own = driver.look_ahead, driver.on_the_spot, lap.step, lap.turn
     near, clearance = (-1.0, -1.0) if route is None else (route.tolerance, route.clearance)
-    return tuple(kernels.DriverNumbers(own, near, clearance))
+    return own, near, clearance
 
 
 class Grounds:

@@ -25,7 +25,7 @@ from deqmcl_gym.files import names_of, numbers_of, text_of
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.motion import relative
 from deqmcl_gym.logs.odometry import JudgedOdometry
-from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecords, usable
+from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecord, RawRecords, usable
 from deqmcl_gym.logs.scans import Fan
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.numerics import arrays
@@ -93,7 +93,7 @@ class _Messages:
         if n < 1 or len(words) - n not in (9, 10):
             raise ValueError("another number of words")
         ranges, rest = numbers_of(words[1 : 1 + n]), numbers_of(words[1 + n : 8 + n])
-        self.scans["FLASER"].add(rest[6], rest[3:6], ranges)
+        self.scans["FLASER"].records.append(RawRecord(rest[6], rest[3:6], ranges))
 
     def _laser(self, kind: str, words: list[str]) -> None:
         n = int(words[7])
@@ -102,7 +102,7 @@ class _Messages:
             raise ValueError("another number of words")
         *poses, stamp = numbers_of(words[9 + n + m : 10 + n + m + more])
         ranges, fan = numbers_of(words[8 : 8 + n]), _fan(words)
-        self.scans[kind].add(stamp, poses[3:6] or (0, 0, 0), ranges, fan)
+        self.scans[kind].records.append(RawRecord(stamp, poses[3:6] or (0, 0, 0), ranges, fan))
         if poses:
             self.mounts.append(poses[:6])
         else:
@@ -114,7 +114,7 @@ class _Messages:
         if self.unreadable:
             records.damage[UNREADABLE] += self.unreadable
         if _OURS in self.params:
-            records.fans = [None] * len(records.fans)
+            records.records = [record._replace(fan=None) for record in records.records]
         elif kind == "RAWLASER1":
             table = np.array(self.odometry).reshape(-1, 5)
             unknown = np.full(len(table), np.nan)
@@ -128,11 +128,13 @@ class _Messages:
                 field_of_view = told
             farthest = min(self._param("robot_front_laser_max", SICK_RANGE), SICK_RANGE)
             farthest = farthest if farthest > 0 else SICK_RANGE
-            records.fans = [
-                Fan(*self._angles(len(ranges), field_of_view), 0.0, farthest)
-                for ranges in records.ranges
+            records.records = [
+                record._replace(
+                    fan=Fan(*self._angles(len(record.ranges), field_of_view), 0.0, farthest)
+                )
+                for record in records.records
             ]
-            sizes = Counter(map(len, records.ranges))
+            sizes = Counter(len(record.ranges) for record in records.records)
             if field_of_view is None and (beams := sizes.most_common(1)[0][0]) not in _SICK:
                 tell(
                     f"{records.source}: FLASER lines do not say their angles: {beams} beams are "
@@ -241,7 +243,7 @@ def _fan(words: Sequence[str]) -> Fan:
 def _kind(name: str, messages: _Messages, asked: str | None) -> str:
     if asked is not None:
         return one_of("kind of scan in a CARMEN log", asked, SCAN_KINDS)
-    there = [kind for kind, found in messages.scans.items() if found.times]
+    there = [kind for kind, found in messages.scans.items() if found.records]
     whole = [kind for kind in there if kind != "RAWLASER1"] or there  # raw ones are the same scans
     if len(whole) == 1:
         return whole[0]

@@ -8,8 +8,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,9 +23,10 @@ from deqmcl_gym.logs.odometry import (
 )
 from deqmcl_gym.logs.scans import (
     Fan,
-    Varying,
+    at_usual_bearings,
     dropped_words,
     no_return_codes,
+    usual_fan,
 )
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles, arrays
 from deqmcl_gym.validation import LARGEST, InputError, tell
@@ -42,62 +42,48 @@ _EPOCH = 1e6  # s: where most stamps are larger, one of 0 is none
 _FEW = 0.5  # share of records with a reference pose below which a warning is given
 
 
+class RawRecord(NamedTuple):
+    """A record as it stands in a file, sound or damaged."""
+
+    time: float
+    odometry: Sequence[float]
+    ranges: Sequence[float]
+    fan: Fan | None = None
+    frame: str = ""  # of the scan, "" for none
+    reference: Sequence[float] = ()
+
+
 @dataclass
 class RawRecords:
-    """All records of a file, sound or damaged; a list has one of each."""
+    """All records of a file."""
 
     source: str  # name of the file in messages
-    times: list[float] = field(default_factory=list)
-    odometry: list[Sequence[float]] = field(default_factory=list)
-    ranges: list[Sequence[float]] = field(default_factory=list)
-    fans: list[Fan | None] = field(default_factory=list)
-    frames: list[str] = field(default_factory=list)  # of each scan, "" for none
-    references: list[Sequence[float]] = field(default_factory=list)
+    records: list[RawRecord] = field(default_factory=list)
     damage: Counter[str] = field(default_factory=Counter)
     judged: bool = False  # whether odometry and clock have been judged already
 
-    def add(
-        self,
-        time: float,
-        odometry: Sequence[float],
-        ranges: Sequence[float],
-        fan: Fan | None = None,
-        frame: str = "",
-        reference: Sequence[float] = (),
-    ) -> None:
-        """Add a record."""
-        self.times.append(time)
-        self.odometry.append(odometry)
-        self.ranges.append(ranges)
-        self.fans.append(fan)
-        self.frames.append(frame)
-        self.references.append(reference)
-
-    def kept(self, chosen: Sequence[int]) -> "RawRecords":
-        """Return the records of these indices, in order; all damage counts."""
-        names = ("times", "odometry", "ranges", "fans", "frames", "references")
-        columns: dict[str, Any] = {name: [getattr(self, name)[i] for i in chosen] for name in names}
-        return replace(self, **columns)
+    @property
+    def times(self) -> list[float]:
+        """The time of each record, s."""
+        return [record.time for record in self.records]
 
     def with_odometry(self, numbers: Sequence[int], odometry: JudgedOdometry) -> "RawRecords":
         """Return the records with the odometry at their times, of those that have one.
 
         ``numbers`` are those of the scans' messages, as those of the odometry are counted.
         """
-        found = [odometry.at(*scan) for scan in zip(numbers, self.times, strict=True)]
-        for index in doubled(self.times):
-            self.damage[DOUBLED] += found[index] is not None
-            found[index] = None
-        known = [index for index, placed in enumerate(found) if placed is not None]
-        if lost := len(found) - len(known) - self.damage[DOUBLED]:
-            self.damage[NO_ODOMETRY] += lost
-        placed = [one for one in found if one is not None]
-        return replace(
-            self.kept(known),
-            times=[time for time, _ in placed],
-            odometry=[pose for _, pose in placed],
-            judged=True,
-        )
+        known, last = [], None
+        for number, record in zip(numbers, self.records, strict=True):
+            placed = odometry.at(number, record.time)
+            if placed is None:
+                self.damage[NO_ODOMETRY] += 1
+            elif record.time == last:
+                self.damage[DOUBLED] += 1
+            else:
+                time, pose = placed
+                known.append(record._replace(time=time, odometry=pose))
+            last = record.time
+        return replace(self, records=known, judged=True)
 
     def log(self, scanner_of: Callable[[int, str, Fan | None], Scanner], *, unit: str = "m") -> Log:
         """Return the sound records as a log; warn of the others, and of all that is not as usual.
@@ -105,12 +91,16 @@ class RawRecords:
         The scanner has the usual beams and limits of the scans, and is made by
         ``scanner_of(beams, frame, fan)``; scans with other angles are resampled.
         """
-        times, poses = np.array(self.times), np.array(self.odometry).reshape(-1, 3)
+        records = self.records
+        times = np.array(self.times)
+        poses = np.array([record.odometry for record in records]).reshape(-1, 3)
         kept, remarks = np.arange(times.size), []
         if kept.size:
-            ((frame, _), *_) = Counter(self.frames).most_common(1)
-            kept = self._without(kept, np.array([one == frame for one in self.frames]), OTHER_FRAME)
-            aimed = np.array([fan is None or all(map(math.isfinite, fan[:2])) for fan in self.fans])
+            ((frame, _), *_) = Counter(record.frame for record in records).most_common(1)
+            framed = np.array([record.frame == frame for record in records])
+            kept = self._without(kept, framed, OTHER_FRAME)
+            fans = (record.fan for record in records)
+            aimed = np.array([fan is None or all(map(math.isfinite, fan[:2])) for fan in fans])
             kept = self._without(kept, aimed[kept], NO_ANGLES)
             sound = usable(np.column_stack([times, poses]))
             kept = self._without(kept, sound[kept], NOT_FINITE)
@@ -162,24 +152,24 @@ class RawRecords:
         self, kept: Indices, frame: str, scanner_of: Callable[[int, str, Fan | None], Scanner]
     ) -> tuple[Scanner, Singles, str | None]:
         """Return the scanner, its ranges, (n, beams), and what is to be told of varying scans."""
-        scans = [self.ranges[index] for index in kept]
-        fans = [fan for index in kept if (fan := self.fans[index]) is not None]
+        scans = [self.records[index].ranges for index in kept]
+        fans = [fan for index in kept if (fan := self.records[index].fan) is not None]
         if not fans:
             scanner = scanner_of(len(scans[0]), frame, None)
             return scanner, scanner.measured(np.array(scans)), None
-        varying = Varying.of(list(map(len, scans)), fans)
-        scanner = scanner_of(varying.beams, frame, varying.fan)
-        return scanner, *varying.seen(scans, scanner.max_range)
+        beams, usual = usual_fan(list(map(len, scans)), fans)
+        scanner = scanner_of(beams, frame, usual)
+        return scanner, *at_usual_bearings(scans, fans, beams, usual, scanner.max_range)
 
     def _reference(self, kept: Indices) -> Floats | None:
         """Return the true poses of the records kept, (n, 3); NaN where none is sound."""
-        if not any(map(len, self.references)):
+        if not any(len(record.reference) for record in self.records):
             return None
-        given = [self.references[index] or (np.nan,) * 3 for index in kept]
+        given = [self.records[index].reference or (np.nan,) * 3 for index in kept]
         poses = np.array(given, dtype=np.float64).reshape(-1, 3)
         poses[~usable(poses)] = np.nan
         known = int(np.isfinite(poses[:, 0]).sum())
-        if bad := sum(len(self.references[index]) > 0 for index in kept) - known:
+        if bad := sum(len(self.records[index].reference) > 0 for index in kept) - known:
             said = f"{bad:,} reference poses left out: not finite or beyond {LARGEST:g}"
             tell(f"{self.source}: {said}.")
         return poses if known else None
@@ -189,11 +179,6 @@ class RawRecords:
             self.damage[reason] += lost
         left: Indices = kept[sound]
         return left
-
-
-def doubled(times: Sequence[float]) -> list[int]:
-    """Return the indices of messages whose stamp is that of the one before."""
-    return [at for at, (one, other) in enumerate(pairwise(times), 1) if one == other]
 
 
 def warn_of_few(log: Log, reference: str) -> None:
@@ -272,10 +257,23 @@ def paired_scans(scanned: Mapping[str, Log], source: str, max_apart: float = MAX
         log.ranges[found[whole]] if log is base else _moved(log, found[whole], kept.odometry)
         for log, found in zip(scanned.values(), partner.values(), strict=True)
     ]
-    _tell(scanned, slowest, kept, skipped - Counter(base.skipped), source)
+    if unpaired := skipped - Counter(base.skipped):
+        tell(f"{source}: {said_of_skipped(unpaired, len(kept))}.")
+    for topic, log in scanned.items():
+        if topic != slowest and (unused := len(log) - len(kept)):
+            tell(
+                f"{source}: {unused:,} of {len(log):,} scans of {topic} are in no record: "
+                f"records are those of {slowest}, which has the fewest scans."
+            )
     scanners = [log.scanner for log in scanned.values()]
+    joined = Scanner(  # ranges are within those of each already
+        angles=tuple(angle for scanner in scanners for angle in scanner.angles),
+        mounts=tuple(mount for scanner in scanners for mount in scanner.mounts),
+        min_range=min(scanner.min_range for scanner in scanners),
+        max_range=max(scanner.max_range for scanner in scanners),
+    )
     return replace(
-        kept, scanner=_joined(scanners), ranges=np.concatenate(ranges, axis=1), source=source,
+        kept, scanner=joined, ranges=np.concatenate(ranges, axis=1), source=source,
         skipped=dict(skipped),
     )  # fmt: skip
 
@@ -316,28 +314,3 @@ def _moved(log: Log, chosen: Indices, poses: Floats) -> Singles:
     np.minimum.at(out, (row[inside], seen[inside]), found[inside])
     ranges[driven] = scanner.measured(out)
     return ranges
-
-
-def _joined(scanners: list[Scanner]) -> Scanner:
-    """Return one scanner with the mounts of all; ranges are within those of each already."""
-    return Scanner(
-        angles=tuple(angle for one in scanners for angle in one.angles),
-        mounts=tuple(mount for one in scanners for mount in one.mounts),
-        min_range=min(one.min_range for one in scanners),
-        max_range=max(one.max_range for one in scanners),
-    )
-
-
-def _tell(
-    scanned: Mapping[str, Log], slowest: str, kept: Log, lost: Counter[str], source: str
-) -> None:
-    """Warn of records left out, and of scans that are in no record."""
-    if lost:
-        said = said_of_skipped(lost, len(kept))
-        tell(f"{source}: {said}.")
-    for topic, log in scanned.items():
-        if topic != slowest and (unused := len(log) - len(kept)):
-            tell(
-                f"{source}: {unused:,} of {len(log):,} scans of {topic} are in no record: "
-                f"records are those of {slowest}, which has the fewest scans."
-            )

@@ -14,6 +14,7 @@ import itertools
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from inspect import signature
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType
@@ -24,7 +25,7 @@ import numpy as np
 from deqmcl_gym.files import MOST_OF_LOGS, UnreadableError, numbers_of, opened_log, save, text_of
 from deqmcl_gym.logs import carmen, ros
 from deqmcl_gym.logs.log import Log, Scanner
-from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecords
+from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecord, RawRecords
 from deqmcl_gym.logs.trajectory import Trajectory, referenced
 from deqmcl_gym.validation import InputError, array, number, shown
 
@@ -52,7 +53,8 @@ def read_csv(path: Path, scanner: Scanner | None = None) -> Log:
             time, *odometry = numbers_of([row[index] for index in at])
             known = [row[index] for index in reference if row[index]]
             truth = numbers_of(known) if len(known) == len(_REFERENCE) else ()
-            found.add(time, odometry, numbers_of(row[first:]), reference=truth)
+            ranges = numbers_of(row[first:])
+            found.records.append(RawRecord(time, odometry, ranges, reference=truth))
         except ValueError:
             found.damage[UNREADABLE] += 1
     return found.log(lambda beams, *_: _scanner(words, scanner, beams), unit=unit or "m")
@@ -92,17 +94,13 @@ def read_npz(path: Path, scanner: Scanner | None = None) -> Log:
             f"{path} has times {times.shape}, odometry {odometry.shape} and ranges {ranges.shape}, "
             "but they must be numbers of shape (n,), (n, 3) and (n, beams)."
         )
-    found = RawRecords(str(path), times.tolist(), odometry.tolist(), list(ranges))
-    found.fans, found.frames = [None] * n, [""] * n
-    if (reference := known.pop("reference", None)) is not None:
-        if reference.shape != (n, 3) or reference.dtype.kind not in "fiu":
-            raise InputError(f"{path} has a reference {reference.shape}, but it must be {(n, 3)}.")
-        whole = np.isfinite(reference).all(axis=1)
-        found.references = [
-            pose if known else () for pose, known in zip(reference.tolist(), whole, strict=True)
-        ]
-    else:
-        found.references = [()] * n
+    reference = known.pop("reference", np.full((n, 3), np.nan))
+    if reference.shape != (n, 3) or reference.dtype.kind not in "fiu":
+        raise InputError(f"{path} has a reference {reference.shape}, but it must be {(n, 3)}.")
+    truth = [pose if np.isfinite(pose).all() else () for pose in reference.tolist()]
+    rows = zip(times.tolist(), odometry.tolist(), ranges, truth, strict=True)
+    records = [RawRecord(time, at, scan, reference=pose) for time, at, scan, pose in rows]
+    found = RawRecords(str(path), records)
     words, unit = (str(known[name]) if name in known else None for name in ("scanner", "unit"))
     return found.log(lambda beams, *_: _scanner(words, scanner, beams), unit=unit or "m")
 
@@ -181,18 +179,6 @@ _READERS: Mapping[str, Callable[..., Log]] = MappingProxyType(
 _WRITERS: Mapping[str, Callable[[Log, Path], None]] = MappingProxyType(
     {".csv": write_csv, ".npz": write_npz}
 )
-_OF_REFERENCE = "max_gap", "reference_tolerance"
-_TAKEN: Mapping[Any, tuple[str, ...]] = MappingProxyType(
-    {
-        carmen.read_carmen: ("scan_topic", "field_of_view", *_OF_REFERENCE),
-        ros.read_bag: (
-            "scan_topic", "odometry_topic", "odometry_frame", "odometry_publisher",
-            "reference_topic", "base_frame", "max_range", "max_apart", *_OF_REFERENCE,
-        ),
-        read_csv: ("scanner",),
-        read_npz: ("scanner",),
-    }
-)  # fmt: skip
 
 
 def read(
@@ -265,14 +251,15 @@ def read(
     of_reference = {"max_gap": max_gap, "reference_tolerance": reference_tolerance}
     if reference is None:
         given |= {name: value for name, value in of_reference.items() if value is not None}
-    if reader is ros.read_bag:
+    taken = signature(reader).parameters
+    if "max_range" in taken:
         given["max_range"] = max_range
     for name in given:
-        if name not in _TAKEN[reader]:
+        if name not in taken:
             raise InputError(
                 f"{name} is given, but {files[0]} is of a format that does not take it."
             )
-    parts = files if "scan_topic" in _TAKEN[reader] else files[0]
+    parts = files if "paths" in taken else files[0]
     log = _changed(reader(parts, **given), max_range, min_range, mounting)
     return log if reference is None else referenced(log, reference, max_gap, reference_tolerance)
 
@@ -289,7 +276,9 @@ def _reader_of(files: Sequence[Path]) -> Callable[..., Log]:
                 "ROS 2 bag."
             )
         readers.append(reader)
-    if len(files) > 1 and (len(set(readers)) > 1 or "scan_topic" not in _TAKEN[readers[0]]):
+    if len(files) > 1 and (
+        len(set(readers)) > 1 or "paths" not in signature(readers[0]).parameters
+    ):
         raise InputError(
             f"{', '.join(map(str, files))} are {len(files)} files, but only bags and CARMEN logs "
             "have several parts, all of one kind: give one log."

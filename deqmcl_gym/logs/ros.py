@@ -27,6 +27,7 @@ from deqmcl_gym.logs.odometry import JudgedOdometry, publisher_words, publishers
 from deqmcl_gym.logs.raw_records import (
     MAX_APART,
     UNREADABLE,
+    RawRecord,
     RawRecords,
     paired_scans,
     stamped,
@@ -50,27 +51,21 @@ _APART, _PARTS = 0.2, 4  # s between stamps of one time that is told, and parts 
 _ALIKE = 0.05  # share of an increment
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reading:
-    """What is told of the odometry of a bag; see ``logs.read``."""
-
-    odometry_topic: str | None = None
-    odometry_frame: str | None = None
-    odometry_publisher: int | None = None
-    base_frame: str | None = None
-    max_range: float | None = None
-    max_gap: float | None = None
-    reference_tolerance: float | None = None
-
-
 def read_bag(
     paths: Sequence[Path],
+    *,
     scan_topic: str | Sequence[str] | None = None,
+    odometry_topic: str | None = None,
+    odometry_frame: str | None = None,
+    odometry_publisher: int | None = None,
     reference_topic: str | None = None,
+    base_frame: str | None = None,
+    max_range: float | None = None,
     max_apart: float | None = None,
-    **reading: Any,
+    max_gap: float | None = None,
+    reference_tolerance: float | None = None,
 ) -> Log:
-    """Read the parts of a ROS bag; see ``logs.read``, and ``Reading`` for the other arguments.
+    """Read the parts of a ROS bag; see ``logs.read``.
 
     A scan's time is that of its header; its odometry is interpolated between the two messages
     around it. Transforms give the mounting of the scanner, which may hang upside down. Scans of
@@ -81,13 +76,12 @@ def read_bag(
         number("max_apart", max_apart, low=0)
         if len(asked) < 2:
             raise InputError("max_apart is given, but pairs the scans of 2 scan topics or more.")
-    told = Reading(**reading)
     with opened_bag(paths) as bag:
         scans = [bag.topic((SCAN,), "scan_topic", one) for one in asked]
         odometry = bag.topic(
-            (ODOMETRY,), "odometry_topic", told.odometry_topic, beside=scans[0], needed=False
+            (ODOMETRY,), "odometry_topic", odometry_topic, beside=scans[0], needed=False
         )
-        if told.odometry_frame is not None:
+        if odometry_frame is not None:
             odometry = None
         if reference_topic is None and REFERENCE_TOPIC not in bag.topics:
             reference = None
@@ -97,7 +91,11 @@ def read_bag(
         messages = _Messages(names_of(paths), [one for one in scans if one], odometry, reference)
         messages.read(bag)
     warn_of_frames(messages.name, reference, messages.frames)
-    return messages.log(told, MAX_APART if max_apart is None else max_apart)
+    base, moved = messages.moved_by(base_frame, odometry_frame, odometry_publisher)
+    log = messages.log(base, moved, max_range, MAX_APART if max_apart is None else max_apart)
+    truth = messages.truth.poses
+    truth[:, 0] = moved.shifted(messages.truth.table[:, 0], truth[:, 0])
+    return with_own_reference(log, truth, max_gap, reference_tolerance)
 
 
 def _scan_topics(given: str | Sequence[str] | None) -> Sequence[str | None]:
@@ -151,7 +149,7 @@ class _Messages:
         self.mended = 0  # scans whose increment is of no use
 
     def read(self, bag: Bag) -> None:
-        """Read all messages needed; count those that cannot be decoded."""
+        """Read all messages needed; count those that cannot be decoded; refuse unstamped scans."""
         wanted = {*self.scanned, self.odometry, self.reference, UNIT_TOPIC}
         for sent in bag.messages(wanted, TRANSFORMS):
             try:
@@ -161,6 +159,18 @@ class _Messages:
                 self.scanned.get(sent.topic, first).records.damage[UNREADABLE] += 1
                 continue
             self._take(sent, message)
+        for topic, scans in self.scanned.items():
+            times = scans.records.times
+            if len(times) > 1 and not any(times):
+                raise InputError(
+                    f"the headers of {topic} in {self.name} have no stamps (all are 0), so its "
+                    "scans have no odometry: write the times of the scans into their headers."
+                )
+        if self.mended:
+            self._tell(
+                f"{self.mended:,} scans have an angle_increment that does not lead to their "
+                "angle_max: it is taken from angle_max"
+            )
 
     def _take(self, sent: Sent, message: Any) -> None:
         if sent.kind in TRANSFORMS:
@@ -174,7 +184,8 @@ class _Messages:
             step = self._increment(message, start, step)
             fan = Fan(start, step, *(0.0 if np.isnan(one) else one for one in limits))
             stamp, frame = seconds_of(message.header.stamp), frame_of_header(message)
-            scans.records.add(stamp, (0, 0, 0), message.ranges, fan, frame)
+            record = RawRecord(stamp, (0, 0, 0), message.ranges, fan, frame)
+            scans.records.records.append(record)
             scans.numbers.append(sent.number)
             scans.lags.append(sent.received - stamp)
         else:
@@ -199,29 +210,19 @@ class _Messages:
         self.mended += 1
         return meant
 
-    def log(self, told: Reading, apart: float) -> Log:
+    def log(
+        self, base: str, odometry: JudgedOdometry, max_range: float | None, apart: float
+    ) -> Log:
         """Return the log of all messages read; scans of several topics at most ``apart`` s."""
-        for topic, scans in self.scanned.items():
-            times = scans.records.times
-            if len(times) > 1 and not any(times):
-                raise InputError(
-                    f"the headers of {topic} in {self.name} have no stamps (all are 0), so its "
-                    "scans have no odometry: write the times of the scans into their headers."
-                )
-        if self.mended:
-            self._tell(
-                f"{self.mended:,} scans have an angle_increment that does not lead to their "
-                "angle_max: it is taken from angle_max"
-            )
-        base, odometry = self._odometry(told)
 
         def scanner_of(topic: str, beams: int, frame: str, fan: Fan | None) -> Scanner:
             assert fan is not None
             most: float | None = fan.max_range
             if not fan.limited:  # of simulators and some drivers
-                most = told.max_range
+                most = max_range
             if most is None:
-                said = max(one.max_range for one in self.scanned[topic].records.fans if one)
+                fans = [record.fan for record in self.scanned[topic].records.records]
+                said = max(one.max_range for one in fans if one)
                 raise InputError(
                     f"range_max of its scans is {said:g}: give max_range, such as max_range=20."
                 )
@@ -243,16 +244,17 @@ class _Messages:
         (log, *others) = scanned.values()
         if others:
             log = paired_scans(scanned, self.name, apart)
-        truth = self.truth.poses
-        truth[:, 0] = odometry.shifted(self.truth.table[:, 0], truth[:, 0])
-        return with_own_reference(log, truth, told.max_gap, told.reference_tolerance)
+        return log
 
-    def _odometry(self, told: Reading) -> tuple[str, JudgedOdometry]:
+    def moved_by(
+        self, base_frame: str | None, odometry_frame: str | None, publisher: int | None
+    ) -> tuple[str, JudgedOdometry]:
         """Return the robot's frame and odometry, judged: of the topic, or else of transforms."""
         (topic, scans), *_ = self.scanned.items()
         frames = self.transforms.of(topic)
-        asked = None if told.base_frame is None else frame_name(told.base_frame)
-        scan_frame = scans.records.frames[0] if scans.records.frames else ""
+        asked = None if base_frame is None else frame_name(base_frame)
+        records = scans.records.records
+        scan_frame = records[0].frame if records else ""
         flaw = None
         if self.moved:
             if len(self.moved) > 1:
@@ -268,14 +270,14 @@ class _Messages:
                 if doubt is not None:
                     self._tell(f"{doubt}: taken as odometry, as there is no other")
                 self._compare_clocks(rows, str(self.odometry))
-                return base, self._judged(rows, str(self.odometry), told)
+                return base, self._judged(rows, str(self.odometry), publisher)
             flaw = flaw or doubt
         elif self.odometry is not None:
             flaw = f"{self.odometry} has no message"
         try:
-            base, rows = frames.odometry(self.name, asked, told.odometry_frame, scan_frame)
+            base, rows = frames.odometry(self.name, asked, odometry_frame, scan_frame)
         except InputError:
-            if flaw is None or told.odometry_frame is not None:
+            if flaw is None or odometry_frame is not None:
                 raise
             raise InputError(f"{self.name} has no usable odometry: {flaw}.") from None
         if worse := _flaw(rows, "the transforms", scans.records.times):
@@ -283,7 +285,7 @@ class _Messages:
         if flaw is not None:
             self._tell(f"{flaw}: the odometry is taken from transforms")
         self._compare_clocks(rows, "the transforms")
-        return base, self._judged(rows, "the transforms", told)
+        return base, self._judged(rows, "the transforms", publisher)
 
     def _tell(self, remark: str) -> None:
         tell(f"{self.name}: {remark}.")
@@ -322,12 +324,12 @@ class _Messages:
                 "when they are received, at least in a part of the log: compare the clocks"
             )
 
-    def _judged(self, moved: PoseRows, where: str, told: Reading) -> JudgedOdometry:
+    def _judged(self, moved: PoseRows, where: str, publisher: int | None) -> JudgedOdometry:
         """Return odometry, judged, of one publisher; tell what is not as usual."""
         table, rows = moved.table, stamped(moved.poses)
         finite = np.flatnonzero(np.isfinite(rows).all(axis=1))
         own = publishers(rows[finite, 0], rows[finite, 1:], table[finite, 2], self.unit)
-        chosen = integer("odometry_publisher", told.odometry_publisher or 1, low=1, high=len(own))
+        chosen = integer("odometry_publisher", publisher or 1, low=1, high=len(own))
         remarks = []
         if len(own) > 1:
             said = "; ".join(

@@ -7,7 +7,6 @@ has one list of bearings, and each of them gets the nearest beam of a scan.
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -56,128 +55,95 @@ def mark_unmeasured(ranges: Reals, min_range: float, max_range: float) -> None:
         ranges[~(ranges > np.float32(min_range))] = np.nan
 
 
-@dataclass(frozen=True)
-class Varying:
-    """Scans that may vary, and the beams and limits that stand for all of them.
+def usual_fan(sizes: Sequence[int], fans: Sequence[Fan]) -> tuple[int, Fan]:
+    """Return the beams that stand for scans that may vary: how many, their angles and limits.
 
     These are the number and angles of most scans or, if they vary, of beams that cover what they
     cover, and limits within which all scans' are; a max_range of -inf if none has a finite one
     above 0.
     """
-
-    sizes: Sequence[int]
-    fans: Sequence[Fan]
-    beams: int
-    fan: Fan
-
-    @classmethod
-    def of(cls, sizes: Sequence[int], fans: Sequence[Fan]) -> "Varying":
-        """Return what stands for scans."""
-        counts = Counter((size, fan[:2]) for size, fan in zip(sizes, fans, strict=True) if size)
-        if not counts:
-            raise InputError("no scan has a beam.")
-        (beams, (start, step)), often = counts.most_common(1)[0]
-        if often < len(sizes):
-            middle = _middle_fan(sizes, fans)
-            wider = abs(step) * (beams + 1) < abs(middle[2]) * middle[0]
-            if 2 * often < len(sizes) or wider:  # no two need be alike
-                beams, start, step = middle
-        nearest = min(fan.nearest for fan in fans)
-        farthest = max((fan.max_range for fan in fans if fan.limited), default=-math.inf)
-        return cls(sizes, fans, beams, Fan(start, step, nearest, farthest))
-
-    def seen(
-        self, scans: Sequence[Sequence[float]], max_range: float
-    ) -> tuple[Singles, str | None]:
-        """Return the ranges at the bearings that stand for all, (n, beams), and what is to be told.
-
-        They are +inf and NaN where they are no measurements; ``max_range`` is that of scans that
-        have none.
-        """
-        alike: dict[tuple[int, Fan], list[int]] = {}
-        for row, key in enumerate(zip(self.sizes, self.fans, strict=True)):
-            alike.setdefault(key, []).append(row)
-        angles = self.fan.angles(self.beams)
-        ranges = np.full((len(scans), self.beams), np.nan, np.float32)
-        others, largest = 0, 0.0
-        for (size, fan), rows in alike.items():
-            with np.errstate(over="ignore", invalid="ignore"):
-                block = np.array([scans[row] for row in rows], np.float32).reshape(len(rows), size)
-            mark_unmeasured(block, fan.nearest, fan.max_range if fan.limited else max_range)
-            if size != self.beams or fan[:2] != self.fan[:2]:
-                others += len(rows)
-                if not size:
-                    continue
-                around = Neighbours.of(fan.angles(size), angles)
-                largest = max(largest, around.largest)
-                block = around.seen(block)
-            ranges[rows] = block
-        if not others:
-            return ranges, None
-        least, most = min(self.sizes), max(self.sizes)
-        numbers = f"{least} to {most}" if least < most else str(most)
-        return ranges, (
-            f"{others:,} of {len(scans):,} scans have other angles than those of the log "
-            f"({numbers} beams a scan): each bearing of the log has the wall between its two "
-            f"beams, or the nearest beam, at most {math.degrees(largest):.2g}° off"
-        )
+    counts = Counter((size, fan[:2]) for size, fan in zip(sizes, fans, strict=True) if size)
+    if not counts:
+        raise InputError("no scan has a beam.")
+    (beams, (start, step)), often = counts.most_common(1)[0]
+    if often < len(sizes):
+        middle = _middle_fan(sizes, fans)
+        wider = abs(step) * (beams + 1) < abs(middle[2]) * middle[0]
+        if 2 * often < len(sizes) or wider:  # no two need be alike
+            beams, start, step = middle
+    nearest = min(fan.nearest for fan in fans)
+    farthest = max((fan.max_range for fan in fans if fan.limited), default=-math.inf)
+    return beams, Fan(start, step, nearest, farthest)
 
 
-@dataclass(frozen=True)
-class Neighbours:
-    """The beams of a scan around other bearings."""
+def at_usual_bearings(
+    scans: Sequence[Sequence[float]],
+    fans: Sequence[Fan],
+    beams: int,
+    usual: Fan,
+    max_range: float,
+) -> tuple[Singles, str | None]:
+    """Return the ranges of scans at the bearings of ``usual_fan``, (n, beams), and what to tell.
 
-    before: Indices  # index of the beam clockwise of each bearing, (b,)
-    after: Indices  # of the one counterclockwise, (b,)
-    past: Floats  # angle from the beam before to the bearing, (b,) rad
-    gap: Floats  # angle from the beam before to the one after, (b,) rad
-    within: float  # half the usual angle between bearings: how far off a beam may be, rad
+    They are +inf and NaN where they are no measurements; ``max_range`` is that of scans that have
+    none.
+    """
+    sizes = list(map(len, scans))
+    alike: dict[tuple[int, Fan], list[int]] = {}
+    for row, key in enumerate(zip(sizes, fans, strict=True)):
+        alike.setdefault(key, []).append(row)
+    angles = usual.angles(beams)
+    ranges = np.full((len(scans), beams), np.nan, np.float32)
+    others, largest = 0, 0.0
+    for (size, fan), rows in alike.items():
+        with np.errstate(over="ignore", invalid="ignore"):
+            block = np.array([scans[row] for row in rows], np.float32).reshape(len(rows), size)
+        mark_unmeasured(block, fan.nearest, fan.max_range if fan.limited else max_range)
+        if size != beams or fan[:2] != usual[:2]:
+            others += len(rows)
+            if not size:
+                continue
+            block, off = _seen_at(block, fan.angles(size), angles)
+            largest = max(largest, off)
+        ranges[rows] = block
+    if not others:
+        return ranges, None
+    numbers = f"{min(sizes)} to {max(sizes)}" if min(sizes) < max(sizes) else str(max(sizes))
+    return ranges, (
+        f"{others:,} of {len(scans):,} scans have other angles than those of the log "
+        f"({numbers} beams a scan): each bearing of the log has the wall between its two "
+        f"beams, or the nearest beam, at most {math.degrees(largest):.2g}° off"
+    )
 
-    @classmethod
-    def of(cls, beams: Floats, onto: Floats) -> "Neighbours":
-        """Return the neighbours among beams, (B,) rad, of the bearings ``onto``, (b,) rad."""
-        order = np.argsort(np.mod(beams, _TURN), kind="stable")
-        around = np.mod(beams, _TURN)[order]
-        at = np.searchsorted(around, np.mod(onto, _TURN), side="right")
-        before, after = order[at - 1], order[at % order.size]
-        past = np.mod(onto - beams[before], _TURN)
-        past[past > _TURN - _ROUNDING] = 0.0  # of a beam at the bearing itself
-        gap = np.mod(beams[after] - beams[before], _TURN)
-        gap[gap < past] += _TURN
-        apart = np.abs(np.diff(onto))
-        within = float(np.median(apart)) / 2 if apart.size else math.pi
-        return cls(before, after, past, gap, within + _ROUNDING)
 
-    @property
-    def nearer(self) -> Indices:
-        """The index of the nearest beam of each bearing, (b,)."""
-        return np.where(self.past <= self.gap / 2, self.before, self.after)
+def _seen_at(ranges: Singles, beams: Floats, onto: Floats) -> tuple[Singles, float]:
+    """Return scans (k, B) of beams at angles (B,) at bearings ``onto``, (k, b), rad.
 
-    @property
-    def off(self) -> Floats:
-        """How far off that is, (b,) rad."""
-        return np.minimum(self.past, self.gap - self.past)
-
-    @property
-    def largest(self) -> float:
-        """How far off a beam that is used is at most, rad."""
-        return float(self.off[self.off <= self.within].max(initial=0.0))
-
-    def seen(self, ranges: Singles) -> Singles:
-        """Return what beams read at the bearings, (k, b), of scans (k, B).
-
-        The point between two returns of a straight wall that is not seen at less than 15°, else the
-        nearest beam's range, NaN if that is too far off.
-        """
-        found = np.where(self.off <= self.within, ranges[:, self.nearer], np.float32(np.nan))
-        one, other = ranges[:, self.before], ranges[:, self.after]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            wall = np.abs(other - one) <= _STEEPEST * self.gap * (one + other) / 2
-            wall &= (self.off > _ROUNDING) & (self.gap <= 4 * self.within)
-            straight = one * other * np.sin(self.gap)
-            straight /= one * np.sin(self.past) + other * np.sin(self.gap - self.past)
-        joined: Singles = np.where(wall, straight, found).astype(np.float32)
-        return joined
+    The point between two returns of a straight wall that is not seen at less than 15°, else the
+    nearest beam's range, NaN if that is more than half the usual angle between bearings off. Also
+    returned is how far off a beam that is used is at most, rad.
+    """
+    order = np.argsort(np.mod(beams, _TURN), kind="stable")
+    around = np.mod(beams, _TURN)[order]
+    at = np.searchsorted(around, np.mod(onto, _TURN), side="right")
+    before, after = order[at - 1], order[at % order.size]  # clockwise, counterclockwise
+    past = np.mod(onto - beams[before], _TURN)  # from the beam before to the bearing
+    past[past > _TURN - _ROUNDING] = 0.0  # of a beam at the bearing itself
+    gap = np.mod(beams[after] - beams[before], _TURN)
+    gap[gap < past] += _TURN
+    apart = np.abs(np.diff(onto))
+    within = (float(np.median(apart)) / 2 if apart.size else math.pi) + _ROUNDING
+    off = np.minimum(past, gap - past)
+    nearer = np.where(past <= gap / 2, before, after)
+    found = np.where(off <= within, ranges[:, nearer], np.float32(np.nan))
+    one, other = ranges[:, before], ranges[:, after]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        wall = np.abs(other - one) <= _STEEPEST * gap * (one + other) / 2
+        wall &= (off > _ROUNDING) & (gap <= 4 * within)
+        straight = one * other * np.sin(gap)
+        straight /= one * np.sin(past) + other * np.sin(gap - past)
+    joined = np.where(wall, straight, found).astype(np.float32)
+    return joined, float(off[off <= within].max(initial=0.0))
 
 
 def _middle_fan(sizes: Sequence[int], fans: Sequence[Fan]) -> tuple[int, float, float]:
@@ -195,7 +161,7 @@ def _middle_fan(sizes: Sequence[int], fans: Sequence[Fan]) -> tuple[int, float, 
 
 
 def resampled(ranges: ArrayLike, bearings: ArrayLike, onto: Floats) -> Singles:
-    """Return a scan (B,) at other bearings ``onto``, (b,) rad: see ``Neighbours.seen``."""
+    """Return a scan (B,) at other bearings ``onto``, (b,) rad, by the walls between its beams."""
     given = np.asarray(ranges, dtype=np.float32)
     angles = array("bearings", bearings, (None,)) if np.size(bearings) else np.empty(0)
     if given.shape != angles.shape:
@@ -204,7 +170,7 @@ def resampled(ranges: ArrayLike, bearings: ArrayLike, onto: Floats) -> Singles:
         )
     if not given.size:
         return np.full(onto.size, np.nan, np.float32)
-    seen: Singles = Neighbours.of(angles, onto).seen(given[None])[0]
+    seen: Singles = _seen_at(given[None], angles, onto)[0][0]
     return seen
 
 

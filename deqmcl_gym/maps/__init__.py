@@ -8,10 +8,10 @@ from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.lidar import Lidar, Mount
 from deqmcl_gym.maps.map import Box, Caster, Map
 from deqmcl_gym.maps.office import Office, Offices
-from deqmcl_gym.maps.polygon_map import PolygonMap, driven
+from deqmcl_gym.maps.polygon_map import PolygonMap
 from deqmcl_gym.maps.polygons import Polygon
 
 __all__ = [
     "Box", "Caster", "GridMap", "Lidar", "Map", "Mount", "Office", "Offices", "Polygon",
-    "PolygonMap", "driven",
+    "PolygonMap",
 ]  # fmt: skip

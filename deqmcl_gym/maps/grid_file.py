@@ -81,29 +81,37 @@ def check_thresholds(free: Any, occupied: Any) -> None:
 
 def write_map(
     path: str | os.PathLike[str],
-    mode: str,
     cells: Occupancy,
     *,
     resolution: float,
     origin: tuple[float, float, float],
     thresholds: tuple[float, float],
 ) -> None:
-    """Write a yaml file, and an image of its name beside it."""
+    """Write a yaml file of mode "trinary", and a pgm of its name beside it."""
     import yaml
     from PIL import Image
 
-    one_of("mode", mode, MODES)
     yaml_path = _path(path)
-    image = yaml_path.with_suffix(".png" if mode == "scale" else ".pgm")
+    image = yaml_path.with_suffix(".pgm")
+    free, occupied = thresholds
     document = {
-        "image": image.name, "mode": mode, "resolution": float(resolution),
+        "image": image.name, "mode": "trinary", "resolution": float(resolution),
         "origin": [float(part) for part in origin], "negate": 0,
-        "occupied_thresh": float(thresholds[1]), "free_thresh": float(thresholds[0]),
+        "occupied_thresh": float(occupied), "free_thresh": float(free),
     }  # fmt: skip
-    pixels = _pixels(cells[::-1], mode, *thresholds)
-    _check_kept(cells[::-1], pixels, mode, *thresholds)
+    between = 1 - (free + occupied) / 2
+    grey = _GREY if free <= 1 - _GREY / 255 <= occupied else round(255 * between)
+    shares = cells[::-1] / OCCUPIED
+    solid, open_ = shares >= occupied, (shares >= 0) & (shares <= free)
+    pixels = np.where(solid, _BLACK, np.where(open_, _WHITE, grey)).astype(np.uint8)
+    back = _occupancy(pixels[..., None] / 255, "trinary", False, free, occupied)
+    if (solid & (back != OCCUPIED)).any() or (open_ & (back != FREE)).any():
+        raise InputError(
+            "the map cannot be written: cells would change from free or occupied to another kind "
+            f"with free_thresh = {free:g} and occupied_thresh = {occupied:g}: give other ones."
+        )
     drawn = io.BytesIO()
-    Image.fromarray(pixels).save(drawn, "PNG" if mode == "scale" else "PPM")
+    Image.fromarray(pixels).save(drawn, "PPM")
     try:
         write_bytes(image, drawn.getvalue())
         said = yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
@@ -227,36 +235,3 @@ def _occupancy(shades: Floats, mode: str, negate: bool, free: float, occupied: f
     if mode == "scale":
         cells = np.where(opaque, cells, UNKNOWN)
     return cells.astype(np.int8)
-
-
-def _check_kept(
-    cells: Occupancy, pixels: NDArray[np.uint8], mode: str, free: float, occupied: float
-) -> None:
-    """Refuse pixels in which solid cells or free ones would be read back as something else."""
-    grey_as_rgb = pixels[..., [0, 0, 0, 1]] if pixels.ndim == 3 else pixels[..., None]
-    back = _occupancy(grey_as_rgb / 255, mode, False, free, occupied)
-    was_solid, is_solid = (values / OCCUPIED >= occupied for values in (cells, back))
-    was_free = (cells >= FREE) & (cells / OCCUPIED <= free)
-    if (was_solid & ~is_solid).any() or (was_free & (is_solid | (back < FREE))).any():
-        raise InputError(
-            f"mode is {mode!r}, in which cells would change from free or occupied to another kind "
-            f'with free_thresh = {free:g} and occupied_thresh = {occupied:g}: choose mode="raw", '
-            "or other thresholds."
-        )
-
-
-def _pixels(cells: Occupancy, mode: str, free: float, occupied: float) -> NDArray[np.uint8]:
-    """Return the image that map_saver makes of cells."""
-    if mode == "raw":
-        return cells.astype(np.uint8)  # -1 becomes 255
-    if mode == "trinary":
-        between = 1 - (free + occupied) / 2
-        grey = _GREY if free <= 1 - _GREY / 255 <= occupied else round(255 * between)
-        shares = cells / OCCUPIED
-        solid, open_ = shares >= occupied, (cells >= FREE) & (shares <= free)
-        return np.where(solid, _BLACK, np.where(open_, _WHITE, grey)).astype(np.uint8)
-    share = free + cells / OCCUPIED * (occupied - free)
-    shade = np.rint(255 * (1 - share))
-    shade = np.where(cells == FREE, _WHITE, np.where(cells == OCCUPIED, _BLACK, shade))
-    alpha = np.where(cells == UNKNOWN, 0, 255)
-    return np.stack([shade, alpha], axis=2).astype(np.uint8)

@@ -173,15 +173,6 @@ _ROUNDING = 1e-9  # cells, far above errors of float64
 _DIAGONAL = np.sqrt(2.0) + 1e-4  # of a cell, and more
 
 
-class CellGrid(NamedTuple):
-    """A grid for kernels that drive robots."""
-
-    reach: Reach  # of each cell
-    up: CellRuns  # as ``fill_runs`` fills them in
-    down: CellRuns
-    frame: tuple[float, ...]  # a :class:`Frame`, as a plain tuple
-
-
 @compiled
 def feasible_in_cells(
     starts: Any, ends: Any, reach: Reach, frame: Any, radius: float, out: Bools

@@ -14,16 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym.maps import grid_file, grid_kernels, stride_kernels
 from deqmcl_gym.maps.grid_file import FREE, MAX_SIDE, OCCUPIED, UNKNOWN
 from deqmcl_gym.maps.grid_kernels import Frame
-from deqmcl_gym.maps.map import (
-    NO_MOVES,
-    NO_PATH,
-    Box,
-    check_beams,
-    check_moves,
-    check_pairs,
-    check_path,
-    table,
-)
+from deqmcl_gym.maps.map import Box, MapForm
 from deqmcl_gym.maps.polygons import faces_of
 from deqmcl_gym.maps.stride_kernels import Reach
 from deqmcl_gym.numerics import Bools, Floats, Indices, Ints, Point, Singles, arrays
@@ -38,7 +29,7 @@ _RESOLVED = 16  # least number of float32 steps in a cell
 
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
-class GridMap:
+class GridMap(MapForm):
     """Square cells, solid or open, in metres; implements ``Map``.
 
     A cell is solid if its occupancy is at least ``occupied_thresh``. Walls are the faces between
@@ -90,14 +81,13 @@ class GridMap:
         """
         return grid_file.remembered(path, unknown, lambda read: cls(unknown=unknown, **read))
 
-    def save(self, path: str | os.PathLike[str], mode: str = "trinary") -> None:
-        """Write a map as ROS' map_saver does: a yaml file, and an image of its name beside it.
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write a map as ROS' map_saver does: a yaml file, and a pgm of its name beside it.
 
-        "trinary" and "raw" write a pgm, "scale" a png, whose unknown cells are transparent. A mode
-        whose image cannot hold the map is refused.
+        Cells are free, occupied or, between the thresholds, unknown.
         """
         grid_file.write_map(
-            path, mode, self.occupancy, resolution=self.resolution, origin=self.origin,
+            path, self.occupancy, resolution=self.resolution, origin=self.origin,
             thresholds=(self.free_thresh, self.occupied_thresh),
         )  # fmt: skip
 
@@ -186,54 +176,9 @@ class GridMap:
         reach, endless = self.sight
         grid_kernels.cast_cells(poses, bearings, reach, self._frame, self.origin[2], endless, out)
 
-    def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
-        """See ``Map.ranges``."""
-        beams, origins = check_beams(poses, bearings), _rows("poses", poses, 3)
-        out = np.empty((beams.size, origins.shape[1]), np.float32)
-        self.cast(origins, beams, out)
-        return out.T
-
-    def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
-        """See ``Map.collides``."""
-        before, after = _rows("starts", starts, 2), _rows("ends", ends, 2)
-        check_pairs(before, after, radius)
-        return ~self._feasible(before, after, radius)
-
-    def rolled_out(
-        self, poses: Singles, moves: Singles, radius: float, *, kept: int
-    ) -> tuple[Singles, Ints]:
-        """See ``Map.rolled_out``."""
-        check_moves(poses, moves, kept, radius)
-        return self._rolled_out(poses, moves, NO_PATH, radius, kept)
-
-    def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
-        """See ``Map.collisions_along``."""
-        check_path(poses, path, radius)
-        return self._rolled_out(poses, NO_MOVES, path, radius, 0)[1]
-
-    def _rolled_out(
-        self, poses: Singles, moves: Singles, path: Singles, radius: float, kept: int
-    ) -> tuple[Singles, Ints]:
-        paths = np.empty((kept, *poses.shape), np.float32)
-        hits = np.empty(poses.shape[1], np.int32)
-        frame, size = self._frame, float(radius)
-        grid_kernels.roll_out_in_cells(poses, moves, path, self._reach, frame, size, hits, paths)
-        return paths, hits
-
-    def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
-        """See ``Map.free``."""
-        centres = _rows("points", points, 2)
-        if number("radius", radius, low=0) > 0.0:
-            return self._feasible(centres, centres, radius)
-        us, vs = np.empty((2, centres.shape[1]))
-        grid_kernels.locate(centres, self._frame, us, vs)
-        free = np.empty(us.size, np.bool_)
-        grid_kernels.open_at(us, vs, self._reach, free)
-        return free
-
     def distance(self, points: ArrayLike) -> Singles:
         """See ``Map.distance``."""
-        centres = _rows("points", points, 2)
+        centres = self._points("points", points)
         out = np.empty(centres.shape[1], np.float32)
         grid_kernels.distances(centres, self._reach, *self._runs, self._frame, out)
         return out
@@ -254,10 +199,31 @@ class GridMap:
 
     @cached_property
     def cells(self) -> tuple[Any, ...]:
-        """A ``grid_kernels.CellGrid``, as a plain tuple, for kernels that drive robots."""
+        """The reach of each cell, ``fill_runs`` up and down, and the frame: to drive in kernels."""
         return (self._reach, *self._runs, self._frame)
 
-    def _feasible(self, starts: Any, ends: Any, radius: float) -> Bools:
+    def _rows(self, given: NDArray[Any]) -> NDArray[Any]:
+        # float32 or float64: far from 0 both matter
+        dtype = given.dtype if given.dtype in (np.float32, np.float64) else np.float64
+        return given.astype(dtype, order="F", copy=False).T
+
+    def _open(self, centres: NDArray[Any]) -> Bools:
+        us, vs = np.empty((2, centres.shape[1]))
+        grid_kernels.locate(centres, self._frame, us, vs)
+        free = np.empty(us.size, np.bool_)
+        grid_kernels.open_at(us, vs, self._reach, free)
+        return free
+
+    def _driven(
+        self, poses: Singles, moves: Singles, path: Singles, radius: float, kept: int
+    ) -> tuple[Singles, Ints]:
+        paths = np.empty((kept, *poses.shape), np.float32)
+        hits = np.empty(poses.shape[1], np.int32)
+        frame, size = self._frame, float(radius)
+        grid_kernels.roll_out_in_cells(poses, moves, path, self._reach, frame, size, hits, paths)
+        return paths, hits
+
+    def _feasible(self, starts: NDArray[Any], ends: NDArray[Any], radius: float) -> Bools:
         clear = np.empty(ends.shape[1], np.bool_)
         grid_kernels.feasible_in_cells(starts, ends, self._reach, self._frame, float(radius), clear)
         return clear
@@ -354,11 +320,3 @@ def _occupancy(given: Any) -> NDArray[np.int8]:
     kept = np.array(cells, dtype=np.int8, order="C")
     kept.setflags(write=False)
     return kept
-
-
-def _rows(what: str, items: ArrayLike, columns: int) -> NDArray[Any]:
-    """(n, d) as contiguous rows (columns, n) of float32 or float64: far from 0 both matter."""
-    given = table(what, items, columns)
-    dtype = given.dtype if given.dtype in (np.float32, np.float64) else np.float64
-    rows = given.astype(dtype, order="F", copy=False).T
-    return rows if len(rows) == columns else rows[:columns]

@@ -7,6 +7,7 @@ robot has a radius of 16 cm.
 
 import dataclasses
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from functools import cache
 from itertools import pairwise
@@ -23,8 +24,6 @@ from deqmcl_gym.validation import InputError, number, one_of, real
 _LARGEST_HEADING = 1e3  # rad: float32 resolves 6e-5 there
 
 Box = tuple[float, float, float, float]  # x_low, y_low, x_high, y_high
-
-NO_MOVES, NO_PATH = np.empty((0, 3, 0), np.float32), np.empty((0, 2), np.float32)
 
 
 class Caster(Protocol):
@@ -94,7 +93,7 @@ class Map(Protocol):
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
-        """Drive poses through several moves: ``driven`` and ``collides`` for each.
+        """Drive poses through several moves, turn then translation; ``collides`` for each.
 
         Poses are rows x, y, θ, (3, n), moves forward, left, turn, (F, 3, n), float32. Return the
         poses after each step, or the last if 1 is ``kept``, (kept, 3, n), and how many steps of
@@ -175,12 +174,12 @@ def table(what: str, rows: ArrayLike, columns: int) -> NDArray[Any]:
     return given
 
 
-def check_beams(poses: ArrayLike, bearings: ArrayLike) -> Singles:
+def _checked_beams(poses: NDArray[Any], bearings: ArrayLike) -> Singles:
     """Return bearings (B,) as float32; refuse another shape, and headings too large for that."""
     beams = np.asarray(bearings, dtype=np.float32)
     if beams.ndim != 1:
         raise InputError(f"bearings have shape {beams.shape}, but must have shape (B,).")
-    farthest = np.abs(table("poses", poses, 3)[:, 2]).max(initial=0.0)
+    farthest = np.abs(poses[:, 2]).max(initial=0.0)
     if _LARGEST_HEADING < farthest < math.inf:  # with ∞ or NaN, a pose sees nothing
         raise InputError(
             f"a heading of poses is {farthest:g} rad, but must be from -{_LARGEST_HEADING:g} to "
@@ -189,32 +188,80 @@ def check_beams(poses: ArrayLike, bearings: ArrayLike) -> Singles:
     return beams
 
 
-def check_pairs(starts: NDArray[Any], ends: NDArray[Any], radius: float) -> None:
-    """Refuse unequal numbers of starts (2, n) and ends (2, n), or a bad radius."""
-    number("radius", radius, low=0)
-    if starts.shape[1] != ends.shape[1]:
-        raise InputError(
-            f"there are {starts.shape[1]} starts and {ends.shape[1]} ends: give as many of both."
-        )
+_NO_MOVES, _NO_PATH = np.empty((0, 3, 0), np.float32), np.empty((0, 2), np.float32)
 
 
-def check_moves(poses: NDArray[Any], moves: NDArray[Any], kept: int, radius: float) -> None:
-    """Refuse a bad radius, moves not (F, 3, n) for poses (3, n), or ``kept`` other than 1 or F."""
-    number("radius", radius, low=0)
-    steps = len(moves)
-    fits = poses.shape == (3, poses.size // 3) and moves.shape == (steps, 3, *poses.shape[1:])
-    if not fits or steps == 0 or kept not in (1, steps):
-        raise InputError(
-            f"poses have shape {poses.shape}, moves {moves.shape} and kept is {kept}, but they "
-            "must be (3, n), (F, 3, n) with F ≥ 1, and 1 or F."
-        )
+class MapForm(Map, ABC):
+    """What both forms of ``Map`` share: what they are given is checked, then a kernel answers."""
 
+    def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
+        """See ``Map.ranges``."""
+        origins = table("poses", poses, 3)[:, :3]
+        beams = _checked_beams(origins, bearings)
+        out = np.empty((beams.size, len(origins)), np.float32)
+        self.local.caster.cast(self._rows(origins), beams, out)
+        return out.T
 
-def check_path(poses: NDArray[Any], path: NDArray[Any], radius: float) -> None:
-    """Refuse a bad radius, poses other than (3, n), or a path other than (k + 1, 2), k ≥ 1."""
-    number("radius", radius, low=0)
-    if poses.shape != (3, poses.size // 3) or path.shape != (len(path), 2) or len(path) < 2:
-        raise InputError(
-            f"poses have shape {poses.shape} and the path {path.shape}, but they must be (3, n) "
-            "and (k + 1, 2) with k ≥ 1."
-        )
+    def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
+        """See ``Map.collides``."""
+        before, after = self._points("starts", starts), self._points("ends", ends)
+        number("radius", radius, low=0)
+        if before.shape[1] != after.shape[1]:
+            raise InputError(
+                f"there are {before.shape[1]} starts and {after.shape[1]} ends: give as many of "
+                "both."
+            )
+        return ~self._feasible(before, after, radius)
+
+    def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
+        """See ``Map.free``."""
+        centres = self._points("points", points)
+        if number("radius", radius, low=0) > 0.0:
+            return self._feasible(centres, centres, radius)
+        return self._open(centres)
+
+    def rolled_out(
+        self, poses: Singles, moves: Singles, radius: float, *, kept: int
+    ) -> tuple[Singles, Ints]:
+        """See ``Map.rolled_out``."""
+        number("radius", radius, low=0)
+        steps = len(moves)
+        fits = poses.shape == (3, poses.size // 3) and moves.shape == (steps, 3, *poses.shape[1:])
+        if not fits or steps == 0 or kept not in (1, steps):
+            raise InputError(
+                f"poses have shape {poses.shape}, moves {moves.shape} and kept is {kept}, but they "
+                "must be (3, n), (F, 3, n) with F ≥ 1, and 1 or F."
+            )
+        return self._driven(poses, moves, _NO_PATH, radius, kept)
+
+    def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
+        """See ``Map.collisions_along``."""
+        number("radius", radius, low=0)
+        if poses.shape != (3, poses.size // 3) or path.shape != (len(path), 2) or len(path) < 2:
+            raise InputError(
+                f"poses have shape {poses.shape} and the path {path.shape}, but they must be "
+                "(3, n) and (k + 1, 2) with k ≥ 1."
+            )
+        return self._driven(poses, _NO_MOVES, path, radius, 0)[1]
+
+    def _points(self, what: str, points: ArrayLike) -> NDArray[Any]:
+        """Return points (n, 2+) as rows x, y."""
+        return self._rows(table(what, points, 2)[:, :2])
+
+    @abstractmethod
+    def _rows(self, given: NDArray[Any]) -> NDArray[Any]:
+        """Return (n, d) as contiguous rows (d, n) for kernels, without a copy if possible."""
+
+    @abstractmethod
+    def _open(self, centres: NDArray[Any]) -> Bools:
+        """Whether points (2, n) are in free space, (n,)."""
+
+    @abstractmethod
+    def _feasible(self, starts: NDArray[Any], ends: NDArray[Any], radius: float) -> Bools:
+        """Whether a disc swept from ``starts`` to ``ends``, (2, n), stays in free space, (n,)."""
+
+    @abstractmethod
+    def _driven(
+        self, poses: Singles, moves: Singles, path: Singles, radius: float, kept: int
+    ) -> tuple[Singles, Ints]:
+        """Do ``rolled_out``, or along a path if there is one."""

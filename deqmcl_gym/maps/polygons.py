@@ -254,34 +254,6 @@ def largest_region(solid: Bools) -> Bools:
     return inside
 
 
-@compiled
-def keep_more(corners: Floats, tolerance: float, forced: Bools, kept: Bools) -> None:
-    """Keep corners of a closed outline until the others can be left out (Douglas & Peucker 1973).
-
-    A corner is left out if it is within ``tolerance`` of the edge that replaces it. Corners are
-    (k, 2); ``forced`` says whether to split the edge from each once, whatever the distance, (k,);
-    ``kept`` which are kept, the first among them, (k,), is updated.
-    """
-    ends = np.append(np.flatnonzero(kept), len(corners))
-    stretches = [(ends[i], ends[i + 1], forced[ends[i]]) for i in range(len(ends) - 1)]
-    while stretches:
-        first, last, part = stretches.pop()
-        x0, y0 = corners[first]
-        x1, y1 = corners[last % len(corners)]
-        dx, dy = x1 - x0, y1 - y0
-        square, farthest, worst = dx * dx + dy * dy, 0.0, first
-        for i in range(first + 1, last):
-            x, y = corners[i, 0] - x0, corners[i, 1] - y0
-            share = min(max((x * dx + y * dy) / square, 0.0), 1.0) if square > 0.0 else 0.0
-            x, y = x - share * dx, y - share * dy
-            if x * x + y * y > farthest:
-                farthest, worst = x * x + y * y, i
-        if worst > first and (part or farthest > tolerance * tolerance):
-            kept[worst] = True
-            stretches.append((first, worst, False))
-            stretches.append((worst, last, False))
-
-
 def faces_of(solid: Bools) -> Floats:
     """Return the faces between open and solid cells, joined where they are in a line, (S, 4).
 
@@ -320,45 +292,6 @@ def outlines_of(solid: Bools) -> list[Indices]:
     return sorted(
         rings, key=lambda ring: -signed_area(ring.astype(np.float64))
     )  # all but the first are negative
-
-
-def thinned(outlines: list[Indices], tolerance: float, apart: float) -> list[Indices]:
-    """Leave out corners of outlines, so that no point moves by more than ``tolerance``, in cells.
-
-    Corners are kept where an outline would vanish, cross another one or come nearer to itself than
-    ``apart``.
-    """
-    kept = [np.arange(len(outline)) == 0 for outline in outlines]
-    amiss, before = [np.ones(len(outline), np.bool_) for outline in outlines], 0
-    while (count := sum(map(np.count_nonzero, kept))) > before:
-        before = count
-        for outline, some, bad in zip(outlines, kept, amiss, strict=True):
-            if bad.any():
-                keep_more(outline.astype(np.float64), tolerance, bad, some)
-        for some, bad, found in zip(kept, amiss, _amiss(outlines, kept, apart), strict=True):
-            bad[:] = False
-            bad[some] = found
-    return [outline[some] for outline, some in zip(outlines, kept, strict=True)]
-
-
-def _amiss(outlines: list[Indices], kept: list[Bools], apart: float) -> list[Bools]:
-    """Which edges between kept corners fold, touch or cross, or belong to fewer than three."""
-    polygons = [o[some].astype(np.float64) for o, some in zip(outlines, kept, strict=True)]
-    sizes = np.array([len(polygon) for polygon in polygons])
-    whose = np.repeat(np.arange(sizes.size), sizes)
-    ends = np.cumsum(sizes)
-    following = np.arange(1, whose.size + 1)
-    following[ends - 1] = ends - sizes
-    edges = np.vstack([edges_of(polygon) for polygon in polygons])
-    folds = folds_back(edges, edges[following], apart)
-    amiss = (sizes < 3)[whose] | folds
-    amiss[following[folds]] = True
-    pairs = close_pairs(edges, apart)
-    one, other = whose[pairs].T
-    neighbours = (following[pairs] == pairs[:, ::-1]).any(axis=1)
-    crossed = np.isfinite(crossings(edges, pairs)).all(axis=1)
-    amiss[pairs[np.where(one == other, ~neighbours, crossed)]] = True
-    return np.split(amiss, ends[:-1])
 
 
 def _rings(faces: Floats) -> list[Indices]:

@@ -196,7 +196,7 @@ _BLOCK = 64  # steps looked at together: the first blocked one ends the search
 def room_for_noise(pose: tuple[float, float, float], cells: Any, size: float, most: float) -> float:
     """Radius of a robot of radius ``size``, and half its room to a wall, at most half of ``most``.
 
-    ``cells`` is a ``grid_kernels.CellGrid``, as a plain tuple.
+    ``cells`` is as of ``GridMap``.
     """
     reach, up, down, frame = cells
     at, gap = np.array(((pose[0],), (pose[1],))), np.empty(1, np.float32)
@@ -220,8 +220,8 @@ def steer(
     """Fill in what a driver does from ``pose`` on a route, and return the number of actions.
 
     As ``drive_along``, with the longest look-ahead in ``rules``. ``length`` of the route is as
-    ``Path.length`` adds it up, ``goal`` its last corner, ``cells`` a ``grid_kernels.CellGrid`` as a
-    plain tuple, ``body`` the radius of the disc for which the way must be free.
+    ``Path.length`` adds it up, ``goal`` its last corner, ``cells`` as of ``GridMap``,
+    ``body`` the radius of the disc for which the way must be free.
     """
     tried = np.empty_like(actions)
     clear, count = -1, 0

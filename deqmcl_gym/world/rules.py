@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym import validation
 from deqmcl_gym.maps import Box, Lidar, Offices, PolygonMap
 from deqmcl_gym.numerics import Bools, Floats, Pose, RoomActions, Singles, arrays
-from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of, shown
 from deqmcl_gym.world.config import Robot, World, extent_of, offices_of
 from deqmcl_gym.world.course import MAX_STEPS, Course, centred_heading
@@ -75,8 +74,10 @@ class Commands:
                 f"the actions are {given}, but must be numbers of shape {shape}, for each room "
                 f"{self._words}"
             )
-        room = _first_outside(commands, self.space.low, self.space.high, resting)
-        if room >= 0:
+        inside = (commands >= self.space.low) & (commands <= self.space.high)
+        outside = ~(inside.all(axis=1) | resting)
+        if outside.any():
+            room = outside.argmax()
             try:
                 self.checked(commands[room])
             except InputError as refused:
@@ -102,17 +103,6 @@ def _as_float32(action: Any) -> RoomActions | None:
     with np.errstate(over="ignore"):
         real = given.dtype.kind in "fiu" and not isinstance(action, np.ma.MaskedArray)
         return given.astype(np.float32) if real else None
-
-
-@compiled
-def _first_outside(commands: RoomActions, low: Singles, high: Singles, resting: Bools) -> int:
-    """Return the first row, of those not ``resting``, outside [low, high]; -1 if there is none."""
-    for room in range(resting.size):
-        if not resting[room]:
-            for i in range(low.size):
-                if not low[i] <= commands[room, i] <= high[i]:
-                    return room
-    return -1
 
 
 StepResult = tuple[Any, SupportsFloat, bool, bool, dict[str, Any]]  # as Gymnasium's envs return

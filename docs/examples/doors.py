@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.resampling import Resampling
+from localizers.inference.particles import Resampling
 from localizers.models.scan import Scan
 
 # %%

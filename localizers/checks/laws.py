@@ -11,7 +11,6 @@ import os
 import pickle
 import random
 import time
-from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
@@ -28,10 +27,20 @@ from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.numerics import Floats
 from deqmcl_gym.numerics.arrays import wrapped
 from deqmcl_gym.validation import InputError
-from localizers.api import mean_pose
-from localizers.checks import process
 from localizers.checks.subject import DRIVE_STEPS, LocalizerDrive, Snapshot, snapshot
-from localizers.checks.verdicts import LawBrokenError, Laws, LawSkippedError, Subject, difference
+from localizers.checks.verdicts import (
+    ADDED_BY_IMPORTS,
+    GLOBAL_RNG,
+    LawBrokenError,
+    Laws,
+    LawSkippedError,
+    Subject,
+    changes_since,
+    difference,
+    process_state,
+    running,
+    state_kept,
+)
 from localizers.kinds import parameters_of, raised
 from localizers.models.beams import GaussianUniform
 from localizers.models.motion import increments
@@ -83,7 +92,7 @@ def whole_turn(subject: LocalizerDrive) -> None:
     prior = subject.prior
     x, y, heading = prior.mean
     higher = replace(prior, mean=(x, y, heading + 2 * math.pi))
-    _require_alike(subject, subject.history(prior=higher), "with a start heading written 2π higher")
+    subject.require_alike(subject.history(prior=higher), "with a start heading written 2π higher")
 
 
 def half_turn(subject: LocalizerDrive) -> None:
@@ -101,7 +110,7 @@ def half_turn(subject: LocalizerDrive) -> None:
     turned = replace(robot, floor_plan=_turned(robot.floor_plan))
     run = subject.history(robot=turned, prior=turned_prior)
     back = [{0: (_half_turned(belief[0][0]), belief[0][1])} for belief in run]
-    _require_alike(subject, back, "in a world turned by half a turn")
+    subject.require_alike(back, "in a world turned by half a turn")
 
 
 def same_rng_same_result(subject: Subject) -> None:
@@ -140,13 +149,13 @@ def other_rng_other_result(subject: LocalizerDrive) -> str | None:
 
 def global_rng_untouched(subject: Subject) -> None:
     """Neither NumPy's global random state nor that of ``random`` changes."""
-    with process.state_kept():
+    with state_kept():
         np.random.seed(2_718_281)  # noqa: NPY002
         random.seed(2_718_281)
-        before = process.state()
+        before = process_state()
         subject.history()
-        if process.GLOBAL_RNG in process.changes_since(before):
-            raise LawBrokenError(f"it uses {process.GLOBAL_RNG}: {subject.remedy}")
+        if GLOBAL_RNG in changes_since(before):
+            raise LawBrokenError(f"it uses {GLOBAL_RNG}: {subject.remedy}")
 
 
 def process_state_untouched(subject: LocalizerDrive) -> None:
@@ -154,10 +163,10 @@ def process_state_untouched(subject: LocalizerDrive) -> None:
 
     An import may add to the filters of warnings, to os.environ and to sys.path, as many do.
     """
-    before = process.state()
+    before = process_state()
     subject.history()
-    by_run = [name for name in process.changes_since(before) if name != process.GLOBAL_RNG]
-    by_import = [name for name in subject.imported if name not in process.ADDED_BY_IMPORTS]
+    by_run = [name for name in changes_since(before) if name != GLOBAL_RNG]
+    by_import = [name for name in subject.imported if name not in ADDED_BY_IMPORTS]
     for what, names in (("its import", by_import), ("it", by_run)):
         if names:
             raise LawBrokenError(
@@ -168,11 +177,11 @@ def process_state_untouched(subject: LocalizerDrive) -> None:
 
 def nothing_left_running(subject: LocalizerDrive) -> None:
     """A second after the localizer is gone, no thread and no process that it started runs on."""
-    before = process.running()
+    before = running()
     subject.history()
     gc.collect()
     until = time.monotonic() + _GRACE
-    while left := [name for key, name in process.running().items() if key not in before]:
+    while left := [name for key, name in running().items() if key not in before]:
         if time.monotonic() > until:
             more = f" and {len(left) - 1} more" if left[1:] else ""
             raise LawBrokenError(f"it leaves {left[0]}{more} running: end what it starts")
@@ -334,7 +343,7 @@ def runs_in_a_worker(subject: LocalizerDrive) -> None:
             f"it cannot be sent to another process ({type(error).__name__}: {error}): check it by "
             "its name, as package.module:NAME or path/to/file.py:NAME"
         ) from error
-    with process.state_kept(), ProcessPoolExecutor(1, get_context("spawn")) as worker:
+    with state_kept(), ProcessPoolExecutor(1, get_context("spawn")) as worker:
         os.environ["PYTHONSAFEPATH"] = "1"  # it finds no modules in the working folder
         try:
             answer = worker.submit(_history_of, sent).result()
@@ -377,28 +386,6 @@ def _half_turned(poses: Floats) -> Floats:
     turned: Floats = poses * np.array([-1.0, -1.0, 1.0]) + np.array([0.0, 0.0, math.pi])
     turned[:, 2] = wrapped(turned[:, 2])
     return turned
-
-
-def _require_alike(subject: LocalizerDrive, other: Sequence[Snapshot], when: str) -> None:
-    """Raise unless the mean poses of the present agree with the subject's own at every step.
-
-    Within one standard deviation of the belief, plus a hundredth of the map's shorter side, or 0.1
-    rad: rounding may send a particle another way, which moves a mean by far less than that;
-    headings that are not treated as angles move it by far more.
-    """
-    x0, y0, x1, y1 = subject.robot.floor_plan.bounds
-    slack = min(x1 - x0, y1 - y0) / 100
-    for t, (one, two) in enumerate(zip(subject.history(), other, strict=True)):
-        poses, weights = one[0]
-        mean = np.array(mean_pose(poses, weights))
-        off, spread = np.array(mean_pose(*two[0])) - mean, poses - mean
-        off[2], spread[:, 2] = wrapped(off[2]), wrapped(spread[:, 2])
-        allowed = np.sqrt(weights @ np.square(spread)) + np.array([slack, slack, 0.1])
-        if not (np.abs(off) <= allowed).all():
-            raise LawBrokenError(
-                f"{when} the mean pose at step {t} differs by ({off[0]:.3g}, {off[1]:.3g}, "
-                f"{off[2]:.3g} rad) in (x, y, heading)"
-            )
 
 
 LAWS: Laws = {

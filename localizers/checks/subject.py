@@ -10,10 +10,16 @@ import numpy as np
 from deqmcl_gym.maps import Lidar, Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Floats
+from deqmcl_gym.numerics.arrays import wrapped
 from deqmcl_gym.validation import SUM_TOLERANCE, digits, one_of
-from localizers.api import Belief, Localizer
-from localizers.checks import process
-from localizers.checks.verdicts import LawBrokenError, Subject, difference
+from localizers.api import Belief, Localizer, mean_pose
+from localizers.checks.verdicts import (
+    LawBrokenError,
+    Subject,
+    changes_since,
+    difference,
+    process_state,
+)
 from localizers.kinds import absolute_name, parameters_of
 from localizers.models.beams import GaussianUniform
 from localizers.models.motion import OdometryMotion
@@ -171,6 +177,27 @@ class LocalizerDrive(Subject):
                     "they must be 0 or more and add up to 1"
                 )
 
+    def require_alike(self, other: Sequence[Snapshot], when: str) -> None:
+        """Raise unless the mean poses of the present agree with its own at every step.
+
+        Within one standard deviation of the belief, plus a hundredth of the map's shorter side, or
+        0.1 rad: rounding may send a particle another way, which moves a mean by far less than that;
+        headings that are not treated as angles move it by far more.
+        """
+        x0, y0, x1, y1 = self.robot.floor_plan.bounds
+        slack = min(x1 - x0, y1 - y0) / 100
+        for t, (one, two) in enumerate(zip(self.history(), other, strict=True)):
+            poses, weights = one[0]
+            mean = np.array(mean_pose(poses, weights))
+            off, spread = np.array(mean_pose(*two[0])) - mean, poses - mean
+            off[2], spread[:, 2] = wrapped(off[2]), wrapped(spread[:, 2])
+            allowed = np.sqrt(weights @ np.square(spread)) + np.array([slack, slack, 0.1])
+            if not (np.abs(off) <= allowed).all():
+                raise LawBrokenError(
+                    f"{when} the mean pose at step {t} differs by ({off[0]:.3g}, {off[1]:.3g}, "
+                    f"{off[2]:.3g} rad) in (x, y, heading)"
+                )
+
     def written(self) -> str | None:
         """Name what it writes into of ranges, action and plan."""
         for t, (_, given) in enumerate(self.steps()):
@@ -184,7 +211,7 @@ def localizer_drive(
 ) -> LocalizerDrive:
     """Return a localizer along a random drive; see ``check_localizer``."""
     robot = default_robot() if robot is None else robot
-    source, before = localizer, process.state()
+    source, before = localizer, process_state()
     if isinstance(localizer, str):
         name, factory = localizer, resolve(localizer)
         source = factory if name in LOCALIZER.added else absolute_name(name)
@@ -193,7 +220,7 @@ def localizer_drive(
     names = parameters_of(factory)
     for param in params if names is not None else ():
         one_of(f"parameter of localizer {name!r}", param, names or ())
-    imported = tuple(process.changes_since(before))
+    imported = tuple(changes_since(before))
     return LocalizerDrive(
         name=name, source=source, params=params, robot=robot, imported=imported,
         **random_drive(robot, np.random.default_rng(0)),

@@ -1,13 +1,24 @@
-"""What laws of localizers, agents and scan models share: a subject, verdicts, equality of runs."""
+"""What laws of localizers, agents and scan models share: a subject, verdicts, equality of runs.
 
+And what they watch of this process: its global state, its threads, the processes it started.
+"""
+
+import os
+import pickle
+import random
+import signal
+import sys
+import threading
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import zip_longest
+from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 
-from localizers.checks import process
 from localizers.kinds import is_ctrl_c, raised
 
 Law = Callable[[Any], str | None]  # of a subject; it may return a remark
@@ -118,7 +129,7 @@ def report_of(subject: Subject, laws: Laws) -> Report:
 
 def _tried(subject: Subject, name: str, law: Law) -> LawVerdict:
     try:
-        with process.state_kept():
+        with state_kept():
             return LawVerdict(name, "ok", law(subject) or "")
     except LawSkippedError as reason:
         return LawVerdict(name, "skipped", str(reason))
@@ -164,3 +175,79 @@ def _values(thing: Any, name: str = "", depth: int = 8) -> Iterator[tuple[str, A
     if depth:
         for where, value in parts:
             yield from _values(value, where, depth - 1)
+
+
+GLOBAL_RNG = "the global random numbers of numpy or random"
+ADDED_BY_IMPORTS = ("the filters of warnings", "os.environ", "sys.path", GLOBAL_RNG)
+
+
+def _set_handlers(handlers: Mapping[int, Any]) -> None:
+    for number, handler in handlers.items():
+        if handler is not None and handler != signal.getsignal(number):
+            signal.signal(number, handler)
+
+
+def _set_environment(variables: Mapping[str, str]) -> None:
+    os.environ.clear()
+    os.environ.update(variables)
+
+
+def _global_rng() -> bytes:
+    return pickle.dumps((np.random.get_state(), random.getstate()))  # noqa: NPY002
+
+
+def _set_global_rng(states: bytes) -> None:
+    of_numpy, of_random = pickle.loads(states)
+    np.random.set_state(of_numpy)  # noqa: NPY002
+    random.setstate(of_random)
+
+
+_STATES: dict[str, tuple[Callable[[], Any], Callable[[Any], object]]] = {  # how to read and set it
+    "the working folder": (os.getcwd, os.chdir),
+    "signal handlers": (
+        lambda: {number: signal.getsignal(number) for number in signal.valid_signals()},
+        _set_handlers,
+    ),
+    "np.seterr": (np.geterr, lambda kept: np.seterr(**kept)),
+    "np.set_printoptions": (np.get_printoptions, lambda kept: np.set_printoptions(**kept)),
+    "the filters of warnings": (
+        lambda: list(warnings.filters),
+        lambda kept: setattr(warnings, "filters", kept),
+    ),
+    "os.environ": (lambda: dict(os.environ), _set_environment),
+    "the recursion limit": (sys.getrecursionlimit, sys.setrecursionlimit),
+    "sys.path": (lambda: list(sys.path), lambda kept: setattr(sys, "path", kept)),
+    GLOBAL_RNG: (_global_rng, _set_global_rng),
+}
+
+
+def process_state() -> dict[str, Any]:
+    """Return the global state of this process, by name."""
+    return {name: read() for name, (read, _) in _STATES.items()}
+
+
+def changes_since(before: Mapping[str, Any]) -> list[str]:
+    """Name what is not as it was."""
+    return [name for name, now in process_state().items() if now != before[name]]
+
+
+@contextmanager
+def state_kept() -> Iterator[None]:
+    """Put the global state of this process back after a block."""
+    before = process_state()
+    try:
+        yield
+    finally:
+        for name in changes_since(before):
+            _STATES[name][1](before[name])
+
+
+def running() -> dict[str, str]:
+    """Name this process's threads and, as far as /proc shows them, the processes it started."""
+    names = {f"thread {one.ident}": f"the thread {one.name!r}" for one in threading.enumerate()}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):  # it is gone
+            state, parent = stat.read_text().rpartition(")")[2].split()[:2]
+            if state != "Z" and parent == str(os.getpid()):
+                names[f"process {stat.parent.name}"] = f"the process {stat.parent.name}"
+    return names

@@ -18,12 +18,10 @@ from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.validation import InputError, boolean, number
 from localizers.api import Belief, Localizer, Points, Prior, quality_of
 from localizers.inference.bayes_filter import Filter, FilterLocalizer
-from localizers.inference.belief import Events, ParticleBelief, PlanReading
+from localizers.inference.belief import Events, ParticleBelief, PlanReading, Queue
 from localizers.inference.futures import Foresight
 from localizers.inference.particle_filter import ParticleFilter
-from localizers.inference.particles import Action, Actions, States, log_sum_exp
-from localizers.inference.queue import Queue
-from localizers.inference.resampling import pointed_at
+from localizers.inference.particles import Action, Actions, States, log_sum_exp, pointed_at
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
 
@@ -201,9 +199,6 @@ def mixed(belief: Any, share: float, other: Belief, rng: np.random.Generator) ->
 
 def _paths_of(belief: Belief, pointers: Floats) -> Iterator[States]:
     """Yield the present states that pointers fall on, (d, k), then those before them."""
-    if isinstance(belief, ParticleBelief):  # no need to look at all particles at every offset
-        yield from belief.queue.back(pointed_at(belief.weights, pointers))
-        return
     offset, chosen = 0, None
     while (points := belief.points(offset)) is not None:
         chosen = pointed_at(points[1], pointers) if chosen is None else chosen

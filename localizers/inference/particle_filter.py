@@ -9,7 +9,7 @@ import numpy as np
 
 from deqmcl_gym.validation import InputError
 from localizers.api import Motion
-from localizers.inference.belief import FilteredEvents, ParticleBelief
+from localizers.inference.belief import FilteredEvents, ParticleBelief, Queue
 from localizers.inference.futures import Lookahead, PlanEvidence, Redraw, Rollout, agreeing
 from localizers.inference.loss_detector import LossDetector, Recovery, Watch
 from localizers.inference.particles import (
@@ -18,10 +18,11 @@ from localizers.inference.particles import (
     BeamFilter,
     Feasibility,
     Initial,
+    Resampling,
     normalized_with_log_sum,
+    pointed_at,
+    power_that_keeps,
 )
-from localizers.inference.queue import Queue
-from localizers.inference.resampling import Resampling, pointed_at, power_that_keeps
 from localizers.models.scan import Scan, ScanModel
 
 MAX_PARTICLES = 10_000_000

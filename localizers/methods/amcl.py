@@ -22,12 +22,10 @@ from localizers.inference.bayes_filter import (
     checked_step,
     require_reset,
 )
-from localizers.inference.belief import ParticleBelief
+from localizers.inference.belief import ParticleBelief, Queue
 from localizers.inference.loss_detector import Averages, LossDetector
 from localizers.inference.particle_filter import MAX_PARTICLES
-from localizers.inference.particles import BeamFilter
-from localizers.inference.queue import Queue
-from localizers.inference.resampling import KldSampling, searched
+from localizers.inference.particles import BeamFilter, KldSampling, searched
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed_increment, moved
 from localizers.models.nav2_scan import (
     BeamCubes,

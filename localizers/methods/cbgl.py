@@ -16,10 +16,9 @@ from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Floats, Singles, arrays
 from deqmcl_gym.validation import InputError, integer, number
 from localizers.api import Prior
-from localizers.inference.belief import ParticleBelief
+from localizers.inference.belief import ParticleBelief, Queue
 from localizers.inference.particle_filter import MAX_PARTICLES, ParticleFilter
 from localizers.inference.particles import Action, Actions, States, log_evidence
-from localizers.inference.queue import Queue
 from localizers.methods.deq_mcl import ON_THE_MAP, Shared, mcl, mcl_map, method
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan

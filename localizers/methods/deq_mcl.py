@@ -16,8 +16,7 @@ from localizers.inference.futures import Foresight, PlanEvidence
 from localizers.inference.hedge import Hedge, predictive
 from localizers.inference.loss_detector import LossDetector, Recovery
 from localizers.inference.particle_filter import InformedStart, Injection, ParticleFilter
-from localizers.inference.particles import Feasibility
-from localizers.inference.resampling import SCHEMES, Resampling
+from localizers.inference.particles import SCHEMES, Feasibility, Resampling
 from localizers.models.feasibility import CostImage, CostMap, FreeSpace, Inflation, PlanSensor
 from localizers.models.prior import UniformPrior
 from localizers.models.robot import RobotModel

@@ -21,7 +21,7 @@ from localizers.api import Points, Prior
 from localizers.inference.bayes_filter import FilterLocalizer
 from localizers.inference.belief import Events
 from localizers.inference.loss_detector import LossDetector
-from localizers.inference.resampling import pointed_at
+from localizers.inference.particles import pointed_at
 from localizers.models.beams import normal_pdf
 from localizers.models.motion import OdometryMotion, distance_and_bearing, increments, odometry
 from localizers.models.robot import RobotModel

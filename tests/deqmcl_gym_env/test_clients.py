@@ -11,9 +11,9 @@ from room_cases import SMALL
 
 import deqmcl_gym  # noqa: F401  # registers the environments
 import localizers
+from deqmcl_gym import TASKS
 from deqmcl_gym.envs.belief import BeliefObservation
 from deqmcl_gym.logs import Log, Scanner
-from deqmcl_gym.registration import TASKS
 from deqmcl_gym.validation import InputError
 
 LOG = "deqmcl_gym/Log-v0"

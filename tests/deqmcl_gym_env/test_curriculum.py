@@ -6,7 +6,7 @@ from gymnasium.envs.registration import EnvSpec
 from refusals import refused
 
 import deqmcl_gym  # noqa: F401  # registers the environments
-from deqmcl_gym.envs.curriculum import Curriculum
+from deqmcl_gym.envs.wrappers import Curriculum
 
 SIZE = gym.spaces.Box(0, 1, (1,), np.float32)
 

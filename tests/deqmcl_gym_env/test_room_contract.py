@@ -11,9 +11,9 @@ from room_cases import STILL
 from room_trace import ROOM_ID
 
 import deqmcl_gym
+from deqmcl_gym import PRESETS
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
-from deqmcl_gym.registration import PRESETS
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.presets import WORLDS as WORLDS_BY_NAME
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from localizers.inference.futures import Foresight, PlanEvidence
 from localizers.inference.particle_filter import InformedStart, ParticleFilter
-from localizers.inference.resampling import Resampling
+from localizers.inference.particles import Resampling
 from localizers.models.scan import Scan
 
 STATES, STEPS = 5, 4

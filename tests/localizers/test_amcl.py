@@ -9,7 +9,7 @@ from following import robot_of, started, updated
 
 import localizers
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
-from localizers.inference.resampling import KldSampling, searched
+from localizers.inference.particles import KldSampling, searched
 from localizers.methods.amcl import OMNI, WeightAverages, has_moved
 from localizers.models.nav2_motion import moved
 from localizers.models.scan import LidarScan, Scan

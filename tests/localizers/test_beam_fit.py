@@ -7,7 +7,7 @@ import pytest
 from refusals import refused
 
 from localizers import BeamModel
-from localizers.models.beam_fit import fitted
+from localizers.models.beams import fitted
 
 PARTS = ("hit", "short", "max", "rand")
 SETTINGS = [

@@ -19,11 +19,16 @@ from localizers.checks import (
     default_robot,
     law_name,
     parametrize_with_laws,
-    process,
 )
 from localizers.checks import laws as laws_of
 from localizers.checks.subject import localizer_drive, random_drive, robot_on
-from localizers.checks.verdicts import LawBrokenError, difference, report_of
+from localizers.checks.verdicts import (
+    LawBrokenError,
+    difference,
+    process_state,
+    report_of,
+    state_kept,
+)
 from localizers.models.nav2_motion import DifferentialMotion
 from localizers.template import MyLocalizer
 
@@ -68,9 +73,9 @@ WITH_AN_EXAMPLE = [
 
 @pytest.mark.parametrize("law", WITH_AN_EXAMPLE, ids=law_name)
 def test_each_law_is_broken_by_its_example_which_keeps_all_others_and_the_process_as_it_was(law):
-    before = process.state()
+    before = process_state()
     assert broken_here(localizer_drive(example(law))) == [law_name(law)]
-    assert process.state() == before
+    assert process_state() == before
 
 
 def test_a_drive_that_takes_longer_than_the_limit_breaks_its_law():
@@ -174,11 +179,11 @@ def test_a_registered_factory_is_sent_as_it_is():
 
 @pytest.mark.parametrize("change", ProcessStateUntouched.CHANGES)
 def test_a_changed_state_of_the_process_is_named_and_put_back(change):
-    before, report = process.state(), check_localizer(ProcessStateUntouched, change=change)
+    before, report = process_state(), check_localizer(ProcessStateUntouched, change=change)
     failed = report.verdict("process state untouched")
     assert failed.status == "FAILED"
     assert f"it changes {change} for its whole process" in failed.note
-    assert process.state() == before
+    assert process_state() == before
 
 
 def test_a_process_that_is_left_running_is_named():
@@ -204,7 +209,7 @@ def test_what_an_import_changes_of_the_process_is_seen_but_for_what_many_add(
     tmp_path, line, broken
 ):
     (tmp_path / "mine.py").write_text(f"{line}\n{inspect.getsource(template)}")
-    with process.state_kept():
+    with state_kept():
         report = check_localizer(f"{tmp_path}/mine.py:MyLocalizer")
         verdict = report.verdict("process state untouched")
     assert verdict.status == ("FAILED" if broken else "ok")

@@ -28,7 +28,7 @@ from deqmcl_gym.maps import GridMap
 from deqmcl_gym.validation import InputError
 from localizers.inference.loss_detector import Recovery
 from localizers.inference.particle_filter import Injection, is_new
-from localizers.inference.resampling import power_that_keeps
+from localizers.inference.particles import power_that_keeps
 from localizers.models.feasibility import PlanSensor
 from localizers.models.motion import increments
 from localizers.models.prior import even_poses, random_poses

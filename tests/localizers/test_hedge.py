@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 
 import localizers
 from deqmcl_gym.validation import InputError
-from localizers.inference.belief import ParticleBelief
+from localizers.inference.belief import ParticleBelief, Queue
 from localizers.inference.hedge import Hedge, mixed, predictive, probability_of, switched, weighed
-from localizers.inference.queue import Queue
 from localizers.models.scan import LidarScan, Scan
 
 N = 60

@@ -11,7 +11,6 @@ from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import LARGEST, InputError
 from localizers import BeamModel, CensoredGaussianUniform, GaussianUniform, LatentShare
-from localizers.models.beams import beam_model
 from localizers.models.scan import LidarScan, Scan, ScanTable
 
 MAX = 400.0
@@ -77,19 +76,6 @@ def test_without_a_uniform_share_what_cannot_be_has_no_likelihood_and_tails_keep
     seen = beam.log_likelihood(np.array([MAX]), expected, MAX)
     exact = [math.log(phi((e - MAX) / 5)) for e in (400, 380, 250)]
     assert seen.tolist() == pytest.approx([*exact, -math.inf], rel=1e-12)
-
-
-def test_beam_models_are_made_by_name():
-    assert beam_model("gaussian-uniform") == GaussianUniform()
-    assert beam_model("censored-gaussian-uniform", sigma=5) == CensoredGaussianUniform(sigma=5)
-    assert beam_model("beam-model", hit=0.7, max=0.15) == BeamModel(hit=0.7, max=0.15)
-    assert beam_model("latent-share", concentration=9) == LatentShare(concentration=9)
-    with pytest.raises(InputError, match=r"unknown beam model 'beam': did you mean 'beam-model'\?"):
-        beam_model("beam")
-    with pytest.raises(
-        InputError, match=r"the beam model 'beam-model' 'sigm': did you mean 'sigma'"
-    ):
-        beam_model("beam-model", sigm=3.0)
 
 
 @pytest.mark.parametrize("model", [model() for model in ALL])

@@ -9,16 +9,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from localizers import best_cluster, mean_pose
-from localizers.inference.belief import ParticleBelief
+from localizers.inference.belief import ParticleBelief, Queue
 from localizers.inference.particles import (
+    SCHEMES,
+    Resampling,
     effective_sample_size,
     log_sum_exp,
     normalized_with_log_sum,
-)
-from localizers.inference.queue import Queue
-from localizers.inference.resampling import (
-    SCHEMES,
-    Resampling,
     stratified,
     systematic,
 )

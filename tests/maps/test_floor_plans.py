@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from deqmcl_gym.maps import GridMap, Map, Office, PolygonMap, driven, polygon_map
+from deqmcl_gym.maps import GridMap, Map, Office, PolygonMap, polygon_map
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.config import offices_of
 from deqmcl_gym.world.presets import WORLDS
@@ -95,7 +95,6 @@ CASES = [
     (cells, {"occupancy": [[0, 0], [0]]}, "rows of whole numbers"),
     *((cells, {"occupancy": OPEN, "unknown": bad}, "unknown") for bad in ("wall", 2)),
     *((GridMap.load, {"path": bad}, ".yaml file") for bad in ("map.pgm", 5)),
-    (PolygonMap.from_grid, {"grid": cells(OPEN), "tolerance": -0.1}, "tolerance"),
     (PolygonMap.from_grid, {"grid": cells(OPEN, unknown="transparent")}, 'unknown = "transparent"'),
     (floor_plan, {"given": {"office": {"sed": 3}}}, "did you mean 'seed'"),
     (floor_plan, {"given": {"office": {}, "form": "x"}}, "allowed values: grid, polygons"),
@@ -144,8 +143,6 @@ def test_arrays_of_another_shape_are_refused_before_a_kernel_reads_past_their_en
         lambda: floor_plan.rolled_out(poses, np.zeros((3, 3, 4), np.float32), 0.1, kept=2),
         lambda: floor_plan.collisions_along(poses, path[:0], 0.1),
         lambda: floor_plan.collisions_along(poses, path.T.copy(), 0.1),
-        lambda: driven(poses, moves[0, :, :3]),
-        lambda: driven(poses[:2], moves[0]),
     ]
     for call in calls:
         with pytest.raises(InputError, match=r"shape|as many"):

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, assume, event, given, settings
 from hypothesis import strategies as st
 
 from deqmcl_gym.maps import PolygonMap
-from deqmcl_gym.maps.casting import OVERLAP
+from deqmcl_gym.maps.polygon_map import OVERLAP
 from deqmcl_gym.validation import InputError
 
 quietly = settings(suppress_health_check=list(HealthCheck))

@@ -10,7 +10,7 @@ import numpy as np
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import PolygonMap
-from deqmcl_gym.maps.casting import all_at_once, cell_by_cell
+from deqmcl_gym.maps.polygon_map import all_at_once, cell_by_cell
 from deqmcl_gym.numerics import arrays, elementary
 
 # one wall of each kind that a caster knows: room, boxes, upright, level, oblique
