@@ -140,6 +140,10 @@ class Lidar:
 
         Ascending if there are no mounts.
         """
+        return self._bearings.copy()
+
+    @cached_property
+    def _bearings(self) -> Floats:
         if not self.mounts:
             return _fan(self.beams, self.field_of_view)
         fans = [
@@ -154,6 +158,10 @@ class Lidar:
         return tuple((one.x, one.y) for one in self.mounts) or (self.mounting,)
 
     @cached_property
+    def _central(self) -> bool:
+        return self.places == (CENTRE,)
+
+    @cached_property
     def rows(self) -> tuple[slice, ...]:
         """The beams of each of ``places``."""
         share = self.beams // max(len(self.mounts), 1)
@@ -164,7 +172,7 @@ class Lidar:
     @cached_property
     def blind(self) -> Bools:
         """Which beams lie in a blind sector of their mount, (beams,)."""
-        hidden, bearings = np.zeros(self.beams, np.bool_), self.bearings
+        hidden, bearings = np.zeros(self.beams, np.bool_), self._bearings
         for one, rows in zip(self.mounts, self.rows, strict=False):
             hidden[rows] = one.hides(bearings[rows])
         return hidden
@@ -190,6 +198,8 @@ class Lidar:
 
         Poses are the robot's, (3, n); ``used`` says which beams are, (beams,); None: all.
         """
+        if self._central:
+            return [(poses, slice(0, self.beams if used is None else int(np.count_nonzero(used))))]
         found, end = [], 0
         for place, rows in zip(self.places, self.rows, strict=True):
             size = rows.stop - rows.start if used is None else int(np.count_nonzero(used[rows]))
@@ -214,7 +224,7 @@ class Lidar:
         ``used`` says which b of the beams are cast; None: all. ∞ where there is no wall, NaN where
         a ray starts outside.
         """
-        bearings = self.bearings if used is None else self.bearings[used]
+        bearings = self._bearings if used is None else self._bearings[used]
         seen = [
             floor_plan.ranges(origins.T, bearings[rows]) for origins, rows in self.fans(poses, used)
         ]
@@ -228,12 +238,12 @@ class Lidar:
         for (ahead, aside), rows in zip(self.places, self.rows, strict=True):
             out[rows, 0] = x + (ahead * cosine - aside * sine)
             out[rows, 1] = y + (ahead * sine + aside * cosine)
-        out[:, 2] = heading + self.bearings
+        out[:, 2] = heading + self._bearings
         return out
 
     @cached_property
     def _singles(self) -> Singles:
-        return self.bearings.astype(np.float32)
+        return self._bearings.astype(np.float32)
 
 
 def _fan(beams: int, field_of_view: float) -> Floats:
