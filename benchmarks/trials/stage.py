@@ -155,9 +155,7 @@ class Stage:
         copies: dict[int, Any] = {}  # the prior's map is the robot's
         params = located(self.trial.params)
         localizer = make(self.trial.localizer, deepcopy(self.robot, copies), **params)
-        yield from followed(
-            steps, localizer, lambda: deepcopy(self.prior(room), copies), self.stream
-        )
+        return followed(steps, localizer, lambda: deepcopy(self.prior(room), copies), self.stream)
 
     def trace(self, driven: Drive | None = None) -> Trace:
         """Run the trial, as ``moments`` does, and return its trace."""

@@ -140,10 +140,6 @@ class Lidar:
 
         Ascending if there are no mounts.
         """
-        return self._bearings.copy()
-
-    @cached_property
-    def _bearings(self) -> Floats:
         if not self.mounts:
             return _fan(self.beams, self.field_of_view)
         fans = [
@@ -156,10 +152,6 @@ class Lidar:
     def places(self) -> tuple[Point, ...]:
         """Where on the robot the rays start, a place for each mount."""
         return tuple((one.x, one.y) for one in self.mounts) or (self.mounting,)
-
-    @cached_property
-    def _central(self) -> bool:
-        return self.places == (CENTRE,)
 
     @cached_property
     def rows(self) -> tuple[slice, ...]:
@@ -198,8 +190,6 @@ class Lidar:
 
         Poses are the robot's, (3, n); ``used`` says which beams are, (beams,); None: all.
         """
-        if self._central:
-            return [(poses, slice(0, self.beams if used is None else int(np.count_nonzero(used))))]
         found, end = [], 0
         for place, rows in zip(self.places, self.rows, strict=True):
             size = rows.stop - rows.start if used is None else int(np.count_nonzero(used[rows]))
@@ -214,6 +204,9 @@ class Lidar:
         ``used`` says which b of the beams are cast; None: all. See ``Caster`` for ∞ and NaN.
         """
         bearings = self._singles if used is None else self._singles[used]
+        if self.places == (CENTRE,):
+            caster.cast(np.ascontiguousarray(poses, dtype=np.float32), bearings, out)
+            return
         for origins, rows in self.fans(poses, used):
             start = np.ascontiguousarray(origins, dtype=np.float32)
             caster.cast(start, bearings[rows], out[rows])
@@ -240,6 +233,10 @@ class Lidar:
             out[rows, 1] = y + (ahead * sine + aside * cosine)
         out[:, 2] = heading + self._bearings
         return out
+
+    @cached_property
+    def _bearings(self) -> Floats:
+        return self.bearings  # a log's scanner has its own
 
     @cached_property
     def _singles(self) -> Singles:
