@@ -42,6 +42,8 @@ _BACK_OFF = math.radians(120)  # turned on the spot after a contact, before it d
 class OpenLoop:
     """Carries out the plan that the env shows, whatever the belief."""
 
+    sees_belief = False
+
     def __init__(self, robot: RobotModel) -> None:
         del robot
 
@@ -54,6 +56,8 @@ class OpenLoop:
 
 class Stale(OpenLoop):
     """The plan that the env shows is carried out; the localizer is shown that of another start."""
+
+    sees_belief = False
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
         planned = info["planned_actions"][: info["planned_count"]]
@@ -72,6 +76,7 @@ class Misplaced(OpenLoop):
     left or right by constant errors, and plans at every step as the driver of ``guided`` does.
     """
 
+    sees_belief = False
     sees_truth = True
 
     def __init__(self, robot: RobotModel, *, shift: float = 0.0, turn: float = 0.0) -> None:
@@ -102,6 +107,8 @@ class OldRoute(OpenLoop):
     Once there is another route, what is left of it, counted off as if it were carried out.
     """
 
+    sees_belief = False
+
     def plan_at_reset(self, info: dict[str, Any]) -> None:
         self._route = _route_of(info)
 
@@ -114,6 +121,8 @@ class OldRoute(OpenLoop):
 
 class OtherRoute(Stale):
     """The plan that the env shows is carried out; the localizer is shown that of another robot."""
+
+    sees_belief = False
 
     def __init__(self, robot: RobotModel) -> None:
         self._world = _in_the_building(robot)
@@ -220,6 +229,7 @@ class ToGoal:
 class Dispatched(ToGoal):
     """Is driven along a route to a random place by one who sees where it is, then along another."""
 
+    sees_belief = False
     sees_truth = True
 
     def __init__(self, robot: RobotModel) -> None:

@@ -31,6 +31,8 @@ _STEPS = 0.02  # nats that a step is worth, to whoever is paid for arriving
 class Still:
     """Stands still."""
 
+    sees_belief = False
+
     def __init__(self, robot: RobotModel) -> None:
         self._px = pixel(robot.floor_plan.unit)
 
@@ -49,12 +51,16 @@ class Still:
 class Spin(Still):
     """Turns on the spot, as Nav2's recovery behaviour Spin does."""
 
+    sees_belief = False
+
     def _next(self, belief: Belief, info: dict[str, Any]) -> tuple[float, float]:
         return 0.0, _TURN
 
 
 class RandomWalk(Still):
     """Drives on, swaying at random; turns by a random angle after a contact."""
+
+    sees_belief = False
 
     def __init__(self, robot: RobotModel) -> None:
         super().__init__(robot)
@@ -74,6 +80,8 @@ class RandomWalk(Still):
 
 class WallFollower(Still):
     """Follows the wall to its right by the scan, 0.6 m away; turns left before one ahead."""
+
+    sees_belief = False
 
     def __init__(self, robot: RobotModel) -> None:
         super().__init__(robot)

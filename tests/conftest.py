@@ -30,7 +30,9 @@ def _patience(monkeypatch):
 def ran(monkeypatch):
     """Trials that were run rather than found."""
     found, run = [], Stage.moments
-    monkeypatch.setattr(Stage, "moments", lambda stage: found.append(stage.trial) or run(stage))
+    monkeypatch.setattr(
+        Stage, "moments", lambda stage, *how: found.append(stage.trial) or run(stage, *how)
+    )
     return found
 
 

@@ -35,6 +35,7 @@ from localizers.registry import LOCALIZER
 TRIES = 3  # of a trial whose worker dies
 CONNECT_SECONDS = 10  # how long a scheduler may take to answer
 _CLOSE_SECONDS = 1
+_ALIKE = 64  # most trials of one episode that wait for the worker that has driven it
 _LOOK_SECONDS = 2
 _MUST = (
     ": give module:factory, a function without arguments that returns a "
@@ -96,8 +97,9 @@ class Where:
                 sender = _Sender(pool)
                 if workers == 1 and self.timeout is None:
                     yield Engine(submit=partial(_run_here, sender), slots=1)
-                else:  # one trial waits beside the workers, so that none waits for the store
-                    yield Engine(submit=sender.submit, slots=workers + 1)
+                else:  # enough wait beside the workers that each has episodes of its own
+                    alike = max(Counter(trial.episode for trial in trials).values(), default=1)
+                    yield Engine(submit=sender.submit, slots=workers * min(alike, _ALIKE) + 1)
             return
         dask = self.executor == "dask"
         with _dask(jobs, self.scheduler) if dask else _made_by(self.executor, jobs) as engine:
@@ -130,7 +132,7 @@ class _Sender:
         """Have a trial attempted where its localizer is known."""
         submit: Callable[..., Future[Outcome]] = self._executor.submit
         if isinstance(self._executor, Processes):
-            submit = partial(self._executor.submit_guest, guest_of(trial))
+            submit = partial(self._executor.submit_guest, guest_of(trial), trial.episode)
         if (name := trial.localizer) not in LOCALIZER.added:
             return submit(attempt, trial, key)
         if name not in self._packed:

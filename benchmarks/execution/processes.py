@@ -8,15 +8,14 @@ import atexit
 import contextlib
 import multiprocessing
 import os
-import queue
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from concurrent.futures import BrokenExecutor, Executor, Future
 from multiprocessing.connection import Connection, wait
 from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from benchmarks.execution import CONTEXT, sheltered, unshelter
 from deqmcl_gym.validation import InputError, in_words
@@ -28,6 +27,15 @@ _HELD = 8  # guests for whose next call a worker keeps a process
 _OOM_SCORE = "500"  # who is killed first when memory runs out: a worker, not its parent
 GUEST_SECONDS = 3600.0  # that a call of a guest may take if nobody says otherwise
 _Call = tuple[Callable[..., Any], tuple[Any, ...]]
+
+
+class _Waiting(NamedTuple):
+    """A call that waits for a process."""
+
+    future: Future[Any]
+    guest: str
+    group: Hashable
+    call: _Call
 
 
 class WorkerDiedError(RuntimeError):
@@ -49,12 +57,15 @@ class Processes(Executor):
     than ``timeout`` seconds (None: ``GUEST_SECONDS`` of a guest, else for ever); a new process
     takes the next call. Leaving the context kills what still runs, and what it started. Calls of
     different guests never share a process, which waits for its guest until ``_HELD`` others came.
+    Calls of one group are made by one process, as long as there are others for the other processes.
     """
 
     def __init__(self, workers: int, *, timeout: float | None = None) -> None:
         self._timeout = timeout
-        self._calls: queue.SimpleQueue[tuple[Future[Any], str, _Call] | None] = queue.SimpleQueue()
         self._lock = threading.Lock()  # of what follows
+        self._called = threading.Condition(self._lock)
+        self._calls: list[_Waiting] = []
+        self._groups: dict[int, Hashable] = {}  # that of the last call of each thread
         self._closed = False
         self._living: set[_Worker] = set()
         self._threads = [threading.Thread(target=self._look_after_one) for _ in range(workers)]
@@ -68,35 +79,38 @@ class Processes(Executor):
         """Have ``fn(*args)`` run by the next free process; keyword arguments are not taken."""
         if kwargs:
             raise TypeError("keyword arguments are not passed on to worker processes")
-        return self.submit_guest("", fn, *args)
+        return self.submit_guest("", None, fn, *args)
 
-    def submit_guest(self, guest: str, fn: Callable[..., Any], /, *args: Any) -> Future[Any]:
-        """As ``submit``, for a call that runs the code of a guest by this name."""
+    def submit_guest(
+        self, guest: str, group: Hashable, fn: Callable[..., Any], /, *args: Any
+    ) -> Future[Any]:
+        """As ``submit``, for a call of a group that runs the code of a guest by this name."""
         future: Future[Any] = Future()
-        self._calls.put((future, guest, (fn, args)))
+        with self._called:
+            self._calls.append(_Waiting(future, guest, group, (fn, args)))
+            self._called.notify()
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End all processes; what still runs is killed, what waits is not begun."""
         self._kill()
         atexit.unregister(self._kill)
-        for _ in self._threads:
-            self._calls.put(None)
         if wait:
             for thread in self._threads:
                 thread.join(_FAREWELL)
 
     def _kill(self) -> None:
-        with self._lock:
+        with self._called:
             self._closed = True
+            self._called.notify_all()
             for worker in self._living:
                 worker.kill()
 
     def _look_after_one(self) -> None:
         held: dict[str, _Worker] = {}  # by guest, the one called last at the end
-        while (item := self._calls.get()) is not None:
-            future, guest, call = item
-            if self._closed or not future.set_running_or_notify_cancel():
+        while (waiting := self._taken()) is not None:
+            future, guest, _, call = waiting
+            if not future.set_running_or_notify_cancel():
                 continue
             try:
                 patience = GUEST_SECONDS if guest and self._timeout is None else self._timeout
@@ -113,6 +127,20 @@ class Processes(Executor):
                 self._ended(held.pop(next(iter(held))))
         for worker in held.values():
             self._ended(worker)
+
+    def _taken(self) -> _Waiting | None:
+        """Wait for a call: of this thread's group, else of nobody's, else the first; None: end."""
+        me = threading.get_ident()
+        with self._called:
+            while not (self._calls or self._closed):
+                self._called.wait()
+            if self._closed:
+                return None
+            last, taken = self._groups.pop(me, None), set(self._groups.values())
+            ranks = [2 * (one.group != last) + (one.group in taken) for one in self._calls]
+            waiting = self._calls.pop(ranks.index(min(ranks)))
+            self._groups[me] = waiting.group
+            return waiting
 
     def _started(self) -> "_Worker":
         with self._lock:

@@ -44,9 +44,11 @@ class Agent(Protocol):
     that it gets has, beside what the env shows, the latest scan under ``ranges`` and, in a world
     with a route, its corners (x, y) under ``route``.
 
-    Two attributes are optional. ``sees_truth`` = True: ``info`` has the true pose under ``truth``,
-    for authors of plans who see the robot. ``plan_author`` = "own": its plans are made from the
-    belief, so they are no evidence; localizers with ``own_plans`` = False are not shown them.
+    Three attributes are optional. ``sees_truth`` = True: ``info`` has the true pose under
+    ``truth``, for authors of plans who see the robot. ``plan_author`` = "own": its plans are made
+    from the belief, so they are no evidence; localizers with ``own_plans`` = False are not shown
+    them. ``sees_belief`` = False, of the class itself: what it does is the same with every
+    localizer, so a sweep lets it drive once in a world, with None as the belief.
     """
 
     def plan_at_reset(self, info: dict[str, Any]) -> Reals | None:

@@ -8,14 +8,18 @@ import argparse
 import csv
 import math
 import os
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from importlib import import_module
+from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
 from benchmarks.execution import ONE_THREAD
 
@@ -29,6 +33,9 @@ from tqdm import tqdm
 
 import benchmarks
 from benchmarks.scenarios import SCENARIOS
+from benchmarks.sweeps.design import Sweep
+from benchmarks.trials.scoring import Finished
+from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import ENV_ID as ROOM
 from deqmcl_gym import JOURNEY_ENV_ID as JOURNEY
@@ -43,7 +50,7 @@ N_1K, N_10K = 1_000, 10_000  # particles
 LIDAR = Lidar(beams=BEAMS, field_of_view=2 * math.pi, max_range=400.0, sigma=10.0)
 BEARINGS = LIDAR.bearings.astype(np.float32)
 PLANNED = 100  # actions that a localizer is shown: the mean over a lap that counts down
-FEW_WORLDS, MORE_WORLDS = 2, 20  # of a sweep, and how many more the larger one has
+FEW_WORLDS = 20  # of a sweep; a larger one has more
 FAN: dict[str, Any] = {"lidar": {"beams": BEAMS}}
 PLANNERS = (  # a name, that of its figures, filters of N particles, the offset that is asked for
     ("mcl-plan", "plan", 1, 0),
@@ -51,7 +58,7 @@ PLANNERS = (  # a name, that of its figures, filters of N particles, the offset 
     ("deq-mcl", "replanned_deq", 1, 0),
     ("deq-mcl-fresh", "replanned_fresh", 1, 20),
 )
-SECONDS = {"µs/step": 1e6, "ms/trial": 1e3}  # units of time, in a second
+SECONDS = {"µs/step": 1e6}  # units of time, in a second
 
 
 class Job(NamedTuple):
@@ -63,10 +70,11 @@ class Job(NamedTuple):
 
 
 class Effort(NamedTuple):
-    """How often each job has its turn, and the seconds that a turn takes at least."""
+    """How often each job has its turn, the seconds that a turn takes at least, worlds of trials."""
 
     turns: int
     seconds: float
+    worlds: int = 20
 
 
 @dataclass(frozen=True)
@@ -77,6 +85,7 @@ class Ratio:
     unit: str
     ours: Callable[[], Job]
     other: Callable[[], Job] | float
+    package: str = ""  # that the other needs: the name of its module and that to install it by
 
     def measured(self, effort: Effort) -> tuple[float, float, float]:
         """Measure ours and the other's, and ours over the other's: NaN beside another machine's."""
@@ -273,25 +282,35 @@ def replanned_steps(name: str, particles: int, ahead: int = 0) -> Job:
     return lap.following(update if ahead else localizer.update, restart)
 
 
-def trials(name: str, *, localizer_only: bool) -> Job:
-    """Return the job of a trial (a sweep of many worlds less one of few), or of its localizer."""
-    spent = 0.0
+@dataclass(frozen=True)
+class TrialRatio:
+    """The CPU time of a trial as a sweep runs it, beside that of the localizer in it."""
 
-    def run() -> None:
-        nonlocal spent
-        few, many = (_seconds_of_sweep(name, FEW_WORLDS + more) for more in (0, MORE_WORLDS))
-        spent += MORE_WORLDS * many[1] if localizer_only else many[0] - few[0]
+    name: str
+    localizer: str
+    scenario: str = "paper"
+    unit = "ms/trial"
+    package = ""
 
-    return Job(run, MORE_WORLDS, clock=lambda: spent)
+    def measured(self, effort: Effort) -> tuple[float, float, float]:
+        """Measure a sweep of many worlds less one of few, for each of the worlds that it lacks."""
+        with patch.object(time, "perf_counter", time.process_time):  # by which localizers are timed
+            self._swept(2)  # compiles
+            few, _ = self._swept(FEW_WORLDS)
+            many, records = self._swept(FEW_WORLDS + effort.worlds)
+        own = sum(one.seconds or math.nan for one in records if one.trial.trial >= FEW_WORLDS)
+        ours, other = (1e3 * seconds / effort.worlds for seconds in (many - few, own))
+        return ours, other, ours / other
 
-
-def _seconds_of_sweep(name: str, worlds: int) -> tuple[float, float]:
-    """Run a sweep of ``paper``; return its seconds, and the median of its localizers'."""
-    sweep = benchmarks.sweep("paper", localizers=[name], trials=worlds, params={"particles": N_1K})
-    start = time.perf_counter()
-    found = sweep.run(jobs=1, progress=False)
-    taken = time.perf_counter() - start
-    return taken, median(one.seconds or math.nan for one in found.results.records)
+    def _swept(self, worlds: int) -> tuple[float, Sequence[Finished]]:
+        lag = 20 if self.scenario == "paper" else 0
+        sweep = Sweep(
+            title=self.name, scenario=self.scenario, localizers=(Method(self.localizer),),
+            baseline=self.localizer, lag=lag, trials=worlds,
+        )  # fmt: skip
+        start = time.perf_counter()
+        results = benchmarks.sweep(sweep).run(jobs=1, progress=False).results
+        return time.perf_counter() - start, results.records
 
 
 def env_steps() -> Job:
@@ -323,6 +342,105 @@ def vector_steps(size: int) -> Job:
         at[terminated | truncated] = -2  # the next action only resets
 
     return Job(step, size)
+
+
+def vector_parts(*, whole: bool, size: int = 64) -> Job:
+    """Return the job of steps of rooms along their plans, or of what is neither rays nor driving.
+
+    Steps that reset are left out.
+    """
+    envs: Any = gym.make_vec(ROOM, size, "vector_entry_point", **FAN)
+    actions, at = gym.make(ROOM, **FAN).reset(seed=0)[1]["planned_actions"], np.full(size, -1)
+    envs.reset(seed=0)
+    rooms, spent = envs.unwrapped._rooms, {"step": 0.0, "move": 0.0, "cast": 0.0}
+
+    def timed(of: Any, name: str) -> None:
+        call = getattr(of, name)
+
+        def timed_call(*given: Any) -> Any:
+            start = time.process_time()
+            result = call(*given)
+            spent[name] += (time.process_time() - start) * bool((at >= 0).any())
+            return result
+
+        vars(of)[name] = timed_call
+
+    for part, name in ((rooms, "move"), (rooms._rules.world.lidar, "cast"), (envs, "step")):
+        timed(part, name)
+
+    def step() -> None:
+        nonlocal at
+        at = (at + 1) % len(actions)
+        *_, terminated, truncated, _ = envs.step(actions[at])
+        at[terminated | truncated] = -2
+
+    def clock() -> float:
+        return spent["step"] - (0.0 if whole else spent["move"] + spent["cast"])
+
+    return Job(step, clock=clock)
+
+
+_CIRCLE = 0.2, 0.5  # m/s, rad/s of a robot below the obstacle of the paper's room
+_START = 3.5, 0.6, 0.0  # m
+
+
+def _in_metres() -> list[list[list[float]]]:
+    """Return the outline and the obstacle of the paper's room."""
+    return [
+        (0.02 * np.array(corners)).tolist() for corners in (PAPER_ROOM.outer, *PAPER_ROOM.obstacles)
+    ]
+
+
+def ir_sim_steps() -> Job:
+    """Return the job of a robot with the same lidar in the paper's room in IR-SIM."""
+    import yaml
+
+    irsim: Any = import_module("irsim")
+    outer, inner = _in_metres()
+    walls = {"shape": {"name": "linestring", "vertices": [*outer, outer[0]]}, "state": [0, 0, 0]}
+    solid = {"shape": {"name": "polygon", "vertices": inner}, "state": [0, 0, 0]}
+    lidar = {"name": "lidar2d", "range_max": 8, "angle_range": 2 * math.pi, "number": BEAMS}
+    robot = {
+        "kinematics": {"name": "diff"}, "shape": {"name": "circle", "radius": 0.16},
+        "state": list(_START), "goal": [100, 1, 0],
+        "sensors": [lidar | {"range_min": 0, "noise": True, "std": 0.2}],
+    }  # fmt: skip
+    told = {"world": {"width": 7, "height": 6}, "robot": [robot], "obstacle": [walls, solid]}
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "room.yaml"
+        file.write_text(yaml.safe_dump(told))
+        env = irsim.make(str(file), display=False, log_level="ERROR")
+
+    def step() -> None:
+        env.step(list(_CIRCLE))
+        env.get_lidar_scan()
+
+    return Job(step)
+
+
+def navground_steps() -> Job:
+    """Return the job of the same in navground; contacts are left out."""
+    core: Any = import_module("navground.core")
+    sim: Any = import_module("navground.sim")
+    world, state = sim.World(), core.SensingState()
+    for corners in _in_metres():
+        for start, end in zip(corners, corners[1:] + corners[:1], strict=True):
+            world.add_wall(sim.Wall(core.LineSegment(start, end)))
+    lidar = f"type: Lidar\nrange: 8\nstart_angle: {-math.pi}\nfield_of_view: {2 * math.pi}"
+    sensor = sim.load_sensor(f"{lidar}\nresolution: {BEAMS}\nerror_std_dev: 0.2")
+    wheels = core.kinematics.TwoWheelsDifferentialDriveKinematics(wheel_axis=0.2, max_speed=1.0)
+    agent = sim.Agent(radius=0.16, kinematics=wheels)
+    agent.pose = core.Pose2(_START[:2], _START[2])
+    world.add_agent(agent)
+    sensor.prepare_state(state)
+    command = core.Twist2((_CIRCLE[0], 0.0), _CIRCLE[1], frame=core.Frame.relative)
+
+    def step() -> None:
+        agent.actuate(command, 0.1)
+        sensor.update(agent, world, state)
+        sensor.read_ranges(state)
+
+    return Job(step)
 
 
 def office_steps(people: int) -> Job:
@@ -365,7 +483,7 @@ def journey_steps(mode: str, *, resets: bool, size: int = 64) -> Job:
     return Job(step, size, clock=lambda: spent)
 
 
-def _ratios() -> Iterator[Ratio]:
+def _ratios() -> Iterator[Ratio | TrialRatio]:
     cells, table = Office(wings=4, corridors=4).grid, 31e6  # of range_libc
     yield Ratio("rays_vs_numpy", "rays/s", partial(rays, PAPER_ROOM), numpy_rays)
     yield Ratio("rays_office", "rays/s", partial(rays, cells), table)
@@ -380,9 +498,13 @@ def _ratios() -> Iterator[Ratio]:
         for method, name, filters, ahead in PLANNERS:
             ours = partial(replanned_steps, method, filters * n, ahead)
             yield Ratio(f"{name}_vs_map_step{size}", "µs/step", ours, other)
-    for method in ("mcl", "deq-mcl"):
-        ours, other = (partial(trials, method, localizer_only=only) for only in (False, True))
-        yield Ratio(f"trial_{method.replace('-', '_')}", "ms/trial", ours, other)
+    for method in ("mcl", "mcl-map", "deq-mcl"):
+        yield TrialRatio(f"trial_over_localizer_{method.replace('-', '_')}", method)
+    yield TrialRatio("trial_over_localizer_amcl", "amcl", "lost")
+    yield Ratio("room_vs_ir_sim", "steps/s", env_steps, ir_sim_steps, "irsim ir-sim")
+    yield Ratio("room_vs_navground", "steps/s", env_steps, navground_steps, "navground navground")
+    ours, other = (partial(vector_parts, whole=whole) for whole in (False, True))
+    yield Ratio("vector64_not_rays_or_driving", "µs/step", ours, other)
     yield Ratio("env_40_people", "µs/step", partial(office_steps, 40), partial(office_steps, 0))
     yield Ratio("vector1024_vs_single", "steps/s", partial(vector_steps, 1024), env_steps)
     for name, resets in (("steps", False), ("with_resets", True)):
@@ -392,18 +514,26 @@ def _ratios() -> Iterator[Ratio]:
 
 
 RATIOS = tuple(_ratios())
-FULL, QUICK = Effort(15, seconds=0.2), Effort(11, seconds=0.06)
+FULL, QUICK = Effort(15, seconds=0.2, worlds=200), Effort(11, seconds=0.06)
 
 
 def measure(words: Sequence[str] | None = None) -> None:
     """Run the command."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.studies.speed")
-    parser.add_argument("--quick", action="store_true", help="less exact, in under a minute")
+    parser.add_argument("--quick", action="store_true", help="less exact, in a few minutes")
+    parser.add_argument(
+        "--only", default="", metavar="WORD", help="figures with WORD in their names"
+    )
     parser.add_argument("--out", type=Path, default=Path("results/speed"), metavar="DIR")
     options = parser.parse_args(words)
     effort = QUICK if options.quick else FULL
     rows = []
-    for ratio in tqdm(RATIOS, disable=None, leave=False):
+    asked = [ratio for ratio in RATIOS if options.only in ratio.name]
+    for ratio in tqdm(asked, disable=None, leave=False):
+        module, _, name = ratio.package.partition(" ")
+        if module and find_spec(module) is None:
+            print(f"{ratio.name} is left out: it needs {name}, so run pip install {name}.")
+            continue
         seen = [f"{value:.6g}".replace("nan", "") for value in ratio.measured(effort)]
         rows.append([ratio.name, *seen, ratio.unit])
     options.out.mkdir(parents=True, exist_ok=True)

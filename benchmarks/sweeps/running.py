@@ -129,7 +129,8 @@ def run_missing(
     """Run the trials (by key) that the store lacks, and store what comes of them.
 
     Return whether all have ended; a failure may stop it before. All methods run on one world before
-    any runs on the next. ``now`` is what workers must have loaded: keys may be of code before it.
+    any runs on the next, as an episode may be driven once for all of them. ``now`` is what workers
+    must have loaded: keys may be of code before it.
     """
     missing = {
         key: trial
@@ -140,7 +141,8 @@ def run_missing(
         return True
     keys = {now.key(trial): key for key, trial in missing.items()}
     waiting = [(own, missing[key]) for own, key in keys.items()]
-    waiting.sort(key=lambda item: (item[1].trial, item[1].filter_seed))
+    first = {trial.episode: index for index, (_, trial) in reversed([*enumerate(waiting)])}
+    waiting.sort(key=lambda item: (item[1].trial, first[item[1].episode], item[1].filter_seed))
     with (
         options.where.engine(missing.values()) as engine,
         counted(store.out, len(trials), len(waiting), shown=options.progress) as count,

@@ -6,7 +6,7 @@ import os
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 from benchmarks.setup.documents import digest_of_file
 from benchmarks.setup.names import (
@@ -20,7 +20,7 @@ from benchmarks.setup.names import (
 from benchmarks.trials.provenance import Provenance, code_digest, versions
 from benchmarks.trials.scoring import TrialRecord, record
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.stage import Stage
+from benchmarks.trials.stage import Drive, Stage
 from deqmcl_gym.validation import InputError, LogWarning
 from localizers import absolute_name
 from localizers.kinds import is_ctrl_c, reason_of
@@ -69,6 +69,13 @@ class Outcome:
     reason: str | None = None
 
 
+@lru_cache(maxsize=2)
+def _driven(episode: Trial, key: str) -> Drive | None:
+    """Return what is driven once for all methods; its ``key`` names all that it depends on."""
+    del key
+    return Stage.of(episode).driven()
+
+
 def attempt(trial: Trial, key: str) -> Outcome:
     """Run one trial; an error becomes its reason to have failed.
 
@@ -85,7 +92,8 @@ def attempt(trial: Trial, key: str) -> Outcome:
                     "run the command again, with the same on every machine"
                 )
             stage = Stage.of(trial)
-            trace = stage.trace()
+            alike = _driven(trial.episode, key_of(trial.episode)) if stage.repeats else None
+            trace = stage.trace(alike)
             kept = record(trace, trial.lag, stage.scenario.thresholds)
     except BaseException as error:
         if is_ctrl_c(error):

@@ -28,87 +28,77 @@ PAIRED, DESIGNED = 128, 512
 
 
 @compiled
-def cloud_moments(poses: Reals, weights: Floats, ends: Ints, out: Floats) -> None:
-    """Fill in mean and variance of (x, y, cos θ, sin θ), Σ w and how many w < 0, (k, 10)."""
+def measure(
+    poses: Reals,
+    weights: Floats,
+    ends: Ints,
+    truth: Floats,
+    floor: Floats,
+    far: float,
+    fully: bool,
+    out: Floats,
+) -> None:
+    """Fill in a row of each cloud, (k, 15): moments, Σ w, how many w < 0; if ``fully``, scores.
+
+    Moments and scores are those of ``belief_scores``; ``floor`` is added to the variances of x, y,
+    θ, (3,).
+    """
     start = 0
     for k in range(ends.size):
         end = ends[k]
         x, y = poses[0, start:end].astype(np.float64), poses[1, start:end].astype(np.float64)
-        _moments(x, y, poses[2, start:end].astype(np.float64), weights[start:end].copy(), out[k])
+        heading, own = poses[2, start:end].astype(np.float64), weights[start:end].copy()
+        _measure(x, y, heading, own, truth[k], floor, far, fully, out[k])
         start = end
 
 
 @compiled
-def _moments(x: Floats, y: Floats, heading: Floats, weights: Floats, out: Floats) -> None:
+def _measure(
+    x: Floats,
+    y: Floats,
+    heading: Floats,
+    weights: Floats,
+    truth: Floats,
+    floor: Floats,
+    far: float,
+    fully: bool,
+    out: Floats,
+) -> None:
     n = weights.size
-    c, s = np.empty(n), np.empty(n)
+    c, s, square, off = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     for i in range(n):
         c[i] = cos64(heading[i])
         s[i] = sin64(heading[i])
+    for i in range(n):
+        dx, dy = x[i] - truth[0], y[i] - truth[1]
+        square[i] = dx * dx + dy * dy
+        off[i] = weights[i] * math.sqrt(square[i])
     mx, my, mc, ms, total = 0.0, 0.0, 0.0, 0.0, 0.0  # side by side: none waits for another
+    near, beyond, most = 0.0, 0.0, far * far
     for i in range(n):
         mx += weights[i] * x[i]
         my += weights[i] * y[i]
         mc += weights[i] * c[i]
         ms += weights[i] * s[i]
         total += weights[i]
-    vx, vy, vc, vs = 0.0, 0.0, 0.0, 0.0
+        near += off[i]
+        beyond += weights[i] if square[i] > most else 0.0
+    vx, vy, vc, vs, below = 0.0, 0.0, 0.0, 0.0, 0
     for i in range(n):
         vx += weights[i] * (x[i] - mx) * (x[i] - mx)
         vy += weights[i] * (y[i] - my) * (y[i] - my)
         vc += weights[i] * (c[i] - mc) * (c[i] - mc)
         vs += weights[i] * (s[i] - ms) * (s[i] - ms)
-    below = 0
-    for i in range(n):
         below += weights[i] < 0.0
     out[0], out[1], out[2], out[3] = mx, my, mc, ms
     out[4], out[5], out[6], out[7] = vx, vy, vc, vs
-    out[8], out[9] = total, below
+    out[8], out[9], out[10], out[14] = total, below, near, beyond
     if n == 1:
-        out[4:8] = math.nan
-
-
-@compiled
-def calibration_of(
-    poses: Reals,
-    weights: Floats,
-    ends: Ints,
-    means: Floats,
-    truth: Floats,
-    floor: Floats,
-    out: Floats,
-) -> None:
-    """Fill in energy score, rank of the truth, NEES and log score, (k, 4); see ``calibration``.
-
-    ``floor`` is added to the variances of x, y, θ, (3,); the rest is as of ``Clouds``.
-    """
-    start = 0
-    for k in range(ends.size):
-        end = ends[k]
-        x, y = poses[0, start:end].astype(np.float64), poses[1, start:end].astype(np.float64)
-        own = weights[start:end].copy()
-        out[k, 0] = _near(x, y, own, truth[k])
-        if own.size == 1:
-            out[k, 1:] = math.nan
-        else:
-            designed = own.size <= DESIGNED and own.min() == own.max()
-            out[k, 0] -= _apart(x, y, own) if designed else _apart_of_some(x, y, own)
-            heading = poses[2, start:end].astype(np.float64)
-            rank, nees, log_score = _of_spread(x, y, heading, own, means[k], truth[k], floor)
-            out[k, 1], out[k, 2], out[k, 3] = rank, nees, log_score
-        start = end
-
-
-@compiled
-def _near(x: Floats, y: Floats, weights: Floats, truth: Floats) -> Scalar:
-    """Σ w |x_i - truth|, in (x, y)."""
-    near, far = 0.0, np.empty(weights.size)
-    for i in range(weights.size):
-        dx, dy = x[i] - truth[0], y[i] - truth[1]
-        far[i] = weights[i] * math.sqrt(dx * dx + dy * dy)
-    for i in range(weights.size):
-        near += far[i]
-    return near
+        out[4:8], out[11:14] = math.nan, math.nan
+    elif fully:
+        designed = n <= DESIGNED and weights.min() == weights.max()
+        out[10] -= _apart(x, y, weights) if designed else _apart_of_some(x, y, weights)
+        out[11], out[12], out[13] = _of_spread(x, y, heading, weights, out, truth, floor)
 
 
 @compiled
@@ -214,22 +204,6 @@ def steps_back(poses: Reals, moves: Floats, ends: Ints, out: Singles) -> None:
         start = end
 
 
-@compiled
-def weights_beyond(
-    poses: Reals, weights: Floats, ends: Ints, truth: Floats, far: float, out: Floats
-) -> None:
-    """Fill in the weight of each cloud farther than ``far`` from the truth in (x, y), (k,)."""
-    start = 0
-    for k in range(ends.size):
-        end = ends[k]
-        beyond, square = 0.0, far * far
-        for i in range(start, end):
-            dx, dy = poses[0, i] - truth[k, 0], poses[1, i] - truth[k, 1]
-            beyond += weights[i] if dx * dx + dy * dy > square else 0.0
-        out[k] = beyond
-        start = end
-
-
 _EXACT = 1e-9  # weights whose sum is farther from 1 are divided by it
 _LARGEST = np.array([1e15, 1e15, FARTHEST])  # |x|, |y| and |θ| of a pose: far beyond any map
 
@@ -323,26 +297,13 @@ def belief_moments(clouds: Clouds) -> Floats:
 
     Weights that add up to 1 but for rounding are divided by their sum first, in place.
     """
-    out = np.empty((len(clouds.each), 10))
-    cloud_moments(clouds.poses, clouds.weights, clouds.ends, out)
-    total, below = out[:, 8], out[:, 9]
-    starts = np.concatenate([[0], clouds.ends[:-1]])
-    largest = np.maximum.reduceat(np.abs(clouds.poses), starts, axis=1).T  # NaN if one is
-    sound = (np.abs(total - 1) <= SUM_TOLERANCE) & (below == 0)
-    sound &= (largest <= _LARGEST).all(axis=1)
-    if not sound.all():
-        raise _unsound(clouds.each[int(np.argmin(sound))])
-    if (np.abs(total - 1) > _EXACT).any():  # NumPy's sums are good to 1e-13
-        clouds.weights[:] /= np.repeat(total, clouds.ends - starts)
-        return belief_moments(clouds)
-    return out[:, :8]
+    return _measured(clouds, covariance_floor("px"), 0.0, fully=False)[:, :8]
 
 
-def calibration(clouds: Clouds, means: Floats, unit: str) -> Floats:
-    """Energy score, rank of the truth, NEES and log score of clouds, (k, 4); NaN: not available.
+def belief_scores(clouds: Clouds, unit: str, far: float = math.inf) -> Floats:
+    """Moments as of ``belief_moments``, then scores of clouds, (k, 13); NaN: not available.
 
-    ``means`` are those of (x, y, cos θ, sin θ), (k, 4). With X, X' drawn from the belief and z the
-    truth, in (x, y):
+    With X, X' drawn from the belief and z the truth, in (x, y):
 
     - energy score E|X - z| - ½ E|X - X'| (Gneiting & Raftery 2007). The first term is that of all
       particles; the second of all pairs of up to ``DESIGNED`` of equal weight, else of the pairs of
@@ -356,12 +317,27 @@ def calibration(clouds: Clouds, means: Floats, unit: str) -> Floats:
       a draw from the belief.
     - log score -log N(d; 0, P), nats: ½ (NEES + log det 2πP), with the same d and P. The score of
       Dawid & Sebastiani (1999): proper, and only mean and covariance count.
+    - weight farther than ``far`` from the truth.
     """
-    out = np.empty((len(clouds.each), 4))
-    means = np.ascontiguousarray(means)
-    calibration_of(
-        clouds.poses, clouds.weights, clouds.ends, means, clouds.truth, covariance_floor(unit), out
-    )
+    rows = _measured(clouds, covariance_floor(unit), far, fully=True)
+    return np.concatenate([rows[:, :8], rows[:, 10:]], axis=1)
+
+
+def _measured(clouds: Clouds, floor: Floats, far: float, *, fully: bool) -> Floats:
+    """Return what ``measure`` fills in, of sound clouds only."""
+    poses, weights, ends = clouds.poses, clouds.weights, clouds.ends
+    out = np.empty((len(clouds.each), 15))
+    measure(poses, weights, ends, clouds.truth, floor, far, fully, out)
+    total, below = out[:, 8], out[:, 9]
+    starts = np.concatenate([[0], ends[:-1]])
+    largest = np.maximum.reduceat(np.abs(poses), starts, axis=1).T  # NaN if one is
+    sound = (np.abs(total - 1) <= SUM_TOLERANCE) & (below == 0)
+    sound &= (largest <= _LARGEST).all(axis=1)
+    if not sound.all():
+        raise _unsound(clouds.each[int(np.argmin(sound))])
+    if (np.abs(total - 1) > _EXACT).any():  # NumPy's sums are good to 1e-13
+        weights[:] /= np.repeat(total, ends - starts)
+        return _measured(clouds, floor, far, fully=fully)
     return out
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.clouds import Surroundings, belief_moments, calibration, cloud_of, joined
+from benchmarks.trials.clouds import Surroundings, belief_scores, cloud_of, joined
 from benchmarks.trials.episode import Step
 from benchmarks.trials.scores import (
     JOURNEY_SCORES,
@@ -162,10 +162,9 @@ class TrackLog:
         if points is None:
             raise InputError(f"its belief of state {moment.t} holds no points of the present.")
         clouds = joined([cloud_of(moment.t, 0, points)], [moment.truth])
-        means = belief_moments(clouds)[:, :4]
-        calibrated = [math.nan] * 3
-        if np.isfinite(moment.truth).all():
-            _, *calibrated = calibration(clouds, means, self._log.unit)[0].tolist()
+        calibrated = belief_scores(clouds, self._log.unit)[0, 9:12].tolist()
+        if not np.isfinite(moment.truth).all():
+            calibrated = [math.nan] * 3
         quality = quality_of(moment.belief)
         self._rows.append((*calibrated, math.nan if quality is None else quality))
         self._best.append(best_cluster(*points, unit=self._log.unit).mean)

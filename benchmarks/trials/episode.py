@@ -6,7 +6,8 @@ the env shows. The true pose goes past both, to the scores.
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -38,6 +39,76 @@ class Step(NamedTuple):
     draw: Callable[[], NDArray[np.uint8]] | None = None
 
 
+class Shown(NamedTuple):
+    """What a world, and who drives in it, show at a step; but for ``own`` as in ``Step``."""
+
+    truth: Reals
+    ranges: Reals
+    plan: Reals
+    own: bool  # whether the plan is made from the belief
+    action: Reals | None
+    collided: bool
+    goal: Reals | None
+    route: tuple[tuple[float, ...], ...] | None
+
+
+def sees_belief(agent: Agent) -> bool:
+    """Whether what an agent does may depend on the belief, unless its own class denies it."""
+    return bool(vars(type(agent)).get("sees_belief", True))
+
+
+def drive(
+    env: gym.Env[Any, Any], agent: Agent, believed: Callable[[], Any], *, seed: int
+) -> Iterator[Shown]:
+    """Run one episode of a ``TrialEnv``, or wrappers around it, to its end; yield each step."""
+    ranges, info = env.reset(seed=seed)
+    truth, action, ended = _truth_of(env, info), None, False
+    plan = agent.plan_at_reset(_seen_by(agent, info, ranges, truth))
+    while True:
+        author = info.get("plan_author") if plan is None else getattr(agent, "plan_author", None)
+        shown = info["planned_actions"][: info["planned_count"]] if plan is None else plan
+        collided = action is not None and bool(info["collided"])
+        goal, route = info.get("goal"), info.get("route")
+        yield Shown(truth, ranges, shown, author == "own", action, collided, goal, route)
+        if ended:
+            return
+        choice, plan = agent.act(believed(), _seen_by(agent, info, ranges, truth))
+        ranges, _, terminated, truncated, info = env.step(choice)
+        truth, action, ended = _truth_of(env, info), info["command"], terminated or truncated
+
+
+def followed(
+    driven: Callable[[Callable[[], Any]], Iterable[Shown]],
+    localizer: Localizer,
+    prior: Callable[[], Prior],
+    rng: np.random.Generator,
+) -> Iterator[Step]:
+    """Let a localizer follow an episode, ``driven`` by what it believes, to its end.
+
+    The localizer gets scans, commands and the driver's plans; if its ``own_plans`` is False, not
+    those made from its belief. ``prior`` is asked when the episode has begun, as it may be around
+    the start drawn there; ``rng`` is the localizer's only randomness.
+    """
+    belief: Any = None
+    takes_own = getattr(localizer, "own_plans", True)
+    steps = driven(lambda: belief)
+    for t, shown in enumerate(steps):
+        plan = NO_PLAN if shown.own and not takes_own else shown.plan
+        call: Callable[..., Belief] = localizer.update
+        given: tuple[Any, ...]
+        if t == 0:
+            call, given = localizer.reset, (prior(), np.array(plan), rng)
+        else:
+            given = shown.ranges.copy(), np.array(shown.action), np.array(plan)
+        started = time.perf_counter()
+        belief = call(*given)
+        seconds = time.perf_counter() - started
+        yield Step(
+            t, shown.truth, shown.ranges, belief, seconds, shown.action, plan, shown.collided,
+            shown.goal, shown.route,
+        )  # fmt: skip
+
+
 def moments(
     env: gym.Env[Any, Any],
     agent: Agent,
@@ -47,65 +118,23 @@ def moments(
     *,
     seed: int,
 ) -> Iterator[Step]:
-    """Run one episode of a ``TrialEnv``, or wrappers around it, to its end; yield each step.
+    """Run one episode and let a localizer follow it; yield each step."""
+    return followed(partial(drive, env, agent, seed=seed), localizer, prior, rng)
 
-    The localizer gets scans, commands and the driver's plans; if its ``own_plans`` is False, not
-    those made from its belief. ``prior`` is asked when the episode has begun, as it may be around
-    the start drawn there; ``rng`` is the localizer's only randomness.
+
+def _truth_of(env: gym.Env[Any, Any], info: dict[str, Any]) -> Reals:
+    """Take the true pose out of ``info``, NaN if unknown; add the route to a goal.
+
+    The route, its corners, varies in length, so that no env shows it.
     """
-    ranges, info = env.reset(seed=seed)
     if "goal" in info:
-        info["route"] = _route_of(env)
-    truth = _truth_of(info)
-    own = agent.plan_at_reset(_seen_by(agent, info, ranges, truth))
-    ahead = _plan_of(agent, localizer, own, info)
-    given_prior, given_plan = prior(), np.array(ahead)
-    started = time.perf_counter()
-    belief = localizer.reset(given_prior, given_plan, rng)
-    seconds = time.perf_counter() - started
-    yield Step(
-        0, truth, ranges, belief, seconds, None, ahead, False, info.get("goal"), info.get("route")
-    )
-    step, ended = 0, False
-    while not ended:
-        action, plan = agent.act(belief, _seen_by(agent, info, ranges, truth))
-        ranges, _, terminated, truncated, info = env.step(action)
-        if "goal" in info:
-            info["route"] = _route_of(env)
-        truth, step, ended = _truth_of(info), step + 1, terminated or truncated
-        ahead = _plan_of(agent, localizer, plan, info)
-        given = ranges.copy(), info["command"].copy(), np.array(ahead)
-        started = time.perf_counter()
-        belief = localizer.update(*given)
-        seconds = time.perf_counter() - started
-        yield Step(
-            step, truth, ranges, belief, seconds, info["command"], ahead, bool(info["collided"]),
-            info.get("goal"), info.get("route")
-        )  # fmt: skip
-
-
-def _truth_of(info: dict[str, Any]) -> Reals:
-    """Take the true pose out of ``info``; NaN if it is not known."""
+        room: Any = env.unwrapped
+        info["route"] = tuple(map(tuple, room.course.path.corners.tolist()))
     truth: Reals = info.pop("truth", _UNKNOWN)
     return truth if math.isfinite(truth.sum()) else _UNKNOWN
-
-
-def _route_of(env: gym.Env[Any, Any]) -> tuple[tuple[float, ...], ...]:
-    """Return the corners of the route to the goal: no env shows what varies in length."""
-    room: Any = env.unwrapped
-    return tuple(map(tuple, room.course.path.corners.tolist()))
 
 
 def _seen_by(agent: Agent, info: dict[str, Any], ranges: Reals, truth: Reals) -> dict[str, Any]:
     """Return what an agent sees of a step."""
     seen = {**info, "ranges": ranges.copy()}
     return seen | {"truth": truth.copy()} if getattr(agent, "sees_truth", False) else seen
-
-
-def _plan_of(agent: Agent, localizer: Localizer, plan: Reals | None, info: dict[str, Any]) -> Reals:
-    """Return the plan that a localizer is shown: the agent's, else the env's."""
-    author = info.get("plan_author") if plan is None else getattr(agent, "plan_author", None)
-    if author == "own" and not getattr(localizer, "own_plans", True):
-        return NO_PLAN
-    shown: Reals = info["planned_actions"][: info["planned_count"]] if plan is None else plan
-    return shown

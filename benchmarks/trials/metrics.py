@@ -17,7 +17,6 @@ from benchmarks.trials.clouds import (
     Surroundings,
     covariance_floor,
     steps_back,
-    weights_beyond,
 )
 from deqmcl_gym.numerics import Bools, Floats, Reals, arrays
 
@@ -99,13 +98,6 @@ def wall_step_share(clouds: Clouds, task: Surroundings) -> Floats:
     before = np.empty((2, clouds.weights.size), np.float32)
     steps_back(clouds.poses, clouds.moves, clouds.ends, before)
     return _weight_of(task.floor_plan.collides(before.T, clouds.poses.T, task.radius), clouds)
-
-
-def outlier_share(clouds: Clouds, task: Surroundings) -> Floats:
-    """Weight farther than ``task.far`` from the truth in (x, y), (k,)."""
-    out = np.empty(len(clouds.each))
-    weights_beyond(clouds.poses, clouds.weights, clouds.ends, clouds.truth, task.far, out)
-    return out
 
 
 def _weight_of(chosen: Bools, clouds: Clouds) -> Floats:

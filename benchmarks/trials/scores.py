@@ -19,7 +19,6 @@ from benchmarks.trials.metrics import (
     entropy,
     mean,
     middle,
-    outlier_share,
     rms,
     wall_share,
     wall_step_share,
@@ -121,7 +120,7 @@ METRICS: tuple[Score, ...] = (
     Score("nees", "", "", "NEES; 3 if consistent", _value_of("nees")),
     Score("lost", "share", "low", "lost at the end", _lost),
     _weight("wall_step_share", "that came through walls", wall_step_share),
-    Score("outlier_share", "share", "low", _FAR_WORDS, _far, outlier_share, later=True),
+    Score("outlier_share", "share", "low", _FAR_WORDS, _far, later=True),
 )
 
 

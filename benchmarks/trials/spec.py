@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from benchmarks.setup.overrides import NOTHING, OF_LOCALIZERS, Named, Overrides,
 
 _WORLD, _FILTER, _START = 0, 1, 2  # children of a trial's seed
 
+_ANY = "dead-reckoning"  # localizer, where it does not matter which
 
 Run = tuple[int, int]  # world, filter seed
 
@@ -116,6 +117,11 @@ class Trial:
         """The seed for ``env.reset``: a function of (seed, trial), below 2**53."""
         sequence = np.random.SeedSequence(self.seed, spawn_key=(self.trial, _WORLD))
         return int(sequence.generate_state(1, np.uint64)[0] >> np.uint64(11))
+
+    @property
+    def episode(self) -> "Trial":
+        """All of it that an episode depends on if the agent does not look at the belief."""
+        return replace(self, localizer=_ANY, params=NOTHING, lag=0, filter_seed=0)
 
     def filter_rng(self) -> np.random.Generator:
         """Return the stream of (seed, trial, filter_seed): all filters start from one cloud."""

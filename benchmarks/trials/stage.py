@@ -1,14 +1,15 @@
 """Stage: a trial, set up, in its disturbances."""
 
 import inspect
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import gymnasium as gym
 import numpy as np
@@ -17,22 +18,46 @@ from benchmarks.setup import Agent, TrialEnv
 from benchmarks.setup.documents import errors_name
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.overrides import located
-from benchmarks.setup.scenario import Scenario
+from benchmarks.setup.scenario import RoomScenario, Scenario
 from benchmarks.trials.clouds import Surroundings
 from benchmarks.trials.collecting import JourneyLog, TrackLog
-from benchmarks.trials.episode import Step, moments
+from benchmarks.trials.episode import Shown, Step, drive, followed, sees_belief
 from benchmarks.trials.map_signals import MapSignals, differs
 from benchmarks.trials.scores import ScoreGroup, groups_named
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import Trace, trace_of
 from benchmarks.trials.tracks import is_symmetric
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
+from deqmcl_gym.maps import Lidar, Map
+from deqmcl_gym.numerics import Pose
 from deqmcl_gym.validation import InputError, one_of
 from localizers import Prior, RobotModel, make
 
 DISTURBANCES = MappingProxyType(
     {"kidnap": Kidnap, "dropout": BeamDropout, "plan-change": PlanChange}
 )
+
+
+class Drive(NamedTuple):
+    """An episode in which no belief has a part."""
+
+    start: Pose  # the expected one
+    steps: tuple[Shown, ...]
+
+    def again(self, believed: Callable[[], Any]) -> tuple[Shown, ...]:
+        """Return its steps, as ``drive`` does, whatever is believed."""
+        del believed
+        return self.steps
+
+
+class _Begun(NamedTuple):
+    """What a prior asks of a room that has begun an episode; see ``TrialEnv``."""
+
+    floor_plan: Map
+    lidar: Lidar
+    radius: float
+    expected_start: Pose
+    unwrapped: Any
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,25 +123,45 @@ class Stage:
         thresholds, judged = self.scenario.thresholds, self.scenario.judged
         return TrackLog(self.room.log, self.room.floor_plan, thresholds, judged)
 
-    def prior(self) -> Prior:
+    def prior(self, room: TrialEnv | None = None) -> Prior:
         """Return p(x_0) in the episode that the room has begun last."""
-        return self.scenario.prior_in(self.room, self.trial.start_rng())
+        return self.scenario.prior_in(room or self.room, self.trial.start_rng())
 
-    def moments(self) -> Iterator[Step]:
-        """Run the trial; yield each step. What its localizer is made for is a copy of its own."""
+    @property
+    def repeats(self) -> bool:
+        """Whether its room is one that runs alike again: a plug-in's env may do anything."""
+        return type(self.scenario) is RoomScenario
+
+    def driven(self) -> Drive | None:
+        """Run the episode for any localizer; None if it may depend on which one it is."""
+        if sees_belief(agent := self._agent()):
+            return None
+        steps = drive(self.env, agent, lambda: None, seed=self.trial.world_seed)
+        first = next(steps)
+        return Drive(self.room.expected_start, (first, *steps))
+
+    def moments(self, driven: Drive | None = None) -> Iterator[Step]:
+        """Run the trial, or let its localizer follow what was ``driven``; yield each step.
+
+        What the localizer is made for is a copy of its own.
+        """
+        room, seed = self.room, self.trial.world_seed
+        steps: Callable[[Callable[[], Any]], Iterable[Shown]]
+        if driven is None:
+            steps = partial(drive, self.env, self._agent(), seed=seed)
+        else:
+            steps = driven.again
+            room = _Begun(room.floor_plan, room.lidar, room.radius, driven.start, self.env)
         copies: dict[int, Any] = {}  # the prior's map is the robot's
-        agent = self._agent()
         params = located(self.trial.params)
         localizer = make(self.trial.localizer, deepcopy(self.robot, copies), **params)
+        return followed(steps, localizer, lambda: deepcopy(self.prior(room), copies), self.stream)
 
-        prior, seed = (lambda: deepcopy(self.prior(), copies)), self.trial.world_seed
-        yield from moments(self.env, agent, localizer, prior, self.stream, seed=seed)
-
-    def trace(self) -> Trace:
-        """Run the trial and return its trace."""
-        room = self.room
+    def trace(self, driven: Drive | None = None) -> Trace:
+        """Run the trial, as ``moments`` does, and return its trace."""
+        room, steps = self.room, self.moments(driven)
         against = MapSignals(room.floor_plan, room.lidar) if differs(room) else None
-        return trace_of(self.moments(), self.trial.offsets, self.task, self.collector(), against)
+        return trace_of(steps, self.trial.offsets, self.task, self.collector(), against)
 
     def check(self) -> None:
         """Begin an episode, make the agent and what the filters assume, without running it."""

@@ -12,7 +12,7 @@ from benchmarks.trials.clouds import (
     Clouds,
     Surroundings,
     belief_moments,
-    calibration,
+    belief_scores,
     cloud_of,
     joined,
 )
@@ -31,7 +31,7 @@ PLAN_COLUMNS = ("conflict", *_READ, "trusted")
 PROFILE_STRIDE = 5  # states between those at which the error is taken at every offset
 _PROFILE_OFFSETS = 4  # on either side of the present
 _BATCH = 16384  # poses measured in one pass: they fit a core's second cache
-_CALIBRATION = ("energy", "rank", "nees", "log_score")
+_CALIBRATION = ("energy", "rank", "nees", "log_score", "outlier_share")
 _EACH = {metric.name: metric.each for metric in METRICS if metric.each}
 
 
@@ -63,7 +63,7 @@ class OffsetTrace:
     states: Indices  # s, (k,), ascending
     means: Floats  # of x, y, cos θ, sin θ, (k, 4)
     variances: Floats  # of the same, (k, 4); NaN for a belief of one point
-    # (k,), NaN not available: of ``clouds.calibration``, and of ``Score.each`` under their names
+    # (k,), NaN not available: of ``clouds.belief_scores``, and of ``Score.each`` under their names
     values: dict[str, Floats]
 
 
@@ -232,10 +232,9 @@ class _Beliefs:
 
 
 def _measured(clouds: Clouds, task: Surroundings) -> Floats:
-    """Moments, calibration, and what metrics ask each state for, side by side."""
-    spread = belief_moments(clouds)
-    fit = calibration(clouds, spread[:, :4], task.floor_plan.unit)
-    return np.column_stack([spread, fit, *(each(clouds, task) for each in _EACH.values())])
+    """Moments, scores, and what metrics ask each state for, side by side."""
+    rows = belief_scores(clouds, task.floor_plan.unit, task.far)
+    return np.column_stack([rows, *(each(clouds, task) for each in _EACH.values())])
 
 
 def _between(offsets: Sequence[int]) -> list[int]:

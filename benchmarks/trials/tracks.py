@@ -331,7 +331,7 @@ class ScoredTrack:
 def calibration_of_gaussians(
     poses: Floats, covariances: Floats, truth: Floats, unit: str
 ) -> Floats:
-    """Rank of the truth, NEES and log score of N(pose, P), as ``clouds.calibration``, (n, 3).
+    """Rank of the truth, NEES and log score of N(pose, P), as ``clouds.belief_scores``, (n, 3).
 
     The rank is P(D(X) < D(z)) in (x, y), 1 - exp(-D²/2); NEES is dᵀ P⁻¹ d in (x, y, θ), the log
     score ½ (NEES + log det 2πP). NaN where pose, covariance or truth is.

@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics import Bools, Floats, Reals, arrays
+from deqmcl_gym.numerics import Bools, Floats, Indices, Reals, arrays
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics.elementary import wrapped64
 
 SECTORS = 12  # of 30°
 _COUNTED = 2**20  # cells whose weights are counted in one table
@@ -82,20 +84,46 @@ def two_clusters(poses: Reals, weights: Floats, *, unit: str) -> tuple[Cluster, 
 def _best(poses: Reals, weights: Floats, unit: str) -> tuple[Cluster, Bools]:
     """Return the best cluster, and which points it has, (n,)."""
     at = np.ascontiguousarray(np.asarray(poses).T, dtype=np.float64)
-    size = metre(unit)
-    column, row = np.floor(at[0] / size), np.floor(at[1] / size)  # whole, as float64
-    turned = (arrays.wrapped(at[2]) + np.pi) * (SECTORS / (2 * np.pi))
-    sector = np.floor(turned).astype(np.int64) % SECTORS
-    column -= column.min()
-    row -= row.min()
-    if (column.max() + 1) * (row.max() + 1) * SECTORS <= _COUNTED:
-        cell = (column * (row.max() + 1) + row).astype(np.int64) * SECTORS + sector
-    else:  # too far apart for a table, as points of a plug-in may be
-        cells = np.stack([column, row, sector])
+    near: Bools = np.empty(at.shape[1], np.bool_)
+    places, sector = np.empty((2, near.size)), np.empty(near.size, np.intp)
+    cell = np.empty(near.size, np.intp)
+    if not _count(at, metre(unit), places, sector, cell):  # too far apart, as a plug-in's may be
+        cells = np.stack([*places, sector])
         cell = np.unique(cells, axis=1, return_inverse=True)[1].reshape(-1)
-    heaviest = (cell == np.bincount(cell, weights).argmax()).argmax()
-    apart = (sector - sector[heaviest] + 1) % SECTORS
-    near: Bools = abs(column - column[heaviest]) <= 1
-    near &= (abs(row - row[heaviest]) <= 1) & (apart <= 2)
+    _choose(places, sector, cell, np.ascontiguousarray(weights, dtype=np.float64), near)
     share = float(weights[near].sum())
     return Cluster(mean_pose(at[:, near].T, weights[near] / share), share), near
+
+
+@compiled
+def _count(at: Floats, size: float, places: Floats, sector: Indices, cell: Indices) -> bool:
+    """Fill in column and row, (2, n), sector and number of each point's cell; False: too many."""
+    for i in range(sector.size):
+        places[0, i], places[1, i] = np.floor(at[0, i] / size), np.floor(at[1, i] / size)
+        turned = (wrapped64(at[2, i]) + np.pi) * (SECTORS / (2 * np.pi))
+        sector[i] = np.intp(np.floor(turned)) % SECTORS
+    places[0] -= places[0].min()
+    places[1] -= places[1].min()
+    rows = places[1].max() + 1
+    if not (places[0].max() + 1) * rows * SECTORS <= _COUNTED:
+        return False
+    for i in range(sector.size):
+        cell[i] = np.intp(places[0, i] * rows + places[1, i]) * SECTORS + sector[i]
+    return True
+
+
+@compiled
+def _choose(places: Floats, sector: Indices, cell: Indices, weights: Floats, near: Bools) -> None:
+    """Fill in which points are in the heaviest cell, the first of equals, or next to it."""
+    n, heaviest = cell.size, 0
+    table = np.zeros(cell.max() + 1)
+    for i in range(n):
+        table[cell[i]] += weights[i]
+    for i in range(1, n):
+        more = table[cell[i]] - table[cell[heaviest]]
+        if more > 0.0 or (more == 0.0 and cell[i] < cell[heaviest]):
+            heaviest = i
+    for i in range(n):
+        beside = abs(places[0, i] - places[0, heaviest]) <= 1
+        beside &= abs(places[1, i] - places[1, heaviest]) <= 1
+        near[i] = beside & ((sector[i] - sector[heaviest] + 1) % SECTORS <= 2)

@@ -165,7 +165,7 @@ class Lidar:
     @cached_property
     def blind(self) -> Bools:
         """Which beams lie in a blind sector of their mount, (beams,)."""
-        hidden, bearings = np.zeros(self.beams, np.bool_), self.bearings
+        hidden, bearings = np.zeros(self.beams, np.bool_), self._bearings
         for one, rows in zip(self.mounts, self.rows, strict=False):
             hidden[rows] = one.hides(bearings[rows])
         return hidden
@@ -205,6 +205,9 @@ class Lidar:
         ``used`` says which b of the beams are cast; None: all. See ``Caster`` for ∞ and NaN.
         """
         bearings = self._singles if used is None else self._singles[used]
+        if self.places == (CENTRE,):
+            caster.cast(np.ascontiguousarray(poses, dtype=np.float32), bearings, out)
+            return
         for origins, rows in self.fans(poses, used):
             start = np.ascontiguousarray(origins, dtype=np.float32)
             caster.cast(start, bearings[rows], out[rows])
@@ -215,7 +218,7 @@ class Lidar:
         ``used`` says which b of the beams are cast; None: all. ∞ where there is no wall, NaN where
         a ray starts outside.
         """
-        bearings = self.bearings if used is None else self.bearings[used]
+        bearings = self._bearings if used is None else self._bearings[used]
         seen = [
             floor_plan.ranges(origins.T, bearings[rows]) for origins, rows in self.fans(poses, used)
         ]
@@ -229,12 +232,16 @@ class Lidar:
         for (ahead, aside), rows in zip(self.places, self.rows, strict=True):
             out[rows, 0] = x + (ahead * cosine - aside * sine)
             out[rows, 1] = y + (ahead * sine + aside * cosine)
-        out[:, 2] = heading + self.bearings
+        out[:, 2] = heading + self._bearings
         return out
 
     @cached_property
+    def _bearings(self) -> Floats:
+        return self.bearings  # a log's scanner has its own
+
+    @cached_property
     def _singles(self) -> Singles:
-        return self.bearings.astype(np.float32)
+        return self._bearings.astype(np.float32)
 
 
 def _fan(beams: int, field_of_view: float) -> Floats:

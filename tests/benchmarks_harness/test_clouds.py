@@ -10,7 +10,13 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as generated
 from scipy import stats
 
-from benchmarks.trials.clouds import belief_moments, calibration, cloud_of, covariance_floor, joined
+from benchmarks.trials.clouds import (
+    belief_moments,
+    belief_scores,
+    cloud_of,
+    covariance_floor,
+    joined,
+)
 from deqmcl_gym.validation import InputError
 
 PI = math.pi
@@ -41,7 +47,7 @@ def spread(poses, weights):
 def calibrated(poses, weights, truth=TRUTH, unit="px"):
     """Energy score, rank, NEES, log score of one cloud."""
     clouds = together((poses, weights), truth=truth)
-    return calibration(clouds, belief_moments(clouds)[:, :4], unit)[0]
+    return belief_scores(clouds, unit)[0, 8:12]
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
@@ -116,7 +122,7 @@ def test_a_cloud_gives_the_same_in_any_layout_and_company(dtype):
     clouds = together(cloud(7, 1), (columns, weights), (poses[:1], np.ones(1)))
     spreads = belief_moments(clouds)
     assert np.array_equal(spreads[1], np.concatenate(spread(poses, weights)))
-    assert np.array_equal(calibration(clouds, spreads[:, :4], "px")[1], calibrated(poses, weights))
+    assert np.array_equal(belief_scores(clouds, "px")[1, 8:12], calibrated(poses, weights))
 
 
 POSES, WEIGHTS = cloud(4, 0)

@@ -65,7 +65,7 @@ def test_workers_that_loaded_other_code_than_the_sweep_are_refused(tmp_path, mon
 def test_a_trial_of_no_steps_is_no_success(tmp_path, monkeypatch):
     trials = suite(["dead-reckoning"], trials=1)
     first = list(Stage.of(trials[0]).moments())[:1]
-    monkeypatch.setattr(Stage, "moments", lambda _: first)
+    monkeypatch.setattr(Stage, "moments", lambda *_: first)
     assert reasons(*run(trials, tmp_path)) == ["it processed 0 steps"]
 
 
