@@ -69,6 +69,9 @@ class Curve(BaseCallback):
         if self.num_timesteps >= len(self.points) * self._every:
             self.evaluate()
 
+    def _on_step(self) -> bool:
+        return True
+
     def evaluate(self) -> None:
         """Add a point."""
         found = evaluate(

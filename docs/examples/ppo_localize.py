@@ -9,7 +9,7 @@ lost robot drives until it knows where it is, and says so. Training runs 64 room
 small filter, each episode in one of 1,000 offices; the scores are of other offices and of the
 task's own filter, beside those of reference policies in the same episodes: see
 `Train a policy <../acting.html>`_. It prints a table of all of them and draws the learning curves.
-``--load`` scores policies that were kept before, such as ``docs/examples/ppo_localize.zip``.
+``--load`` scores policies that were kept before.
 """
 
 # sphinx_gallery_thumbnail_path = 'docs/figures/localize.png'  # noqa: ERA001
