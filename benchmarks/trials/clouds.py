@@ -65,11 +65,11 @@ def _measure(
     out: Floats,
 ) -> None:
     n = weights.size
-    c, s, square, off = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
+    c, s, square, off = np.empty(n), np.empty(n), np.zeros(n), np.zeros(n)
     for i in range(n):
         c[i] = cos64(heading[i])
         s[i] = sin64(heading[i])
-    for i in range(n):
+    for i in range(n if fully else 0):
         dx, dy = x[i] - truth[0], y[i] - truth[1]
         square[i] = dx * dx + dy * dy
         off[i] = weights[i] * math.sqrt(square[i])
