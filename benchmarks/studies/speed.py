@@ -484,6 +484,15 @@ def journey_steps(mode: str, *, resets: bool, size: int = 64) -> Job:
     return Job(step, size, clock=lambda: spent)
 
 
+def localize_steps(mode: str, size: int = 64) -> Job:
+    """Return the job of lost robots, 1,000 particles each, in a vector env of Gymnasium's ``mode``."""
+    few = {"name": "mcl", "particles": 1000}
+    envs = gym.make_vec("deqmcl_gym/Localize-v0", size, mode, scan="field", localizer=few)
+    envs.reset(seed=0)
+    actions = np.tile(np.array([0.1, 0.1, 0.0], np.float32), (size, 1))
+    return Job(lambda: envs.step(actions), size)
+
+
 def _ratios() -> Iterator[Ratio | TrialRatio]:
     cells, table = Office(wings=4, corridors=4).grid, 31e6  # of range_libc
     yield Ratio("rays_vs_numpy", "rays/s", partial(rays, PAPER_ROOM), numpy_rays)
@@ -512,6 +521,8 @@ def _ratios() -> Iterator[Ratio | TrialRatio]:
         modes = "vector_entry_point", "sync"
         ours, other = (partial(journey_steps, mode, resets=resets) for mode in modes)
         yield Ratio(f"journey64_{name}", "steps/s", ours, other)
+    ours, other = (partial(localize_steps, mode) for mode in modes)
+    yield Ratio("localize64", "steps/s", ours, other)
 
 
 RATIOS = tuple(_ratios())
