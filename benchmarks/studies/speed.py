@@ -485,7 +485,7 @@ def journey_steps(mode: str, *, resets: bool, size: int = 64) -> Job:
 
 
 def localize_steps(mode: str, size: int = 64) -> Job:
-    """Return the job of lost robots, 1,000 particles each, in a vector env of Gymnasium's ``mode``."""
+    """Return the job of lost robots, 1,000 particles each, in an env of Gymnasium's ``mode``."""
     few = {"name": "mcl", "particles": 1000}
     envs = gym.make_vec("deqmcl_gym/Localize-v0", size, mode, scan="field", localizer=few)
     envs.reset(seed=0)
