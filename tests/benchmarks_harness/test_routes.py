@@ -9,7 +9,6 @@ from refusals import refused
 
 from benchmarks.agents import OldRoute, OnRoute, ToGoal
 from benchmarks.setup.names import scenario
-from benchmarks.trials.episode import _route_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps import Office
@@ -56,7 +55,7 @@ def driving(number=0, agent=ToGoal):
     """A room with a goal, what it tells at reset, and an agent that has been told."""
     room, info = begun("driving", number)
     driver = agent(scenario("driving").robot_model(room))
-    at_reset = driver.plan_at_reset(info | {"route": _route_of(room)})
+    at_reset = driver.plan_at_reset(info | {"route": room.course.path.corners})
     assert at_reset is None or len(at_reset) == 0  # no plan of one's own before there is a belief
     return room, info, driver
 
