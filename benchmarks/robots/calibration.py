@@ -96,7 +96,8 @@ def calibrated(replay: Replay) -> Replay:
     """
     count = _part(replay.log)
     if count is None:
-        return replay
+        why = f"{_LEAST} records with a reference in the first {PART:.0%} of the log"
+        return replace(replay, calibration=f"The power is 1: not fitted, which needs {why}.")
     assumed = {name: v for name, v in replay.assumed.items() if not name.startswith("prior.")}
     world = {name: v for name, v in replay.world.items() if name != "judged"}
     world["start"] = _first(replay)

@@ -55,9 +55,9 @@ FEW = 0.5  # share of beams within the larger distance below which log and map d
 _LOOKED_AT = 200  # reference poses
 _PARTICLES = "particles", "max_particles"
 _TRACKS = "tracks"
-_WORLDS = (
-    "A world of this page is a run over the log with random numbers of its own: intervals and "
-    "tests tell what other seeds would give on this log, not what other logs would."
+_RUNS = (
+    "Runs are over the same log with other random numbers: intervals and tests tell what other "
+    "seeds would give on this log, not what other logs would."
 )
 
 
@@ -125,6 +125,10 @@ def planned(
     if nav2 is not None:
         amcl = next((method.params for method in sweep.localizers if method.name == "amcl"), None)
         warnings += warn([*nav2.notes, *([] if amcl is None else nav2.differences(amcl, replay))])
+        if particles is not None and amcl is not None:
+            own = f"has the file's, {amcl['min_particles']} to {amcl['max_particles']}"
+            more = "--set params.amcl.max_particles=… makes the comparison fair"
+            warnings += warn([f"--particles {particles} is not of amcl, which {own}: {more}"])
     return Planned(replay, sweep, warnings)
 
 
@@ -374,7 +378,7 @@ def _contents(
         from benchmarks.report.page import page_files
         from benchmarks.report.tables import Part
 
-        notes = [*accuracy(runs), replay.overview, _WORLDS]
+        notes = [*accuracy(runs), replay.overview, _RUNS]
         more = [] if wrong is None else [Part(*wrong.part)]
         page = page_files(
             results, Path(), notes=notes, warnings=warnings, facts=replay.facts, more=more

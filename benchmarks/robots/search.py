@@ -7,6 +7,7 @@ two best. The default and the winner run on the held-out segments, once.
 
 import math
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -255,13 +256,14 @@ class Search:
     def run(self, candidates: int) -> Tuning:
         """Search until so many candidates were tried; if the default fails, raise an error."""
         tried: list[Candidate] = []
+        begun = time.monotonic()
         for number, before in enumerate(range(0, candidates, ROUND)):
             tried += self._drawn(number, min(ROUND, candidates - before), tried)
             self._halve(number, tried[before:])
             print(
-                f"deqmcl: round {number + 1}: {len(tried)} of {candidates} candidates; on the "
-                f"training segments default {tried[0].value:.3f}, best "
-                f"{self._ranked(tried)[0].value:.3f}",
+                f"deqmcl: round {number + 1}: {len(tried)} of {candidates} candidates after "
+                f"{(time.monotonic() - begun) / 60:.1f} min; on the training segments default "
+                f"{tried[0].value:.3f}, best {self._ranked(tried)[0].value:.3f}",
                 file=sys.stderr,
                 flush=True,
             )

@@ -88,6 +88,11 @@ class Panel:
         return list(dict.fromkeys(short_name(one.agent.name) for one in self.labels if one.agent))
 
     @property
+    def world(self) -> str:
+        """What a trial of it is called: a world, or a run over a whole log."""
+        return "world" if self._first.track is None else "run"
+
+    @property
     def tests(self) -> int:
         """How many tests Holm's correction at x[t] is for."""
         names = ["p", *(f"{score.name}_p" for score in self.scores if score.tested)]

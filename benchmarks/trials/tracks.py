@@ -279,6 +279,17 @@ class EstimatedTrack:
         first = fixes.lost_at
         return None if first is None else (int(fixes.steps[first]), float(fixes.way[first]))
 
+    @property
+    def astray(self) -> tuple[float, float] | None:
+        """From where to where it is farthest not within 1 m and 30°, m driven; None: nowhere."""
+        fixes = self.fixes()
+        edges = np.flatnonzero(np.diff(np.pad(~fixes.localized(FOUND), 1).astype(np.int8)))
+        stretches = fixes.way[np.column_stack([edges[::2], edges[1::2] - 1])]
+        if not len(stretches):
+            return None
+        begin, end = stretches[np.diff(stretches)[:, 0].argmax()].tolist()
+        return begin, end
+
     def _in_metres(self, of: Callable[[Floats, Floats], PoseErrors], least: int) -> PoseErrors:
         if self.log.reference is None or self.known.size < least:
             return PoseErrors(translation=np.empty(0), rotation=np.empty(0))
