@@ -328,8 +328,8 @@ def run_words(run: pd.Series) -> str:
     most = f"its largest error is {_largest(run):.2f} m"
     if track.lost is None:
         end = "to" if run[_REACHED] else "at"  # of the last quarter, or but lately
-        if (astray := track.astray) is not None:
-            within += f", the longest way off from {astray[0]:.1f} to {astray[1]:.1f} m"
+        for first, last in sorted(track.astray, key=np.ptp)[-1:]:
+            within += f", the longest stretch beyond from {first:.1f} to {last:.1f} m"
         return f"localized {end} the end; {within}, {most}."
     record, way = track.lost
     if record == track.known[0]:

@@ -56,8 +56,7 @@ _LOOKED_AT = 200  # reference poses
 _PARTICLES = "particles", "max_particles"
 _TRACKS = "tracks"
 _RUNS = (
-    "Runs are over the same log with other random numbers: intervals and tests tell what other "
-    "seeds would give on this log, not what other logs would."
+    "Intervals and tests over runs tell what other seeds would give on this log, not other logs."
 )
 
 
@@ -238,8 +237,6 @@ def replay(
     What is refused raises ``InputError`` before anything is run.
 
     Args:
-        log: path of the log, or of its parts.
-        map: path of the map's yaml.
         localizers: names, classes or functions that make one; the first is the baseline.
         settings: single values by dotted name, as ``--set`` has them: world.…, assumed.…, params.….
         nav2: Nav2's parameter file, with the ``node`` in it: sets all of ``amcl``, and for the

@@ -268,11 +268,8 @@ class Search:
                 flush=True,
             )
         best = self._final(tried)
-        runs = chain(*self._runs([NOTHING, best.values], self.task.held_out, RUNS))
-        records, names = (
-            [*runs],
-            [["default", "tuned"], range(len(self.task.held_out)), range(RUNS)],
-        )
+        records = [*chain(*self._runs([NOTHING, best.values], self.task.held_out, RUNS))]
+        names = [["default", "tuned"], range(len(self.task.held_out)), range(RUNS)]
         index = pd.MultiIndex.from_product(names, names=["which", *RUN])
         columns = [*(TRACK_SCORES | JOURNEY_SCORES)]
         held_out = pd.DataFrame([_scores(record) for record in records], index, columns, float)

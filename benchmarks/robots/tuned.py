@@ -225,7 +225,7 @@ def _importance(tuning: Tuning) -> str:
     count = sum(candidate.whole_space for candidate in tuning.tried)
     if count < _FEW:
         return (
-            f"{count} candidates of the whole space do not tell which parameters matter: {_FEW} do."
+            f"{count} candidates do not tell which parameters matter: {_FEW} of the whole space do."
         )
     table = importance(tuning.task.space, tuning.tried)
     table["parameter"] = table["parameter"].map("`{}`".format)

@@ -280,15 +280,11 @@ class EstimatedTrack:
         return None if first is None else (int(fixes.steps[first]), float(fixes.way[first]))
 
     @property
-    def astray(self) -> tuple[float, float] | None:
-        """From where to where it is farthest not within 1 m and 30°, m driven; None: nowhere."""
+    def astray(self) -> Floats:
+        """The way, m, at the first and last record of stretches beyond 1 m or 30°, (k, 2)."""
         fixes = self.fixes()
         edges = np.flatnonzero(np.diff(np.pad(~fixes.localized(FOUND), 1).astype(np.int8)))
-        stretches = fixes.way[np.column_stack([edges[::2], edges[1::2] - 1])]
-        if not len(stretches):
-            return None
-        begin, end = stretches[np.diff(stretches)[:, 0].argmax()].tolist()
-        return begin, end
+        return fixes.way[edges.reshape(-1, 2) - [0, 1]]
 
     def _in_metres(self, of: Callable[[Floats, Floats], PoseErrors], least: int) -> PoseErrors:
         if self.log.reference is None or self.known.size < least:
