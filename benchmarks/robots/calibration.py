@@ -131,8 +131,8 @@ def calibrated(replay: Replay) -> Replay:
         assumed=replay.assumed | {"scan.power": power},
         calibration=f"The likelihood of a scan is raised to the power {power:.3g}: with it, the "
         f"95 % region of mcl covers {percent(covered)} of the reference's poses in the first "
-        f"{count:,} records {former}. Coverage and NEES in the tables are those of the records "
-        f"after them.{doubt}",
+        f"{count:,} records {former}. Coverage and NEES beside the log score are of the "
+        f"records after them.{doubt}",
     )
 
 
