@@ -184,7 +184,9 @@ def _legend(axes: "Axes") -> None:
 
 def panel_charts(panel: Panel) -> list[Chart]:
     """Return all charts of a panel for which there is something to draw."""
-    charts = [points_chart(panel), offset_chart(panel), lap_chart(panel)]
+    charts = [offset_chart(panel)]  # the error e; of logs that of best clusters is drawn
+    if panel.world == "world":
+        charts = [points_chart(panel), *charts, lap_chart(panel)]
     return journey_charts(panel) + [chart for chart in charts if chart is not None]
 
 
@@ -212,9 +214,9 @@ def points_chart(panel: Panel) -> Chart | None:
     axes.grid(visible=False, axis="y")
     return Chart(
         f"points-{panel.number}",
-        f"Every {panel.world}",
-        f"A mark per {panel.world} and method; thin lines connect the same {panel.world}. Above "
-        "each row: the mean with its 95 % bootstrap interval.",
+        "Every world",
+        "A mark per world and method; thin lines connect the same world. Above each row: the mean "
+        "with its 95 % bootstrap interval.",
         axes.figure,
     )
 

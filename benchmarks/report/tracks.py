@@ -287,9 +287,7 @@ def accuracy(runs: pd.DataFrame) -> list[str]:
     said = f"Worst run: {_whose(worst, runs)}: {run_words(worst)}"
     farthest = max((run for _, run in known.iterrows()), key=_largest)
     if farthest["track"] is not worst["track"]:
-        said += (
-            f" The largest error of all is {_largest(farthest):.2f} m, of {_whose(farthest, runs)}."
-        )
+        said += f" The largest error is {_largest(farthest):.2f} m, of {_whose(farthest, runs)}."
     return [f"Position error, median over all records: {errors}. {said}"]
 
 

@@ -188,8 +188,7 @@ def _ahead(panel: Panel, row: Any) -> str:
         within, after = AT_ALL_LOOKS, f", {word} after {row.decided_worlds:.0f} {panel.world}s"
     elif panel.aim is None:
         own = Interval(row.relative, row.relative_low, row.relative_high)
-        wins = row.win_rate * row.paired_worlds
-        after = f", smaller in {wins:g} of {row.paired_worlds} {panel.world}s"
+        after = f", smaller in {row.win_rate * row.paired_worlds:g} of {row.paired_worlds} worlds"
     if panel.aim is None:
         own = Interval(-own.mean, -own.high, -own.low)
     own = own.percent
@@ -204,8 +203,7 @@ def _on_a_log(panel: Panel) -> str:
     if score not in rows or len(rows) == 1:
         return ""
     if (rows["worlds"] == 1).all():
-        tests = (len(rows) - 1) * (1 + sum(one.tested for one in panel.scores))
-        least = stats.least_worlds(tests)
+        least = stats.least_worlds((len(rows) - 1) * (1 + sum(one.tested for one in panel.scores)))
         return f"One run each decides nothing: give --seeds {least} or more."
     rows = rows.sort_values(score)
     low, high = rows[f"{score}_diff_low"], rows[f"{score}_diff_high"]
@@ -245,6 +243,5 @@ def _unfitted(panel: Panel) -> list[str]:
         for method, label in panel.labels.items()
         if method.name == "amcl" and "alpha1" not in method.params
     ]
-    part = "scan.power" in panel.setting.assumed and "judged" in panel.setting.world
-    fitted = part and len(panel.labels) > len(waits)
-    return waits[:1] if fitted else []
+    fitted = "scan.power" in panel.setting.assumed and "judged" in panel.setting.world
+    return waits[:1] if fitted and len(panel.labels) > len(waits) else []

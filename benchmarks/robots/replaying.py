@@ -243,7 +243,6 @@ def replay(
             others what is not set.
         out: folder that keeps runs, tracks, tables and page; None: nothing is kept.
         jobs, timeout: see ``Where``.
-        residuals: whether to tell and draw where the map is wrong.
         command: the words that started it, for the folder.
         how: reference, start, particles, seeds, seed, fit_beams: see ``planned``.
     """
@@ -273,7 +272,9 @@ def run_replay(
         ]
         results = running.results()
         runs = _runs(played, sweep, results)
-        shown += warn([_misfit(played, runs)])
+        if not played.log.referenced.size and len(done := ended(runs)):
+            where = "from the poses that the best run estimates"
+            shown += warn([misfit_words(max(done["agreement_03"]), where, played.log.scanner)])
         wrong = residuals_of(played, runs) if residuals else None
         with doing(f"writing the report in {out}"):
             for name in (PICTURE, TABLE):  # of a run with --residuals
@@ -334,15 +335,6 @@ def touches(replay: Replay) -> str | None:
         f"the map, with a radius of {radius:g} {log.unit}: methods that charge collisions pay "
         "there; give the robot's --set world.radius=…, or mend the map."
     )
-
-
-def _misfit(replay: Replay, runs: pd.DataFrame) -> str | None:
-    """Return the warning that log and map do not fit, by the best run if there is no reference."""
-    shares = list(ended(runs)["agreement_03"])
-    if replay.log.referenced.size or not shares:
-        return None
-    scanner = replay.log.scanner
-    return misfit_words(max(shares), "from the poses that the best run estimates", scanner)
 
 
 def _runs(replay: Replay, sweep: Sweep, results: Results) -> pd.DataFrame:

@@ -267,7 +267,10 @@ class Search:
                 file=sys.stderr,
                 flush=True,
             )
-        best = self._final(tried)
+        last = self._ranked(tried)[:_FINALISTS]
+        last += [tried[0]] * (tried[0] not in last)
+        self._measure(last, self.task.training, _FINAL_RUNS)
+        best = min(last, key=self._key)
         records = [*chain(*self._runs([NOTHING, best.values], self.task.held_out, RUNS))]
         names = [["default", "tuned"], range(len(self.task.held_out)), range(RUNS)]
         index = pd.MultiIndex.from_product(names, names=["which", *RUN])
@@ -303,13 +306,6 @@ class Search:
             better = alive[: -(-len(alive) // ETA)]
             # the default is compared with to the end
             alive = better + [a for a in alive if a.values == NOTHING and a not in better]
-
-    def _final(self, tried: Sequence[Candidate]) -> Candidate:
-        """Return the winner: the best and the default once more on all training segments."""
-        last = self._ranked(tried)[:_FINALISTS]
-        last += [tried[0]] * (tried[0] not in last)
-        self._measure(last, self.task.training, _FINAL_RUNS)
-        return min(last, key=self._key)
 
     def _ranked(self, tried: Sequence[Candidate]) -> list[Candidate]:
         """Return those that ran on all training segments, the best first."""

@@ -266,7 +266,8 @@ def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
     several variants it is the one whose parameters agree with the method's, else the first.
     """
     listed = list(methods)
-    variants = [other for other in listed if other.is_named(name)] or listed[:1]
+    variants = [one for one in listed if name in (one.name, one.agent and one.agent.name)]
+    variants = variants or listed[:1]
     if variants[0].name == name:
         same = [one for one in variants if one.agent == method.agent]
     else:

@@ -284,7 +284,7 @@ class EstimatedTrack:
         """The way, m, at the first and last record of stretches beyond 1 m or 30°, (k, 2)."""
         fixes = self.fixes()
         edges = np.flatnonzero(np.diff(np.pad(~fixes.localized(FOUND), 1).astype(np.int8)))
-        return fixes.way[edges.reshape(-1, 2) - [0, 1]]
+        return np.asarray(fixes.way[edges.reshape(-1, 2) - [0, 1]])
 
     def _in_metres(self, of: Callable[[Floats, Floats], PoseErrors], least: int) -> PoseErrors:
         if self.log.reference is None or self.known.size < least:

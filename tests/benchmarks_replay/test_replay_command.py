@@ -314,6 +314,9 @@ def test_the_verdict_stands_first_and_how_many_runs_would_confirm_a_difference(r
     assert "about" in told
     page = (recorded / "o/report.html").read_text().replace("\u00a0", " ")
     assert page.index("No method is better") < page.index("<table")
+    assert "the least way driven after which 95 % of the records are within 1 m" in page
+    assert " worlds" not in page
+    assert "difference of e" not in page
     assert ranked in page
 
 
