@@ -47,7 +47,7 @@ class _Parser(argparse.ArgumentParser):
             if flag in known:  # argparse knows the options of a command only after its name
                 sentence = f"{flag} stands before the command: write it after {self.prog}"
             elif flag in GONE_OPTIONS:
-                sentence = f"{flag} is gone: write {GONE_OPTIONS[flag]}"
+                sentence = f"there is no {flag} here: write {GONE_OPTIONS[flag]}"
             elif nearest:
                 sentence += f" (did you mean {nearest[0]}?)"
         if message.endswith("expected one argument"):  # argparse takes -1,0,0 for a flag

@@ -34,6 +34,11 @@ def tell(sentence: str) -> None:
     warnings.warn(sentence, LogWarning, stacklevel=level - 1)
 
 
+def like(argument: str, value: object) -> str:
+    """Tell how an argument of ``logs.read`` is given at the command line."""
+    return f", as --set world.reading.{argument}={value}"
+
+
 class InputError(ValueError):
     """Bad input. Its message is one sentence, shown as it is at the command line."""
 

@@ -55,6 +55,7 @@ GONE_OPTIONS = {
     "--max-beams": "--set world.max_beams=60",
     "--motion": "--set assumed.motion.alpha1=0.1, and so on for each",
     "--param": "--set params.LOCALIZER.KEY=VALUE",
+    "--particles": "--set params.particles=300",
     "--radius": "--set world.radius=0.2",
     "--read": "--set world.reading.NAME=VALUE",
     "--scan": "--set assumed.scan.sigma=0.1, and so on for each",

@@ -63,7 +63,7 @@ def _nav2(words: str) -> Option:
     group(
         "more",
         option("--particles", type=int, metavar="N", help="particles of all (each method's "
-            "default: 1000; amcl: at most 2000)"),
+            "default: 1000; amcl: at most 2000); not of amcl with --nav2"),
         switch("--fit-beams", "assume the four-part beam model that fits scans from reference "
             "poses in the first part of the log, and print it"),
         switch("--residuals", "also tell and draw where the map is wrong: cells that beams end in "

@@ -17,7 +17,9 @@ from benchmarks.pictures import styled
 from benchmarks.tables.frames import errors_by_offset, lap_errors, share_curve, whole_runs
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Interval
+from benchmarks.tables.text import percent
 from benchmarks.trials.scores import JOURNEY_SCORES
+from benchmarks.trials.tracks import TOLERATED
 
 if TYPE_CHECKING:  # an optional extra
     from matplotlib.axes import Axes
@@ -42,8 +44,8 @@ _CURVES = {  # by score: title, what the axis of shares says, caption
     "metres_to_localize": (
         "Localized against metres driven",
         "localized to the end, % of runs",
-        "Share of runs whose best cluster stays within 1 m and 30° of the truth from there to the "
-        "end.",
+        "Share of runs whose best cluster {stays} within 1 m and 30° of the truth from there to "
+        "the end.",
     ),
     "metres_to_recover": (
         "Recovered against metres driven",
@@ -182,7 +184,9 @@ def _legend(axes: "Axes") -> None:
 
 def panel_charts(panel: Panel) -> list[Chart]:
     """Return all charts of a panel for which there is something to draw."""
-    charts = [points_chart(panel), offset_chart(panel), lap_chart(panel)]
+    charts = [offset_chart(panel)]  # the error e; of logs that of best clusters is drawn
+    if panel.world == "world":
+        charts = [points_chart(panel), *charts, lap_chart(panel)]
     return journey_charts(panel) + [chart for chart in charts if chart is not None]
 
 
@@ -249,7 +253,7 @@ def offset_chart(panel: Panel) -> Chart | None:
         f"offsets-{panel.number}",
         "Along the queue",
         "Error of the belief at t about x[t+k], over the same states for every k; bars: 95 % "
-        "bootstrap intervals over worlds. A method without a queue is a single mark.",
+        f"bootstrap intervals over {panel.world}s. A method without a queue is a single mark.",
         axes.figure,
     )
 
@@ -257,6 +261,7 @@ def offset_chart(panel: Panel) -> Chart | None:
 def journey_charts(panel: Panel) -> list[Chart]:
     """Shares of runs against the metres driven, for each score with censoring."""
     charts = []
+    stays = f"is at {percent(1 - TOLERATED)} of the records" if panel.world == "run" else "stays"
     runs = (run for own in panel.records.values() for run in own if run.journey)
     end = max((run.journey.curves["way"][-1] for run in runs if run.journey), default=0.0)
     for name, (title, axis, caption) in _CURVES.items():
@@ -275,7 +280,7 @@ def journey_charts(panel: Panel) -> list[Chart]:
             Chart(
                 f"{name.replace('_', '-')}-{panel.number}",
                 title,
-                f"{caption} Bands: Wilson's 95 % interval at each distance.",
+                f"{caption.format(stays=stays)} Bands: Wilson's 95 % interval at each distance.",
                 axes.figure,
             )
         )

@@ -23,8 +23,9 @@ from benchmarks.report.tracks import track_parts
 from benchmarks.report.verdict import baseline_words, conclusion, progress, verdict_on
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.text import BLIND, WORDS, short_name
+from benchmarks.tables.text import BLIND, WORDS, percent, short_name
 from benchmarks.trials.scores import GROUPS
+from benchmarks.trials.tracks import TOLERATED
 from deqmcl_gym import __version__
 from deqmcl_gym.files import command_line, utf8
 
@@ -119,6 +120,8 @@ def page_files(
         "params": panels[0].shared_params if panels else {},
         "blind": any((panel.present["method"] == BLIND).any() for panel in panels),
         "few": _FEW,
+        "world": next((panel.world for panel in panels), "world"),
+        "most": percent(1 - TOLERATED),
         "notes": notes,
         "warnings": warnings,
         "facts": facts,
@@ -185,7 +188,8 @@ def latex_files(results: Results) -> dict[str, bytes]:
         caption = f"{panel.where}: {verdict_on(panel).partition(':')[0]}"
         shown.append((tables.verdict_table(panel), f"setting-{panel.number}", caption))
     template = _engine().get_template("tables.tex.jinja")
-    tex = template.render(command=command_line(results.command), tables=shown)
+    world = next((panel.world for panel in results.panels), "world")
+    tex = template.render(command=command_line(results.command), tables=shown, world=world)
     cited = (files(__package__) / "references.bib").read_text(encoding="utf-8")
     return {
         "tables.tex": utf8(tex),

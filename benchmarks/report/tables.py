@@ -170,8 +170,9 @@ def verdict_table(panel: Panel) -> Table:
             "lost runs (95 %)": words(_lost, "lost_rate", "runs", "lost_low", "lost_high"),
         }
     else:
-        difference = {"difference of e (95 %)": apart("diff")}
-        numbers = {**_score_columns(aim), **relation, **error, **difference}
+        numbers = {**_score_columns(aim), **relation}
+        if panel.world == "world":  # on a log, the table of best clusters has the error
+            numbers |= {**error, "difference of e (95 %)": apart("diff")}
     columns: Columns = {
         "method": lambda rows: [
             label + (" (baseline)" if itself else " (plug-in)" if label in plug_ins else "")
@@ -181,7 +182,7 @@ def verdict_table(panel: Panel) -> Table:
         "ms per step (ratio)": words(
             lambda ms, ratio: f"{fixed(ms)} ({significant(ratio, 2)} ×)", "ms_per_step", "cost"
         ),
-        "worlds": "worlds",
+        f"{panel.world}s": "worlds",
     }
     best = [n for n, order in enumerate(rows["order"]) if order == rows["order"].iloc[0]]
     strong = [(n, column) for n in best for column in (0, 1)]
@@ -250,7 +251,7 @@ def detection_table(panel: Panel) -> Table | None:
         "method": "label",
         "AUROC (95 %)": AUROC,
         f"steps with {far}": words(_tenths, "far_steps"),
-        "in how many worlds": words(
+        f"in how many {panel.world}s": words(
             lambda k, n: "n/a" if math.isnan(k) else f"{k:.0f} of {n}", "far_worlds", "worlds"
         ),
     }
@@ -313,7 +314,8 @@ def _lost(share: float, runs: int, low: float, high: float) -> str:
 def _score_columns(score: Score) -> Columns:
     """A score of whole runs, and how it compares with the baseline's."""
     share = score.unit == "share"
-    scale, unit, of = (100, "points", "") if share else (1, score.unit, f" of {score.unit}")
+    scale, unit = (100, "percentage points") if share else (1, score.unit)
+    of = "" if share else f" of {score.words.partition(',')[0]}"
     digits = {"share": 0, "m": 1, "steps": 1}.get(score.unit, 2)
     digits = digits if score.digits is None else score.digits
     mean = means(score.name, f".{digits}f", " %" * share, scale)

@@ -29,7 +29,7 @@ from benchmarks.tables.text import p_value, percent
 from benchmarks.trials.metrics import middle
 from benchmarks.trials.scores import JOURNEY_SCORES, LEVELS, TRACK_GROUPS, journey_scores
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.tracks import FOUND, NEAR, TOLERATED, EstimatedTrack
+from benchmarks.trials.tracks import FOUND, NEAR, EstimatedTrack
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.validation import InputError
@@ -265,7 +265,7 @@ def tables_of(runs: pd.DataFrame, without: Collection[str] = ()) -> list[Table]:
     results = {name: column for name, column in results.items() if name not in without}
     beliefs = {**_LOCALIZER, **_BELIEFS, **_FITTING, **(_STAMPS if between else {})}
     return [
-        Table("accuracy", of_rows(rows, results), about=TOLERATED),
+        Table("accuracy", of_rows(rows, results)),
         Table("beliefs", of_rows(rows, beliefs), about=between),
     ]
 
@@ -284,14 +284,17 @@ def accuracy(runs: pd.DataFrame) -> list[str]:
         for label, error in zip(rows["label"], rows["position_median"], strict=True)
     )
     worst = worst_run(known)
-    said = f"Worst run: {worst['label']}, seed {worst['seed']}: {run_words(worst)}"
+    said = f"Worst run: {_whose(worst, runs)}: {run_words(worst)}"
     farthest = max((run for _, run in known.iterrows()), key=_largest)
     if farthest["track"] is not worst["track"]:
-        said += (
-            f" The largest error of all is {_largest(farthest):.2f} m, of {farthest['label']}, "
-            f"seed {farthest['seed']}."
-        )
+        said += f" The largest error is {_largest(farthest):.2f} m, of {_whose(farthest, runs)}."
     return [f"Position error, median over all records: {errors}. {said}"]
+
+
+def _whose(run: pd.Series, runs: pd.DataFrame) -> str:
+    """Name the localizer of a run, and the seed if it has several runs: a trajectory has none."""
+    label = str(run["label"])
+    return f"{label}, seed {run['seed']}" if (runs["label"] == label).sum() > 1 else label
 
 
 def _largest(run: pd.Series) -> float:
@@ -301,16 +304,16 @@ def _largest(run: pd.Series) -> float:
 
 def differences_table(panel: Panel) -> Table | None:
     """How methods differ from the baseline, and what it takes to show it; None of one method."""
-    scores = {"success_1m": ("localized to the end, points", "+.0f", 100, "points")}
-    scores["position_median"] = ("position error, median, m", "+.3f", 1, "m")
+    scores = {"success_1m": ("localized to the end, percentage points", "+.0f", 100, "localized")}
+    scores["position_median"] = ("position error, median, m", "+.3f", 1, "position")
     rows = panel.present[~panel.present["is_baseline"]]
     if rows.empty or not scores.keys() <= set(rows):
         return None
     columns: dict[str, str | Writer] = {"localizer": "label", "pairs": "paired_worlds"}
-    for name, (title, form, scale, unit) in scores.items():
+    for name, (title, form, scale, what) in scores.items():
         columns[title] = means(f"{name}_diff", form, scale=scale)
-        columns[f"p, Holm ({unit})"] = words(p_value, f"{name}_p_holm")
-        columns[f"runs needed ({unit})"] = partial(_needed, panel, name)
+        columns[f"p, Holm ({what})"] = words(p_value, f"{name}_p_holm")
+        columns[f"runs needed ({what})"] = partial(_needed, panel, name)
     return Table("", of_rows(rows, columns))
 
 
@@ -323,6 +326,8 @@ def run_words(run: pd.Series) -> str:
     most = f"its largest error is {_largest(run):.2f} m"
     if track.lost is None:
         end = "to" if run[_REACHED] else "at"  # of the last quarter, or but lately
+        for first, last in sorted(track.astray, key=np.ptp)[-1:]:
+            within += f", the longest stretch beyond from {first:.1f} to {last:.1f} m"
         return f"localized {end} the end; {within}, {most}."
     record, way = track.lost
     if record == track.known[0]:

@@ -146,7 +146,7 @@ def _sentence(panel: Panel, ranked: pd.DataFrame) -> str:
     if row.is_baseline:
         return f"No method is better than the baseline, {row.label}: {reached}."
     if row.relation == "not compared":
-        return f"Too few worlds to compare methods: first is {row.label}, {reached}."
+        return f"Too few {panel.world}s to compare methods: first is {row.label}, {reached}."
     ahead = f"first is {row.label}, {reached}, {_ahead(panel, row)}"
     if isinstance(row.decision, str):
         return f"No method is shown to be better than {row.reference}: {ahead}."
@@ -154,8 +154,8 @@ def _sentence(panel: Panel, ranked: pd.DataFrame) -> str:
     doubt = f"p = {p_value(row.p)}"
     if stats.least_p(row.paired_worlds, panel.tests) >= ALPHA:
         doubt = (
-            f"p < {ALPHA:g} needs {stats.least_worlds(panel.tests)} worlds with the tests of this "
-            f"section ({panel.tests})"
+            f"p < {ALPHA:g} needs {stats.least_worlds(panel.tests)} {panel.world}s with the tests "
+            f"of this section ({panel.tests})"
         )
     return (
         f"No method is confirmed to be better than {row.reference}, {_brief(panel, base)}: "
@@ -180,12 +180,12 @@ def _reached(panel: Panel, row: Any) -> str:
 
 def _ahead(panel: Panel, row: Any) -> str:
     """By how much a method is better than its baseline, with the interval."""
-    unit, side = ("%", "below") if panel.aim is None else ("points", "above")
+    unit, side = ("%", "below") if panel.aim is None else ("percentage points", "above")
     own, within, after = Interval(row.apart, row.apart_low, row.apart_high), "95 %", ""
     if isinstance(row.decision, str):
         own = Interval(row.decided, row.decided_low, row.decided_high)
         word = "open" if row.decision == "open" else "decided"
-        within, after = AT_ALL_LOOKS, f", {word} after {row.decided_worlds:.0f} worlds"
+        within, after = AT_ALL_LOOKS, f", {word} after {row.decided_worlds:.0f} {panel.world}s"
     elif panel.aim is None:
         own = Interval(row.relative, row.relative_low, row.relative_high)
         after = f", smaller in {row.win_rate * row.paired_worlds:g} of {row.paired_worlds} worlds"
@@ -200,8 +200,11 @@ def _ahead(panel: Panel, row: Any) -> str:
 def _on_a_log(panel: Panel) -> str:
     """The verdict on whole logs of equal success: by errors, else by coverage of 95 % regions."""
     score, rows = "position_median", panel.present
-    if score not in rows:
+    if score not in rows or len(rows) == 1:
         return ""
+    if (rows["worlds"] == 1).all():
+        least = stats.least_worlds((len(rows) - 1) * (1 + sum(one.tested for one in panel.scores)))
+        return f"One run each decides nothing: give --seeds {least} or more."
     rows = rows.sort_values(score)
     low, high = rows[f"{score}_diff_low"], rows[f"{score}_diff_high"]
     clear = rows[((low > 0) | (high < 0)) & (rows[f"{score}_p_holm"] < ALPHA)]
@@ -223,9 +226,10 @@ def _on_a_log(panel: Panel) -> str:
         shares = [one.track.scores.get("coverage_95") for one in records if one.track is not None]
         if known := [share for share in shares if share is not None]:
             held[label] = sum(known) / len(known)
-    if len(held) < 2 or max(held.values()) - min(held.values()) < _COVERAGE_APART:
+    few = stats.least_p(int(rows["paired_worlds"].max()), panel.tests) >= ALPHA
+    if few or len(held) < 2 or max(held.values()) - min(held.values()) < _COVERAGE_APART:
         return ""
-    listed = ", ".join(f"{percent(share)} of {label}" for label, share in held.items())
+    listed = ", ".join(f"{percent(share)} of {label}'s records" for label, share in held.items())
     return (
         "Neither successes nor errors separate the methods, but the 95 % regions do: they hold the "
         f"reference in {listed}."
@@ -233,11 +237,11 @@ def _on_a_log(panel: Panel) -> str:
 
 
 def _unfitted(panel: Panel) -> list[str]:
-    """Methods with default assumptions beside others that are fitted to the log."""
+    """Methods with default assumptions beside others that are fitted to a part of the log."""
     waits = [
         label
         for method, label in panel.labels.items()
         if method.name == "amcl" and "alpha1" not in method.params
     ]
-    fitted = "scan.power" in panel.setting.assumed and len(panel.labels) > len(waits)
-    return waits[:1] if fitted else []
+    fitted = "scan.power" in panel.setting.assumed and "judged" in panel.setting.world
+    return waits[:1] if fitted and len(panel.labels) > len(waits) else []

@@ -96,7 +96,8 @@ def calibrated(replay: Replay) -> Replay:
     """
     count = _part(replay.log)
     if count is None:
-        return replay
+        why = f"{_LEAST} records with a reference in the first {PART:.0%} of the log"
+        return replace(replay, calibration=f"The power is 1: not fitted, which needs {why}.")
     assumed = {name: v for name, v in replay.assumed.items() if not name.startswith("prior.")}
     world = {name: v for name, v in replay.world.items() if name != "judged"}
     world["start"] = _first(replay)
@@ -130,8 +131,8 @@ def calibrated(replay: Replay) -> Replay:
         assumed=replay.assumed | {"scan.power": power},
         calibration=f"The likelihood of a scan is raised to the power {power:.3g}: with it, the "
         f"95 % region of mcl covers {percent(covered)} of the reference's poses in the first "
-        f"{count:,} records {former}. Coverage and NEES in the tables are those of the records "
-        f"after them.{doubt}",
+        f"{count:,} records {former}. Coverage and NEES beside the log score are of the "
+        f"records after them.{doubt}",
     )
 
 

@@ -17,9 +17,11 @@ from typing import Any
 import yaml
 
 from benchmarks.robots.played import Replay
+from benchmarks.setup.priors import Gaussian
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import UnreadableError, content_of, yaml_of
 from deqmcl_gym.maps import Lidar, PolygonMap
+from deqmcl_gym.maps.clusters import Near
 from deqmcl_gym.validation import InputError, boolean, number, one_of, pose, shown
 from localizers import DifferentialMotion, GaussianUniform, OmniMotion, RobotModel, make
 from localizers.methods.amcl import DIFFERENTIAL, OMNI, amcl
@@ -94,9 +96,16 @@ class Amcl:
         for name in ("max_range", "min_range"):
             file[f"laser_{name}"] = self.reading.get(name, "the sensor's")
             now[f"laser_{name}"] = world.get(f"reading.{name}", "the sensor's")
+        prior, first = replay.scenario.prior, replay.log[0].reference
         if self.start is not None:
             file["initial_pose"] = self.start
             now["initial_pose"] = replay.assumed.get("prior.mean", "another start")
+            if type(prior) is Gaussian and prior.mean is None and first is not None:
+                near = Near(prior.sd_position, prior.sd_heading)
+                same = near([first], self.start, unit=replay.log.unit)[0]
+                x, y, heading = first
+                at = f"the reference's first pose ({x:z.2f}, {y:z.2f}, {heading:z.2f})"
+                now["initial_pose"] = self.start if same else at
         told = [f"{n} {file.get(n)} → {v}" for n, v in now.items() if v != file.get(n)]
         return [f"{self.source}: what is played differs in {', '.join(told)}"] if told else []
 

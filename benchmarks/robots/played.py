@@ -185,7 +185,7 @@ def replay_of(
     played, ground = _replayed(world).recording()
     check_inside(played, ground)
     if start == "reference" and (at := played[0].reference) is not None:
-        _check_free(ground, at, "the reference begins at", "the reference of this log and map")
+        _check_free(ground, at, "the reference begins at", "--start=x,y,θ")
     assumed, origin = _with_noise(world, absolute_assumed(Overrides(asked)), played)
     if start not in ("reference", None):
         prior = _start_of(start)

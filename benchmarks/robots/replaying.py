@@ -55,9 +55,8 @@ FEW = 0.5  # share of beams within the larger distance below which log and map d
 _LOOKED_AT = 200  # reference poses
 _PARTICLES = "particles", "max_particles"
 _TRACKS = "tracks"
-_WORLDS = (
-    "A world of this page is a run over the log with random numbers of its own: intervals and "
-    "tests tell what other seeds would give on this log, not what other logs would."
+_RUNS = (
+    "Intervals and tests over runs tell what other seeds would give on this log, not other logs."
 )
 
 
@@ -125,6 +124,10 @@ def planned(
     if nav2 is not None:
         amcl = next((method.params for method in sweep.localizers if method.name == "amcl"), None)
         warnings += warn([*nav2.notes, *([] if amcl is None else nav2.differences(amcl, replay))])
+        if particles is not None and amcl is not None:
+            own = f"has the file's, {amcl['min_particles']} to {amcl['max_particles']}"
+            more = "--set params.amcl.max_particles=… makes the comparison fair"
+            warnings += warn([f"--particles {particles} is not of amcl, which {own}: {more}"])
     return Planned(replay, sweep, warnings)
 
 
@@ -234,15 +237,12 @@ def replay(
     What is refused raises ``InputError`` before anything is run.
 
     Args:
-        log: path of the log, or of its parts.
-        map: path of the map's yaml.
         localizers: names, classes or functions that make one; the first is the baseline.
         settings: single values by dotted name, as ``--set`` has them: world.…, assumed.…, params.….
         nav2: Nav2's parameter file, with the ``node`` in it: sets all of ``amcl``, and for the
             others what is not set.
         out: folder that keeps runs, tracks, tables and page; None: nothing is kept.
         jobs, timeout: see ``Where``.
-        residuals: whether to tell and draw where the map is wrong.
         command: the words that started it, for the folder.
         how: reference, start, particles, seeds, seed, fit_beams: see ``planned``.
     """
@@ -272,7 +272,9 @@ def run_replay(
         ]
         results = running.results()
         runs = _runs(played, sweep, results)
-        shown += warn([_misfit(played, runs)])
+        if not played.log.referenced.size and len(done := ended(runs)):
+            where = "from the poses that the best run estimates"
+            shown += warn([misfit_words(max(done["agreement_03"]), where, played.log.scanner)])
         wrong = residuals_of(played, runs) if residuals else None
         with doing(f"writing the report in {out}"):
             for name in (PICTURE, TABLE):  # of a run with --residuals
@@ -335,15 +337,6 @@ def touches(replay: Replay) -> str | None:
     )
 
 
-def _misfit(replay: Replay, runs: pd.DataFrame) -> str | None:
-    """Return the warning that log and map do not fit, by the best run if there is no reference."""
-    shares = list(ended(runs)["agreement_03"])
-    if replay.log.referenced.size or not shares:
-        return None
-    scanner = replay.log.scanner
-    return misfit_words(max(shares), "from the poses that the best run estimates", scanner)
-
-
 def _runs(replay: Replay, sweep: Sweep, results: Results) -> pd.DataFrame:
     """Return the runs of each localizer, in the order in which they were named."""
     names = [method.name for method in sweep.localizers]
@@ -374,7 +367,7 @@ def _contents(
         from benchmarks.report.page import page_files
         from benchmarks.report.tables import Part
 
-        notes = [*accuracy(runs), replay.overview, _WORLDS]
+        notes = [*accuracy(runs), replay.overview, _RUNS]
         more = [] if wrong is None else [Part(*wrong.part)]
         page = page_files(
             results, Path(), notes=notes, warnings=warnings, facts=replay.facts, more=more

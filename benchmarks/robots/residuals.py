@@ -142,9 +142,10 @@ class Residuals:
     def said(self) -> str:
         """What was found, in words."""
         kinds = [place.kind for place in self.places]
+        hit = kinds.count(HIT)
         return (
-            f"Where the map is wrong: {kinds.count(HIT)} places hit in free space, "
-            f"{kinds.count(THROUGH)} seen through, by {int(self.used.sum()):,} of "
+            f"Where the map is wrong: {hit} {'place' if hit == 1 else 'places'} {HIT}, "
+            f"{kinds.count(THROUGH)} {THROUGH}, by {int(self.used.sum()):,} of "
             f"{len(self.used):,} scans of {self.whose}, the run whose scans agree best with the "
             "map."
         )

@@ -7,6 +7,7 @@ two best. The default and the winner run on the held-out segments, once.
 
 import math
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -255,22 +256,23 @@ class Search:
     def run(self, candidates: int) -> Tuning:
         """Search until so many candidates were tried; if the default fails, raise an error."""
         tried: list[Candidate] = []
+        begun = time.monotonic()
         for number, before in enumerate(range(0, candidates, ROUND)):
             tried += self._drawn(number, min(ROUND, candidates - before), tried)
             self._halve(number, tried[before:])
             print(
-                f"deqmcl: round {number + 1}: {len(tried)} of {candidates} candidates; on the "
-                f"training segments default {tried[0].value:.3f}, best "
-                f"{self._ranked(tried)[0].value:.3f}",
+                f"deqmcl: round {number + 1}: {len(tried)} of {candidates} candidates after "
+                f"{(time.monotonic() - begun) / 60:.1f} min; on the training segments default "
+                f"{tried[0].value:.3f}, best {self._ranked(tried)[0].value:.3f}",
                 file=sys.stderr,
                 flush=True,
             )
-        best = self._final(tried)
-        runs = chain(*self._runs([NOTHING, best.values], self.task.held_out, RUNS))
-        records, names = (
-            [*runs],
-            [["default", "tuned"], range(len(self.task.held_out)), range(RUNS)],
-        )
+        last = self._ranked(tried)[:_FINALISTS]
+        last += [tried[0]] * (tried[0] not in last)
+        self._measure(last, self.task.training, _FINAL_RUNS)
+        best = min(last, key=self._key)
+        records = [*chain(*self._runs([NOTHING, best.values], self.task.held_out, RUNS))]
+        names = [["default", "tuned"], range(len(self.task.held_out)), range(RUNS)]
         index = pd.MultiIndex.from_product(names, names=["which", *RUN])
         columns = [*(TRACK_SCORES | JOURNEY_SCORES)]
         held_out = pd.DataFrame([_scores(record) for record in records], index, columns, float)
@@ -304,13 +306,6 @@ class Search:
             better = alive[: -(-len(alive) // ETA)]
             # the default is compared with to the end
             alive = better + [a for a in alive if a.values == NOTHING and a not in better]
-
-    def _final(self, tried: Sequence[Candidate]) -> Candidate:
-        """Return the winner: the best and the default once more on all training segments."""
-        last = self._ranked(tried)[:_FINALISTS]
-        last += [tried[0]] * (tried[0] not in last)
-        self._measure(last, self.task.training, _FINAL_RUNS)
-        return min(last, key=self._key)
 
     def _ranked(self, tried: Sequence[Candidate]) -> list[Candidate]:
         """Return those that ran on all training segments, the best first."""

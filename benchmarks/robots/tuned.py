@@ -224,7 +224,9 @@ def _explained(ranks: Floats, codes: Any) -> Floats:
 def _importance(tuning: Tuning) -> str:
     count = sum(candidate.whole_space for candidate in tuning.tried)
     if count < _FEW:
-        return f"{count} candidates from the whole space are too few to say; it takes {_FEW}."
+        return (
+            f"{count} candidates do not tell which parameters matter: {_FEW} of the whole space do."
+        )
     table = importance(tuning.task.space, tuning.tried)
     table["parameter"] = table["parameter"].map("`{}`".format)
     more = table["share"] > table["chance"]

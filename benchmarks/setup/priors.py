@@ -68,7 +68,7 @@ class Displaced(Gaussian):
     def __post_init__(self) -> None:
         super().__post_init__()
         number("prior.distance", self.distance, low=0)
-        number("prior.angle", self.angle, low=0, high=math.pi)
+        number("prior.angle", self.angle, low=0, high=3.1416)  # π, as people write it
 
     def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> GaussianPrior:
         """Return p(x_0) in the episode that a room has begun last."""

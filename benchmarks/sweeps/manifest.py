@@ -199,7 +199,7 @@ def read_manifest(folder: Path) -> Manifest:
         content = json_of(content_of(path))
     except FileNotFoundError:
         raise InputError(
-            f"{folder} holds no {MANIFEST} of a sweep: give the folder of a sweep, or a new one."
+            f"{folder} holds no {MANIFEST} of a sweep: give the folder of a sweep or replay."
         ) from None
     except UnreadableError as error:
         raise InputError(f"{path} {error}: restore it, or {again}.") from None

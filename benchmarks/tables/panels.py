@@ -88,6 +88,11 @@ class Panel:
         return list(dict.fromkeys(short_name(one.agent.name) for one in self.labels if one.agent))
 
     @property
+    def world(self) -> str:
+        """What a trial of it is called: a world, or a run over a whole log."""
+        return "world" if self._first.track is None else "run"
+
+    @property
     def tests(self) -> int:
         """How many tests Holm's correction at x[t] is for."""
         names = ["p", *(f"{score.name}_p" for score in self.scores if score.tested)]
@@ -261,7 +266,8 @@ def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
     several variants it is the one whose parameters agree with the method's, else the first.
     """
     listed = list(methods)
-    variants = [other for other in listed if other.is_named(name)] or listed[:1]
+    variants = [one for one in listed if name in (one.name, one.agent and one.agent.name)]
+    variants = variants or listed[:1]
     if variants[0].name == name:
         same = [one for one in variants if one.agent == method.agent]
     else:

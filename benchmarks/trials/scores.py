@@ -178,10 +178,6 @@ def _split(run: Journey) -> float:
     return float(masses.min() / masses.sum()) if masses.sum() > 0 else math.nan
 
 
-def _error_of(run: Journey) -> float:
-    return float(np.median(run.fixes.distance))
-
-
 _LOST = (
     _success("1m", tested=True),
     _success("05m", tested=False),
@@ -199,8 +195,8 @@ _RECOVERY = (
     _share("recovered", _AGAIN, lambda run: math.isfinite(_to_recover(run))),
     _metres("metres_to_recover", "metres to recover", _to_recover),
 )
-_MEDIAN = Score("position_median", "m", "low", "position error, median", _error_of, tested=True,
-    digits=3)  # fmt: skip
+_MEDIAN = Score("position_median", "m", "low", "position error, median",
+    lambda run: float(np.median(run.fixes.distance)), tested=True, digits=3)  # fmt: skip
 _DRIVING = (
     _share("success", "arrived", lambda run: run.arrived),
     Score("spl", "", "high", "SPL", lambda run: run.spl, failed=0.0),

@@ -49,10 +49,6 @@ class Method(Named):
         own = super().__str__()
         return f"{self.agent} with {own}" if self.agent else own
 
-    def is_named(self, name: str) -> bool:
-        """Whether a name is that of its localizer or of its agent."""
-        return name == self.name or (self.agent is not None and name == self.agent.name)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:

@@ -279,6 +279,13 @@ class EstimatedTrack:
         first = fixes.lost_at
         return None if first is None else (int(fixes.steps[first]), float(fixes.way[first]))
 
+    @property
+    def astray(self) -> Floats:
+        """The way, m, at the first and last record of stretches beyond 1 m or 30°, (k, 2)."""
+        fixes = self.fixes()
+        edges = np.flatnonzero(np.diff(np.pad(~fixes.localized(FOUND), 1).astype(np.int8)))
+        return np.asarray(fixes.way[edges.reshape(-1, 2) - [0, 1]])
+
     def _in_metres(self, of: Callable[[Floats, Floats], PoseErrors], least: int) -> PoseErrors:
         if self.log.reference is None or self.known.size < least:
             return PoseErrors(translation=np.empty(0), rotation=np.empty(0))

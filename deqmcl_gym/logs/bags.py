@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from deqmcl_gym.files import names_of, opened_log
 from deqmcl_gym.logs.transforms import ODOMETRY, frame_name
-from deqmcl_gym.validation import InputError
+from deqmcl_gym.validation import InputError, like
 
 SCAN = "sensor_msgs/msg/LaserScan"
 POSE_TYPES: dict[str, Callable[[Any], Any]] = {
@@ -112,7 +112,8 @@ class Bag:
         if len(fitting) > 1:
             raise InputError(
                 f"{self.name} has {len(fitting)} topics of type {types[0]}, {', '.join(fitting)}: "
-                f"choose one by {argument}{', or several' if argument == 'scan_topic' else ''}."
+                f"choose {'one or several' if argument == 'scan_topic' else 'one'} by {argument}"
+                f"{like(argument, fitting[0]) if argument.endswith('_topic') else ''}."
             )
         if not fitting and needed:
             raise InputError(
@@ -155,6 +156,8 @@ def _reader(path: Path) -> Any:
 
     if not os.path.exists(path):
         raise InputError(f"{path} does not exist: give the path of a bag.")
+    if path.is_dir() and not (path / "metadata.yaml").exists():
+        raise InputError(f"{path} has no metadata.yaml: give the .mcap or .db3 files in it.")
     if not path.is_dir():
         with opened_log(path) as file:  # refuses a pipe, which rosbags would wait for
             if file.read(len(_POINTER)) == _POINTER:

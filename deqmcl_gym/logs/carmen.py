@@ -29,7 +29,7 @@ from deqmcl_gym.logs.raw_records import UNREADABLE, RawRecord, RawRecords, usabl
 from deqmcl_gym.logs.scans import Fan
 from deqmcl_gym.logs.trajectory import with_own_reference
 from deqmcl_gym.numerics import arrays
-from deqmcl_gym.validation import InputError, number, one_of, tell
+from deqmcl_gym.validation import InputError, like, number, one_of, tell
 
 SCAN_KINDS = ("FLASER", "ROBOTLASER1", "RAWLASER1")
 SICK_RANGE = 79.0  # m: an LMS in its 80 m mode reports 81.83 or 81.91 where nothing is in range
@@ -139,7 +139,7 @@ class _Messages:
                 tell(
                     f"{records.source}: FLASER lines do not say their angles: {beams} beams are "
                     "taken as those of a SICK LMS, from -90° to 90°; for another lidar give "
-                    "field_of_view in rad, as 4.712 for 270°."
+                    f"field_of_view in rad{like('field_of_view', 4.712)} for 270°."
                 )
         return records
 
@@ -249,7 +249,8 @@ def _kind(name: str, messages: _Messages, asked: str | None) -> str:
         return whole[0]
     if whole:
         raise InputError(
-            f"{name} has scans of two kinds, {' and '.join(whole)}: choose one by scan_topic."
+            f"{name} has scans of two kinds, {' and '.join(whole)}: choose one by "
+            f"scan_topic{like('scan_topic', whole[0])}."
         )
     damaged = f", and {messages.unreadable:,} unreadable lines" if messages.unreadable else ""
     lasers = [f"{count:,} {kind}" for kind, count in messages.lasers.items()]

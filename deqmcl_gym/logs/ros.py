@@ -42,13 +42,14 @@ from deqmcl_gym.logs.transforms import (
     frame_name,
     only_frame,
 )
-from deqmcl_gym.validation import InputError, integer, number, one_of, shown, tell
+from deqmcl_gym.validation import InputError, integer, like, number, one_of, shown, tell
 
 UNIT_TOPIC, REFERENCE_TOPIC = "/deqmcl_unit", "/reference"
 _ROBOT = "base_link"
 _SHORTEST = 1e-12  # square of the length of a quaternion
 _APART, _PARTS = 0.2, 4  # s between stamps of one time that is told, and parts of a log
 _ALIKE = 0.05  # share of an increment
+_RECORD = "record an Odometry topic or /tf with the stamps and the clock of the scans"
 
 
 def read_bag(
@@ -224,7 +225,7 @@ class _Messages:
                 fans = [record.fan for record in self.scanned[topic].records.records]
                 said = max(one.max_range for one in fans if one)
                 raise InputError(
-                    f"range_max of its scans is {said:g}: give max_range, such as max_range=20."
+                    f"range_max of its scans is {said:g}: give max_range{like('max_range', 20)}."
                 )
             own = fan.angles(beams)
             mount = self.transforms.of(topic).mounted(self.name, base, frame, beams)
@@ -279,9 +280,9 @@ class _Messages:
         except InputError:
             if flaw is None or odometry_frame is not None:
                 raise
-            raise InputError(f"{self.name} has no usable odometry: {flaw}.") from None
+            raise InputError(f"{self.name} has no usable odometry: {flaw}; {_RECORD}.") from None
         if worse := _flaw(rows, "the transforms", scans.records.times):
-            raise InputError(f"{self.name} has no usable odometry: {flaw or worse}.")
+            raise InputError(f"{self.name} has no usable odometry: {flaw or worse}; {_RECORD}.")
         if flaw is not None:
             self._tell(f"{flaw}: the odometry is taken from transforms")
         self._compare_clocks(rows, "the transforms")
@@ -339,6 +340,7 @@ class _Messages:
             remarks.append(
                 f"{len(own)} publishers send odometry on {where} ({said}): "
                 f"{chosen} is taken, choose another by odometry_publisher"
+                f"{like('odometry_publisher', 1 + chosen % len(own))}"
             )
             kept = finite[own[chosen - 1]]
             table, rows = table[kept], rows[kept]

@@ -11,7 +11,7 @@ import numpy as np
 from deqmcl_gym.logs.motion import heading_of
 from deqmcl_gym.maps import Mount
 from deqmcl_gym.numerics import Floats
-from deqmcl_gym.validation import InputError, one_of, tell
+from deqmcl_gym.validation import InputError, like, one_of, tell
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 ODOMETRY_FRAME, MAP_FRAME = "odom", "map"
@@ -131,9 +131,9 @@ class Frames:
         if not from_odom:
             listed = ", ".join(f"{one} to {other}" for one, other in moving) or "none"
             raise InputError(
-                f"{name} has no odometry: give the topic of a {ODOMETRY} by odometry_topic, or by "
-                "odometry_frame the frame from which transforms move the robot; the moving "
-                f"transforms are {listed}."
+                f"{name} has no odometry: give the topic of a {ODOMETRY} by odometry_topic"
+                f"{like('odometry_topic', '/odom')}, or by odometry_frame the frame from which "
+                f"transforms move the robot; the moving transforms are {listed}."
             )
         children = {child: rows for (_, child), rows in from_odom.items()}
         base = only_frame(children, f"{ODOMETRY_FRAME} in the transforms of {name}")
@@ -159,7 +159,7 @@ class Frames:
             tell(
                 f"{name} has no static transform from {base} to {frame}: the scanner's place on "
                 f"{root} is taken; if that is not {base}, seen from above, give "
-                "mounting=(x, y, turn)."
+                f"mounting{like('mounting', '[x,y,turn]')}."
             )
             chain, spread = self._chain(root, scanner)
         if chain is None:
@@ -168,7 +168,7 @@ class Frames:
             tell(
                 f"{name} has no static transform from {base} to {frame}{why}: the scanner is "
                 "assumed in the robot's centre, looking ahead; if it is not, give "
-                "mounting=(x, y, turn)."
+                f"mounting{like('mounting', '[x,y,turn]')}."
             )
             chain = np.eye(4)
         if max(spread) > _STEADY:
@@ -255,7 +255,8 @@ def only_frame(frames: Iterable[str], where: str) -> str:
     first, *others = sorted(frames)
     if others:
         said = ", ".join([first, *others])
-        raise InputError(f"{where} has the poses of several frames, {said}: choose by base_frame.")
+        by = f"base_frame{like('base_frame', first)}"
+        raise InputError(f"{where} has the poses of several frames, {said}: choose by {by}.")
     return first
 
 

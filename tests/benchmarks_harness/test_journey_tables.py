@@ -186,8 +186,8 @@ def test_the_verdict_is_about_what_the_runs_are_about_not_about_the_error(score,
     ends = [round(100 * one) for one in wilson(11 / 12, 12)]
     assert verdict_on(panel) == (
         f"mcl-plan is best: {done} in 92 % of runs (95 %: "
-        f"{ends[0]} to {ends[1]}), {mean} points above mcl (95 %: {low} to {high}); costs 2.7 × "
-        "the time."
+        f"{ends[0]} to {ends[1]}), {mean} percentage points above mcl (95 %: {low} to "
+        f"{high}); costs 2.7 × the time."
     )
     assert float(following[f"{score}_p_holm"]) > 0.05
     table = verdict_table(panel).frame
@@ -199,7 +199,8 @@ def test_a_share_that_is_not_confirmed_to_be_larger_is_not_called_best():
     runs = [*sought("mcl", 6, score="recovered"), *sought("amcl", 8, score="recovered")]
     assert verdict_on(panel_of(runs)) == (
         "No method is confirmed to be better than mcl, recovered in 50 % of runs: first is amcl, "
-        "recovered in 67 % of runs (95 %: 39 to 86), 17 points above mcl (95 %: 0 to 42), p = 1."
+        "recovered in 67 % of runs (95 %: 39 to 86), 17 percentage points above mcl "
+        "(95 %: 0 to 42), p = 1."
     )
 
 

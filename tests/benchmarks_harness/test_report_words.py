@@ -198,15 +198,19 @@ def test_scenarios_of_files_are_named_by_their_stems_where_these_differ():
     ]  # fmt: skip
 
 
-def on_a_log(errors, coverage, successes=(1.0, 1.0)):
-    """Twelve runs of two methods: their median errors, m, their coverage and successes."""
+def on_a_log(errors, coverage, successes=(1.0, 1.0), runs=12, judged=9):
+    """Runs of two methods: their median errors, m, their coverage and successes."""
     records = []
     still = [0.0] * (STEPS + 1)
     for k, name in enumerate(("mcl", "amcl")):
         track = RecordedTrack(best=(still, still, still), scores={"coverage_95": coverage[k]})
-        for world in range(12):
+        for world in range(runs):
             scores = {"success_1m": successes[k], "position_median": errors[k]}
-            one = whole(finished(name, world, 1.0, assumed={"scan.power": 0.1}), scores, 9.0)
+            setting = {
+                "assumed": {"scan.power": 0.1},
+                "world": {"judged": judged} if judged else {},
+            }
+            one = whole(finished(name, world, 1.0, **setting), scores, 9.0)
             records.append(changed(one, track=track))
     return verdict_on(panel_of(records))
 
@@ -223,6 +227,11 @@ def test_on_a_log_successes_then_errors_then_coverage_decide_and_who_is_not_fitt
     assert told.startswith(
         "Neither successes nor errors separate the methods, but the 95 % regions"
     )
-    assert "90 % of mcl, 50 % of amcl" in told
+    assert "90 % of mcl's records, 50 % of amcl's records" in told
+    assert unfitted not in on_a_log((0.2, 0.2), (0.9, 0.5), judged=None)  # the power was given
+    for alike in ((0.9, 0.5), (0.9, 0.9)):  # one run separates nothing
+        told = on_a_log((0.1, 12.5), alike, (1.0, 0.0), runs=1)
+        assert told.startswith("One run each decides nothing: give --seeds 7 or more.")
+    assert "Neither" not in on_a_log((0.2, 0.2), (0.9, 0.5), runs=5)
     told = on_a_log((0.2, 0.2), (0.9, 0.9))
     assert told.startswith("No method is better than the baseline, mcl: ")

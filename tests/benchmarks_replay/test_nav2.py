@@ -362,6 +362,7 @@ def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded
     assert main([*told, "--out", "out"]) == 0
     said = capsys.readouterr()
     assert "not used: kld_err" in said.err
+    assert "Warning: --particles 20 is not of amcl, which has the file's, " in said.err
     assert "differential, alpha1 0.04, alpha2 0.08, alpha3 0.09, alpha4 0.2" in said.out
     assert "around (1.20, 1.00, 0.10 rad)" in said.out
     assert "15 records" in said.out  # 0.5 m, a record each 17 mm, of which two make 25 mm
@@ -375,7 +376,12 @@ def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded
     [
         (["--set", "params.amcl.alpha1=0.3"], "alpha1 0.04 → 0.3"),
         (["--every", "0.2m,1rad"], "update_min_a 0.2 → 1.0, update_min_d 0.1 → 0.2"),
-        (["--reference", "x.tum"], "initial_pose (1.2, 1.0, 0.1) → another start"),
+        (
+            ["--reference", "far.tum"],
+            "initial_pose (1.2, 1.0, 0.1) → the reference's first pose (0.90, 1.00, 0.00)",
+        ),
+        (["--reference", "x.tum"], None),
+        (["--start=global"], "initial_pose (1.2, 1.0, 0.1) → another start"),
         (["--start=1.2,1,0.1", "--particles", "20", "--set", "assumed.motion.alpha1=0.5"], None),
     ],
 )
@@ -383,6 +389,8 @@ def test_replay_says_in_which_parameters_amcl_differs_from_the_file(
     params, recorded, capsys, words, told
 ):
     command = ["replay", "x.csv", "--map", "room.yaml", "--nav2", str(params()), "--seeds", "1"]
+    poses = logs.read_tum("x.tum").poses
+    logs.Trajectory(np.arange(30.0), poses - np.array([0.1, 0, 0])).write("far.tum")
     assert main([*command, "--localizers", "amcl", *words, "--dry-run"]) == 0
     said = capsys.readouterr().err
     assert ("what is played differs in" in said) == (told is not None)

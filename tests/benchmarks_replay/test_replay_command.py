@@ -314,6 +314,9 @@ def test_the_verdict_stands_first_and_how_many_runs_would_confirm_a_difference(r
     assert "about" in told
     page = (recorded / "o/report.html").read_text().replace("\u00a0", " ")
     assert page.index("No method is better") < page.index("<table")
+    assert "the least way driven after which 95 % of the records are within 1 m" in page
+    assert " worlds" not in page
+    assert "difference of e" not in page
     assert ranked in page
 
 
@@ -326,6 +329,9 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
     assert "lost after 5.0 m, 5.0 s" in run_words(worst)
     assert "50 % of its records" in run_words(worst)
     assert "its largest error is 6.00 m" in run_words(worst)
+    found_again = runs_of([0.1, 3, 3, 0.1, 0.1, 2] + [0.1] * 34).iloc[0]
+    assert "localized to the end; 92 % of its records" in run_words(found_again)
+    assert "the longest stretch beyond from 1.0 to 2.0 m" in run_words(found_again)
     assert median.track.lost is None
 
 
@@ -352,12 +358,16 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--start", "near=40,40,1"), "AnnulusRegion"),
         (("--reference", "far.tum"), "leaves the map"),
         (("--reference", "late.tum"), "same clock"),
+        (("--reference", "wall.tum"), "on the map: give --start=x,y,θ."),
         (("--node", "amcl"), "--node is given without --nav2"),
     ],
 )
 def test_bad_input_is_refused_in_a_sentence_and_nothing_is_written(recorded, capsys, words, said):
     reference = logs.read_tum("lap.tum")
     logs.Trajectory(reference.times, reference.poses + 50).write("far.tum")
+    poses = reference.poses.copy()
+    poses[0] = (2.1, 1.6, 0.0)
+    logs.Trajectory(reference.times, poses).write("wall.tum")
     logs.Trajectory(reference.times + 1e4, reference.poses).write("late.tum")
     assert replay(*KNOWN, *words, "--out", "o") == 2
     told = capsys.readouterr().err

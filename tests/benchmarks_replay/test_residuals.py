@@ -87,7 +87,8 @@ def test_replay_writes_the_picture_and_a_line_per_place(lap, wrong, tmp_path, mo
     said = capsys.readouterr().out
     kinds = [line["kind"] for line in lines(tmp_path / "o", "residuals.csv")]
     assert {HIT, THROUGH} == set(kinds), said
-    told = f"{kinds.count(HIT)} places hit in free space, {kinds.count(THROUGH)} seen through"
+    places = f"{kinds.count(HIT)} place{'' if kinds.count(HIT) == 1 else 's'}"
+    told = f"{places} hit in free space, {kinds.count(THROUGH)} seen through"
     assert told in said
     assert (tmp_path / "o/residuals.png").read_bytes().startswith(b"\x89PNG")
     assert "Where is the map wrong?" in (tmp_path / "o/report.html").read_text(encoding="utf-8")

@@ -166,7 +166,7 @@ def test_starts_that_are_wrong_are_swept_as_the_page_says(lap, capsys):
     (command,) = commands(LOG, "basin")
     few = command.replace("[0,0.5,1,1.5,2,3]", "[0,3]")
     assert few != command
-    fewer = "--set vary.assumed.prior.angle=[0,3.14] --set params.mcl-map.particles=50 --trials 1"
+    fewer = "--set vary.assumed.prior.angle=[0,3.1416] --set params.mcl-map.particles=50 --trials 1"
     assert exit_code(*shlex.split(f"{few} {fewer} --jobs 1")[1:]) == 0, capsys.readouterr().err
     rows = lines(Path("results/basin"), "basin.csv")
     assert (rows[0]["runs"], rows[0]["localized"], len(rows)) == ("1", "1", 8)

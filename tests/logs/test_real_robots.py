@@ -375,7 +375,10 @@ def test_which_of_two_publishers_is_taken_is_told_and_can_be_chosen(tmp_path):
     path = bag(tmp_path / "x", *both, *scanning(times[1:-1]))
     log, warned = read_and_warned(path)
     assert "2 publishers send odometry on /odom (1: 10 Hz, " in warned
-    assert "1 is taken, choose another by odometry_publisher" in warned
+    assert (
+        "choose another by odometry_publisher, as --set world.reading.odometry_publisher=2"
+        in warned
+    )
     assert log.driven[-1] == pytest.approx(9.9, abs=0.05)
     second, _ = read_and_warned(path, odometry_publisher=2)
     assert second.driven[-1] > 11
@@ -401,7 +404,7 @@ def test_odometry_of_no_use_is_named_and_transforms_are_taken_if_there_are_any(h
         else:
             message.pose.pose.orientation = none
     messages = [*odometry_, *scanning(TIMES[1:-1])]
-    with refused("has no usable odometry", words):
+    with refused("has no usable odometry", words, "record an Odometry topic or /tf"):
         heard(*messages)
     log, warned = heard(*messages, *by_tf(TIMES, POSES))
     assert words in warned
@@ -577,7 +580,7 @@ def test_a_bag_that_was_cut_names_the_remedy(tmp_path):
             logs.read(tmp_path / name)
     shutil.copytree(whole, tmp_path / "bare")
     (tmp_path / "bare" / "metadata.yaml").unlink()
-    with refused("mend it by ros2 bag reindex"):
+    with refused("bare has no metadata.yaml: give the .mcap or .db3 files in it."):
         logs.read(tmp_path / "bare")
 
 

@@ -24,7 +24,11 @@ BAD = [  # arguments, and what the sentence must name
     ([*RUN, "--set", "params.particle=9"], ["'particle'", "did you mean 'particles'"]),
     ([*RUN, "--set", "lag=5", "--set", "lag=6"], ["--set gives lag twice"]),
     ([*RUN, "--set", "word.radius=3"], ["'word.radius'", "world.…"]),
-    ([*RUN, "--param", "mcl.particles=9"], ["--param is gone: write --set params.LOCALIZER.KEY"]),
+    (
+        [*RUN, "--param", "mcl.particles=9"],
+        ["there is no --param here: write --set params.LOCALIZER.KEY"],
+    ),
+    (["sweep", "quick", "--particles", "9"], ["write --set params.particles=300"]),
     ([*RUN, "--log", "lap.txt.zip"], ["of a format that is not written"]),
     (["paper", "--localizers", " , "], ["no localizer", "deq-mcl"]),
     (["paper", "--localizers", "mcl,deq-mcl,mcl"], ["twice", "mcl,"]),
@@ -34,7 +38,7 @@ BAD = [  # arguments, and what the sentence must name
     (["new", "localizer", "my_localizer"], ["must end in .py"]),
     (["new", "localizer", "no/such/folder/mine.py"], ["the folder of the new file"]),
     ([*MAP, "--door", "0.85"], ["door", "0.85"]),
-    (["report", "."], ["holds no manifest.json"]),
+    (["report", "."], ["holds no manifest.json", "give the folder of a sweep or replay."]),
 ]
 
 
