@@ -25,6 +25,7 @@ from deqmcl_gym.envs.vector_rooms import Grounds, wide
 from deqmcl_gym.maps import GridMap, Offices
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles, arrays
+from deqmcl_gym.validation import integer
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import centred_heading
 from deqmcl_gym.world.sensor import LidarSensor, NormalTable
@@ -44,11 +45,11 @@ def localize(
     Compiled are those with ``scan="field"`` and the localizer "mcl", in offices of cells, with the
     lidar in the robot's centre, that loses no readings, and without pictures.
     """
-    single = Localize(**task)
+    rooms, single = integer("num_envs", num_envs, low=1), Localize(**task)
     if _is_native(single, task):
-        return LocalizeVectorEnv(single, num_envs, autoreset_mode)
+        return LocalizeVectorEnv(single, rooms, autoreset_mode)
     return SyncVectorEnv(
-        [lambda: gym.make("deqmcl_gym/Localize-v0", **task)] * num_envs,
+        [lambda: gym.make("deqmcl_gym/Localize-v0", **task)] * rooms,
         autoreset_mode=checked_mode(autoreset_mode),
     )
 
@@ -74,7 +75,7 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
     def __init__(self, single: Localize, num_envs: int, autoreset_mode: Any) -> None:
         """Make ``num_envs`` rooms like a single one."""
         self._single, self._mode = single, checked_mode(autoreset_mode)
-        self.num_envs = n = int(num_envs)
+        self.num_envs = n = num_envs
         self.metadata = {"autoreset_mode": self._mode}
         self.single_observation_space = single.observation_space
         self.single_action_space = single.action_space
@@ -113,10 +114,12 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
         self.buildings, self.steps = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._confident, self._right = np.zeros((2, n), np.int64)
         self._ended, self._begun = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
+        # random generators: each room's, its filter's, and that of the particles it shows
         self._streams: list[np.random.Generator | None] = [None] * n
-        self._own: list[Any] = [None] * n
-        self._shown: list[Any] = [None] * n
-        self._threads = max(1, min(n, len(os.sched_getaffinity(0))))
+        self._of_filters: list[Any] = [None] * n
+        self._of_views: list[Any] = [None] * n
+        affinity = getattr(os, "sched_getaffinity", None)  # not everywhere
+        self._threads = min(n, len(affinity(0)) if affinity else os.cpu_count() or 1)
         self._pool: ThreadPoolExecutor | None = None
 
     def reset(
@@ -185,7 +188,7 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
             seed, rng = seeds[room] if seeds else None, self._streams[room]
             if seed is not None or rng is None:
                 rng = self._streams[room] = gym.utils.seeding.np_random(seed)[0]
-            start, motion, sensor, own, self._shown[room] = rng.spawn(5)
+            start, motion, sensor, own, self._of_views[room] = rng.spawn(5)
             sites, building = self._single._sites, None
             if sites is not None:
                 building = self.buildings[room] = sites.offices.drawn(rng.spawn(1)[0])
@@ -203,7 +206,7 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
             self._readings.renew(room, sensor)
             stream = own.spawn(1)[0]
             self.particles[room] = random_poses(world.floor_plan, self._count, stream, radius)
-            self._log_weights[room], self._own[room] = 0.0, own
+            self._log_weights[room], self._of_filters[room] = 0.0, own
             size = field.table.size
             self._tables = wide(self._tables, size)
             self._tables[room, :size] = field.table
@@ -230,7 +233,7 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
         limits = self.lidar.sigma, self.lidar.max_range
         vector_kernels.report(rooms, exact, noise.drawn, noise.at, *limits, self.scans)
         for room in rooms.tolist():
-            self._own[room].random(out=self._uniforms[room])
+            self._of_filters[room].random(out=self._uniforms[room])
         self._each(
             rooms, filter_rooms, self.particles, self._log_weights, self._uniforms,
             commands.astype(np.float64), self.scans, self.lidar.bearings, self._noise,
@@ -273,7 +276,7 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
             "second": self._second,
             "second_share": np.minimum(self._shares[:, 1:], 1.0),
         }
-        rooms = zip(self.particles, self.weights, self._shown, strict=True)
+        rooms = zip(self.particles, self.weights, self._of_views, strict=True)
         clouds = [view.cloud(states.T, weights, rng) for states, weights, rng in rooms]
         seen |= {name: np.stack([cloud[name] for cloud in clouds]) for name in clouds[0]}
         return {

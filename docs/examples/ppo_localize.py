@@ -170,7 +170,7 @@ class ManyDecisions(VecEnv):
         declared = self._actions == DECLARE
         moves = DECISIONS[np.where(declared, 0, self._actions)]
         paid, turned, collided = np.zeros((3, n))
-        ended, cut, infos = np.zeros(n, bool), np.zeros(n, bool), [{} for _ in range(n)]
+        ended, infos = np.zeros(n, bool), [{} for _ in range(n)]
         for step in range(STEPS):
             driving = ~ended & (collided == 0)
             chosen = np.zeros((n, 3), np.float32)
@@ -187,18 +187,14 @@ class ManyDecisions(VecEnv):
             paid += np.where(ended, 0.0, rewards)
             turned += np.where(driving, chosen[:, 1], 0.0)
             for room in np.flatnonzero((terminated | truncated) & ~ended):
-                final = {name: value[None] for name, value in told["final_obs"][room].items()}
-                infos[room]["final"] = final
                 infos[room]["is_success"] = bool(told["final_info"]["is_success"][room])
-                ended[room], cut[room] = True, truncated[room] and not terminated[room]
+                ended[room] = True
             collided = np.where(ended, 0.0, np.maximum(collided, told["collided"]))
         self._seen = seen
         turned[ended] = 0.0
-        last = self._features.misfit.copy(), self._features.sure.copy()
         for room in np.flatnonzero(ended):
             infos[room]["terminal_observation"] = np.zeros(SIZE, np.float32)
             infos[room]["TimeLimit.truncated"] = False  # the clock is seen
-        self._features.misfit, self._features.sure = last
         self._features.begin(ended, n)
         shown = self._features(seen, turned, collided)
         return shown, (paid / SCALE).astype(np.float32), ended, infos

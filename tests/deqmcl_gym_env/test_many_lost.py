@@ -174,6 +174,8 @@ def test_bad_actions_are_refused_and_no_room_moves():
     before = envs._robots.poses.copy()
     with refused("in room 1, the action is"):
         envs.step(np.float32([[0.1, 0, 0], [9, 0, 0]]))
+    with refused("num_envs is 0"):
+        gym.make_vec(ID, num_envs=0, **TASK)
     with refused("must be numbers of shape (2, 3)"):
         envs.step(np.zeros((2, 2), np.float32))
     assert (envs._robots.poses == before).all()
