@@ -1,7 +1,6 @@
-"""Engines that run trials, in this process, others, Dask's or a user's; what keeps them busy."""
+"""Engines that run trials, in this process, others or Dask's; what keeps them busy."""
 
 import contextlib
-import importlib
 import logging
 import math
 import os
@@ -37,10 +36,6 @@ CONNECT_SECONDS = 10  # how long a scheduler may take to answer
 _CLOSE_SECONDS = 1
 _ALIKE = 64  # most trials of one episode that wait for the worker that has driven it
 _LOOK_SECONDS = 2
-_MUST = (
-    ": give module:factory, a function without arguments that returns a "
-    "concurrent.futures.Executor that runs what is submitted."
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,8 +53,7 @@ class Where:
     """Where trials run. No part of a sweep's identity: the numbers do not depend on it."""
 
     jobs: int | None = None  #: trials at a time; None is one per processor, or thread of Dask
-    executor: str = "process"  #: "process", "dask" or ``module:factory``
-    scheduler: str | None = None  #: address of Dask's; None starts a cluster on this machine
+    dask: str | None = None  #: address of Dask's scheduler; "" starts a cluster on this machine
     timeout: float | None = None  #: seconds that one trial may take; None waits for ever
 
     def __post_init__(self) -> None:
@@ -67,31 +61,20 @@ class Where:
             integer("--jobs", self.jobs, low=1)
         if self.timeout is not None:
             number("--timeout", self.timeout, low=0, high=1e6, above=True)
-        if self.scheduler is not None and self.executor != "dask":
-            raise InputError(
-                f"--scheduler is for Dask, but the executor is {self.executor!r}: "
-                "give --executor dask."
-            )
-        if self.executor not in ("process", "dask") and ":" not in self.executor:
-            raise InputError(
-                f"the executor is {self.executor!r}, but must be process, dask or module:factory."
-            )
 
     def check(self) -> None:
         """See whether the engine can be had, before anything is written."""
-        if self.executor == "dask":
+        if self.dask is not None:
             _distributed()
-            if self.scheduler is not None:
-                with _dask(0, self.scheduler):
+            if self.dask:
+                with _dask(0, self.dask):
                     pass
-        elif self.executor != "process":
-            _factory(self.executor)
 
     @contextmanager
     def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
         """Start an engine for these trials, and end it with all that still runs."""
         jobs = self.jobs or available_cpus()
-        if self.executor == "process":
+        if self.dask is None:
             workers = max(1, min(jobs, len(trials)))
             with Processes(workers, timeout=self.timeout) as pool:
                 sender = _Sender(pool)
@@ -101,8 +84,7 @@ class Where:
                     alike = max(Counter(trial.episode for trial in trials).values(), default=1)
                     yield Engine(submit=sender.submit, slots=workers * min(alike, _ALIKE) + 1)
             return
-        dask = self.executor == "dask"
-        with _dask(jobs, self.scheduler) if dask else _made_by(self.executor, jobs) as engine:
+        with _dask(jobs, self.dask) as engine:
             patient = self.timeout is None and any(map(guest_of, trials))
             timeout = GUEST_SECONDS if patient else self.timeout
             yield replace(engine, slots=self.jobs or engine.slots, timeout=timeout)
@@ -178,15 +160,14 @@ def _distributed() -> Any:
         import distributed
     except ImportError:
         raise InputError(
-            "Dask is not installed: run pip install 'deqmcl-gym[dask]', or leave out "
-            "--executor dask."
+            "Dask is not installed: run pip install 'deqmcl-gym[dask]', or leave out --dask."
         ) from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost, we say
     return distributed
 
 
 @contextmanager
-def _dask(workers: int, scheduler: str | None) -> Iterator[Engine]:
+def _dask(workers: int, scheduler: str) -> Iterator[Engine]:
     """Connect to a cluster."""
     package = _distributed()
     with ExitStack() as stack:
@@ -234,40 +215,6 @@ def _local_cluster(package: Any, workers: int) -> Iterator[Any]:
 def _close(connected: Any) -> None:
     with contextlib.suppress(TimeoutError):
         connected.close(timeout=_CLOSE_SECONDS)
-
-
-@contextmanager
-def _made_by(name: str, slots: int) -> Iterator[Engine]:
-    """Call ``module:factory``; shut down what it returns at the end."""
-    try:
-        executor = _factory(name)()
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(
-            f"the executor {name!r} cannot be made ({in_words(error)}){_MUST}"
-        ) from error
-    if not isinstance(executor, Executor) or type(executor).submit is Executor.submit:
-        kind = type(executor).__name__
-        raise InputError(f"the executor {name!r} returned an object of type {kind}{_MUST}")
-    try:
-        yield Engine(submit=_Sender(executor).submit, slots=slots)
-    finally:
-        executor.shutdown(wait=False, cancel_futures=True)
-
-
-def _factory(name: str) -> Callable[[], Executor]:
-    """Return what ``module:factory`` leads to."""
-    module, _, attribute = name.partition(":")
-    try:
-        factory = getattr(importlib.import_module(module), attribute)
-    except Exception as error:
-        raise InputError(
-            f"the executor {name!r} cannot be loaded ({in_words(error)}){_MUST}"
-        ) from None
-    if not callable(factory):
-        raise InputError(f"the executor {name!r} is of type {type(factory).__name__}{_MUST}")
-    return factory  # type: ignore[no-any-return]
 
 
 def available_cpus() -> int:

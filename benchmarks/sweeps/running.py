@@ -30,7 +30,6 @@ from benchmarks.sweeps.results import (
     due,
     incomplete_sentence,
     left_out_lines,
-    named_as_in,
     rule_of,
 )
 from benchmarks.sweeps.store import Store, writing
@@ -56,7 +55,6 @@ class Options:
     where: Where = field(default_factory=Where)
     shard: tuple[int, int] | None = None
     retry_failed: bool = False
-    fail_fast: bool = False
     progress: bool = True
 
 
@@ -94,8 +92,9 @@ class Running:
         while True:
             needed = due(self.sweep, self.trials, records, failures)
             new = {key: trial for key, trial in needed.items() if key not in asked}
-            if not new or not run_missing(new, self.store, self.options, self.now):
+            if not new:
                 return
+            run_missing(new, self.store, self.options, self.now)
             asked |= new
             ended = {key: self.store.get(key, trial) for key, trial in new.items()}
             records += filter(None, ended.values())
@@ -108,7 +107,6 @@ def begun(
 ) -> Iterator[Running]:
     """Open the folder of a sweep at which ``check`` has looked; nothing is run yet."""
     out = Path(out)
-    sweep = named_as_in(out, sweep)
     ours = manifest.manifest_of(sweep, command)
     manifest.taken_over(out, ours)
     with writing(out, options.shard) as store:
@@ -125,12 +123,11 @@ def check(sweep: Sweep) -> None:
 
 def run_missing(
     trials: Mapping[str, Trial], store: Store, options: Options, now: Provenance
-) -> bool:
+) -> None:
     """Run the trials (by key) that the store lacks, and store what comes of them.
 
-    Return whether all have ended; a failure may stop it before. All methods run on one world before
-    any runs on the next, as an episode may be driven once for all of them. ``now`` is what workers
-    must have loaded: keys may be of code before it.
+    All methods run on one world before any runs on the next, as an episode may be driven once for
+    all of them. ``now`` is what workers must have loaded: keys may be of code before it.
     """
     missing = {
         key: trial
@@ -138,7 +135,7 @@ def run_missing(
         if store.get(key, trial) is None and (options.retry_failed or store.failure(key) is None)
     }
     if not missing:
-        return True
+        return
     keys = {now.key(trial): key for key, trial in missing.items()}
     waiting = [(own, missing[key]) for own, key in keys.items()]
     first = {trial.episode: index for index, (_, trial) in reversed([*enumerate(waiting)])}
@@ -151,9 +148,6 @@ def run_missing(
         for own, outcome in finished:
             reason = _keep(store, keys[own], missing[keys[own]], outcome)
             count(reason is not None)
-            if options.fail_fast and reason is not None:
-                return False
-    return True
 
 
 @contextmanager
