@@ -32,7 +32,7 @@ from tabulate import tabulate
 from tqdm import tqdm
 
 import benchmarks
-from benchmarks.scenarios import SCENARIOS
+from benchmarks.setup.names import scenario
 from benchmarks.sweeps.design import Sweep
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method
@@ -447,7 +447,7 @@ def navground_steps() -> Job:
 def office_steps(people: int) -> Job:
     """Return the job of a robot on planned routes through the office of ``lost``, no resets."""
     crowd = {"people.number": people} if people else {}
-    changed = SCENARIOS["lost"].changed({"driver": "none", "horizon": 50, **crowd})
+    changed = scenario("lost").changed({"driver": "none", "horizon": 50, **crowd})
     env = changed.in_building(0).room().unwrapped
     ahead, spent = env.reset(seed=0)[1], 0.0
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.scenarios import SCENARIOS
+from benchmarks.setup.names import scenario_names
 from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.sweepfile import read_sweep, suite_file, suite_names, with_localizers
@@ -21,10 +21,10 @@ def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
     """
     if name.endswith(".toml"):
         return read_sweep(Path(name), added)
-    if name in SCENARIOS and name not in SUITES:
+    if name in scenario_names() and name not in SUITES:
         sweep = Sweep(title=name, scenario=name, localizers=tuple(map(Method, PAPER_METHODS)))
     else:
-        sweep = read_sweep(suite_file("suite or scenario", name, SCENARIOS))
+        sweep = read_sweep(suite_file("suite or scenario", name, scenario_names()))
     return with_localizers(sweep, added)
 
 
