@@ -26,8 +26,7 @@ from benchmarks.setup.overrides import NOTHING, Named, Overrides
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence, summary
 from benchmarks.sweeps.running import Options, Running, begun, check, shard_of
-from benchmarks.sweeps.suites import sweep_named
-from benchmarks.sweeps.sweepfile import refuse_idle, sweep_of, with_settings
+from benchmarks.sweeps.sweepfile import refuse_idle, sweep_named, sweep_of, with_settings
 from benchmarks.tables.comparison import FURTHER, RESULTS
 from benchmarks.tables.frames import INNER, trials_frame
 from benchmarks.trials.episode import Step

@@ -193,8 +193,7 @@ def setting_sweep(
 ) -> "Sweep":
     """Return the localizers on the worlds of a setting, with what is set."""
     from benchmarks.setup import documents
-    from benchmarks.sweeps.suites import paper_sweep
-    from benchmarks.sweeps.sweepfile import check_localizers, with_settings
+    from benchmarks.sweeps.sweepfile import check_localizers, paper_sweep, with_settings
     from deqmcl_gym.validation import integer
 
     check_localizers(localizers)

@@ -65,7 +65,7 @@ def paper_command(options: argparse.Namespace) -> str:
     from benchmarks.report.writing import load, write_report
     from benchmarks.sweeps.results import summary
     from benchmarks.sweeps.running import Options, complete
-    from benchmarks.sweeps.suites import PAPER_METHODS
+    from benchmarks.sweeps.sweepfile import PAPER_METHODS
 
     named, target = options.localizers, options.out
     how = Options(where=Where(jobs=options.jobs), retry_failed=True)
@@ -218,7 +218,7 @@ def asked(options: argparse.Namespace) -> "Sweep":
     """Return the sweep that ``deqmcl sweep`` is asked for."""
     from benchmarks.experiment import sweep
     from benchmarks.setup import documents
-    from benchmarks.sweeps.suites import sweep_named
+    from benchmarks.sweeps.sweepfile import sweep_named
     from deqmcl_gym.validation import InputError, integer
     from localizers import parameters
 

@@ -33,7 +33,7 @@ def list_command(options: argparse.Namespace) -> str:
     """List suites, localizers, scenarios and agents; or describe a localizer."""
     from benchmarks.agents import AGENTS
     from benchmarks.setup.names import scenario, scenario_names
-    from benchmarks.sweeps.suites import SUITES
+    from benchmarks.sweeps.sweepfile import SUITES
     from deqmcl_gym.validation import one_of
     from localizers import describe, names
 
@@ -73,7 +73,7 @@ def list_command(options: argparse.Namespace) -> str:
 
 
 def _suite(name: str) -> str:
-    from benchmarks.sweeps.suites import sweep_named
+    from benchmarks.sweeps.sweepfile import sweep_named
 
     sweep = sweep_named(name)
     return f"{sweep.planned:,} trials on {sweep.trials} worlds: {sweep.title}"

@@ -1,4 +1,4 @@
-"""From a TOML file to a ``Sweep``; docs/sweeps.md has the table of its keys."""
+"""From a TOML file, or the name of a suite or scenario, to a ``Sweep``; see docs/sweeps.md."""
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,6 +13,7 @@ from benchmarks.setup.names import (
     absolute_assumed,
     absolute_reference,
     absolute_scenario,
+    scenario_names,
 )
 from benchmarks.setup.overrides import (
     OF_LOCALIZERS,
@@ -35,6 +36,43 @@ _KEYS = (
     *("limit", "until_decided"),
 )
 _SUITES = Path(__file__).with_name("suites")  # a sweep file each
+SUITES = tuple(sorted(path.stem for path in _SUITES.glob("*.toml")))
+PAPER_METHODS = ("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl", "dead-reckoning")
+
+
+def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
+    """Return the sweep of a suite, a scenario or a path in .toml, with further localizers.
+
+    A scenario has the methods of the paper.
+    """
+    if name.endswith(".toml"):
+        return read_sweep(Path(name), added)
+    if name in scenario_names() and name not in SUITES:
+        sweep = Sweep(title=name, scenario=name, localizers=tuple(map(Method, PAPER_METHODS)))
+    else:
+        sweep = read_sweep(_suite_file("suite or scenario", name, scenario_names()))
+    return with_localizers(sweep, added)
+
+
+def paper_sweep(
+    *,
+    scenario: str = "paper",
+    localizers: Sequence[str] = PAPER_METHODS,
+    trials: int = 10,
+    seed: int = 0,
+    lag: int = 20,
+    **params: Any,
+) -> Sweep:
+    """Return the paper's experiment: all methods on the same worlds of one scenario."""
+    return Sweep(
+        title="The paper's experiment",
+        scenario=scenario,
+        localizers=tuple(Method(name=name) for name in localizers),
+        trials=trials,
+        seed=seed,
+        lag=lag,
+        params=Overrides(params),
+    )
 
 
 def read_sweep(path: Path | str, added: Sequence[str] = (), *, above: Sequence[Path] = ()) -> Sweep:
@@ -66,19 +104,14 @@ def _base(name: Any, files: Sequence[Path]) -> Sweep:
         if path in files:
             raise InputError(f"base is {name!r}, which is this file or changes it: name another.")
     else:
-        path = suite_file("base", name)
+        path = _suite_file("base", name)
     return read_sweep(path, above=files)
 
 
-def suite_names() -> list[str]:
-    """Names of the suites, by alphabet."""
-    return sorted(path.stem for path in _SUITES.glob("*.toml"))
-
-
-def suite_file(what: str, name: str, others: Iterable[str] = ()) -> Path:
+def _suite_file(what: str, name: str, others: Iterable[str] = ()) -> Path:
     """Return the sweep file of a suite; a refusal names ``others`` that are allowed, too."""
     try:
-        return _SUITES / f"{one_of(what, name, [*suite_names(), *others])}.toml"
+        return _SUITES / f"{one_of(what, name, [*SUITES, *others])}.toml"
     except InputError as error:
         if Path(name).exists():
             raise InputError(

@@ -11,8 +11,7 @@ from sweep_command import sweep, tables, write_small
 
 from benchmarks.report import writing
 from benchmarks.sweeps import manifest, running
-from benchmarks.sweeps.suites import sweep_named
-from benchmarks.sweeps.sweepfile import read_sweep, sweep_of
+from benchmarks.sweeps.sweepfile import read_sweep, sweep_named, sweep_of
 
 
 def test_a_sweep_writes_tables_manifest_and_a_line_a_trial(finished):

@@ -8,7 +8,7 @@ from sweep_command import report, sweep, write_small
 
 from benchmarks.sweeps import verifying
 from benchmarks.sweeps.results import results_in
-from benchmarks.sweeps.suites import sweep_named
+from benchmarks.sweeps.sweepfile import sweep_named
 from benchmarks.trials.scoring import LATER
 
 MINE = """
