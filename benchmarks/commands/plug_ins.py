@@ -10,7 +10,7 @@ from traceback import format_exception
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import command, file, folder, option, switch
-from benchmarks.console import doing
+from benchmarks.console import doing, say
 
 if TYPE_CHECKING:  # loaded when needed
     from localizers.checks import LawVerdict, Report
@@ -234,7 +234,7 @@ def check_command(options: argparse.Namespace) -> str:
         for law in needs:
             with doing(f"trying the law {law!r}"):
                 verdict = report.verdict(law)
-            print(verdict, flush=True)
+            say(str(verdict))
     verdicts, failed = report.verdicts, report.failed
     if failed:
         named = ", ".join(repr(verdict.law) for verdict in failed)

@@ -18,7 +18,7 @@ from typing import Any
 from tabulate import tabulate
 from tqdm.auto import tqdm
 
-from benchmarks.console import FailedWarning, beside, doing
+from benchmarks.console import FailedWarning, beside, doing, say
 from benchmarks.execution.engines import Engine, Where, available_cpus, outcomes
 from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps import manifest
@@ -187,7 +187,7 @@ def complete(results: Results, text: str, *, part: bool = False) -> str:
     """Return what a command prints at its end; print it and raise if a trial failed or lacks."""
     lacking = incomplete_sentence(results)
     if lacking and (results.failures or not part):
-        print(text)
+        say(text)
         raise TrialsFailedError(lacking)
     return text
 
