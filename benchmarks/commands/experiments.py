@@ -176,18 +176,17 @@ def sweep_command(options: argparse.Namespace) -> str:
     from benchmarks.pictures.messages import check_folder
     from benchmarks.report.animations import write_laps
     from benchmarks.report.writing import no_report
-    from benchmarks.sweeps.running import check, complete, dry_run, shard_of
+    from benchmarks.sweeps.running import check, complete, dry_run
 
     if options.mcap is not None:
         check_folder(options.mcap)
     sweep = asked(options)
     warn(_misfits(sweep))
     if options.dry_run:
-        shards = shard_of(options.shard)[1] if options.shard else 1
         with checking():
             check(sweep)
         with doing("measuring trials"):
-            return dry_run(sweep, options.jobs, options.timeout, shards)
+            return dry_run(sweep, options.jobs, options.timeout)
     names = ("dask", "timeout", "shard", "retry_failed")
     how = {name: getattr(options, name) for name in names}
     target = options.out or Path("results") / Path(options.suite).stem

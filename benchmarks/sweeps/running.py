@@ -10,9 +10,8 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from statistics import fmean
 from typing import Any
 
 from tabulate import tabulate
@@ -20,7 +19,6 @@ from tqdm.auto import tqdm
 
 from benchmarks.console import FailedWarning, beside, doing, say
 from benchmarks.execution.engines import Engine, Where, available_cpus, outcomes
-from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep, by_cell
 from benchmarks.sweeps.manifest import Manifest
@@ -214,33 +212,28 @@ def shard_of(text: str) -> tuple[int, int]:
     raise InputError(f"--shard is {shown(text)}, but must be i/n with i from 1 to n, like 2/8.")
 
 
-BUDGET = 20.0  # seconds that a dry run spends on measuring
 _CELLS_SHOWN = 60
 _USUAL = 1000  # particles, where none are named
 
 
-def dry_run(
-    sweep: Sweep, jobs: int | None = None, timeout: float | None = None, shards: int = 1
-) -> str:
+def dry_run(sweep: Sweep, jobs: int | None = None, timeout: float | None = None) -> str:
     """Return the cells of a sweep with the time of a trial in each, and the time of it all."""
     trials = sweep.distinct()
     cells = by_cell(trials)
-    asked = Where(jobs=jobs, timeout=timeout)
-    with replace(asked, jobs=1).engine(trials) as engine:
-        times = _times([own[0] for own in cells.values()], engine, provenance_of(sweep.cells()))
-    words = [own[0].words() for own in cells.values()]
+    firsts = [own[0] for own in cells.values()]
+    with Where(jobs=1, timeout=timeout).engine(firsts) as engine:
+        seconds = _seconds(firsts, engine, provenance_of(firsts))
+    words = [first.words() for first in firsts]
     alike = [part for part in words[0] if len(words) > 1 and all(part in own for own in words)]
     rows = [
         [
             len(own),
-            "failed" if s is None else f"{s:.2f} s" if measured else f"≈ {s:.2f} s",
+            "failed" if s is None else f"≈ {s:.2f} s",
             " ".join(part for part in name if part not in alike),
         ]
-        for name, own, (s, measured) in zip(words, cells.values(), times, strict=True)
+        for name, own, s in zip(words, cells.values(), seconds, strict=True)
     ]
-    total = sum((s or 0.0) * len(own) for own, (s, _) in zip(cells.values(), times, strict=True))
     jobs = min(jobs or available_cpus(), len(trials))
-    count = sum(measured for _, measured in times)
     most = "at most " if sweep.until_decided else ""
     lines = [f"{sweep.title}: {most}{len(trials):,} trials in {len(cells):,} cells"]
     if equal := sweep.combinations - len(trials):
@@ -252,52 +245,34 @@ def dry_run(
     )
     if len(rows) > _CELLS_SHOWN:
         lines.append(f"… and {len(rows) - _CELLS_SHOWN:,} more cells")
-    part = "" if shards == 1 else f" for this shard of {shards}"
-    s = total / jobs / shards
+    s = sum((s or 0.0) * len(own) for own, s in zip(cells.values(), seconds, strict=True)) / jobs
     needed = f"{s:.0f} s" if s < 90 else f"{s / 60:.0f} min" if s < 5400 else f"{s / 3600:.1f} h"
-    working = f"{jobs} job{'' if jobs == 1 else 's'}"
     lines.append(
-        f"{'At most about' if most else 'About'} {needed} with {working}{part}: estimated from "
-        f"one measured trial in {count} of {len(cells):,} cells; ≈ is by the localizer's mean "
-        "time per particle. Nothing was written."
+        f"{'At most about' if most else 'About'} {needed} with {jobs} job{'s' * (jobs > 1)}: "
+        "estimated from one measured trial of each localizer in each scenario, by its time per "
+        "particle. Nothing was written."
     )
     return "\n\n".join(lines)
 
 
-def _times(
-    trials: Sequence[Trial], engine: Engine, made: Provenance
-) -> list[tuple[float | None, bool]]:
-    """Return the seconds of each trial (None: it fails), and whether measured or by particles."""
+def _seconds(trials: Sequence[Trial], engine: Engine, made: Provenance) -> list[float | None]:
+    """Return the seconds of each trial, by those of the first that is alike; None: that fails."""
 
     def measured(trial: Trial) -> float | None:
         started = time.perf_counter()
         ((_, outcome),) = outcomes([(made.key(trial), trial)], engine)
         return None if outcome.record is None else time.perf_counter() - started
 
-    began = time.perf_counter()
     measured(trials[0])  # compile first
-    known: dict[int, float | None] = {}
-    rates: dict[tuple[str, Overrides], list[float]] = {}  # seconds per particle
-    first = {_form(trial): index for index, trial in reversed([*enumerate(trials)])}
-    for index in sorted(range(len(trials)), key=lambda i: i not in first.values()):
-        trial = trials[index]
-        own = rates.setdefault(_form(trial), [])
-        if index in first.values() or time.perf_counter() - began < BUDGET:
-            known[index] = took = measured(trial)
-            own += [] if took is None else [took / _particles(trial)]
+    first = {(trial.scenario, trial.localizer): trial for trial in reversed(trials)}
+    took = {alike: measured(trial) for alike, trial in first.items()}
 
     def scaled(trial: Trial) -> float | None:
-        own = rates[_form(trial)]
-        return fmean(own) * _particles(trial) if own else None
+        alike = trial.scenario, trial.localizer
+        s = took[alike]
+        return None if s is None else s * _particles(trial) / _particles(first[alike])
 
-    return [
-        (known[index], True) if index in known else (scaled(trial), False)
-        for index, trial in enumerate(trials)
-    ]
-
-
-def _form(trial: Trial) -> tuple[str, Overrides]:
-    return trial.localizer, trial.params | {"particles": _USUAL}
+    return [scaled(trial) for trial in trials]
 
 
 def _particles(trial: Trial) -> int:
