@@ -52,7 +52,7 @@ class Kind:
 
     def names(self) -> tuple[str, ...]:
         """Names that are built in, registered or installed; none is loaded."""
-        return tuple(dict.fromkeys((*self.builtin, *self.added, *self.installed())))
+        return tuple(dict.fromkeys((*self.builtin, *self.added, *sorted(self.installed()))))
 
     def installed(self) -> Mapping[str, str]:
         """References of the entry points of installed packages, by name; none is loaded."""
@@ -206,17 +206,14 @@ class Kind:
 
 @cache
 def _entry_points(path: tuple[str, ...]) -> dict[str, dict[str, str]]:
-    """Return references by name by group; if several packages have a name, the first of them."""
+    """Return references by name by group; if several packages have a name, that of the first."""
     del path
-    packages: dict[str, Any] = {}
-    for one in distributions():
-        with contextlib.suppress(Exception):  # whatever is wrong with a file of somebody else's
-            own = [entry for entry in one.entry_points if entry.name and entry.value]
-            packages.setdefault(one.name.lower().replace("_", "-"), own)
     groups: dict[str, dict[str, str]] = {}
-    for entry in sorted({entry for own in packages.values() for entry in own}):
-        reference = entry.value.partition("[")[0].strip()
-        groups.setdefault(entry.group, {}).setdefault(entry.name, reference)
+    for package in distributions():
+        with contextlib.suppress(Exception):  # whatever is wrong with a file of somebody else's
+            for entry in [entry for entry in package.entry_points if entry.name and entry.value]:
+                reference = entry.value.partition("[")[0].strip()
+                groups.setdefault(entry.group, {}).setdefault(entry.name, reference)
     return groups
 
 
