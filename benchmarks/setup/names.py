@@ -38,7 +38,7 @@ _KEYS = (
     *("agent", "disturbance", "buildings", "thresholds"),
 )
 _DEEPEST = 8  # files, each the base of the next
-_SCAN = "scan.kind"
+SCAN_KIND = "scan.kind"
 
 
 def absolute_reference(kind: Kind, name: str, folder: Path = Path()) -> str:
@@ -77,10 +77,12 @@ def absolute_assumed(assumed: Overrides, folder: Path = Path()) -> Overrides:
     def placed(kind: Any) -> Any:  # a scenario refuses what is none
         return absolute_reference(SCAN_MODEL, kind, folder) if is_code(kind) else kind
 
-    if _SCAN not in assumed:
+    if SCAN_KIND not in assumed:
         return assumed
-    kind = assumed[_SCAN]
-    return assumed | {_SCAN: tuple(map(placed, kind)) if isinstance(kind, tuple) else placed(kind)}
+    kind = assumed[SCAN_KIND]
+    return assumed | {
+        SCAN_KIND: tuple(map(placed, kind)) if isinstance(kind, tuple) else placed(kind)
+    }
 
 
 def make_agent(agent: Named | str, robot: RobotModel) -> Agent:
@@ -90,26 +92,15 @@ def make_agent(agent: Named | str, robot: RobotModel) -> Agent:
     return made
 
 
-def plug_ins_of(found: Scenario) -> tuple[str, ...]:
-    """Return the plug-ins that a scenario is made of: its agent and its scan model."""
-    scan = (found.scan.kind,) if isinstance(found.scan, ScanPlugIn) else ()
-    return (*plug_ins_of_agent(found.agent), *scan)
-
-
-def plug_ins_of_agent(agent: Named | None) -> tuple[str, ...]:
-    """Return the name of an agent if its code is not ours."""
-    return (agent.name,) if agent is not None and AGENT.is_plug_in(agent.name) else ()
+def plug_ins_of(agent: Named | None, scan: object) -> tuple[str, ...]:
+    """Return the names of an agent and of a kind of scan model whose code is not ours."""
+    driver = (agent.name,) if agent is not None and AGENT.is_plug_in(agent.name) else ()
+    return (*driver, scan) if isinstance(scan, str) and is_code(scan) else driver
 
 
 def is_plug_in(localizer: str, agent: Named | None) -> bool:
     """Whether the code of a localizer, or of who drives, is not ours."""
-    return LOCALIZER.is_plug_in(localizer) or bool(plug_ins_of_agent(agent))
-
-
-def plug_ins_of_scan(assumed: Overrides) -> tuple[str, ...]:
-    """Return the name of the scan model that is assumed, if its code is not ours."""
-    kind = assumed.get(_SCAN, "")
-    return (kind,) if is_code(kind) else ()
+    return LOCALIZER.is_plug_in(localizer) or bool(plug_ins_of(agent, None))
 
 
 def scenario_digest(name: str) -> str:
