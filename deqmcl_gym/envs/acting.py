@@ -170,8 +170,8 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
             site = self._sites.site(self.building)
             self._enter(site, site.localizer)
         (x, y, heading), prior = self._begun(start)
-        pose, floor_plan = (x, y, centred_heading(heading)), self.floor_plan
-        lidar = LidarSensor(floor_plan.local.caster, floor_plan.datum, self.lidar, sensor)
+        lidar = LidarSensor(self.floor_plan, self.lidar, sensor)
+        pose = x, y, centred_heading(heading)
         self._body = Body(pose, self._walls, self.world, lidar, motion)
         self._scan = self._body.scan
         self._belief = self._localizer.reset(prior, NO_PLAN, own)

@@ -13,7 +13,7 @@ from deqmcl_gym.numerics import Bools, Floats, Indices, Singles
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import MAX_STEPS, Course
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan, Underway
-from deqmcl_gym.world.reality import Beginning
+from deqmcl_gym.world.episode import Beginning
 from deqmcl_gym.world.rules import RoomRules
 from deqmcl_gym.world.sensor import NormalTable, Stream, episode_stream
 
@@ -142,8 +142,8 @@ class Rooms:
             rooms = self._every
         lidar, noise = self._rules.world.lidar, self._noise
         exact = np.empty((lidar.beams, rooms.size), np.float32)
-        local = self._grounds.local(rooms, self.poses[rooms])
-        lidar.cast(self._grounds.caster(rooms), local, exact)
+        poses = self.poses[rooms].T.astype(np.float32, order="C")
+        lidar.cast(self._grounds.caster(rooms), poses, exact)
         noise.fill()
         limits = lidar.sigma, lidar.max_range
         kernels.report(rooms, exact, noise.drawn, noise.at, *limits, self.scans)
@@ -208,7 +208,6 @@ class Grounds:
         """Put what the world has into all rooms; ``own``: each may be given another one."""
         self.maps = [world.floor_plan] * rooms
         self._own = own
-        self._datums = np.zeros((rooms, 3))
         slots = rooms if own else 1
         self.numbers = kernels.GroundRows(
             slots=np.arange(rooms) if own else np.zeros(rooms, np.intp),
@@ -228,7 +227,6 @@ class Grounds:
         )
         for room in range(slots):
             self._fill(room, world)
-        self._datums[:, :2] = world.floor_plan.datum
 
     @property
     def kernel(self) -> tuple[Any, ...]:
@@ -248,20 +246,15 @@ class Grounds:
         if self.maps[room] is not world.floor_plan:
             assert self._own
             self.maps[room] = world.floor_plan
-            self._datums[room, :2] = world.floor_plan.datum
             self._fill(room, world)
-
-    def local(self, rooms: Indices, poses: Floats) -> Singles:
-        """Return ``poses`` (k, 3) of ``rooms`` as casters take them, (3, k)."""
-        return (poses - self._datums[rooms]).T.astype(np.float32, order="C")
 
     def caster(self, rooms: Indices) -> Caster:
         """Return a caster for one pose in each of ``rooms`` (k,), in this order."""
         if not self._own:
-            return self.maps[0].local.caster
+            return self.maps[0]
         if isinstance(self.maps[0], GridMap):
             return _AmongCells(tuple(self.numbers.cells), rooms)
-        return _AmongWalls([self.maps[room].local.caster for room in rooms.tolist()])
+        return _AmongWalls([self.maps[room] for room in rooms.tolist()])
 
     def _fill(self, slot: int, world: World) -> None:
         ground, numbers = world.floor_plan, self.numbers

@@ -8,12 +8,11 @@ A single ray starts at (x, y) and goes along (dx, dy); per_dx = 1 / dx. Its cros
 obstacles come first; all but ``leave`` return the smaller of ``best`` and the distance to one.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from deqmcl_gym.maps.drive_kernels import wind
-from deqmcl_gym.maps.stride_kernels import CellTable, cast_among
 from deqmcl_gym.numerics import Bools, Single, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos32, sin32, sincos32
@@ -122,7 +121,7 @@ class AllWalls(NamedTuple):
     boxes: Singles  # further ones, (S₀, 4); four walls each
     upright: Singles  # other walls x = c as (c, y_low, y_high), (S₁, 3)
     level: Singles  # other walls y = c as (c, x_low, x_high), (S₂, 3)
-    oblique: Singles  # others: start, direction and extent along it, as of ``CellTable``, (S₃, 6)
+    oblique: Singles  # others: start, direction and extent along it, (S₃, 6)
 
 
 @compiled
@@ -286,27 +285,3 @@ def cast_fans(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], ou
         for i in range(beams):
             out[i, pose] = best[i]
     _blind(_inside(poses, walls.outer, walls.room), out)
-
-
-@compiled
-def cast_through(
-    poses: Singles,
-    bearings: Singles,
-    outer: Singles,
-    table: tuple[Any, ...],
-    place: tuple[float, float, float],
-    out: Singles,
-) -> None:
-    """Do the same, walking from cell to cell: a ray takes as long as the cells that it crosses.
-
-    ``table`` is a ``CellTable``, as a plain tuple, ``place`` its lower left corner (x, y), and a
-    cell's side.
-    """
-    n = poses.shape[1]
-    u, v = np.empty(n, np.float32), np.empty(n, np.float32)
-    x0, y0, side = place
-    for i in range(n):
-        u[i] = (np.float64(poses[0, i]) - x0) / side
-        v[i] = (np.float64(poses[1, i]) - y0) / side
-    cast_among(u, v, poses[2], bearings, CellTable(*table), np.float32(side), out)
-    _blind(_enclosed(poses, outer), out)

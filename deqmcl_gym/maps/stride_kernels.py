@@ -1,4 +1,4 @@
-"""Rays that stride through open cells, whatever stands in the others: walls, or they themselves.
+"""Rays that stride through open cells.
 
 Positions are in cells: square (i, j) of a table is [i, i + 1] × [j, j + 1]. The *reach* of a cell
 says how many cells away, along an axis or a diagonal, the nearest one is that is not open; its own
@@ -7,12 +7,10 @@ cell of reach m a ray strides to the edge of the square of 2 m - 1 open cells ar
 are kept in whole numbers, so that no rounding error leads past one.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.numerics import Bools, Floats, Ints, Single, Singles
+from deqmcl_gym.numerics import Bools, Single, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import sincos32
 
@@ -23,26 +21,6 @@ _RAYS = 1024  # traced side by side: what they need fits the second cache
 _STRIDES = 4  # between two looks at which of them have arrived
 _ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 _INF, _TINY = np.float32(np.inf), np.float32(1e-12)
-
-
-class CellTable(NamedTuple):
-    """Cells, and the walls in those that are not open.
-
-    Without walls, rays end where they enter a cell that is not open.
-    """
-
-    reach: Reach  # of each cell, (rows, columns)
-    first: Ints  # where each cell's walls begin in ``listed``, and one more, (cells + 1,), or empty
-    listed: Ints  # numbers of walls, cell by cell
-    walls: Singles  # (x₀, y₀, unit x, unit y, low, high): start, direction, stretch of wall, (S, 6)
-    endless: bool  # whether rays that reach the table's edge go on for ever, or end there
-
-
-@compiled
-def no_walls(reach: Reach, endless: bool) -> CellTable:
-    """Return a table in which rays end where they enter a cell that is not open."""
-    none = np.empty(0, np.int32)
-    return CellTable(reach, none, none, np.empty((0, 6), np.float32), endless)
 
 
 @compiled
@@ -70,66 +48,24 @@ def fill_reach(solid: Bools, out: Reach) -> None:
 
 
 @compiled
-def count_walls(walls: Floats, margin: float, columns: int, out: Ints) -> None:
-    """Add up in out[c + 1] how many walls (x₀, y₀, x₁, y₁), (S, 4), stand in cell c or near it."""
-    for wall in range(walls.shape[0]):
-        low, high, left, right = _box_of(walls[wall], margin)
-        for row in range(low, high + 1):
-            for column in range(left, right + 1):
-                if _touches(walls[wall], column + 0.5, row + 0.5, 0.5 + margin):
-                    out[row * columns + column + 1] += 1
-
-
-@compiled
-def list_walls(walls: Floats, margin: float, columns: int, at: Ints, out: Ints) -> None:
-    """Fill in the same walls' numbers, cell by cell, from the place ``at`` of each cell on."""
-    for wall in range(walls.shape[0]):
-        low, high, left, right = _box_of(walls[wall], margin)
-        for row in range(low, high + 1):
-            for column in range(left, right + 1):
-                if _touches(walls[wall], column + 0.5, row + 0.5, 0.5 + margin):
-                    cell = row * columns + column
-                    out[at[cell]] = wall
-                    at[cell] += 1
-
-
-@compiled
-def _box_of(wall: Floats, margin: float) -> tuple[int, int, int, int]:
-    """Rows and columns that a wall may touch: low, high, left, right."""
-    x0, y0, x1, y1 = wall[0], wall[1], wall[2], wall[3]
-    return (
-        int(np.floor(min(y0, y1) - margin)), int(np.floor(max(y0, y1) + margin)),
-        int(np.floor(min(x0, x1) - margin)), int(np.floor(max(x0, x1) + margin)),
-    )  # fmt: skip
-
-
-@compiled
-def _touches(wall: Floats, x: float, y: float, half: float) -> bool:
-    """Whether a wall meets the square around (x, y): no axis parts them (Ericson 2005, 5.3.3)."""
-    x0, y0, x1, y1 = wall[0], wall[1], wall[2], wall[3]
-    apart_x = abs(x - (x0 + x1) / 2) > half + abs(x1 - x0) / 2
-    apart_y = abs(y - (y0 + y1) / 2) > half + abs(y1 - y0) / 2
-    across = (x - x0) * (y1 - y0) - (y - y0) * (x1 - x0)
-    apart_along = abs(across) > half * (abs(x1 - x0) + abs(y1 - y0))
-    return not (apart_x or apart_y or apart_along)
-
-
-@compiled
 def cast_among(
     u: Singles,
     v: Singles,
     headings: Singles,
     bearings: Singles,
-    cells: CellTable,
+    reach: Reach,
+    endless: bool,
     side: Single,
     out: Singles,
 ) -> None:
     """Fill in how far the beams of poses come, ∞ if for ever; NaN for poses not on the table.
 
-    u and v are those of the poses, (n,), in cells of this ``side``; bearings (B,), out (B, n).
+    Rays end where they enter a cell that is not open; at the table's edge, they go on for ever if
+    they are ``endless``. u and v are those of the poses, (n,), in cells of this ``side``; bearings
+    (B,), out (B, n).
     """
     n, beams = u.size, bearings.size
-    rows, columns = np.float32(cells.reach.shape[0]), np.float32(cells.reach.shape[1])
+    rows, columns = np.float32(reach.shape[0]), np.float32(reach.shape[1])
     on = np.empty(n, np.bool_)
     for i in range(n):  # all false for NaN
         on[i] = (u[i] >= _ONE) & (u[i] < columns - _ONE) & (v[i] >= _ONE) & (v[i] < rows - _ONE)
@@ -156,7 +92,7 @@ def cast_among(
             lane, pose = lane + stretch, pose + stretch
             if pose == n:
                 beam, pose = beam + 1, 0
-        _trace(x[:lane], y[:lane], dx[:lane], dy[:lane], cells, found)
+        _trace(x[:lane], y[:lane], dx[:lane], dy[:lane], reach, endless, found)
         beam, pose = first_beam, first_pose
         for k in range(lane):
             out[beam, pose] = found[k] * side if on[pose] else np.float32(np.nan)
@@ -171,15 +107,14 @@ def _trace(
     from_y: Singles,
     along_x: Singles,
     along_y: Singles,
-    cells: CellTable,
+    reach: Reach,
+    endless: bool,
     out: Singles,
 ) -> None:
     """Fill in how far rays from points along directions, (n,), come (Amanatides & Woo 1987)."""
-    first, listed, walls = cells.first, cells.listed, cells.walls
-    walled = first.size > 0
-    left, flat = from_x.size, cells.reach.reshape(-1)
-    columns = np.int32(cells.reach.shape[1])
-    last_row, last_column = np.float32(cells.reach.shape[0] - 1), np.float32(columns - 1)
+    left, flat = from_x.size, reach.reshape(-1)
+    columns = np.int32(reach.shape[1])
+    last_row, last_column = np.float32(reach.shape[0] - 1), np.float32(columns - 1)
     # copies made here, as then the compiler knows that no two arrays share memory
     x, y, dx, dy = from_x.copy(), from_y.copy(), along_x.copy(), along_y.copy()
     per_dx, per_dy = np.empty(left, np.float32), np.empty(left, np.float32)
@@ -216,25 +151,7 @@ def _trace(
         kept = 0
         for i in range(left):
             stays = reached[i] > _ZERO
-            if walled and not stays:
-                best, c = _INF, cell[i]
-                for k in range(first[c], first[c + 1]):
-                    w = listed[k]
-                    ex, ey = walls[w, 2], walls[w, 3]
-                    rx, ry = walls[w, 0] - x[i], walls[w, 1] - y[i]
-                    way = (rx * ey - ry * ex) / (dx[i] * ey - dy[i] * ex)
-                    along = (way * dx[i] - rx) * ex + (way * dy[i] - ry) * ey
-                    meets = (way >= _ZERO) & (along >= walls[w, 4]) & (along <= walls[w, 5])
-                    best = way if meets & (way < best) else best
-                t[i] = best
-                to_x = (column[i] + _HALF + right[i] * _HALF - x[i]) * per_dx[i]
-                to_y = (row[i] + _HALF + up[i] * _HALF - y[i]) * per_dy[i]
-                # the cells along the edge have no walls, and there is no way on
-                stays = ((best > to_x) | (best > to_y)) & (first[c] < first[c + 1])
-                sideways = to_x < to_y
-                column[i] += right[i] if sideways else _ZERO
-                row[i] += _ZERO if sideways else up[i]
-            if cells.endless and not stays:
+            if endless and not stays:
                 across = (column[i] == _ZERO) | (column[i] == last_column)
                 t[i] = _INF if across | (row[i] == _ZERO) | (row[i] == last_row) else t[i]
             out[who[i]] = t[i]

@@ -119,12 +119,11 @@ class AmongPeople:
 
     walls: Caster
     crowd: Crowd
-    datum: Point  # of its map
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """See ``deqmcl_gym.maps.map.Caster``."""
         self.walls.cast(poses, bearings, out)
-        _cast(poses, bearings, self.crowd.places - self.datum, self.crowd.radius, out)
+        _cast(poses, bearings, self.crowd.places, self.crowd.radius, out)
 
 
 def _free(
