@@ -198,7 +198,7 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
             pose = self._robots.poses[room] = x, y, centred_heading(heading)
             self._grounds.put(room, world)
             self._robots.gaps[room] = 0.0
-            self.scans[room] = LidarSensor(world.floor_plan, self.lidar, sensor).scan(pose)
+            self.scans[room] = LidarSensor(world.floor_plan.cast, self.lidar, sensor).scan(pose)
             self._moves.renew(room, motion)
             self._readings.renew(room, sensor)
             stream = own.spawn(1)[0]

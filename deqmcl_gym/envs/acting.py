@@ -170,7 +170,7 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
             site = self._sites.site(self.building)
             self._enter(site, site.localizer)
         (x, y, heading), prior = self._begun(start)
-        lidar = LidarSensor(self.floor_plan, self.lidar, sensor)
+        lidar = LidarSensor(self.floor_plan.cast, self.lidar, sensor)
         pose = x, y, centred_heading(heading)
         self._body = Body(pose, self._walls, self.world, lidar, motion)
         self._scan = self._body.scan

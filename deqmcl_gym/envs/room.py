@@ -11,7 +11,7 @@ from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics import Pose, Singles
 from deqmcl_gym.validation import InputError, NoEpisodeError, integer, one_of, pose
 from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start, World
-from deqmcl_gym.world.course import MAX_STEPS, Course, check_free
+from deqmcl_gym.world.course import Course, check_free
 from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
 from deqmcl_gym.world.driver import FixedPlan
 from deqmcl_gym.world.episode import Episode, contacts_of
@@ -165,13 +165,6 @@ class RoomEnv(gym.Env[Any, Singles]):
         """
         plan = self._rules.plan if self._is_lap_ahead else self._episode.plan
         return plan.actions.copy()
-
-    @property
-    def most_steps(self) -> int:
-        """The steps after which the plan ends an episode; a driver without noise needs fewer."""
-        if self.world.route is not None:  # routes differ in length
-            return MAX_STEPS
-        return self._rules.plan.limit
 
     @property
     def course(self) -> Course:

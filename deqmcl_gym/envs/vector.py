@@ -17,7 +17,6 @@ from deqmcl_gym.numerics import Bools, Indices, RoomActions
 from deqmcl_gym.validation import (
     InputError,
     NoEpisodeError,
-    UnavailableError,
     integer,
     one_of,
     shown,
@@ -81,18 +80,6 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         self._all_begun = False
         self._all = np.ones(self.num_envs, np.bool_)
         self._ended = np.zeros(self.num_envs, np.bool_)
-
-    @property
-    def plan(self) -> RoomActions:
-        """The actions planned for each lap, done and to come, (T, 2) float32."""
-        self._check_lap("plan")
-        return self._rules.plan.actions.copy()
-
-    @property
-    def course(self) -> Course:
-        """The lap as planned: path, start and actions; UnavailableError of routes."""
-        self._check_lap("course")
-        return self._rules.course
 
     @property
     def floor_plans(self) -> tuple[Map, ...]:
@@ -235,12 +222,6 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
                 values[~among] = 0
         told.update({f"_{key}": among.copy() for key in told})
         return told
-
-    def _check_lap(self, wish: str) -> None:
-        if self._rules.journeys is not None:
-            raise UnavailableError(
-                f"the rooms have a route each, so there is no one {wish}: see courses."
-            )
 
     def _check_begun(self, wish: str) -> None:
         if not self._all_begun:

@@ -1,7 +1,7 @@
 """Rooms: the episodes and maps of many rooms as flat arrays, moved and planned for in kernels."""
 
 import math
-from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -191,10 +191,10 @@ def _steps(rules: RoomRules) -> int:
 
 
 def _driver(rules: RoomRules) -> tuple[object, ...] | None:
-    """Return the driver of ``plan_rooms``, if there is one and it has what he looks at."""
+    """Return the driver of ``plan_rooms``, if there is one."""
     world = rules.world
     driver, lap, route = world.driver, world.lap, world.route
-    if driver is None or (route is not None and not isinstance(world.floor_plan, GridMap)):
+    if driver is None:
         return None
     own = driver.look_ahead, driver.on_the_spot, lap.step, lap.turn
     near, clearance = (-1.0, -1.0) if route is None else (route.tolerance, route.clearance)
@@ -251,10 +251,10 @@ class Grounds:
     def caster(self, rooms: Indices) -> Caster:
         """Return a caster for one pose in each of ``rooms`` (k,), in this order."""
         if not self._own:
-            return self.maps[0]
+            return self.maps[0].cast
         if isinstance(self.maps[0], GridMap):
-            return _AmongCells(tuple(self.numbers.cells), rooms)
-        return _AmongWalls([self.maps[room] for room in rooms.tolist()])
+            return partial(kernels.cast_in_rooms, tuple(self.numbers.cells), rooms)
+        return partial(_cast_in_each, [self.maps[room].cast for room in rooms.tolist()])
 
     def _fill(self, slot: int, world: World) -> None:
         ground, numbers = world.floor_plan, self.numbers
@@ -291,27 +291,9 @@ def wide(values: Any, size: int) -> Any:
     return wider
 
 
-@dataclass(frozen=True, eq=False)
-class _AmongCells:
-    """A caster of poses in rooms of cells, one in each."""
-
-    cells: tuple[Any, ...]
-    rooms: Indices
-
-    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """See ``deqmcl_gym.maps.map.Caster``."""
-        kernels.cast_in_rooms(poses, bearings, self.cells, self.rooms, out)
-
-
-@dataclass(frozen=True, eq=False)
-class _AmongWalls:
-    """A caster of poses in rooms of walls, one in each."""
-
-    casters: list[Caster]
-
-    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """See ``deqmcl_gym.maps.map.Caster``."""
-        single = np.empty((bearings.size, 1), np.float32)
-        for i, caster in enumerate(self.casters):
-            caster.cast(np.ascontiguousarray(poses[:, i : i + 1]), bearings, single)
-            out[:, i : i + 1] = single
+def _cast_in_each(casters: list[Caster], poses: Singles, bearings: Singles, out: Singles) -> None:
+    """Cast one pose on each of some maps."""
+    single = np.empty((bearings.size, 1), np.float32)
+    for i, caster in enumerate(casters):
+        caster(np.ascontiguousarray(poses[:, i : i + 1]), bearings, single)
+        out[:, i : i + 1] = single

@@ -156,7 +156,7 @@ class GridMap(Map):
         return walls
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """See ``Caster``."""
+        """See ``Map.cast``."""
         reach, endless = self.sight
         grid_kernels.cast_cells(poses, bearings, reach, self._frame, self.origin[2], endless, out)
 

@@ -7,11 +7,11 @@ robot has a radius of 16 cm.
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -96,14 +96,7 @@ def _checked_beams(poses: NDArray[Any], bearings: ArrayLike) -> Singles:
 _NO_MOVES, _NO_PATH = np.empty((0, 3, 0), np.float32), np.empty((0, 2), np.float32)
 
 
-class Caster(Protocol):
-    """Ray casting on one map into given arrays."""
-
-    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """Fill in the distance of each beam to the nearest wall, (B, n); ∞ if none, NaN outside.
-
-        Poses are rows x, y, θ, (3, n), bearings (B,) rad.
-        """
+Caster = Callable[[Singles, Singles, Singles], None]  # of poses, bearings and out: ``Map.cast``
 
 
 class Map:
@@ -131,11 +124,14 @@ class Map:
 
     @property
     def caster(self) -> Caster:
-        """The ray caster of this map."""
-        return self
+        """The ray caster of this map: ``cast``."""
+        return self.cast
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """See ``Caster``."""
+        """Fill in the distance of each beam to the nearest wall, (B, n); ∞ if none, NaN outside.
+
+        Poses are rows x, y, θ, (3, n), bearings (B,) rad.
+        """
         raise NotImplementedError
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:

@@ -241,7 +241,7 @@ class PolygonMap(Map):
         return walls
 
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """See ``Caster``."""
+        """See ``Map.cast``."""
         kernel = ray_kernels.cast_fans if poses.shape[1] < FEW_POSES else ray_kernels.cast_all
         kernel(poses, bearings, self._sorted_walls, out)
 

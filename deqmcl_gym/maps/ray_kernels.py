@@ -4,8 +4,7 @@ Loops run over blocks of poses with the wall outside and the lanes inside, witho
 the compiler turns the inner loop into SIMD code. The arithmetic is IEEE 754's (see
 ``deqmcl_gym.numerics``): every processor gives the same bits.
 
-A single ray starts at (x, y) and goes along (dx, dy); per_dx = 1 / dx. Its crossings with single
-obstacles come first; all but ``leave`` return the smaller of ``best`` and the distance to one.
+A ray starts at (x, y) and goes along (dx, dy); per_dx = 1 / dx.
 """
 
 from typing import NamedTuple
@@ -65,44 +64,6 @@ def enter(
     leave = _less(_more(to_left, to_right), _more(to_low, to_high))
     t = enter if enter >= _ZERO else leave
     return t if (t >= _ZERO) & (leave >= enter) & (t < best) else best
-
-
-@compiled
-def crosses(
-    at: Single,
-    low: Single,
-    high: Single,
-    across: Single,
-    along: Single,
-    per: Single,
-    slope: Single,
-    best: Single,
-) -> Single:
-    """Where a ray crosses a wall that is parallel to an axis."""
-    t = (at - across) * per
-    u = along + t * slope
-    return t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best) else best
-
-
-@compiled
-def meet(
-    ax: Single,
-    ay: Single,
-    ex: Single,
-    ey: Single,
-    low: Single,
-    high: Single,
-    x: Single,
-    y: Single,
-    dx: Single,
-    dy: Single,
-    best: Single,
-) -> Single:
-    """Where a ray meets a wall of any direction (ex, ey)."""
-    rx, ry = ax - x, ay - y
-    t = (rx * ey - ry * ex) / (dx * ey - dy * ex)
-    u = (t * dx - rx) * ex + (t * dy - ry) * ey
-    return t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best) else best
 
 
 Rectangle = Singles  # (x_low, y_low, x_high, y_high)
@@ -183,15 +144,22 @@ def _shorten(
     for wall in range(walls.upright.shape[0]):
         at, low, high = walls.upright[wall]
         for i in range(best.size):
-            best[i] = crosses(at, low, high, x[i], y[i], per_dx[i], dy[i], best[i])
+            t = (at - x[i]) * per_dx[i]
+            u = y[i] + t * dy[i]
+            best[i] = t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best[i]) else best[i]
     for wall in range(walls.level.shape[0]):
         at, low, high = walls.level[wall]
         for i in range(best.size):
-            best[i] = crosses(at, low, high, y[i], x[i], per_dy[i], dx[i], best[i])
+            t = (at - y[i]) * per_dy[i]
+            u = x[i] + t * dx[i]
+            best[i] = t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best[i]) else best[i]
     for wall in range(walls.oblique.shape[0]):
         ax, ay, ex, ey, low, high = walls.oblique[wall]
         for i in range(best.size):
-            best[i] = meet(ax, ay, ex, ey, low, high, x[i], y[i], dx[i], dy[i], best[i])
+            rx, ry = ax - x[i], ay - y[i]
+            t = (rx * ey - ry * ex) / (dx[i] * ey - dy[i] * ex)
+            u = (t * dx[i] - rx) * ex + (t * dy[i] - ry) * ey
+            best[i] = t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best[i]) else best[i]
 
 
 @compiled

@@ -20,9 +20,9 @@ from deqmcl_gym.world.course import Course
 from deqmcl_gym.world.differences import WallChanges, Way
 from deqmcl_gym.world.driver import GuidedPlan, Plan, Underway, points_of
 from deqmcl_gym.world.path_kernels import judged_step, noisy_drive
-from deqmcl_gym.world.people import AmongPeople, Contacts, Crowd, Crowded
+from deqmcl_gym.world.people import Contacts, Crowd, Crowded, cast_among_people
 from deqmcl_gym.world.rules import RoomRules
-from deqmcl_gym.world.sensor import LidarSensor, Stream, ThroughGlass, episode_stream
+from deqmcl_gym.world.sensor import LidarSensor, Stream, cast_through_glass, episode_stream
 
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing, View
@@ -73,11 +73,12 @@ class Reality:
 
     def caster(self, crowd: Crowd | None, streams: Streams) -> Caster:
         """Return what beams meet."""
-        caster: Caster = self.world.floor_plan
+        caster: Caster = self.world.floor_plan.cast
         if (glass := self.world.glass) is not None:
-            others, closest = self.behind_glass, _CLOSEST * self.world.pixel
-            caster = ThroughGlass(caster, others, glass, closest, streams(Stream.THROUGH_GLASS))
-        return caster if crowd is None else AmongPeople(caster, crowd)
+            behind, closest = self.behind_glass.cast, _CLOSEST * self.world.pixel
+            rng = streams(Stream.THROUGH_GLASS)
+            caster = partial(cast_through_glass, caster, behind, glass, closest, rng)
+        return caster if crowd is None else partial(cast_among_people, caster, crowd)
 
     def picture(self, view: "View", crowd: Crowd | None) -> "Drawing":
         """Draw what is there: solid, glass in blue; the map in outline; people as discs."""

@@ -6,7 +6,6 @@ a second wrapper, has the key (i, k, j).
 """
 
 import enum
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -85,23 +84,26 @@ class NormalTable:
         self._sure -= 1
 
 
-@dataclass(frozen=True, eq=False)
-class ThroughGlass:
-    """A caster of walls, some of them glass, which does not reflect all beams."""
+def cast_through_glass(
+    walls: Caster,
+    others: Caster,
+    glass: Glass,
+    closest: float,
+    rng: np.random.Generator,
+    poses: Singles,
+    bearings: Singles,
+    out: Singles,
+) -> None:
+    """Cast among walls, some of them glass, which does not reflect all beams.
 
-    walls: Caster  # a caster of all walls
-    others: Caster  # a caster of those that are not glass
-    glass: Glass  # how many beams are lost, and what these measure
-    closest: float  # distance at which two walls count as one
-    rng: np.random.Generator  # draws which beams are lost, one number per beam and cast
-
-    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """See ``deqmcl_gym.maps.map.Caster``."""
-        beyond = np.empty_like(out)
-        self.walls.cast(poses, bearings, out)
-        self.others.cast(poses, bearings, beyond)
-        lost = (beyond > out + self.closest) & (self.rng.random(out.shape) < self.glass.lost)
-        np.copyto(out, beyond, where=lost)
+    ``others`` are those that are not glass; two walls count as one at a distance of ``closest``.
+    One number per beam says whether it is lost.
+    """
+    beyond = np.empty_like(out)
+    walls(poses, bearings, out)
+    others(poses, bearings, beyond)
+    lost = (beyond > out + closest) & (rng.random(out.shape) < glass.lost)
+    np.copyto(out, beyond, where=lost)
 
 
 class LidarSensor:

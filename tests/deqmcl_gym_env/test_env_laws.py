@@ -47,7 +47,7 @@ ENVS = {  # id and arguments
     "route": (ROOM_ID, {"floor_plan": {"office": SMALL}, "horizon": 20, **WORLD}),
     "mounts": (ROOM_ID, {"lidar": Lidar(beams=6, mounts=MOUNTS, min_range=3.0)}),
     "otherwise": (ROOM_ID, WORLDS["room"] | PARTS["room"]),
-    "other office": (ROOM_ID, WORLDS["office"] | ALL | {"horizon": 30}),
+    "other office": (ROOM_ID, WORLDS["office"] | PARTS["office"] | {"horizon": 30}),
     "journey": (JOURNEY, {"route": {"max_length": 15.0}}),
     "journeys": (JOURNEY, {"floor_plan": OFFICES}),
     "localize": ("deqmcl_gym/Localize-v0", QUICK | {"particles": 5, "cell": 10.0}),
