@@ -198,8 +198,9 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         rooms, rules = self._rooms, self._rules
         if rules.observation == "scan":
             return rooms.scans.copy()
-        goals = None if rules.journeys is None else rooms.goals
-        shares = rooms.covered, rooms.elapsed
+        courses = rooms.courses
+        goals = None if rules.journeys is None else courses.goals
+        shares = rooms.progress / courses.lengths, rooms.steps / courses.limits
         return rules.seen(rooms.scans, rooms.plans()[0], *shares, goals, rooms.poses)
 
     def _info(self, among: Bools, commands: RoomActions, collided: Bools, success: Bools) -> Info:
@@ -214,7 +215,7 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
             "truth": self._rooms.poses.copy(),
         }
         if self._rules.journeys is not None and self._rules.observation == "scan":
-            told["goal"] = self._rooms.goals.copy()
+            told["goal"] = self._rooms.courses.goals.copy()
         if self._rules.offices is not None:
             told["building"] = self._rooms.buildings.copy()
         if among is not self._all:

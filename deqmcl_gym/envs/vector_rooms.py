@@ -37,7 +37,7 @@ class Rooms:
         self.poses, self.steps = np.zeros((number, 3)), np.zeros(number, np.intp)
         gaps, arcs, self.progress = np.zeros((3, number))
         self._robots = kernels.Robots(self.poses, gaps, arcs, self.progress, self.steps)
-        self._courses = kernels.Courses(
+        self.courses = kernels.Courses(
             edges=np.zeros((number, 0, 6)),
             counts=np.zeros(number, np.intp),
             periods=np.full(number, np.inf),
@@ -74,21 +74,6 @@ class Rooms:
             return self._lap.after_each(self.steps)
         return self._shown.copy(), self._counts.copy()
 
-    @property
-    def goals(self) -> Floats:
-        """The last corner (x, y) of each room's path, (n, 2)."""
-        return self._courses.goals
-
-    @property
-    def covered(self) -> Floats:
-        """Progress of each robot as a share of its path, (n,)."""
-        return self.progress / self._courses.lengths
-
-    @property
-    def elapsed(self) -> Floats:
-        """Steps of each robot as a share of its plan's, (n,)."""
-        return self.steps / self._courses.limits
-
     def begin(self, rooms: Indices, episodes: list[tuple[int, int]]) -> None:
         """Begin an episode (seed, number) in each of ``rooms``; no scan is taken yet.
 
@@ -122,7 +107,7 @@ class Rooms:
         n, noise = resting.size, self._motion
         moved = np.empty(n), np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.bool_)
         noise.fill()
-        state = tuple(self._robots), self._grounds.kernel, tuple(self._courses), self._numbers
+        state = tuple(self._robots), self._grounds.kernel, tuple(self.courses), self._numbers
         kernels.step_rooms(*state, commands, noise.drawn, noise.at, resting, moved)
         if not isinstance(self._lap, FixedPlan):
             _, _, terminated, truncated = moved
@@ -152,8 +137,8 @@ class Rooms:
     def _put(self, room: int, course: Course, plan: Plan) -> None:
         """Let a room have a course."""
         path, edges = course.path, course.path.edges
-        courses = self._courses
-        self._courses = courses = courses._replace(edges=wide(courses.edges, len(edges)))
+        courses = self.courses
+        self.courses = courses = courses._replace(edges=wide(courses.edges, len(edges)))
         courses.edges[room, : len(edges)], courses.counts[room] = edges, len(edges)
         courses.periods[room], courses.lengths[room] = path.period, path.length
         courses.goals[room], courses.limits[room] = path.corners[-1], plan.limit
@@ -163,7 +148,7 @@ class Rooms:
         """Note what is planned in each of ``rooms``."""
         if self._driver is not None:
             kernels.plan_rooms(
-                tuple(self._robots), self._grounds.kernel, tuple(self._courses), self._driver,
+                tuple(self._robots), self._grounds.kernel, tuple(self.courses), self._driver,
                 rooms, self._shown, self._counts,
             )  # fmt: skip
             return
@@ -191,10 +176,10 @@ def _steps(rules: RoomRules) -> int:
 
 
 def _driver(rules: RoomRules) -> tuple[object, ...] | None:
-    """Return the driver of ``plan_rooms``, if there is one."""
+    """Return the driver of ``plan_rooms``, if there is one and it has what he looks at."""
     world = rules.world
     driver, lap, route = world.driver, world.lap, world.route
-    if driver is None:
+    if driver is None or (route is not None and not isinstance(world.floor_plan, GridMap)):
         return None
     own = driver.look_ahead, driver.on_the_spot, lap.step, lap.turn
     near, clearance = (-1.0, -1.0) if route is None else (route.tolerance, route.clearance)

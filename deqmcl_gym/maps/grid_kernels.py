@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.maps.drive_kernels import POSE_BLOCK, copy_columns, directed, drive, put
-from deqmcl_gym.maps.stride_kernels import FARTHEST_CELL, Reach, cast_among
+from deqmcl_gym.maps.ray_kernels import FARTHEST_CELL, Reach, cast_among
 from deqmcl_gym.numerics import Bools, Floats, Ints, Scalar, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos32, sin32

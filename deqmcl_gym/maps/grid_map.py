@@ -11,11 +11,11 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps import grid_file, grid_kernels, stride_kernels
+from deqmcl_gym.maps import grid_file, grid_kernels, ray_kernels
 from deqmcl_gym.maps.grid_file import FREE, MAX_SIDE, OCCUPIED, UNKNOWN
 from deqmcl_gym.maps.grid_kernels import Frame
 from deqmcl_gym.maps.map import Box, Map
-from deqmcl_gym.maps.stride_kernels import Reach
+from deqmcl_gym.maps.ray_kernels import Reach
 from deqmcl_gym.numerics import Bools, Floats, Indices, Ints, Singles, arrays
 from deqmcl_gym.validation import InputError, keep_plain, number, one_of, pose
 
@@ -277,7 +277,7 @@ def _paint(cells: NDArray[np.int8], us: Floats, vs: Floats, value: int) -> None:
 
 def _reach_among(solid: Bools) -> Reach:
     reach = np.empty(np.add(solid.shape, 2), np.uint8)
-    stride_kernels.fill_reach(np.pad(solid, 1, constant_values=True), reach)
+    ray_kernels.fill_reach(np.pad(solid, 1, constant_values=True), reach)
     return reach
 
 

@@ -141,13 +141,6 @@ def _circle() -> Floats:
     return np.array([_unit(2 * math.pi * k / _CORNERS) for k in range(_CORNERS)])
 
 
-class WallChanges(NamedTuple):
-    """What is changed of a map's walls."""
-
-    cleared: Floats  # boxes without wall, (k, 4, 2)
-    filled: list[Floats]  # new wall, counterclockwise corners, (4, 2) each
-
-
 @dataclass(frozen=True, kw_only=True)
 class ChangedWalls:
     """Inner walls that are not where the map has them: pieces of up to 2 m (100 px).
@@ -175,8 +168,10 @@ class ChangedWalls:
                 f"whole cells of {step:g} {floor_plan.unit}: give at least that."
             )
 
-    def drawn(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> WallChanges:
-        """Draw what is changed."""
+    def drawn(
+        self, floor_plan: Map, way: Way, rng: np.random.Generator
+    ) -> tuple[Floats, list[Floats]]:
+        """Draw what is cleared, boxes (k, 4, 2), and filled, counterclockwise (4, 2) each."""
         self.check(floor_plan)
         walls, _, _ = inner_walls(floor_plan)
         cleared, filled, changed = [np.empty((0, 4, 2))], list[Floats](), 0.0
@@ -198,7 +193,7 @@ class ChangedWalls:
                     f"changed_walls.share is {self.share:g}, but so many walls cannot be changed "
                     "beside the robot's way: give a smaller share."
                 )
-        return WallChanges(np.vstack(cleared), filled)
+        return np.vstack(cleared), filled
 
     def _tried(
         self, floor_plan: Map, piece: Piece, rng: np.random.Generator
@@ -246,8 +241,8 @@ def map_changed(floor_plan: Map, given: Mapping[str, Any], points: Floats, body:
     walls = part("changed_walls", ChangedWalls, keys, default)
     seed = integer("changed_walls.seed", given.get("seed", 0))
     way = Way.along(points, body, floor_plan) if walls.keep_route and len(points) else NOWHERE
-    changes = walls.drawn(floor_plan, way, np.random.default_rng(np.random.SeedSequence(seed)))
-    return altered(floor_plan, changes.cleared, changes.filled)
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    return altered(floor_plan, *walls.drawn(floor_plan, way, rng))
 
 
 @dataclass(frozen=True, kw_only=True)

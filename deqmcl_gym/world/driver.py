@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from deqmcl_gym.maps import GridMap
-from deqmcl_gym.numerics import Floats, Indices, Pose, RoomActions, arrays
+from deqmcl_gym.maps import GridMap, Map
+from deqmcl_gym.numerics import Bools, Floats, Indices, Pose, RoomActions, arrays
 from deqmcl_gym.validation import InputError, integer
 from deqmcl_gym.world.config import Driver, World
-from deqmcl_gym.world.course import MAX_STEPS, Course
-from deqmcl_gym.world.path_kernels import drive_along, once_round, room_for_noise, steer
+from deqmcl_gym.world.course import MAX_STEPS, Course, Path
+from deqmcl_gym.world.path_kernels import NEARER, drive_along, once_round, room_for_noise, steer
 
 NO_PLAN = np.empty((0, 2), np.float32)  # of one who shows nothing of what is to come
 
@@ -137,16 +137,37 @@ class GuidedPlan:
     def _rolled_out(self, pose: Pose, arc: float, way: float, most: int) -> RoomActions:
         """Return the next actions, at most so many."""
         path, ground, route = self.course.path, self.world.floor_plan, self.world.route
-        done, edges, rules = np.empty((most, 2), np.float32), path.edges, self.rules
         if route is None:
-            return done[: drive_along(pose, arc, way, edges, path.period, rules, done)]
-        goal = self.course.goal
-        assert isinstance(ground, GridMap)  # rules refuse others
-        assert goal is not None
-        cells = ground.cells
-        body = room_for_noise(pose, cells, self.world.body, route.clearance)
-        count = steer(pose, arc, way, edges, path.length, goal, rules, cells, body, done)
-        return done[:count]
+            return self._along(path, 1.0, pose, arc, way, most)
+        if isinstance(ground, GridMap) and self.course.goal is not None:
+            cells, goal = ground.cells, self.course.goal
+            body = room_for_noise(pose, cells, self.world.body, route.clearance)
+            done, length = np.empty((most, 2), np.float32), path.length
+            edges, rules = path.edges, self.rules
+            count = steer(pose, arc, way, edges, length, goal, rules, cells, body, done)
+            return done[:count]
+        room = float(ground.distance([pose[:2]])[0]) - self.world.body
+        body = self.world.body + max(0.0, min(room, route.clearance)) / 2
+        corners = np.vstack([pose[:2], path.corners_from(arc)])  # straight back onto the path
+        apart = (np.diff(corners, axis=0) != 0).any(axis=1)
+        back = Path(corners[np.append(True, apart)], closed=False)
+        farthest, clear = np.empty((0, 2), np.float32), -1
+        for onto, begin in ((path, arc), (back, 0.0)):
+            for share in NEARER:
+                actions = self._along(onto, share, pose, begin, way, most)
+                blocked = _blocked(pose, actions, ground, body)
+                if not blocked.any():
+                    return actions
+                if blocked.argmax() > clear:
+                    farthest, clear = actions, int(blocked.argmax())
+        return farthest
+
+    def _along(
+        self, path: Path, share: float, pose: Pose, arc: float, way: float, most: int
+    ) -> RoomActions:
+        rules = (share * self.rules[0], *self.rules[1:])
+        actions = np.empty((most, 2), np.float32)
+        return actions[: drive_along(pose, arc, way, path.edges, path.period, rules, actions)]
 
 
 Plan = FixedPlan | GuidedPlan
@@ -160,11 +181,16 @@ def _check_drivable(plan: GuidedPlan) -> None:
             f"the driver does not complete the lap in {plan.limit:,} steps, even without noise: "
             f"{wish}"
         )
-    points = points_of(start, actions)
-    blocked = plan.world.floor_plan.collides(points[:-1], points[1:], plan.world.body)
+    blocked = _blocked(start, actions, plan.world.floor_plan, plan.world.body)
     if blocked.any():
-        x, y = points[blocked.argmax()]
+        x, y = points_of(start, actions)[blocked.argmax()]
         raise InputError(f"the driver meets a wall near ({x:g}, {y:g}), even without noise: {wish}")
+
+
+def _blocked(start: Pose, actions: RoomActions, floor_plan: Map, body: float) -> Bools:
+    """Whether a disc of radius ``body`` without noise would touch a wall in each step, (T,)."""
+    points = points_of(start, actions)
+    return floor_plan.collides(points[:-1], points[1:], body)
 
 
 def points_of(start: Pose, actions: RoomActions) -> Floats:

@@ -17,7 +17,7 @@ from deqmcl_gym.maps.polygons import oriented_edges
 from deqmcl_gym.numerics import Floats, Point, Pose, Singles
 from deqmcl_gym.world.config import Route, World
 from deqmcl_gym.world.course import Course
-from deqmcl_gym.world.differences import WallChanges, Way
+from deqmcl_gym.world.differences import Way
 from deqmcl_gym.world.driver import GuidedPlan, Plan, Underway, points_of
 from deqmcl_gym.world.path_kernels import judged_step, noisy_drive
 from deqmcl_gym.world.people import Contacts, Crowd, Crowded, cast_among_people
@@ -46,20 +46,19 @@ class Reality:
     def drawn(cls, world: World, course: Course, plan: Plan, streams: Streams) -> "Reality":
         """Draw what differs from the map in an episode, on which its course and plan are made."""
         ground, clutter, walls = world.floor_plan, world.clutter, world.changed_walls
-        changes, things = WallChanges(np.empty((0, 4, 2)), []), list[Floats]()
+        cleared, filled = np.empty((0, 4, 2)), list[Floats]()
         kept = [part.keep_route for part in (clutter, walls) if part is not None]
         if walls is not None:
             way = _way(world, course, plan, walls.keep_route)
-            changes = walls.drawn(ground, way, streams(Stream.CHANGED_WALLS))
+            cleared, filled = walls.drawn(ground, way, streams(Stream.CHANGED_WALLS))
         if clutter is not None:
             way = _way(world, course, plan, clutter.keep_route)
-            things = clutter.drawn(ground, way, streams(Stream.CLUTTER))
-        filled = [*changes.filled, *things]
-        there = behind = altered(ground, changes.cleared, filled)
+            filled = [*filled, *clutter.drawn(ground, way, streams(Stream.CLUTTER))]
+        there = behind = altered(ground, cleared, filled)
         glass = np.empty((0, 4, 2))
         if world.glass is not None:
             glass = world.glass.drawn(ground, streams(Stream.GLASS))
-            behind = altered(ground, np.vstack([changes.cleared, glass]), filled)
+            behind = altered(ground, np.vstack([cleared, glass]), filled)
         real = world if there is ground else replace(world, floor_plan=there)
         return cls(ground, real, all(kept), glass, behind)
 

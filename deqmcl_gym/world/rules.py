@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym import validation
-from deqmcl_gym.maps import Box, GridMap, Lidar, Offices, PolygonMap
+from deqmcl_gym.maps import Box, Lidar, Offices, PolygonMap
 from deqmcl_gym.numerics import Bools, Floats, Pose, RoomActions, Singles, arrays
 from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of, shown
 from deqmcl_gym.world.config import Robot, World, extent_of, offices_of
@@ -190,11 +190,6 @@ class RoomRules:
             raise InputError(
                 'goal is "relative", but only the observation "dict" of a world with a route has a '
                 "goal: take Journey-v1."
-            )
-        if world.route and world.driver and not isinstance(world.floor_plan, GridMap):
-            raise InputError(
-                "a driver on a route looks for walls among cells, but the floor plan is of "
-                "polygons: give an office or a ROS map, or leave the driver out."
             )
         rules = cls(world, rows, ends, observation, shows_plan, goal, offices, extent)
         for part in (world.changed_walls, world.glass):

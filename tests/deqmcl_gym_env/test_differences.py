@@ -256,7 +256,7 @@ def test_frames_show_what_is_there_and_the_map_in_outline():
 
     parts = {"changed_walls": {"share": 0.5}, "people": {"number": 3}}
     env = begun(4, **HALL, **parts, render_mode="rgb_array")
-    frame, view = env.render(), env._rules.view
+    frame, view = env.render(), env.rules.view
     rows = lambda points: tuple(np.rint(view.pixels(points)).astype(int).T[::-1])  # noqa: E731
     assert (frame[rows(crowd(env).places)] == PERSON).all()
     middles = np.array([(wall[:2] + wall[2:]) / 2 for wall in env.floor_plan.walls])

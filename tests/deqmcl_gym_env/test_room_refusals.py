@@ -98,7 +98,6 @@ def begun(**kwargs):
 
 
 MADE = [
-    (RoomEnv, {"route": {}, "driver": {}}, "give an office or a ROS map, or leave the driver out"),
     (RoomEnv, {"changed_walls": {"share": 0.51}}, "changed_walls.share is 0.51"),
     (RoomEnv, {"people": {"number": 1001}}, "people.number is 1001"),
     (RoomEnv, {"glass": {"lost": -0.5}}, "glass.lost is -0.5"),

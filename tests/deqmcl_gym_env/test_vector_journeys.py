@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from refusals import refused
+from room_cases import FLOOR_PLANS
 from room_trace import ROOM_ID
 from side_by_side import assert_same, both, run_beside
 
@@ -26,7 +27,7 @@ WORLDS = [
     {"clutter": {"number": 3, "keep_route": False}},
     {"changed_walls": {"share": 0.2, "keep_route": False}},
 ]
-GUIDED = "deqmcl_gym/Guided-v0"
+GUIDED, AMONG = "deqmcl_gym/Guided-v0", {"route": {}, "driver": {}, "horizon": 9}
 # id, rooms, mode, world; steps, share of planned actions, seed; least contacts and ends.
 # Among polygons pymunk's contacts and those of the kernel differ by some 1e-13 px (record 0022),
 # which may round to another float32 in plans and scans: without a contact both move by one kernel.
@@ -37,6 +38,7 @@ DRIVES = [
     (JOURNEY, 3, "NextStep", SHORT | ROUGH, (500, 0.4, 1), (21, 1)),  # a shaken driver
     *((JOURNEY, 2, "SameStep", SHORT | ROUGH | world, (120, 0.8, 2), (0, 0)) for world in WORLDS),
     *((GUIDED, 4, mode, {}, (300, 1.0, 3), (0, 4)) for mode in ("NextStep", "SameStep")),
+    (ROOM_ID, 3, "NextStep", AMONG | {"floor_plan": FLOOR_PLANS["paper"]}, (120, 1.0, 3), (0, 0)),
 ]  # fmt: skip
 
 
