@@ -279,8 +279,15 @@ class LocalizeEnv(ActingEnv):
     belief. If it is not, it costs 2 ``max_steps`` besides: more than anything that a robot can do
     without declaring.
 
-    **Start**: drawn from the site's ``starts``, p(x_0). **End**: terminated by a declaration,
-    truncated after ``max_steps``.
+    **Start**: drawn from the prior. **End**: terminated by a declaration, truncated after
+    ``max_steps``.
+
+    Args:
+        site: where it is lost, or the sites of which each episode draws one; ``starts`` is p(x_0).
+        share: of the belief, that its best cluster must exceed.
+        hold: for how many steps in a row.
+        max_steps: steps after which an episode is truncated.
+        shown: ``particles``, ``cell`` and ``render_mode`` of ``ActingEnv``.
     """
 
     def __init__(
@@ -331,12 +338,19 @@ class TrackEnv(ActingEnv):
     **Reward**: -1 a scan; 100 for a declaration within ``tolerance`` of the goal, -100 for one
     elsewhere and for a contact.
 
-    **Start**: drawn from the site's ``starts``, as the goal, at least ``least`` away; the localizer
-    begins with a prior around it. **End**: terminated by a declaration or a contact, truncated
-    after ``max_steps``.
+    **Start**: anywhere; the localizer begins with a prior around it. The goal is drawn at least
+    ``least`` away. **End**: terminated by a declaration or a contact, truncated after
+    ``max_steps``.
 
-    ``around``, called with ``mean``, gives p(x_0) around a pose; the mean itself is drawn so that
-    the start is distributed like that around it.
+    Args:
+        site: where it drives, or the sites of which each episode draws one; start and goal are
+            drawn from its ``starts``.
+        around: called with ``mean``, gives p(x_0) around a pose; the mean itself is drawn so that
+            the start is distributed like that around it.
+        tolerance: distance from the goal within which a declaration is right, in the map's unit.
+        least: least distance from the start to the goal, in the map's unit.
+        max_steps: steps after which an episode is truncated.
+        shown: ``particles``, ``cell`` and ``render_mode`` of ``ActingEnv``.
     """
 
     _heads = ("sense", "declare")

@@ -53,8 +53,7 @@ class FixedPlan:
 
     def after_each(self, steps: Indices) -> tuple[RoomActions, Indices]:
         """Return the results of :meth:`after` for each of ``steps`` (n,): (n, h, 2) and (n,)."""
-        ahead = steps[:, None] + np.arange(self.horizon)
-        return self._padded[ahead], np.minimum(self.horizon, len(self.actions) - steps)
+        return self._windows[steps], self._counts[steps]
 
     def replaced(self, step: int, actions: RoomActions) -> "FixedPlan":
         """Return the plan in which ``actions`` (k, 2) follow ``step`` steps of this one."""
@@ -64,6 +63,17 @@ class FixedPlan:
     @cached_property
     def _padded(self) -> RoomActions:
         return np.vstack([self.actions, np.zeros((self.horizon, 2), np.float32)])
+
+    @cached_property
+    def _windows(self) -> RoomActions:
+        """Row t has the actions after step t, (T + 1, h, 2); a view."""
+        windows = np.lib.stride_tricks.sliding_window_view(self._padded, self.horizon, axis=0)
+        return windows.transpose(0, 2, 1)
+
+    @cached_property
+    def _counts(self) -> Indices:
+        """Number of actions in row t of the windows, (T + 1,)."""
+        return np.minimum(self.horizon, np.arange(len(self.actions), -1, -1))
 
 
 _LAPS = 2  # what the driver may take, in steps of the lap as planned
