@@ -271,7 +271,7 @@ def asked(options: argparse.Namespace) -> "Sweep":
 def report_command(options: argparse.Namespace) -> str:
     """Write the report of the finished trials in a folder, or in several of the same worlds.
 
-    That is report.html, results.md with its images, and the tables results.csv, trials.csv and
+    That is report.html with its images, and the tables results.csv, trials.csv and
     timings.csv. No code that a folder names is run: animations are those that the sweep drew.
     Several folders may differ in their localizers and agents only, and must be complete. --latex
     and --pdf write what a paper needs into DIR/export: tables.tex (booktabs) with references.bib,

@@ -1,4 +1,4 @@
-"""Write report.html, the tables, results.md and the pictures that the Markdown needs."""
+"""Write report.html, the tables, and the pictures of the page."""
 
 import logging
 from importlib.util import find_spec
@@ -45,11 +45,11 @@ def load() -> None:
 def write_report(
     out: Path | str, results: Results, *, draw: bool = True, of: Path | None = None
 ) -> list[Path]:
-    """Write the tables, report.html, results.md and images/ of a sweep; return the files.
+    """Write the tables, report.html and images/ of a sweep; return the files.
 
     Films that the folder has not are drawn, unless ``draw`` is false; those and the figures ``of``
     another folder are shown if it is given. results.csv and trials.csv depend on nothing but the
-    trials; timings.csv, the page and results.md also tell times and versions. Without the extra
+    trials; timings.csv and the page also tell times and versions. Without the extra
     ``report`` there are the tables only. A folder that holds files, but neither a sweep nor a
     report, raises ``InputError``.
     """

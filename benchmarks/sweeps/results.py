@@ -76,7 +76,7 @@ class Results:
     @cached_property
     def panels(self) -> list[Panel]:
         """What is compared with one another: the methods of every setting."""
-        return [panel.with_tables(self.table, self.maps) for panel in self._compared]
+        return [panel.with_rows(self.table) for panel in self._compared]
 
     @cached_property
     def _compared(self) -> list[Panel]:

@@ -76,7 +76,7 @@ def timings_table(records: Iterable[Finished]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*SETTING, *METHOD, *RUN, "seconds", "ms_per_step"])
 
 
-def csv_of(table: pd.DataFrame, without: Iterable[str] = ("panel", "panels", "label")) -> str:
+def csv_of(table: pd.DataFrame, without: Iterable[str] = ("panel", "label")) -> str:
     """Return a table as CSV with exact numbers; what is not available is an empty cell."""
     plain = table.drop(columns=[name for name in without if name in table])
     plain = plain.astype({name: kind for name, kind in _WHOLE.items() if name in plain})

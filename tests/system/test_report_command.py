@@ -35,7 +35,7 @@ LOOK = """<script>addEventListener("load", () => {
 @pytest.fixture(scope="module")
 def reported(small_run, tmp_path_factory):
     folder = shutil.copytree(small_run[1], tmp_path_factory.mktemp("reported") / "results")
-    for path in (folder / "report.html", folder / "results.md", folder / "results.csv"):
+    for path in (folder / "report.html", folder / "results.csv"):
         path.unlink()
     assert exit_code("report", folder) == 0
     return folder
