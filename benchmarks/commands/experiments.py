@@ -155,8 +155,7 @@ def run_command(options: argparse.Namespace) -> str:
     ),
     group(
         "where trials run, and what becomes of those that fail",
-        option("--executor", default="process", metavar="E", help="process, dask or "
-            "module:factory"),
+        option("--executor", default="process", metavar="E", help="process or dask"),
         option("--scheduler", metavar="ADDRESS", help="Dask scheduler (a new cluster on this "
             "machine)"),
         option("--shard", metavar="I/N", help="run only every N-th trial, starting with the I-th"),

@@ -5,7 +5,7 @@ import sys
 import tempfile
 
 import pytest
-from sweep_command import sweep, write_small
+from sweep_command import write_small
 
 RUN = ("run", "--localizer", "mcl", "--out", "out")
 MAP = ("new", "map", "--out", "out")
@@ -101,8 +101,7 @@ BAD_SWEEPS = [  # what is added to the file, arguments, and what the sentence mu
     ("\n[until_decided]\nmargins = 0.05", (), ["until_decided", "'margins'", "margin"]),
     ("", ("--shard", "4/3"), ["--shard", "'4/3'"]),
     ("\n[[vary]]\nparams.particles = [5, 1e308]", (), ["particles", "1e+308", "1e+100"]),
-    ("", ("--executor", "threads"), ["'threads'", "dask", "module:factory"]),
-    ("", ("--executor", "os:sep"), ["'os:sep'", "function"]),
+    ("", ("--executor", "threads"), ["'threads'", "process", "dask"]),
     ("", ("--scheduler", "tcp://x:1"), ["--scheduler", "--executor dask"]),
 ]
 
@@ -129,12 +128,6 @@ def test_a_name_that_no_file_can_have_is_refused(refusal, words):
 def test_a_temporary_folder_too_deep_for_sockets_is_named(file, tmp_path, monkeypatch, refusal):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / ("d" * 100)))
     refusal(["sweep", file, "--out", tmp_path / "out"], "TMPDIR", "ddd")
-
-
-def test_an_executor_that_is_none_is_refused_when_it_is_made(file, tmp_path, refusal):
-    given = ("--out", tmp_path / "out", "--executor", "os:getcwd")
-    refusal(["sweep", file, *given], "'os:getcwd'", "type str")
-    assert sweep(file, tmp_path / "out") == 0  # nothing was run
 
 
 def test_dask_that_is_not_installed_is_said_with_the_pip_command(file, monkeypatch, refusal):

@@ -39,7 +39,7 @@ def test_the_numbers_depend_neither_on_processes_nor_on_how_many(
 
 def test_jobs_timeout_and_executor_are_no_part_of_what_a_sweep_is(file, copy, ran):
     before = files(copy)
-    how = ("--jobs", "2", "--timeout", "600", "--executor", "sweep_command:in_threads")
+    how = ("--jobs", "2", "--timeout", "600", "--executor", "process")
     assert sweep(file, copy, *how) == 0
     assert ran == []
     assert files(copy) == before
