@@ -253,7 +253,7 @@ def test_run_writes_the_same_numbers_with_and_without_it(tmp_path):
     assert exit_code(*RUN, "--out", tmp_path / "one") == 0
     named = ("--mcap", tmp_path / "a.mcap", "--out", tmp_path / "two")
     assert exit_code(*RUN, *named) == 0
-    assert files(tmp_path / "one")["trace.npz"] == files(tmp_path / "two")["trace.npz"]
+    assert files(tmp_path / "one")["error.csv"] == files(tmp_path / "two")["error.csv"]
     truth = np.loadtxt(tmp_path / "two" / "trajectory_truth.tum")
     assert len(read(tmp_path / "a.mcap")["/mcl/cloud"]) == len(truth)
 
