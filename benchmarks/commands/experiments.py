@@ -165,8 +165,6 @@ def run_command(options: argparse.Namespace) -> str:
         switch("--adopt", "go on in a folder of other code, libraries or plug-ins, if deqmcl "
             "verify finds no number that differs"),
         switch("--yes", "run more than 100,000 trials without confirmation"),
-        option("--mcap", type=folder, metavar="DIR", help="also write the runs of the report's "
-            "animations, for Foxglove and Lichtblick (needs the extra view)"),
     ),
 )  # fmt: skip
 def sweep_command(options: argparse.Namespace) -> str:
@@ -179,14 +177,10 @@ def sweep_command(options: argparse.Namespace) -> str:
     if options.executor == "process":
         prepare()  # while this process loads what it needs
     from benchmarks.experiment import Experiment
-    from benchmarks.pictures.messages import check_folder
-    from benchmarks.report.animations import write_laps
     from benchmarks.report.writing import no_report
     from benchmarks.sweeps.running import check, complete, dry_run, shard_of
     from deqmcl_gym.validation import InputError
 
-    if options.mcap is not None:
-        check_folder(options.mcap)
     sweep = asked(options)
     if sweep.combinations > MANY and not options.yes:
         raise InputError(
@@ -204,10 +198,8 @@ def sweep_command(options: argparse.Namespace) -> str:
     how = {name: getattr(options, name) for name in names}
     target = options.out or Path("results") / Path(options.suite).stem
     ended = Experiment(sweep).run(options.jobs, target, **how, report=True, command=options.words)
-    laps = "" if options.mcap is None else write_laps(ended.results, options.mcap)
     tables_only = f"\nTables only: {why}" if (why := no_report()) else ""
-    text = "\n".join(filter(None, [str(ended), laps, tables_only]))
-    return complete(ended.results, text, part=options.shard is not None)
+    return complete(ended.results, f"{ended}{tables_only}", part=options.shard is not None)
 
 
 def _misfits(sweep: "Sweep") -> list[str | None]:

@@ -8,15 +8,11 @@ from pathlib import Path
 
 import pandas as pd
 
-from benchmarks.console import doing
 from benchmarks.execution.engines import available_cpus
 from benchmarks.execution.processes import Processes
 from benchmarks.pictures.film import Film, camera_of, png, side_by_side, webp
-from benchmarks.pictures.messages import shown_again
-from benchmarks.sweeps.results import Results
 from benchmarks.tables.frames import scored
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.text import file_words
 from benchmarks.trials.attempt import key_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -136,20 +132,6 @@ def films_of(panel: Panel) -> list[Animation]:
             )
         )
     return chosen
-
-
-def write_laps(results: Results, folder: Path) -> str:
-    """Run the trials that a report shows again, and write each as an MCAP file; say which."""
-    names = []
-    for film in [film for panel in results.panels[:1] for film in films_of(panel)]:
-        for own, trial in zip(file_words(film.labels), film.trials, strict=True):
-            path = folder / f"{film.name.rpartition('-')[0]}-{own}.mcap"  # without the world
-            with doing(f"writing {path}"):
-                shown_again([trial], path.absolute())
-            names.append(path.name)
-    if not names:
-        return "No MCAP: the report animates nothing."
-    return f"MCAP in {folder}: {', '.join(names)}."
 
 
 def _focus(rows: pd.DataFrame) -> pd.Series:
