@@ -91,7 +91,7 @@ def paper_command(options: argparse.Namespace) -> str:
 
 
 def _paper_table(sweep: "Sweep", results: "Results", style: str) -> str:
-    from benchmarks.report.tables import reading, table_1
+    from benchmarks.report.tables import table_1
     from benchmarks.tables.text import short_name
 
     worlds = "1 world" if sweep.trials == 1 else f"{sweep.trials} worlds"
@@ -101,10 +101,8 @@ def _paper_table(sweep: "Sweep", results: "Results", style: str) -> str:
         f"{sweep.params['particles']}, L = {sweep.lag}, seed {sweep.seed}; the paper's values "
         "beside ours"
     )
-    rows = results.table
-    table = table_1(rows, variances=style == "github").text(style)
-    parts = [title, table, PAPER_NOTE, *filter(None, [reading(rows)])]
-    return "\n\n".join(parts) + "\n"
+    table = table_1(results.table, variances=style == "github").text(style)
+    return f"{title}\n\n{table}\n\n{PAPER_NOTE}\n"
 
 
 @command(

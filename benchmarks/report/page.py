@@ -22,7 +22,7 @@ from benchmarks.report.tracks import track_parts
 from benchmarks.report.verdict import baseline_words, conclusion, progress, verdict_on
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.text import BLIND, WORDS, percent, short_name
+from benchmarks.tables.text import BLIND, percent, short_name
 from benchmarks.trials.scores import GROUPS
 from benchmarks.trials.tracks import TOLERATED
 from deqmcl_gym import __version__
@@ -106,7 +106,7 @@ def page_files(
         "conclusion": conclusion(results),
         "progress": progress(results),
         "baseline": baseline_words(panels, results),
-        "methods": [f"{n} ({WORDS[n]})" if n in WORDS else short_name(n) for n in methods],
+        "methods": list(map(short_name, methods)),
         "agents": list(dict.fromkeys(name for panel in panels for name in panel.agents)),
         "worlds": sorted({int(n) for panel in panels for n in panel.rows["worlds"]}),
         "filter_seeds": len({record.trial.filter_seed for record in results.records}),

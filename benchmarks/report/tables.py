@@ -1,6 +1,5 @@
 """Tables of a panel: frames of words, which pandas writes as HTML, Markdown, text and LaTeX."""
 
-import json
 import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -15,7 +14,6 @@ from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel, common_words
 from benchmarks.tables.stats import Interval
 from benchmarks.tables.text import (
-    BLIND,
     estimated,
     fixed,
     p_value,
@@ -245,7 +243,7 @@ def detection_table(panel: Panel) -> Table | None:
         return None
     columns: Columns = {
         "method": "label",
-        "AUROC (95 %)": AUROC,
+        "AUROC (95 %)": means("auroc"),
         f"steps with {far}": words(_tenths, "far_steps"),
         f"in how many {panel.world}s": words(
             lambda k, n: "n/a" if math.isnan(k) else f"{k:.0f} of {n}", "far_worlds", "worlds"
@@ -296,20 +294,6 @@ def _score_columns(score: Score) -> Columns:
     }
 
 
-def _auroc(mean: float, low: float, high: float, steps: float, worlds: float) -> str:
-    """An AUROC with its interval, or why there is none."""
-    if math.isnan(worlds):
-        return "n/a: gives no quality"
-    if worlds == 0:
-        return "n/a: no step is far off"
-    if steps == 1:
-        return "n/a: every step is far off"
-    return estimated(Interval(mean, low, high)) + " (one world)" * math.isnan(low)
-
-
-AUROC = words(_auroc, "auroc", "auroc_low", "auroc_high", "far_steps", "far_worlds")
-
-
 _VARIANCES = {"var_x": ("var x", 1), "var_y": ("var y", 1), "var_cos": ("var cos θ", 3),
     "var_sin": ("var sin θ", 3)}  # fmt: skip
 _PRINTED = ("error", "error_sd", "entropy", *_VARIANCES)
@@ -347,23 +331,3 @@ def table_1(rows: pd.DataFrame, *, variances: bool = False) -> Table:
         columns[title] = words(partial(fixed, digits=digits), name)
         columns[f"paper's {title}"] = printed(f"{{{name}:g}}")
     return Table("", of_rows(rows, columns))
-
-
-def reading(rows: pd.DataFrame) -> str:
-    """Return one sentence on what the error of dead reckoning means for the others' of a panel."""
-    present = rows[rows["offset"] == 0]
-    blind = present[present["method"] == BLIND]
-    filters = present[present["method"] != BLIND]
-    agents = present["params"].map(lambda params: json.loads(params).get("agent"))
-    if agents.nunique(dropna=False) > 1 or blind.empty or filters.empty:  # not on the same paths
-        return ""
-    error, best = blind["error"].iloc[0], filters.sort_values("error", kind="stable").iloc[0]
-    theirs = f"{short_name(best['method'])}: {fixed(best['error'])}"
-    if error < best["error"]:
-        return (
-            f"{BLIND}, which uses no scan, has a smaller error at x[t] than "
-            f"every filter ({fixed(error)}; the best filter is {theirs}): here the plan "
-            "alone predicts the path better than the filters do, so the table shows how well "
-            "filters tolerate wrong assumptions, not whether localization is needed."
-        )
-    return f"{BLIND} (error {fixed(error)} at x[t]) is worse than the best filter ({theirs})."

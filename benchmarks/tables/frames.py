@@ -214,16 +214,6 @@ def share_curve(runs: pd.Series) -> pd.DataFrame:
     return pd.DataFrame({"metres": metres, "share": shares, "low": low, "high": high})
 
 
-def lap_errors(records: Sequence[Finished]) -> pd.DataFrame:
-    """Return e at x_t as far as every run goes: states, mean, low, high (middle 80 % of runs)."""
-    curves = [record.curves[0] for record in records]
-    length = min(len(curve.error) for curve in curves)
-    errors = np.array([curve.error[:length] for curve in curves], np.float64)
-    low, high = np.quantile(errors, [0.1, 0.9], axis=0)
-    states = np.arange(length) + curves[0].first_state
-    return pd.DataFrame({"states": states, "mean": errors.mean(axis=0), "low": low, "high": high})
-
-
 def errors_by_offset(records: Sequence[Finished]) -> dict[int, Interval]:
     """Return the error by offset, each over the same states, in the order of the offsets."""
     rows = [(k, *record.trial.run, e) for record in records for k, e in record.profile.items()]

@@ -124,7 +124,7 @@ def test_every_word_of_others_is_escaped(page):
 
 def test_pictures_and_tables_have_words_for_those_who_do_not_see_them(page):
     pictures = [attributes for tag, attributes in page.tags if tag == "img"]
-    assert len(pictures) == 3 + 2  # charts, animation and still
+    assert len(pictures) == 2 + 2  # charts, animation and still
     assert all(len(attributes["alt"]) > 10 for attributes in pictures)
     captions = [attributes for tag, attributes in page.tags if attributes.get("class") == "table"]
     assert page.count("table") == len(captions) == 3
