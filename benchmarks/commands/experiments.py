@@ -32,7 +32,6 @@ if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.sweeps.design import Sweep
     from benchmarks.sweeps.results import Results
 
-MANY = 100_000  # trials; more are run only with --yes
 PAPER_NOTE = (
     "Errors mix lengths and unitless components, as the paper's do; SD over trials; entropy in "
     "nats from the four variances. The paper does not say at which offset it took its rows with a "
@@ -66,7 +65,7 @@ def paper_command(options: argparse.Namespace) -> str:
     from benchmarks.report.writing import load, write_report
     from benchmarks.sweeps.results import summary
     from benchmarks.sweeps.running import Options, complete
-    from benchmarks.sweeps.suites import PAPER_METHODS
+    from benchmarks.sweeps.sweepfile import PAPER_METHODS
 
     named, target = options.localizers, options.out
     how = Options(where=Where(jobs=options.jobs), retry_failed=True)
@@ -153,16 +152,11 @@ def run_command(options: argparse.Namespace) -> str:
     ),
     group(
         "where trials run, and what becomes of those that fail",
-        option("--executor", default="process", metavar="E", help="process or dask"),
-        option("--scheduler", metavar="ADDRESS", help="Dask scheduler (a new cluster on this "
-            "machine)"),
+        option("--dask", nargs="?", const="", metavar="ADDRESS", help="run them by Dask, at this "
+            "scheduler (a new cluster on this machine)"),
         option("--shard", metavar="I/N", help="run only every N-th trial, starting with the I-th"),
         TIMEOUT,
         RETRY_FAILED,
-        switch("--fail-fast", "stop at the first failed trial"),
-        switch("--adopt", "go on in a folder of other code, libraries or plug-ins, if deqmcl "
-            "verify finds no number that differs"),
-        switch("--yes", "run more than 100,000 trials without confirmation"),
     ),
 )  # fmt: skip
 def sweep_command(options: argparse.Namespace) -> str:
@@ -172,27 +166,20 @@ def sweep_command(options: argparse.Namespace) -> str:
     """
     from benchmarks.execution import prepare
 
-    if options.executor == "process":
+    if options.dask is None:
         prepare()  # while this process loads what it needs
     from benchmarks.experiment import Experiment
     from benchmarks.report.writing import no_report
-    from benchmarks.sweeps.running import check, complete, dry_run, shard_of
-    from deqmcl_gym.validation import InputError
+    from benchmarks.sweeps.running import check, complete, dry_run
 
     sweep = asked(options)
-    if sweep.combinations > MANY and not options.yes:
-        raise InputError(
-            f"the sweep has {sweep.combinations:,} trials, more than {MANY:,}: give --yes to run "
-            "them all, or vary less."
-        )
     warn(_misfits(sweep))
     if options.dry_run:
-        shards = shard_of(options.shard)[1] if options.shard else 1
         with checking():
             check(sweep)
         with doing("measuring trials"):
-            return dry_run(sweep, options.jobs, options.timeout, shards)
-    names = ("executor", "scheduler", "timeout", "shard", "retry_failed", "fail_fast", "adopt")
+            return dry_run(sweep, options.jobs, options.timeout)
+    names = ("dask", "timeout", "shard", "retry_failed")
     how = {name: getattr(options, name) for name in names}
     target = options.out or Path("results") / Path(options.suite).stem
     ended = Experiment(sweep).run(options.jobs, target, **how, report=True, command=options.words)
@@ -220,7 +207,7 @@ def asked(options: argparse.Namespace) -> "Sweep":
     """Return the sweep that ``deqmcl sweep`` is asked for."""
     from benchmarks.experiment import sweep
     from benchmarks.setup import documents
-    from benchmarks.sweeps.suites import sweep_named
+    from benchmarks.sweeps.sweepfile import sweep_named
     from deqmcl_gym.validation import InputError, integer
     from localizers import parameters
 

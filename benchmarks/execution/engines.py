@@ -27,7 +27,7 @@ from benchmarks.execution.processes import (
 )
 from benchmarks.trials.attempt import Outcome, attempt, guest_of
 from benchmarks.trials.spec import Trial
-from deqmcl_gym.validation import InputError, in_words, integer, number, one_of
+from deqmcl_gym.validation import InputError, in_words, integer, number
 from localizers.digests import OURS
 from localizers.registry import LOCALIZER
 
@@ -53,8 +53,7 @@ class Where:
     """Where trials run. No part of a sweep's identity: the numbers do not depend on it."""
 
     jobs: int | None = None  #: trials at a time; None is one per processor, or thread of Dask
-    executor: str = "process"  #: "process" or "dask"
-    scheduler: str | None = None  #: address of Dask's; None starts a cluster on this machine
+    dask: str | None = None  #: address of Dask's scheduler; "" starts a cluster on this machine
     timeout: float | None = None  #: seconds that one trial may take; None waits for ever
 
     def __post_init__(self) -> None:
@@ -62,24 +61,21 @@ class Where:
             integer("--jobs", self.jobs, low=1)
         if self.timeout is not None:
             number("--timeout", self.timeout, low=0, high=1e6, above=True)
-        one_of("executor", self.executor, ("process", "dask"))
-        if self.scheduler is not None and self.executor != "dask":
-            raise InputError("--scheduler is for Dask: give --executor dask.")
 
     def check(self) -> None:
         """See whether the engine can be had, before anything is written."""
-        if self.executor == "dask":
+        if self.dask is not None:
             _distributed()
-            if self.scheduler is not None:
-                with _dask(0, self.scheduler):
+            if self.dask:
+                with _dask(0, self.dask):
                     pass
 
     @contextmanager
     def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
         """Start an engine for these trials, and end it with all that still runs."""
         jobs = self.jobs or available_cpus()
-        if self.executor == "dask":
-            with _dask(jobs, self.scheduler) as engine:
+        if self.dask is not None:
+            with _dask(jobs, self.dask) as engine:
                 patient = self.timeout is None and any(map(guest_of, trials))
                 timeout = GUEST_SECONDS if patient else self.timeout
                 yield replace(engine, slots=self.jobs or engine.slots, timeout=timeout)
@@ -165,15 +161,14 @@ def _distributed() -> Any:
         import distributed
     except ImportError:
         raise InputError(
-            "Dask is not installed: run pip install 'deqmcl-gym[dask]', or leave out "
-            "--executor dask."
+            "Dask is not installed: run pip install 'deqmcl-gym[dask]', or leave out --dask."
         ) from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost, we say
     return distributed
 
 
 @contextmanager
-def _dask(workers: int, scheduler: str | None) -> Iterator[Engine]:
+def _dask(workers: int, scheduler: str) -> Iterator[Engine]:
     """Connect to a cluster."""
     package = _distributed()
     with ExitStack() as stack:

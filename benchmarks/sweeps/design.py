@@ -329,15 +329,10 @@ def _scenario(name: str) -> str:
 
 
 def _label(kind: str, name: str) -> str:
-    """Refuse a name that cannot stand in a table: a spreadsheet takes =… for a formula."""
+    """Refuse a name that cannot stand in a table."""
     if not name.isprintable():
         raise InputError(
             f"the {kind} {name!a} has a line break, a control character or a byte that is no "
             "UTF-8 in its name: rename its file."
-        )
-    if name.startswith(("=", "+", "-", "@")):
-        raise InputError(
-            f"the {kind} {name!r} must not begin with {name[0]}, which spreadsheets take for a "
-            f"formula: write ./{name} if it is a file, or rename it."
         )
     return name

@@ -1,6 +1,5 @@
 """How far a sweep has come: what a store holds of it, which trials it still needs, in words."""
 
-import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -9,7 +8,6 @@ from typing import Any, TypeVar
 
 import pandas as pd
 
-from benchmarks.files import is_empty
 from benchmarks.setup import documents, overrides
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep, by_cell
@@ -308,16 +306,6 @@ def recorded_sweep(folder: Path, made: Manifest) -> Sweep:
 
     with documents.errors_name(folder / manifest.MANIFEST):
         return sweep_of(overrides.of_json(made.placed), title="", takes=takes)
-
-
-def named_as_in(folder: Path, sweep: Sweep) -> Sweep:
-    """Return a sweep with absolute paths, if a folder that was made so before is to go on."""
-    places = manifest.places(sweep)
-    before = "" if is_empty(folder) else json.dumps(manifest.read_manifest(folder).sweep)
-    if not any(json.dumps(place) in before for place in places.values()):
-        return sweep
-    said = overrides.renamed(overrides.of_json(sweep.canonical()), places)
-    return sweep_of(said, title="", takes=sweep.takes)
 
 
 def left_out_lines(results: Results, out: Path) -> list[str]:

@@ -15,9 +15,8 @@ import msgspec
 
 from benchmarks.execution.engines import Where, outcomes
 from benchmarks.sweeps import manifest
-from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Verified, differences
-from benchmarks.sweeps.results import named_as_in, recorded_sweep
+from benchmarks.sweeps.results import recorded_sweep
 from benchmarks.sweeps.running import counted
 from benchmarks.sweeps.store import Store
 from benchmarks.trials.attempt import Outcome, provenance_of
@@ -89,12 +88,6 @@ def compare_again(
                 differing[names[key]] = why
             count(bool(why))
     return differing
-
-
-def adopted(folder: Path, sweep: Sweep, where: Where) -> str:
-    """Verify a folder of our sweep that is of other code; return what was found, if it is one."""
-    ours = manifest.manifest_of(named_as_in(folder, sweep), [])
-    return verify(folder, where) if manifest.is_of_other_code(folder, ours) else ""
 
 
 def sample(trials: Mapping[str, Trial], code: str, share: float = SAMPLED) -> dict[str, Trial]:

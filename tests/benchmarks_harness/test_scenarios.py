@@ -210,6 +210,17 @@ def test_a_scenario_file_changes_its_base_and_lengths_are_in_the_unit_of_its_map
     assert another == BeamModel(sigma=0.02 * 100, decay=0.01 / 0.02)
 
 
+def test_a_disturbance_of_a_scenario_file_is_that_of_a_sweep_file(tmp_path):
+    path = tmp_path / "room.toml"
+    path.write_text('base = "kidnapped"\ndisturbance = [{ kind = "dropout", probability = 0.5 }]')
+    assert scenario(str(path)).disturbance == ({"kind": "dropout", "probability": 0.5},)
+    path.write_text('base = "kidnapped"')
+    assert scenario(str(path)).disturbance == ({"kind": "kidnap", "step": 75},)
+    path.write_text('disturbance = ["kidnap"]')
+    with refused("room.toml", "an entry of disturbance is 'kidnap'"):
+        scenario(str(path))
+
+
 def test_an_empty_table_is_a_value(tmp_path):
     path = tmp_path / "room.toml"
     for text in ("[env.driver]\n[env.route]\n[env.floor_plan.office]", "env.driver = {}"):

@@ -17,7 +17,7 @@ from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.running import Options, begun, run_missing
 from benchmarks.sweeps.store import writing
-from benchmarks.sweeps.suites import paper_sweep
+from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.trials import attempt
 from benchmarks.trials.attempt import provenance_of
 from benchmarks.trials.spec import Method

@@ -11,8 +11,7 @@ from refusals import refused
 from benchmarks.setup.overrides import Overrides, located
 from benchmarks.sweeps.design import MOST_TRIALS
 from benchmarks.sweeps.running import check
-from benchmarks.sweeps.suites import sweep_named
-from benchmarks.sweeps.sweepfile import read_sweep, with_localizers
+from benchmarks.sweeps.sweepfile import read_sweep, sweep_named, with_localizers
 from benchmarks.trials.attempt import key_of, provenance_of
 from deqmcl_gym.validation import InputError
 from localizers import absolute_name

@@ -89,20 +89,17 @@ def points(*counts):
 BAD_SWEEPS = [  # what is added to the file, arguments, and what the sentence must name
     ('\n[held_out]\nvalue = "a"', (), ["small.toml", "'held_out'"]),
     ('\nbeta = "a\\u0007b"', (), ["beta", "control characters"]),
-    ("", ("--with", "=x.py:L"), ["'=x.py:L'", "./=x.py:L"]),
     ("", ("--with", "a\udce9.py:L"), [r"'a\udce9.py:L'", "no UTF-8"]),
     ("\nbeta = 3", (), ["'beta'", "particles"]),  # in [params]
     ("\n[[vary]]\nparams.particles = [5, 1.5]", (), ["particles", "1.5"]),
-    (points(125, 100, 200), ("--yes",), ["10,000,000", "more than 1,000,000"]),
-    (points(125, 1000), (), ["500,000", "--yes"]),
+    (points(125, 100, 200), (), ["10,000,000", "more than 1,000,000"]),
     ("", ("--margin", "5%"), ["--margin", "--until-decided"]),
     ("", ("--until-decided", "--trials", "9"), ["--trials", "--max-worlds"]),
     ("", ("--until-decided", "--shard", "1/2"), ["--shard", "--until-decided"]),
     ("\n[until_decided]\nmargins = 0.05", (), ["until_decided", "'margins'", "margin"]),
     ("", ("--shard", "4/3"), ["--shard", "'4/3'"]),
     ("\n[[vary]]\nparams.particles = [5, 1e308]", (), ["particles", "1e+308", "1e+100"]),
-    ("", ("--executor", "threads"), ["'threads'", "process", "dask"]),
-    ("", ("--scheduler", "tcp://x:1"), ["--scheduler", "--executor dask"]),
+    ("", ("--adopt",), ["there is no --adopt here: write deqmcl verify DIR first"]),
 ]
 
 
@@ -132,7 +129,7 @@ def test_a_temporary_folder_too_deep_for_sockets_is_named(file, tmp_path, monkey
 
 def test_dask_that_is_not_installed_is_said_with_the_pip_command(file, monkeypatch, refusal):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    refusal(["sweep", file, "--executor", "dask"], "pip install 'deqmcl-gym[dask]'")
+    refusal(["sweep", file, "--dask"], "pip install 'deqmcl-gym[dask]'")
 
 
 def test_a_working_folder_that_is_gone_is_named_before_anything_is_run(

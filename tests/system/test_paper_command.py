@@ -9,8 +9,7 @@ from deqmcl_command import METHODS, SMALL, exit_code, files, lines, records
 
 from benchmarks.commands import setting_sweep
 from benchmarks.commands.experiments import paper_command
-from benchmarks.sweeps.suites import paper_sweep, sweep_named
-from benchmarks.sweeps.sweepfile import sweep_of
+from benchmarks.sweeps.sweepfile import paper_sweep, sweep_named, sweep_of
 
 SMALL_SWEEP = paper_sweep(trials=2, particles=100)
 FIGURES = "fig4_deq-mcl.png", "fig4_mcl.png", "fig5_step150.png", "fig5_step170.png", "lap.webp"

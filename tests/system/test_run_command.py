@@ -11,7 +11,7 @@ import pytest
 from deqmcl_command import exit_code, files, lines
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.sweeps.suites import paper_sweep
+from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
