@@ -60,7 +60,7 @@ def write_report(
         if of is not None or not (folder / MANIFEST).is_file():
             own_folder(folder, "results.csv")
         tables = _tables(results)
-        for name in ("decisions.csv", "gaps.csv", "plans.csv", "maps.csv", "basin.csv"):
+        for name in ("decisions.csv", "plans.csv", "maps.csv", "basin.csv"):
             if name not in tables:
                 (folder / name).unlink(missing_ok=True)
         files = write_files(folder, tables)  # the numbers, whatever keeps the pictures away
@@ -79,11 +79,11 @@ def write_report(
 def _tables(results: Results) -> dict[str, bytes]:
     tables = {
         "results.csv": csv_of(results.table, FURTHER),
-        "trials.csv": csv_of(trials_frame(results.finished), INNER),
-        "timings.csv": csv_of(timings_table(results.finished)),
+        "trials.csv": csv_of(trials_frame(results.records), INNER),
+        "timings.csv": csv_of(timings_table(results.records)),
     }
     starts = starts_table(results.records, (failure.trial for failure in results.failures))
-    further = {"gaps": results.gaps, "plans": results.plans, "maps": results.maps, "basin": starts}
+    further = {"plans": results.plans, "maps": results.maps, "basin": starts}
     if results.rule is not None:
         tables["decisions.csv"] = csv_of(results.decisions)
     tables |= {f"{name}.csv": csv_of(own) for name, own in further.items() if len(own)}
