@@ -1,19 +1,13 @@
-"""The paper's figures, always of world 0: no picking; and ``deqmcl run``, a lap with its files.
+"""The paper's figures, always of world 0: no picking; and ``deqmcl run``, a lap with its files."""
 
-Curves are by matplotlib, an optional extra.
-"""
-
-import io
 import os
 from collections.abc import Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmarks.files import own_folder, write_files
-from benchmarks.pictures import styled
 from benchmarks.pictures.film import Camera, Film, camera_of, png, side_by_side, webp
 from benchmarks.pictures.messages import showing
 from benchmarks.setup import TrialEnv
@@ -26,28 +20,9 @@ from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.logs import Log, Trajectory, check_writable, write
-from deqmcl_gym.numerics import Floats, Indices, Reals
+from deqmcl_gym.numerics import Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief
-
-
-@styled()
-def error_plot(curves: Mapping[str, tuple[Indices, Floats]], title: str, words: str) -> bytes:
-    """Return error curves over the state's step as PNG; ``words`` say what error and its unit."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8, 4.5), dpi=120, layout="constrained")
-    axes = figure.subplots()
-    for name, (states, errors) in curves.items():
-        color = "orange" if name == "x[t]" else "pink" if "-" in name else "blue"
-        axes.plot(states, errors, label=f"belief about {name}", color=f"tab:{color}")
-    axes.set(xlabel="step of the state estimated", ylabel=words, title=title, ylim=(0, None))
-    axes.grid(alpha=0.3)
-    axes.legend()
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
-    return buffer.getvalue()
-
 
 FIG_4_METHODS = ("deq-mcl", "mcl")
 FIG_5_METHOD = "deq-mcl"
@@ -56,10 +31,6 @@ LAP_METHODS = ("mcl", "deq-mcl")
 _SHOWN = {*FIG_4_METHODS, FIG_5_METHOD, *LAP_METHODS}
 LAP_STRIDE = 4  # steps per frame
 LAP_MILLISECONDS = 120
-_ERRORS = {  # drawn, by the map's unit
-    "px": (state_error, "error e (px and unitless mixed, eq. 4)"),
-    "m": (position_error, "position error, m"),
-}
 
 
 def write_paper_figures(shown: Sequence[Trial], folder: Path) -> list[Path]:
@@ -122,14 +93,10 @@ def _error_and_spread(belief: Belief, offset: int, truth: Reals, unit: str) -> s
 
 
 def run_lap(trial: Trial, out: Path, log: Path | None, mcap: Path | None) -> str:
-    """Run one lap of one localizer; write animation, error curve, poses; return what to print.
+    """Run one lap of one localizer; write animation, errors, poses; return what to print.
 
     ``log`` is where to write the lap as a log, ``mcap`` what is believed, for Foxglove.
     """
-    if find_spec("matplotlib") is None:
-        raise InputError(
-            "plots need matplotlib, which is not installed: pip install 'deqmcl-gym[plots]'."
-        )
     if log is not None:
         check_writable(log)
         if os.path.lexists(log):
@@ -139,17 +106,11 @@ def run_lap(trial: Trial, out: Path, log: Path | None, mcap: Path | None) -> str
     unit = stage.room.floor_plan.unit
     title = trial.localizer
     film = Film(camera_of(stage), title, LAP_STRIDE)
-    measure, words = _ERRORS[unit]
     heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
     with showing(mcap, {short_name(title): film.of(stage.moments())}, stage) as rows:
         trace = trace_of((moment for (moment,) in rows), trial.offsets, stage.task)
-    curves = {
-        state_name(offset): (kept.states, measure(kept.means, trace.truth[kept.states]))
-        for offset, kept in trace.offsets.items()
-    }
     files = {
         "lap.webp": webp(film.frames, LAP_MILLISECONDS),
-        "error.png": error_plot(curves, heading, words),
         "error.csv": _curves_csv(trace).encode(),
     } | trajectories(trace)
     if log is not None:

@@ -37,11 +37,6 @@ def verdict_on(panel: Panel) -> str:
     elif winner.method == BLIND and len(filters := ranked[ranked["method"] != BLIND]):
         said.append(f"Of the methods that use scans: {_sentence(panel, filters)}")
     said += [
-        f"{label} has Nav2's defaults, while the motion noise and the power of the scans that the "
-        "others assume are fitted to this log: deqmcl tune fits it, too."
-        for label in _unfitted(panel)
-    ]
-    said += [
         f"Plug-in {row.label}: {_reached(panel, row)}, {row.relation}."
         for row in _plug_ins(panel, winner)
     ]
@@ -219,14 +214,3 @@ def _on_a_log(panel: Panel) -> str:
         f"{p_value(getattr(near, f'{score}_p_holm'))}. The share of runs that are localized to "
         "the end separates no methods."
     )
-
-
-def _unfitted(panel: Panel) -> list[str]:
-    """Methods with default assumptions beside others that are fitted to a part of the log."""
-    waits = [
-        label
-        for method, label in panel.labels.items()
-        if method.name == "amcl" and "alpha1" not in method.params
-    ]
-    fitted = "scan.power" in panel.setting.assumed and "judged" in panel.setting.world
-    return waits[:1] if fitted and len(panel.labels) > len(waits) else []

@@ -40,10 +40,10 @@ def lap(tmp_path_factory):
     return said.getvalue(), out
 
 
-def test_a_lap_leaves_its_animation_its_curve_its_tracks_and_nothing_else(lap):
+def test_a_lap_leaves_its_animation_its_errors_its_tracks_and_nothing_else(lap):
     said, out = lap
     tracks = {"trajectory_truth.tum", "trajectory_t.tum"}
-    named = {"lap.webp", "error.png", "error.csv", *tracks}
+    named = {"lap.webp", "error.csv", *tracks}
     assert files(out).keys() == named
     assert all(name in said for name in named)
     read_it, animation = cv2.imreadanimation(str(out / "lap.webp"))
