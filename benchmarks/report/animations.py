@@ -1,8 +1,7 @@
 """Best, median and worst trial as films: those that the folder has, or drawn anew."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -65,33 +64,25 @@ def pictures_of_paper(folder: Path) -> dict[str, bytes]:
     return {path.name: content_of(path) for path in shown}
 
 
-@contextmanager
-def films(
-    panels: Sequence[Panel], folder: Path, *, draw: bool
-) -> Iterator[Callable[[], tuple[list[Animation], str]]]:
-    """Begin to draw the films of the first panel that the folder has not, if that is asked for.
+def films(panels: Sequence[Panel], folder: Path, *, draw: bool) -> tuple[list[Animation], str]:
+    """Return the films of the first panel, and why there are none.
 
-    What is yielded returns the films, and why there are none. They are drawn by workers: a plug-in
-    that hangs or exits there does no harm.
+    Those that the folder has not are drawn, if that is asked for, by workers: a plug-in that hangs
+    or exits there does no harm.
     """
     chosen = films_of(panels[0]) if panels else []
     kept = [film for one in chosen if (film := _of(one, folder)) is not None]
     if len(kept) == len(chosen) or not draw:
         why = "the folder has none of these worlds; `deqmcl sweep` draws them."
-        yield lambda: (kept, "" if kept or not chosen else why)
-        return
+        return kept, "" if kept or not chosen else why
     with Processes(available_cpus(), timeout=_PATIENCE) as pool:
         promises = [pool.submit(filmed, one) for one in chosen]
-
-        def wait() -> tuple[list[Animation], str]:
-            try:
-                return [promise.result() for promise in promises], ""
-            except InputError as error:
-                return [], str(error)
-            except Exception as error:  # a plug-in that is gone is no reason to say nothing
-                return [], f"its trials could not be run again ({in_words(error)})"
-
-        yield wait
+        try:
+            return [promise.result() for promise in promises], ""
+        except InputError as error:
+            return [], str(error)
+        except Exception as error:  # a plug-in that is gone is no reason to say nothing
+            return [], f"its trials could not be run again ({in_words(error)})"
 
 
 def films_of(panel: Panel) -> list[Animation]:

@@ -87,7 +87,8 @@ def page_files(
     """
     panels = results.panels
     several = len(panels) > 1
-    with styled(STYLE), films(panels, folder, draw=draw) as filmed:
+    animations, no_films = films(panels, folder, draw=draw)
+    with styled(STYLE):
         parts = [parts_of(panel, pictured=panel.number <= _PICTURED) for panel in panels]
         for first in parts[:1]:
             first.extend(more)
@@ -98,7 +99,6 @@ def page_files(
         swept = swept_charts(panels)
         charts = [chart for content in parts for part in content for chart in part.charts]
         drawn = {chart.name: chart.drawn("svg") for chart in (*swept, *charts)}
-        animations, no_films = filmed()
     figures = pictures_of_paper(folder)
     methods = dict.fromkeys(name for panel in panels for name in panel.rows["method"])
     telling = {
