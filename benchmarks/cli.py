@@ -29,12 +29,16 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> NoReturn:
         from deqmcl_gym import __version__
 
-        print(f"deqmcl {__version__}")
+        console.say(f"deqmcl {__version__}")
         parser.exit()
 
 
 class _Parser(argparse.ArgumentParser):
     """Says in one sentence what is wrong with a command line."""
+
+    def print_help(self, _: object = None) -> None:
+        """Print the help, or fail if that cannot be."""
+        console.say(self.format_help().rstrip("\n"))
 
     def error(self, message: str) -> NoReturn:
         sentence = message.rstrip(".")
@@ -69,28 +73,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ["MPLBACKEND"] = "agg"  # a notebook's may not be installed here
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # θ, for a terminal that has none
-    with console.standard_streams() as output, warnings.catch_warnings():
+    with console.standard_streams(), warnings.catch_warnings():
         warnings.simplefilter("ignore", console.FailedWarning)
         try:
-            code = _run(given, output, leaving=arguments is None)
+            code = _run(given, leaving=arguments is None)
         except SystemExit as end:  # argparse leaves so
             code = int(end.code or 0)
-        except OSError as error:
-            if error is not output.error:
-                raise
-        output.end()
+        except console.OutputError as error:
+            code = NOT_READ
+            if not isinstance(why := error.__cause__, BrokenPipeError):
+                code, words = FAILED, getattr(why, "strerror", why)
+                print(f"deqmcl: the output cannot be written to stdout ({words}).", file=sys.stderr)
         if arguments is None:
             gc.freeze()  # at exit, a search for garbage would take half a second
-        if output.error is None:
-            return code
-        if isinstance(output.error, BrokenPipeError):
-            return NOT_READ
-        why = output.error.strerror
-        print(f"deqmcl: the output cannot be written to stdout ({why}).", file=sys.stderr)
-        return FAILED
+        return code
 
 
-def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
+def _run(given: Sequence[str], *, leaving: bool) -> int:
     try:
         options = _parse(given)
     except KeyboardInterrupt:
@@ -99,7 +98,7 @@ def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
     try:
         with console.stoppable(leaving=leaving):
             _refuse_no_folder()
-            print(options.run(options))
+            console.say(options.run(options))
     except KeyboardInterrupt as how:
         kept = "; finished trials are kept" if options.command in _RESUMED else ""
         print(f"deqmcl: interrupted{kept}.", file=sys.stderr)
@@ -108,7 +107,7 @@ def _run(given: Sequence[str], output: console.Stream, *, leaving: bool) -> int:
         print(f"deqmcl: a plug-in called exit({end.code!r}).", file=sys.stderr)
         return FAILED
     except Exception as error:
-        if options.debug or error is output.error:
+        if options.debug or isinstance(error, console.OutputError):
             raise
         return _explain(error)
     return 0

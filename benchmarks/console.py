@@ -1,6 +1,5 @@
 """The terminal that a command runs in: its streams, its words while it works, its Ctrl-C."""
 
-import contextlib
 import os
 import signal
 import sys
@@ -9,7 +8,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NoReturn, TextIO, cast
+from typing import NoReturn
 
 
 class FailedWarning(UserWarning):
@@ -104,11 +103,10 @@ def checking(*, shown: bool = True) -> Iterator[None]:
 
 
 @contextmanager
-def standard_streams() -> Iterator["Stream"]:
-    """Give stdout as a stream that knows whether all has been written.
+def standard_streams() -> Iterator[None]:
+    """Lead standard streams that are closed to the null device.
 
-    A standard stream that is closed leads to the null device, as else the next file opened gets its
-    number, and what libraries print. What stderr does not take is dropped.
+    Else the next file opened gets their number, and what libraries print.
     """
     for number in range(3):
         try:
@@ -117,57 +115,26 @@ def standard_streams() -> Iterator["Stream"]:
             os.open(os.devnull, os.O_RDWR)  # takes the lowest free number: this one
     before = sys.stdout, sys.stderr
     with open(os.devnull, "w", encoding="utf-8") as nowhere:
-        out = Stream(sys.stdout or nowhere, raises=True)
-        err = Stream(sys.stderr or nowhere, raises=False)
-        sys.stdout, sys.stderr = cast(TextIO, out), cast(TextIO, err)
+        sys.stdout, sys.stderr = sys.stdout or nowhere, sys.stderr or nowhere
         try:
-            yield out
+            yield
         finally:
-            out.end()
-            err.end()
             sys.stdout, sys.stderr = before
 
 
-class Stream:
-    """A stream of text that remembers its first error; ``error`` is None if all was written."""
+class OutputError(Exception):
+    """Stdout does not take what is written, because of its cause."""
 
-    def __init__(self, stream: TextIO, *, raises: bool) -> None:
-        """Wrap a stream; without ``raises`` what it does not take is dropped."""
-        self.error: OSError | None = None
-        self._stream = stream
-        self._raises = raises
 
-    def write(self, text: str) -> int:
-        """Write a text."""
-        with self._noticing():
-            self._stream.write(text)
-        return len(text)
-
-    def flush(self) -> None:
-        """Write what is waiting."""
-        with self._noticing():
-            self._stream.flush()
-
-    def end(self) -> None:
-        """Flush; after an error the null device takes what Python flushes when it ends."""
-        with contextlib.suppress(OSError):
-            self.flush()
-        if self.error is not None:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, self._stream.fileno())
-            os.close(nowhere)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
-
-    @contextmanager
-    def _noticing(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            self.error = self.error or error
-            if self._raises:
-                raise
+def say(text: str) -> None:
+    """Print a text at once; if stdout does not take it, the null device takes what is left."""
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())  # of which Python flushes the rest when it ends
+        os.close(nowhere)
+        raise OutputError from error
 
 
 class Terminated(KeyboardInterrupt):

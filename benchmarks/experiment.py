@@ -26,9 +26,7 @@ from benchmarks.setup.overrides import NOTHING, Named, Overrides
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence, summary
 from benchmarks.sweeps.running import Options, Running, begun, check, shard_of
-from benchmarks.sweeps.suites import sweep_named
-from benchmarks.sweeps.sweepfile import refuse_idle, sweep_of, with_settings
-from benchmarks.sweeps.verifying import adopted
+from benchmarks.sweeps.sweepfile import refuse_idle, sweep_named, sweep_of, with_settings
 from benchmarks.tables.comparison import FURTHER, RESULTS
 from benchmarks.tables.frames import INNER, trials_frame
 from benchmarks.trials.episode import Step
@@ -96,52 +94,42 @@ class Experiment:
         jobs: int | None = None,
         out: str | Path | None = None,
         *,
-        executor: str = "process",
-        scheduler: str | None = None,
+        dask: str | None = None,
         timeout: float | None = None,
         shard: str | None = None,
         retry_failed: bool = False,
-        fail_fast: bool = False,
-        adopt: bool = False,
         report: bool = False,
         progress: bool = True,
         command: Sequence[str] = ("python",),
     ) -> "ExperimentResults":
         """Run what is missing, and return all results.
 
-        For ``jobs``, ``executor``, ``scheduler`` and ``timeout`` see ``Where``, for
-        ``retry_failed``, ``fail_fast`` and ``progress`` see ``Options``. What is refused raises
-        ``InputError`` before anything is run.
+        For ``jobs``, ``dask`` and ``timeout`` see ``Where``, for ``retry_failed`` and ``progress``
+        see ``Options``. What is refused raises ``InputError`` before anything is run.
 
         Args:
             out: folder that keeps the trials, so that a second run goes on; None: only the results.
             shard: "i/n" runs every n-th trial, from the i-th.
-            adopt: go on in a folder of other code, if its sample is verified.
             report: write tables and page into the folder.
             command: the words that started it, for the folder.
         """
-        where = Where(jobs=jobs, executor=executor, scheduler=scheduler, timeout=timeout)
+        where = Where(jobs=jobs, dask=dask, timeout=timeout)
         part = None if shard is None else shard_of(shard)
-        again = {"retry_failed": retry_failed, "fail_fast": fail_fast}
-        options = Options(where=where, shard=part, progress=progress, **again)
+        options = Options(where=where, shard=part, retry_failed=retry_failed, progress=progress)
         where.check()
         with ExitStack() as stack:
             folder = Path(out or f"{stack.enter_context(TemporaryDirectory())}/experiment")
-            running = stack.enter_context(self.begun(folder, options, command, adopt=adopt))
+            running = stack.enter_context(self.begun(folder, options, command))
             results = running.results()
             files = write_report(folder, results) if report else []
             return ExperimentResults(self.sweep, results, tuple(files))
 
     @contextmanager
-    def begun(
-        self, out: Path, options: Options, command: Sequence[str], *, adopt: bool = False
-    ) -> Iterator[Running]:
+    def begun(self, out: Path, options: Options, command: Sequence[str]) -> Iterator[Running]:
         """Check it and open its folder, which is held until the block ends; nothing is run yet."""
         with knowing(self.factories):
             with checking(shown=options.progress):
                 check(self.sweep)
-            if adopt and (verified := adopted(out, self.sweep, options.where)):
-                print(verified)
             with begun(self.sweep, out, options, command=command) as running:
                 yield running
 
@@ -168,7 +156,7 @@ class ExperimentResults:
     @cached_property
     def trials(self) -> pd.DataFrame:
         """trials.csv: a row for each trial and offset; what was varied has columns."""
-        table = trials_frame(self.results.finished).drop(columns=[*INNER])
+        table = trials_frame(self.results.records).drop(columns=[*INNER])
         return _with_varied(table, self.sweep)
 
     def plot(self, over: str, value: str = "error", *, offset: int = 0) -> "Figure":

@@ -10,7 +10,7 @@ from typing import Any
 import localizers
 from benchmarks.agents import AGENTS
 from benchmarks.setup.names import scenario, scenario_names
-from benchmarks.sweeps.suites import SUITES, sweep_named
+from benchmarks.sweeps.sweepfile import SUITES, sweep_named
 from benchmarks.trials.scores import JOURNEY_SCORES, METRICS, TRACK_SCORES, Score
 from localizers.checks import LAWS, law_name
 

@@ -16,7 +16,6 @@ from localizers.api import (
     mean_pose,
     quality_of,
 )
-from localizers.description import describe
 from localizers.inference.hedge import hedged
 from localizers.kinds import absolute_name
 from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform, LatentShare
@@ -34,6 +33,7 @@ from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
 from localizers.registry import (
     ScanPlugIn,
+    describe,
     make,
     names,
     parameters,

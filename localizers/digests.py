@@ -1,16 +1,14 @@
 """Digests of the source of plug-ins and of the files they ship; they are read, never run.
 
-Of a package all files count; of ``file.py`` that file, those beside it of its name and another
-ending, and names, folders or patterns that it declares, as in ``SHIPS = ("table.bin", "nets/*")``.
+Of a package all files count; of ``file.py`` that file and those beside it of its name and another
+ending.
 What is in no file, as a notebook's cells, is read from memory; imports and downloads are not seen.
 """
 
-import ast
 import glob
 import hashlib
 import importlib.util
 import inspect
-import os
 import pickle
 import sys
 import types
@@ -19,7 +17,7 @@ from functools import cached_property, lru_cache, partial
 from pathlib import Path
 from typing import Any
 
-from deqmcl_gym.files import UnreadableError, content_of, opened
+from deqmcl_gym.files import UnreadableError, opened
 
 UNREAD = "unread"  # in place of the digest of what is there, but not in a file
 _MADE = {"__pycache__", ".git"}
@@ -143,36 +141,11 @@ def source_digest_of_file(file: str | None) -> str | None:
         return None
     path = Path(file).absolute()
     try:
-        declared = _declared(content_of(path))
         beside = [p for p in path.parent.glob(f"{glob.escape(path.stem)}.*") if p.is_file()]
-        shipped = {p for pattern in declared for p in _matching(path.parent, pattern)}
-        others = sorted({p for p in (*beside, *shipped) if p.suffix != ".pyc"} - {path})
-    except (OSError, UnreadableError):
+    except OSError:
         return None
-    return _digest((p, Path(os.path.relpath(p, path.parent))) for p in [path, *others])
-
-
-def _declared(source: bytes) -> list[str]:
-    """Return the texts that Python source assigns to SHIPS, at its top level."""
-    try:
-        tree = ast.parse(source)
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        return []
-    return [
-        text.value
-        for node in tree.body
-        if isinstance(node, ast.Assign) and "SHIPS" in map(ast.unparse, node.targets)
-        for text in ast.walk(node.value)
-        if isinstance(text, ast.Constant) and isinstance(text.value, str)
-    ]
-
-
-def _matching(folder: Path, pattern: str) -> list[Path]:
-    """Return the files that a name or pattern means; of a folder, all that are in it."""
-    try:
-        return [p for m in folder.glob(pattern) for p in ([m] if m.is_file() else _files(m))]
-    except (ValueError, NotImplementedError):  # "", or an absolute one
-        return []
+    others = sorted(p for p in beside if p.suffix != ".pyc" and p != path)
+    return _digest((p, Path(p.name)) for p in [path, *others])
 
 
 def _files(root: Path) -> list[Path]:

@@ -102,15 +102,9 @@ class Kind:
         if name in self.gone:
             raise InputError(f"{name} is gone: {self.gone[name]}")
         try:
-            reference = self.installed()[one_of(self.word, name, self.names())]
+            return self.installed()[one_of(self.word, name, self.names())]
         except InputError as error:
             raise InputError(f"{str(error).rstrip('.')}, or your own as {self.own}.") from None
-        if " and " in reference:
-            raise InputError(
-                f"the {self.word} name {name!r} is offered by several installed packages, "
-                f"{reference}: name the one you mean by its module."
-            )
-        return reference
 
     def complete(self, name: str) -> str:
         """Return ``file.py:NAME`` for a ``file.py`` that holds one of the kind, else the name."""
@@ -213,19 +207,18 @@ class Kind:
 
 @cache
 def _entry_points(path: tuple[str, ...]) -> dict[str, dict[str, str]]:
-    """Return references by name by group; of several packages joined by " and ", if they differ."""
+    """Return references by name by group; if several packages have a name, the first of them."""
     del path
     packages: dict[str, Any] = {}
     for one in distributions():
         with contextlib.suppress(Exception):  # whatever is wrong with a file of somebody else's
             own = [entry for entry in one.entry_points if entry.name and entry.value]
             packages.setdefault(one.name.lower().replace("_", "-"), own)
-    found: dict[str, dict[str, str]] = {}
+    groups: dict[str, dict[str, str]] = {}
     for entry in sorted({entry for own in packages.values() for entry in own}):
-        group, reference = found.setdefault(entry.group, {}), entry.value.partition("[")[0].strip()
-        known = group.get(entry.name, reference).split(" and ")
-        group[entry.name] = " and ".join(dict.fromkeys([*known, reference]))
-    return found
+        reference = entry.value.partition("[")[0].strip()
+        groups.setdefault(entry.group, {}).setdefault(entry.name, reference)
+    return groups
 
 
 def parameters_of(
@@ -281,22 +274,13 @@ def is_ctrl_c(error: BaseException) -> bool:
 
 def raised(error: BaseException, file: str | None = None) -> str:
     """Say what was raised and where, deepest in ``file``: "ValueError: words (name.py, line 7)"."""
-    words = reason_of(error).rstrip(".")
+    words = in_words(error).rstrip(".")
     if isinstance(error, SyntaxError):  # they say where
         return words
     frames = traceback.extract_tb(error.__traceback__)
     theirs = [frame for frame in frames if not frame.filename.startswith(_LOADERS)]
     own = [frame for frame in theirs if frame.filename == file] or theirs
     return f"{words} ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else words
-
-
-def reason_of(error: BaseException) -> str:
-    """Return an error in words; of a file whose own processes cannot import it, what to do."""
-    shown = "".join(traceback.format_exception(error))  # and what caused it
-    if "BrokenProcessPool" not in shown and f"No module named '{_MODULE}" not in shown:
-        return in_words(error)
-    remedy = "its file.py cannot be imported by processes that it starts, so make it a package"
-    return f"{in_words(error).rstrip('.')}: {remedy}"
 
 
 def _called(

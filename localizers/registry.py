@@ -1,15 +1,17 @@
-"""Localizers by name, built in or not, and how one is made; scan models of other people's code."""
+"""Localizers by name, how one is made, and what it takes; scan models of other people's code."""
 
+import inspect
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self, final
+from typing import Annotated, Any, NamedTuple, Self, final, get_args, get_origin
 
 import numpy as np
 
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics import Floats, Singles
-from deqmcl_gym.validation import number
+from deqmcl_gym.validation import number, shown
 from localizers.api import Localizer
 from localizers.kinds import Kind, absolute_name, raised, split_path
 from localizers.methods.amcl import amcl
@@ -85,6 +87,8 @@ SCAN_MODEL = Kind(
     verbs=("log_likelihood(states, scan)",),
 )
 _OF_BEAMS = ("log_likelihood", "density", "least_density", "hit_moments")
+_NOT_NAMED = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
+REQUIRED = inspect.Parameter.empty  # in place of a default
 _BLOCK = 8192  # poses that a model is asked for at once, at most
 
 
@@ -182,3 +186,95 @@ def is_code(kind: object) -> bool:
 def scan_name(kind: str) -> str:
     """Return a scan model's name without the folder of its file."""
     return Path(kind).name if split_path(kind)[0] else kind
+
+
+class ParameterWords(NamedTuple):
+    """A parameter of a localizer."""
+
+    name: str
+    default: Any  # ``REQUIRED`` without one
+    meaning: str  # with its range; "" if its author has not said it
+
+    @property
+    def default_words(self) -> str:
+        """The default as code."""
+        return "required" if self.default is REQUIRED else shown(self.default)
+
+
+@dataclass(frozen=True)
+class Description:
+    """What a localizer is, and its parameters; a shell and a notebook show it as a table."""
+
+    name: str
+    sentence: str  # first line of its docstring
+    parameters: tuple[ParameterWords, ...]
+
+    def __str__(self) -> str:
+        rows = [(p.name, p.default_words, p.meaning) for p in self.parameters]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines = (
+            "  " + "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip()
+            for row in rows
+        )
+        head = f"{self.name}: {self.sentence.replace('``', '')}".removesuffix(": ")
+        return "\n".join([head, *(["", *lines] if rows else [])])
+
+    def _repr_markdown_(self) -> str:
+        rows = [(f"`{p.name}`", f"`{p.default_words}`", p.meaning) for p in self.parameters]
+        cells = [("parameter", "default", "what it is"), ("---",) * 3, *rows]
+        lines = ("| " + " | ".join(c.replace("|", r"\|") for c in row) + " |" for row in cells)
+        head = f"**{self.name}**: {self.sentence.replace('``', '`')}"
+        return "\n".join([head, *(["", *lines] if rows else [])]) + "\n"
+
+
+def describe(name: str | Callable[..., Any]) -> Description:
+    """Say what a localizer is: built in, a plug-in by its name, or a class.
+
+    A parameter's meaning is that of ``Annotated[int, "at least 1"]``, or of its line in the
+    docstring's ``Args:``.
+    """
+    factory = resolve(name) if isinstance(name, str) else name
+    source = inspect.unwrap(getattr(factory, "func", factory))  # of a partial
+    text = inspect.cleandoc(source.__doc__ or "")
+    if inspect.isclass(source) and text.startswith(f"{source.__name__}("):
+        text = ""  # a dataclass's own
+    sentence = text.partition("\n")[0].removeprefix("Return ")
+    known = _args_of("\n".join([text, inspect.cleandoc(_init_words(source))]))
+    return Description(
+        name if isinstance(name, str) else getattr(name, "__name__", type(name).__name__),
+        sentence[:1].upper() + sentence[1:],
+        tuple(
+            ParameterWords(one.name, one.default, _meaning(one) or known.get(one.name, ""))
+            for one in _parameters_of(factory)
+        ),
+    )
+
+
+def _parameters_of(factory: Callable[..., Any]) -> list[inspect.Parameter]:
+    for evaluated in (True, False):  # a plug-in's annotations may name what cannot be found
+        try:
+            listed = list(inspect.signature(factory, eval_str=evaluated).parameters.values())
+        except Exception:
+            continue
+        return [one for one in listed[1:] if one.kind not in _NOT_NAMED]
+    return []
+
+
+def _meaning(one: inspect.Parameter) -> str:
+    said = get_args(one.annotation)[1:] if get_origin(one.annotation) is Annotated else ()
+    return next((words for words in said if isinstance(words, str)), "")
+
+
+def _init_words(source: Any) -> str:
+    return (source.__init__.__doc__ or "") if inspect.isclass(source) else ""
+
+
+def _args_of(text: str) -> dict[str, str]:
+    """Words of parameters by name, of the part ``Args:`` of a docstring."""
+    found: dict[str, str] = {}
+    part = re.search(r"^Args:\n((?:[ \t]+.*\n?|\n)*)", text, re.MULTILINE)
+    lines = inspect.cleandoc("\n" + part[1]) if part else ""
+    for names, words in re.findall(r"^(\w[^:\n]*):((?:.*\n?)(?:[ \t]+.*\n?)*)", lines, re.M):
+        for name in names.split(","):
+            found[name.split("(")[0].strip()] = " ".join(words.split())
+    return found

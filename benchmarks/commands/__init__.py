@@ -49,9 +49,11 @@ GONE = {  # said to whoever still types them
     "speed": "in a clone, python -m benchmarks.studies.speed --out DIR measures it",
 }
 GONE_OPTIONS = {
+    "--adopt": "deqmcl verify DIR first, and then the same command",
     "--agent": "--set agent=NAME",
     "--agents": "--set vary.agent=[A,B]",
     "--changed-walls": "--set world.changed_walls.share=0.3",
+    "--executor": "--dask",
     "--max-beams": "--set world.max_beams=60",
     "--motion": "--set assumed.motion.alpha1=0.1, and so on for each",
     "--param": "--set params.LOCALIZER.KEY=VALUE",
@@ -59,6 +61,7 @@ GONE_OPTIONS = {
     "--radius": "--set world.radius=0.2",
     "--read": "--set world.reading.NAME=VALUE",
     "--scan": "--set assumed.scan.sigma=0.1, and so on for each",
+    "--scheduler": "--dask ADDRESS",
     "--suites": "deqmcl list suites",
     "--unknown": "--set world.unknown=free",
 }
@@ -190,8 +193,7 @@ def setting_sweep(
 ) -> "Sweep":
     """Return the localizers on the worlds of a setting, with what is set."""
     from benchmarks.setup import documents
-    from benchmarks.sweeps.suites import paper_sweep
-    from benchmarks.sweeps.sweepfile import check_localizers, with_settings
+    from benchmarks.sweeps.sweepfile import check_localizers, paper_sweep, with_settings
     from deqmcl_gym.validation import integer
 
     check_localizers(localizers)

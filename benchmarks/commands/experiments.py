@@ -32,7 +32,6 @@ if TYPE_CHECKING:  # --help loads nothing heavy
     from benchmarks.sweeps.design import Sweep
     from benchmarks.sweeps.results import Results
 
-MANY = 100_000  # trials; more are run only with --yes
 PAPER_NOTE = (
     "Errors mix lengths and unitless components, as the paper's do; SD over trials; entropy in "
     "nats from the four variances. The paper does not say at which offset it took its rows with a "
@@ -66,7 +65,7 @@ def paper_command(options: argparse.Namespace) -> str:
     from benchmarks.report.writing import load, write_report
     from benchmarks.sweeps.results import summary
     from benchmarks.sweeps.running import Options, complete
-    from benchmarks.sweeps.suites import PAPER_METHODS
+    from benchmarks.sweeps.sweepfile import PAPER_METHODS
 
     named, target = options.localizers, options.out
     how = Options(where=Where(jobs=options.jobs), retry_failed=True)
@@ -91,7 +90,7 @@ def paper_command(options: argparse.Namespace) -> str:
 
 
 def _paper_table(sweep: "Sweep", results: "Results", style: str) -> str:
-    from benchmarks.report.tables import reading, table_1
+    from benchmarks.report.tables import table_1
     from benchmarks.tables.text import short_name
 
     worlds = "1 world" if sweep.trials == 1 else f"{sweep.trials} worlds"
@@ -101,10 +100,8 @@ def _paper_table(sweep: "Sweep", results: "Results", style: str) -> str:
         f"{sweep.params['particles']}, L = {sweep.lag}, seed {sweep.seed}; the paper's values "
         "beside ours"
     )
-    rows = results.table
-    table = table_1(rows, variances=style == "github").text(style)
-    parts = [title, table, PAPER_NOTE, *filter(None, [reading(rows)])]
-    return "\n\n".join(parts) + "\n"
+    table = table_1(results.table, variances=style == "github").text(style)
+    return f"{title}\n\n{table}\n\n{PAPER_NOTE}\n"
 
 
 @command(
@@ -155,19 +152,11 @@ def run_command(options: argparse.Namespace) -> str:
     ),
     group(
         "where trials run, and what becomes of those that fail",
-        option("--executor", default="process", metavar="E", help="process, dask or "
-            "module:factory"),
-        option("--scheduler", metavar="ADDRESS", help="Dask scheduler (a new cluster on this "
-            "machine)"),
+        option("--dask", nargs="?", const="", metavar="ADDRESS", help="run them by Dask, at this "
+            "scheduler (a new cluster on this machine)"),
         option("--shard", metavar="I/N", help="run only every N-th trial, starting with the I-th"),
         TIMEOUT,
         RETRY_FAILED,
-        switch("--fail-fast", "stop at the first failed trial"),
-        switch("--adopt", "go on in a folder of other code, libraries or plug-ins, if deqmcl "
-            "verify finds no number that differs"),
-        switch("--yes", "run more than 100,000 trials without confirmation"),
-        option("--mcap", type=folder, metavar="DIR", help="also write the runs of the report's "
-            "animations, for Foxglove and Lichtblick (needs the extra view)"),
     ),
 )  # fmt: skip
 def sweep_command(options: argparse.Namespace) -> str:
@@ -177,38 +166,25 @@ def sweep_command(options: argparse.Namespace) -> str:
     """
     from benchmarks.execution import prepare
 
-    if options.executor == "process":
+    if options.dask is None:
         prepare()  # while this process loads what it needs
     from benchmarks.experiment import Experiment
-    from benchmarks.pictures.messages import check_folder
-    from benchmarks.report.animations import write_laps
     from benchmarks.report.writing import no_report
-    from benchmarks.sweeps.running import check, complete, dry_run, shard_of
-    from deqmcl_gym.validation import InputError
+    from benchmarks.sweeps.running import check, complete, dry_run
 
-    if options.mcap is not None:
-        check_folder(options.mcap)
     sweep = asked(options)
-    if sweep.combinations > MANY and not options.yes:
-        raise InputError(
-            f"the sweep has {sweep.combinations:,} trials, more than {MANY:,}: give --yes to run "
-            "them all, or vary less."
-        )
     warn(_misfits(sweep))
     if options.dry_run:
-        shards = shard_of(options.shard)[1] if options.shard else 1
         with checking():
             check(sweep)
         with doing("measuring trials"):
-            return dry_run(sweep, options.jobs, options.timeout, shards)
-    names = ("executor", "scheduler", "timeout", "shard", "retry_failed", "fail_fast", "adopt")
+            return dry_run(sweep, options.jobs, options.timeout)
+    names = ("dask", "timeout", "shard", "retry_failed")
     how = {name: getattr(options, name) for name in names}
     target = options.out or Path("results") / Path(options.suite).stem
     ended = Experiment(sweep).run(options.jobs, target, **how, report=True, command=options.words)
-    laps = "" if options.mcap is None else write_laps(ended.results, options.mcap)
     tables_only = f"\nTables only: {why}" if (why := no_report()) else ""
-    text = "\n".join(filter(None, [str(ended), laps, tables_only]))
-    return complete(ended.results, text, part=options.shard is not None)
+    return complete(ended.results, f"{ended}{tables_only}", part=options.shard is not None)
 
 
 def _misfits(sweep: "Sweep") -> list[str | None]:
@@ -231,7 +207,7 @@ def asked(options: argparse.Namespace) -> "Sweep":
     """Return the sweep that ``deqmcl sweep`` is asked for."""
     from benchmarks.experiment import sweep
     from benchmarks.setup import documents
-    from benchmarks.sweeps.suites import sweep_named
+    from benchmarks.sweeps.sweepfile import sweep_named
     from deqmcl_gym.validation import InputError, integer
     from localizers import parameters
 
@@ -271,7 +247,7 @@ def asked(options: argparse.Namespace) -> "Sweep":
 def report_command(options: argparse.Namespace) -> str:
     """Write the report of the finished trials in a folder, or in several of the same worlds.
 
-    That is report.html, results.md with its images, and the tables results.csv, trials.csv and
+    That is report.html with its images, and the tables results.csv, trials.csv and
     timings.csv. No code that a folder names is run: animations are those that the sweep drew.
     Several folders may differ in their localizers and agents only, and must be complete. --latex
     and --pdf write what a paper needs into DIR/export: tables.tex (booktabs) with references.bib,

@@ -10,7 +10,7 @@ from traceback import format_exception
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.commands import command, file, folder, option, switch
-from benchmarks.console import doing
+from benchmarks.console import doing, say
 
 if TYPE_CHECKING:  # loaded when needed
     from localizers.checks import LawVerdict, Report
@@ -33,7 +33,7 @@ def list_command(options: argparse.Namespace) -> str:
     """List suites, localizers, scenarios and agents; or describe a localizer."""
     from benchmarks.agents import AGENTS
     from benchmarks.setup.names import scenario, scenario_names
-    from benchmarks.sweeps.suites import SUITES
+    from benchmarks.sweeps.sweepfile import SUITES
     from deqmcl_gym.validation import one_of
     from localizers import describe, names
 
@@ -73,7 +73,7 @@ def list_command(options: argparse.Namespace) -> str:
 
 
 def _suite(name: str) -> str:
-    from benchmarks.sweeps.suites import sweep_named
+    from benchmarks.sweeps.sweepfile import sweep_named
 
     sweep = sweep_named(name)
     return f"{sweep.planned:,} trials on {sweep.trials} worlds: {sweep.title}"
@@ -233,7 +233,7 @@ def check_command(options: argparse.Namespace) -> str:
         for law in needs:
             with doing(f"trying the law {law!r}"):
                 verdict = report.verdict(law)
-            print(verdict, flush=True)
+            say(str(verdict))
     verdicts, failed = report.verdicts, report.failed
     if failed:
         named = ", ".join(repr(verdict.law) for verdict in failed)

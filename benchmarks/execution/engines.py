@@ -1,7 +1,6 @@
-"""Engines that run trials, in this process, others, Dask's or a user's; what keeps them busy."""
+"""Engines that run trials, in this process, others or Dask's; what keeps them busy."""
 
 import contextlib
-import importlib
 import logging
 import math
 import os
@@ -12,7 +11,7 @@ import sysconfig
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -37,10 +36,6 @@ CONNECT_SECONDS = 10  # how long a scheduler may take to answer
 _CLOSE_SECONDS = 1
 _ALIKE = 64  # most trials of one episode that wait for the worker that has driven it
 _LOOK_SECONDS = 2
-_MUST = (
-    ": give module:factory, a function without arguments that returns a "
-    "concurrent.futures.Executor that runs what is submitted."
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,8 +53,7 @@ class Where:
     """Where trials run. No part of a sweep's identity: the numbers do not depend on it."""
 
     jobs: int | None = None  #: trials at a time; None is one per processor, or thread of Dask
-    executor: str = "process"  #: "process", "dask" or ``module:factory``
-    scheduler: str | None = None  #: address of Dask's; None starts a cluster on this machine
+    dask: str | None = None  #: address of Dask's scheduler; "" starts a cluster on this machine
     timeout: float | None = None  #: seconds that one trial may take; None waits for ever
 
     def __post_init__(self) -> None:
@@ -67,51 +61,42 @@ class Where:
             integer("--jobs", self.jobs, low=1)
         if self.timeout is not None:
             number("--timeout", self.timeout, low=0, high=1e6, above=True)
-        if self.scheduler is not None and self.executor != "dask":
-            raise InputError(
-                f"--scheduler is for Dask, but the executor is {self.executor!r}: "
-                "give --executor dask."
-            )
-        if self.executor not in ("process", "dask") and ":" not in self.executor:
-            raise InputError(
-                f"the executor is {self.executor!r}, but must be process, dask or module:factory."
-            )
 
     def check(self) -> None:
         """See whether the engine can be had, before anything is written."""
-        if self.executor == "dask":
+        if self.dask is not None:
             _distributed()
-            if self.scheduler is not None:
-                with _dask(0, self.scheduler):
+            if self.dask:
+                with _dask(0, self.dask):
                     pass
-        elif self.executor != "process":
-            _factory(self.executor)
 
     @contextmanager
     def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
         """Start an engine for these trials, and end it with all that still runs."""
         jobs = self.jobs or available_cpus()
-        if self.executor == "process":
-            workers = max(1, min(jobs, len(trials)))
-            with Processes(workers, timeout=self.timeout) as pool:
-                sender = _Sender(pool)
-                if workers == 1 and self.timeout is None:
-                    yield Engine(submit=partial(_run_here, sender), slots=1)
-                else:  # enough wait beside the workers that each has episodes of its own
-                    alike = max(Counter(trial.episode for trial in trials).values(), default=1)
-                    yield Engine(submit=sender.submit, slots=workers * min(alike, _ALIKE) + 1)
+        if self.dask is not None:
+            with _dask(jobs, self.dask) as engine:
+                patient = self.timeout is None and any(map(guest_of, trials))
+                timeout = GUEST_SECONDS if patient else self.timeout
+                yield replace(engine, slots=self.jobs or engine.slots, timeout=timeout)
             return
-        dask = self.executor == "dask"
-        with _dask(jobs, self.scheduler) if dask else _made_by(self.executor, jobs) as engine:
-            patient = self.timeout is None and any(map(guest_of, trials))
-            timeout = GUEST_SECONDS if patient else self.timeout
-            yield replace(engine, slots=self.jobs or engine.slots, timeout=timeout)
+        workers = max(1, min(jobs, len(trials)))
+        with Processes(workers, timeout=self.timeout) as pool:
+            sent = _sender(pool)
+            if workers == 1 and self.timeout is None:
+                yield Engine(submit=partial(_run_here, sent), slots=1)
+            else:  # enough wait beside the workers that each has episodes of its own
+                alike = max(Counter(trial.episode for trial in trials).values(), default=1)
+                yield Engine(submit=sent, slots=workers * min(alike, _ALIKE) + 1)
 
 
-def _run_here(sender: "_Sender", trial: Trial, key: str) -> Future[Outcome]:
+Submit = Callable[[Trial, str], Future[Outcome]]
+
+
+def _run_here(elsewhere: Submit, trial: Trial, key: str) -> Future[Outcome]:
     """Run a trial here, or in a process of its own if it has plug-ins that others can load."""
     if guest_of(trial):
-        return sender.submit(trial, key)
+        return elsewhere(trial, key)
     future: Future[Outcome] = Future()
     try:
         future.set_result(attempt(trial, key))
@@ -122,22 +107,20 @@ def _run_here(sender: "_Sender", trial: Trial, key: str) -> Future[Outcome]:
     return future
 
 
-class _Sender:
-    """Sends trials to an executor, each with the localizer that was registered in this process."""
+def _sender(executor: Any) -> Submit:
+    """Return what submits trials, each with the localizer registered in this process, if any."""
+    packed = dict[str, bytes]()
 
-    def __init__(self, executor: Executor) -> None:
-        self._executor, self._packed = executor, dict[str, bytes]()
-
-    def submit(self, trial: Trial, key: str) -> Future[Outcome]:
-        """Have a trial attempted where its localizer is known."""
-        submit: Callable[..., Future[Outcome]] = self._executor.submit
-        if isinstance(self._executor, Processes):
-            submit = partial(self._executor.submit_guest, guest_of(trial), trial.episode)
+    def submit(trial: Trial, key: str) -> Future[Outcome]:
+        pooled = isinstance(executor, Processes)
+        how = {"guest": guest_of(trial), "group": trial.episode} if pooled else {}
         if (name := trial.localizer) not in LOCALIZER.added:
-            return submit(attempt, trial, key)
-        if name not in self._packed:
-            self._packed[name] = _packed(name)
-        return submit(_attempt_sent, self._packed[name], trial, key)
+            return executor.submit(attempt, trial, key, **how)  # type: ignore[no-any-return]
+        if name not in packed:
+            packed[name] = _packed(name)
+        return executor.submit(_attempt_sent, packed[name], trial, key, **how)  # type: ignore[no-any-return]
+
+    return submit
 
 
 def _packed(name: str) -> bytes:
@@ -178,15 +161,14 @@ def _distributed() -> Any:
         import distributed
     except ImportError:
         raise InputError(
-            "Dask is not installed: run pip install 'deqmcl-gym[dask]', or leave out "
-            "--executor dask."
+            "Dask is not installed: run pip install 'deqmcl-gym[dask]', or leave out --dask."
         ) from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost, we say
     return distributed
 
 
 @contextmanager
-def _dask(workers: int, scheduler: str | None) -> Iterator[Engine]:
+def _dask(workers: int, scheduler: str) -> Iterator[Engine]:
     """Connect to a cluster."""
     package = _distributed()
     with ExitStack() as stack:
@@ -206,7 +188,7 @@ def _dask(workers: int, scheduler: str | None) -> Iterator[Engine]:
             gone = client.status not in ("running", "connecting")
             return "the Dask scheduler is lost" if gone else ""
 
-        submit = _Sender(client.get_executor(retries=0)).submit
+        submit = _sender(client.get_executor(retries=0))
         yield Engine(submit=submit, slots=threads, lost=lost)
 
 
@@ -236,55 +218,10 @@ def _close(connected: Any) -> None:
         connected.close(timeout=_CLOSE_SECONDS)
 
 
-@contextmanager
-def _made_by(name: str, slots: int) -> Iterator[Engine]:
-    """Call ``module:factory``; shut down what it returns at the end."""
-    try:
-        executor = _factory(name)()
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(
-            f"the executor {name!r} cannot be made ({in_words(error)}){_MUST}"
-        ) from error
-    if not isinstance(executor, Executor) or type(executor).submit is Executor.submit:
-        kind = type(executor).__name__
-        raise InputError(f"the executor {name!r} returned an object of type {kind}{_MUST}")
-    try:
-        yield Engine(submit=_Sender(executor).submit, slots=slots)
-    finally:
-        executor.shutdown(wait=False, cancel_futures=True)
-
-
-def _factory(name: str) -> Callable[[], Executor]:
-    """Return what ``module:factory`` leads to."""
-    module, _, attribute = name.partition(":")
-    try:
-        factory = getattr(importlib.import_module(module), attribute)
-    except Exception as error:
-        raise InputError(
-            f"the executor {name!r} cannot be loaded ({in_words(error)}){_MUST}"
-        ) from None
-    if not callable(factory):
-        raise InputError(f"the executor {name!r} is of type {type(factory).__name__}{_MUST}")
-    return factory  # type: ignore[no-any-return]
-
-
 def available_cpus() -> int:
-    """Return how many processors this process may use, at least 1: by affinity and by quota."""
+    """Return how many processors this process may use, at least 1."""
     affinity = getattr(os, "sched_getaffinity", None)  # not everywhere
-    cpus = len(affinity(0)) if affinity else os.cpu_count() or 1
-    return max(1, math.ceil(min(cpus, _quota())))
-
-
-def _quota(groups: Path = Path("/sys/fs/cgroup")) -> float:
-    """Processors' worth of time that a container gets; ∞ without a limit."""
-    first = [groups / "cpu" / f"cpu.cfs_{part}_us" for part in ("quota", "period")]
-    for files in ([groups / "cpu.max"], first):  # control groups of versions 2 and 1
-        with contextlib.suppress(OSError, ValueError):  # none there; "max" is no number
-            quota, period = map(int, " ".join(file.read_text() for file in files).split())
-            return quota / period if quota > 0 else math.inf
-    return math.inf
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
 
 
 _InFlight = dict[Future[Outcome], tuple[str, Trial, float]]  # key, trial, when it was submitted

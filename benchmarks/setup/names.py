@@ -1,21 +1,22 @@
 """Scenarios and agents by name: built in, ``room.toml``, or as localizers are named.
 
-docs/sweeps.md has the table of a scenario file's keys.
+docs/sweeps.md has the table of a scenario file's keys; scenarios.toml has the built-in ones.
 """
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
 from benchmarks.agents import AGENTS
-from benchmarks.scenarios import SCENARIOS
 from benchmarks.setup import Agent, documents
 from benchmarks.setup.documents import digest_of_file, from_folder
-from benchmarks.setup.overrides import Named, Overrides
-from benchmarks.setup.scenario import Scenario, Thresholds
+from benchmarks.setup.overrides import Named, Overrides, wrappers
+from benchmarks.setup.scenario import RoomScenario, Scenario, Thresholds
 from deqmcl_gym.validation import InputError, part
+from deqmcl_gym.world.presets import WORLDS
 from localizers import RobotModel, absolute_name
 from localizers.digests import content_digest
 from localizers.kinds import Kind, Placed, split_path
@@ -23,6 +24,7 @@ from localizers.registry import LOCALIZER, SCAN_MODEL, ScanPlugIn, is_code
 
 # loaded when asked for: a trial in a room needs no readers of logs
 _OF_LOGS = ("log", "log-short", "replay")
+_TABLES = documents.read_toml(Path(__file__).with_name("scenarios.toml"), "scenario")
 AGENT = Kind(
     word="agent",
     builtin=AGENTS,
@@ -32,12 +34,15 @@ AGENT = Kind(
 )
 SCENARIO = Kind(
     word="scenario",
-    builtin={**SCENARIOS, **dict.fromkeys(_OF_LOGS)},
+    builtin=dict.fromkeys((*_TABLES, *_OF_LOGS)),
     group="deqmcl.scenarios",
     holds=Scenario,
     own="room.toml or file.py:NAME",
 )
-_KEYS = ("words", "base", "env", "assumed", "prior", "agent", "buildings", "thresholds")
+_KEYS = (
+    *("words", "base", "env", "assumed", "prior"),
+    *("agent", "disturbance", "buildings", "thresholds"),
+)
 _DEEPEST = 8  # files, each the base of the next
 _SCAN = "scan.kind"
 
@@ -127,40 +132,53 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
         raise InputError(f"the scenario {name} is its own base: name another base.")
     if len(within) > _DEEPEST:
         raise InputError(f"more than {_DEEPEST} scenario files build on each other: use fewer.")
-    if name.endswith(".toml"):
-        named, folder = _read(Path(name), (*within, name)), Path(name).parent
-    elif name in _OF_LOGS:
+    if name in _TABLES:
+        return _built_in(name)
+    if name in _OF_LOGS:
         from benchmarks.setup.logs import LOGS
 
         return LOGS[name]
+    path = Path(name)
+    if name.endswith(".toml"):
+        given = documents.read_toml(path, "scenario")
+        with documents.errors_name(path):
+            documents.check_values(given, _KEYS)
+            base = documents.as_text("base", given.get("base", "paper"))
+            below = _scenario(absolute_scenario(base, path.parent), (*within, name))
+            return _changed(below, given, path, str(content_digest(path)))
+    own: Scenario = SCENARIO.resolve(name)
+    agent = absolute_agent(own.agent, Path(split_path(name)[0]).parent)
+    return replace(own, agent=agent, source=SCENARIO.digest(name), code=(name,))
+
+
+@cache
+def _built_in(name: str) -> Scenario:
+    """Return a scenario of scenarios.toml; without a base it is in the preset of its name."""
+    table = _TABLES[name]
+    if "base" in table:
+        base = _built_in(table["base"])
     else:
-        named, folder = SCENARIO.resolve(name), Path(split_path(name)[0]).parent
-        if SCENARIO.is_plug_in(name):
-            named = replace(named, source=SCENARIO.digest(name), code=(name,))
-    return replace(named, agent=absolute_agent(named.agent, folder))
+        base = RoomScenario(words=name, world=WORLDS[name])
+    return _changed(base, table, Path(name), "")
 
 
-def _read(path: Path, within: tuple[str, ...]) -> Scenario:
-    """Read a scenario file; ``within`` are the files that it is a base of, and itself."""
-    given = documents.read_toml(path, "scenario")
-    with documents.errors_name(path):
-        documents.check_values(given, _KEYS)
-        name = documents.as_text("base", given.get("base", "paper"))
-        base = _scenario(absolute_scenario(name, path.parent), within)
-        prior = Overrides.told("prior", {"prior": given.get("prior", {})})
-        told = Overrides.told("assumed", given.get("assumed", {}))
-        assumed = absolute_assumed(told, path.parent) | prior
-        world = Overrides.told("env", given.get("env", {})).beside(path.parent)
-        changed = base.changed(world, assumed)
-        own = [base.source, str(content_digest(path)), *map(digest_of_file, world.files)]
-        return replace(
-            changed,
-            words=documents.as_text("words", given.get("words", path.stem)),
-            agent=_agent(given.get("agent", {}), base.agent),
-            buildings=given.get("buildings", base.buildings),
-            thresholds=part("thresholds", Thresholds, given.get("thresholds"), changed.thresholds),
-            source=sha256("".join(own).encode()).hexdigest(),
-        )
+def _changed(base: Scenario, given: Mapping[str, Any], path: Path, digest: str) -> Scenario:
+    """Return a scenario as a file, of this digest, changes it."""
+    prior = Overrides.told("prior", {"prior": given.get("prior", {})})
+    told = Overrides.told("assumed", given.get("assumed", {}))
+    world = Overrides.told("env", given.get("env", {})).beside(path.parent)
+    changed = base.changed(world, absolute_assumed(told, path.parent) | prior)
+    digests = "".join([base.source, digest, *map(digest_of_file, world.files)])
+    named = _agent(given.get("agent", {}), base.agent)
+    return replace(
+        changed,
+        words=documents.as_text("words", given.get("words", path.stem)),
+        agent=absolute_agent(named, path.parent),
+        disturbance=wrappers("disturbance", given.get("disturbance", base.disturbance)),
+        buildings=given.get("buildings", base.buildings),
+        thresholds=part("thresholds", Thresholds, given.get("thresholds"), changed.thresholds),
+        source=sha256(digests.encode()).hexdigest() if digests else "",
+    )
 
 
 def _agent(given: Any, base: Named) -> Named:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from benchmarks.setup.documents import as_table, as_text, from_folder
-from deqmcl_gym.validation import InputError, one_of, shown
+from deqmcl_gym.validation import InputError, integer, one_of, shown
 from localizers.kinds import Placed
 
 FILES = ("floor_plan", "floor_plan.file", "log", "map", "reference")  # names of a world's files
@@ -219,3 +219,36 @@ def renamed(value: Any, names: Mapping[str, str]) -> Any:
     if isinstance(value, list):
         return [renamed(inner, names) for inner in value]
     return names.get(value, value) if isinstance(value, str) else value
+
+
+def wrappers(what: str, value: Any) -> tuple[Overrides, ...]:
+    """Return disturbances, tables of a list, with repeated actions written out."""
+    wanted = "a table like {kind = 'kidnap', step = 100}"
+    tables = (as_table(f"an entry of {what}", one, wanted) for one in listed(what, value))
+    return tuple(
+        Overrides({k: _repeated(v) if k == "actions" else v for k, v in table.items()})
+        for table in tables
+    )
+
+
+def _repeated(actions: Any) -> Any:
+    """Return a list of actions with each [drive, turn, steps] as so many [drive, turn]."""
+    if not isinstance(actions, list | tuple):
+        return actions
+    found = []
+    for action in actions:
+        if isinstance(action, list | tuple) and len(action) == 3:
+            found += [action[:2]] * integer("steps of an action", action[2], low=1, high=100_000)
+        else:
+            found.append(action)
+    return found
+
+
+def listed(what: str, value: Any) -> Sequence[Any]:
+    """Return a list."""
+    if value is None:
+        raise InputError(f"{what} is missing: write {what} = [ … ].")
+    if not isinstance(value, list | tuple):
+        hint = ": write [[vary]]" if what == "vary" else ""
+        raise InputError(f"{what} is {value!r}, but must be a list{hint}.")
+    return value

@@ -128,14 +128,6 @@ def taken_over(folder: Path, ours: Manifest) -> Manifest:
     return made
 
 
-def is_of_other_code(folder: Path, ours: Manifest) -> bool:
-    """Whether a folder is of this sweep, but of code, libraries or plug-ins not known to agree."""
-    if is_empty(folder):
-        return False
-    grown, made = _compared(read_manifest(folder), ours)
-    return not any(differences(grown.sweep, made.sweep)) and grown != made.identity
-
-
 def _compared(theirs: Manifest, ours: Manifest) -> tuple[Identity, Manifest]:
     """Return what a folder is of, as far as ours may grow from it, and ours as it goes on."""
     made, now, before = ours, ours.identity, theirs.identity

@@ -10,17 +10,15 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from statistics import fmean
 from typing import Any
 
 from tabulate import tabulate
 from tqdm.auto import tqdm
 
-from benchmarks.console import FailedWarning, beside, doing
+from benchmarks.console import FailedWarning, beside, doing, say
 from benchmarks.execution.engines import Engine, Where, available_cpus, outcomes
-from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps import manifest
 from benchmarks.sweeps.design import Sweep, by_cell
 from benchmarks.sweeps.manifest import Manifest
@@ -30,7 +28,6 @@ from benchmarks.sweeps.results import (
     due,
     incomplete_sentence,
     left_out_lines,
-    named_as_in,
     rule_of,
 )
 from benchmarks.sweeps.store import Store, writing
@@ -56,7 +53,6 @@ class Options:
     where: Where = field(default_factory=Where)
     shard: tuple[int, int] | None = None
     retry_failed: bool = False
-    fail_fast: bool = False
     progress: bool = True
 
 
@@ -94,8 +90,9 @@ class Running:
         while True:
             needed = due(self.sweep, self.trials, records, failures)
             new = {key: trial for key, trial in needed.items() if key not in asked}
-            if not new or not run_missing(new, self.store, self.options, self.now):
+            if not new:
                 return
+            run_missing(new, self.store, self.options, self.now)
             asked |= new
             ended = {key: self.store.get(key, trial) for key, trial in new.items()}
             records += filter(None, ended.values())
@@ -108,7 +105,6 @@ def begun(
 ) -> Iterator[Running]:
     """Open the folder of a sweep at which ``check`` has looked; nothing is run yet."""
     out = Path(out)
-    sweep = named_as_in(out, sweep)
     ours = manifest.manifest_of(sweep, command)
     manifest.taken_over(out, ours)
     with writing(out, options.shard) as store:
@@ -125,12 +121,11 @@ def check(sweep: Sweep) -> None:
 
 def run_missing(
     trials: Mapping[str, Trial], store: Store, options: Options, now: Provenance
-) -> bool:
+) -> None:
     """Run the trials (by key) that the store lacks, and store what comes of them.
 
-    Return whether all have ended; a failure may stop it before. All methods run on one world before
-    any runs on the next, as an episode may be driven once for all of them. ``now`` is what workers
-    must have loaded: keys may be of code before it.
+    All methods run on one world before any runs on the next, as an episode may be driven once for
+    all of them. ``now`` is what workers must have loaded: keys may be of code before it.
     """
     missing = {
         key: trial
@@ -138,7 +133,7 @@ def run_missing(
         if store.get(key, trial) is None and (options.retry_failed or store.failure(key) is None)
     }
     if not missing:
-        return True
+        return
     keys = {now.key(trial): key for key, trial in missing.items()}
     waiting = [(own, missing[key]) for own, key in keys.items()]
     first = {trial.episode: index for index, (_, trial) in reversed([*enumerate(waiting)])}
@@ -151,9 +146,6 @@ def run_missing(
         for own, outcome in finished:
             reason = _keep(store, keys[own], missing[keys[own]], outcome)
             count(reason is not None)
-            if options.fail_fast and reason is not None:
-                return False
-    return True
 
 
 @contextmanager
@@ -193,7 +185,7 @@ def complete(results: Results, text: str, *, part: bool = False) -> str:
     """Return what a command prints at its end; print it and raise if a trial failed or lacks."""
     lacking = incomplete_sentence(results)
     if lacking and (results.failures or not part):
-        print(text)
+        say(text)
         raise TrialsFailedError(lacking)
     return text
 
@@ -220,33 +212,28 @@ def shard_of(text: str) -> tuple[int, int]:
     raise InputError(f"--shard is {shown(text)}, but must be i/n with i from 1 to n, like 2/8.")
 
 
-BUDGET = 20.0  # seconds that a dry run spends on measuring
 _CELLS_SHOWN = 60
 _USUAL = 1000  # particles, where none are named
 
 
-def dry_run(
-    sweep: Sweep, jobs: int | None = None, timeout: float | None = None, shards: int = 1
-) -> str:
+def dry_run(sweep: Sweep, jobs: int | None = None, timeout: float | None = None) -> str:
     """Return the cells of a sweep with the time of a trial in each, and the time of it all."""
     trials = sweep.distinct()
     cells = by_cell(trials)
-    asked = Where(jobs=jobs, timeout=timeout)
-    with replace(asked, jobs=1).engine(trials) as engine:
-        times = _times([own[0] for own in cells.values()], engine, provenance_of(sweep.cells()))
-    words = [own[0].words() for own in cells.values()]
+    firsts = [own[0] for own in cells.values()]
+    with Where(jobs=1, timeout=timeout).engine(firsts) as engine:
+        seconds = _seconds(firsts, engine, provenance_of(firsts))
+    words = [first.words() for first in firsts]
     alike = [part for part in words[0] if len(words) > 1 and all(part in own for own in words)]
     rows = [
         [
             len(own),
-            "failed" if s is None else f"{s:.2f} s" if measured else f"≈ {s:.2f} s",
+            "failed" if s is None else f"≈ {s:.2f} s",
             " ".join(part for part in name if part not in alike),
         ]
-        for name, own, (s, measured) in zip(words, cells.values(), times, strict=True)
+        for name, own, s in zip(words, cells.values(), seconds, strict=True)
     ]
-    total = sum((s or 0.0) * len(own) for own, (s, _) in zip(cells.values(), times, strict=True))
     jobs = min(jobs or available_cpus(), len(trials))
-    count = sum(measured for _, measured in times)
     most = "at most " if sweep.until_decided else ""
     lines = [f"{sweep.title}: {most}{len(trials):,} trials in {len(cells):,} cells"]
     if equal := sweep.combinations - len(trials):
@@ -258,52 +245,34 @@ def dry_run(
     )
     if len(rows) > _CELLS_SHOWN:
         lines.append(f"… and {len(rows) - _CELLS_SHOWN:,} more cells")
-    part = "" if shards == 1 else f" for this shard of {shards}"
-    s = total / jobs / shards
+    s = sum((s or 0.0) * len(own) for own, s in zip(cells.values(), seconds, strict=True)) / jobs
     needed = f"{s:.0f} s" if s < 90 else f"{s / 60:.0f} min" if s < 5400 else f"{s / 3600:.1f} h"
-    working = f"{jobs} job{'' if jobs == 1 else 's'}"
     lines.append(
-        f"{'At most about' if most else 'About'} {needed} with {working}{part}: estimated from "
-        f"one measured trial in {count} of {len(cells):,} cells; ≈ is by the localizer's mean "
-        "time per particle. Nothing was written."
+        f"{'At most about' if most else 'About'} {needed} with {jobs} job{'s' * (jobs > 1)}: "
+        "estimated from one measured trial of each localizer in each scenario, by its time per "
+        "particle. Nothing was written."
     )
     return "\n\n".join(lines)
 
 
-def _times(
-    trials: Sequence[Trial], engine: Engine, made: Provenance
-) -> list[tuple[float | None, bool]]:
-    """Return the seconds of each trial (None: it fails), and whether measured or by particles."""
+def _seconds(trials: Sequence[Trial], engine: Engine, made: Provenance) -> list[float | None]:
+    """Return the seconds of each trial, by those of the first that is alike; None: that fails."""
 
     def measured(trial: Trial) -> float | None:
         started = time.perf_counter()
         ((_, outcome),) = outcomes([(made.key(trial), trial)], engine)
         return None if outcome.record is None else time.perf_counter() - started
 
-    began = time.perf_counter()
     measured(trials[0])  # compile first
-    known: dict[int, float | None] = {}
-    rates: dict[tuple[str, Overrides], list[float]] = {}  # seconds per particle
-    first = {_form(trial): index for index, trial in reversed([*enumerate(trials)])}
-    for index in sorted(range(len(trials)), key=lambda i: i not in first.values()):
-        trial = trials[index]
-        own = rates.setdefault(_form(trial), [])
-        if index in first.values() or time.perf_counter() - began < BUDGET:
-            known[index] = took = measured(trial)
-            own += [] if took is None else [took / _particles(trial)]
+    first = {(trial.scenario, trial.localizer): trial for trial in reversed(trials)}
+    took = {alike: measured(trial) for alike, trial in first.items()}
 
     def scaled(trial: Trial) -> float | None:
-        own = rates[_form(trial)]
-        return fmean(own) * _particles(trial) if own else None
+        alike = trial.scenario, trial.localizer
+        s = took[alike]
+        return None if s is None else s * _particles(trial) / _particles(first[alike])
 
-    return [
-        (known[index], True) if index in known else (scaled(trial), False)
-        for index, trial in enumerate(trials)
-    ]
-
-
-def _form(trial: Trial) -> tuple[str, Overrides]:
-    return trial.localizer, trial.params | {"particles": _USUAL}
+    return [scaled(trial) for trial in trials]
 
 
 def _particles(trial: Trial) -> int:

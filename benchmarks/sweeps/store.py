@@ -7,10 +7,9 @@ reason where there is no record.
 
 import json
 import os
-import sys
 import zlib
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Annotated, Any
 
@@ -22,7 +21,6 @@ from benchmarks.trials.spec import Trial
 from deqmcl_gym.files import (
     MOST_BYTES,
     UnreadableError,
-    content_of,
     json_of,
     opened,
     typed,
@@ -62,8 +60,8 @@ class Store:
         self.out, self._file = out, file
         self.rejected: dict[str, str] = {}
         self._lines: dict[str, tuple[_Line, str]] = {}
-        for name, text in _former(out).items():
-            self._take(name, text)
+        if (out / "trials").is_dir():
+            self.rejected["trials"] = "is of release 0.2.0, which kept a file for each trial"
         for path in sorted(out.glob("trials*.jsonl")):
             try:
                 with opened(path) as lines:
@@ -144,8 +142,6 @@ def writing(out: Path, shard: tuple[int, int] | None = None) -> Iterator[Store]:
                     "--out."
                 ) from None
         _mend(file)
-        if shard is None:
-            _convert(out, file)
         yield Store(out, file)
 
 
@@ -158,46 +154,6 @@ def _mend(file: IO[bytes]) -> None:
         file.write(b"\n")
     elif last:
         file.truncate(end - len(last))
-
-
-def _former(out: Path) -> dict[str, bytes]:
-    """Return what 0.2.0 kept in a file a trial, by the file's name, as lines."""
-    lines = {}
-    for path in sorted([*(out / "trials").glob("*.json"), *(out / "failed").glob("*.json")]):
-        name = f"{path.parent.name}/{path.name}"
-        try:
-            held = json_of(content_of(path))
-            line = {own: held.pop(own) for own in ("key", "trial")}
-            if path.parent.name == "failed":
-                line["reason"] = held.get("reason")
-            else:
-                held = {own: held[own] for own in held if own not in ("schema", "checksum")}
-                line["record"] = held
-                with suppress(UnreadableError, FileNotFoundError):
-                    timing = json_of(content_of(out / "timings" / path.name))
-                    line["seconds"] = timing.get("seconds")
-            lines[name] = _json(line)
-        except (KeyError, ValueError, FileNotFoundError):
-            lines[name] = b""
-    return lines
-
-
-def _convert(out: Path, file: IO[bytes]) -> None:
-    """Make lines of the files of 0.2.0, and remove these."""
-    lines = {name: text for name, text in _former(out).items() if _is_line(text)}
-    if not lines:
-        return
-    file.writelines(lines.values())
-    file.flush()
-    os.fsync(file.fileno())
-    for name in lines:
-        for former in (name, f"timings/{Path(name).name}", "written.json"):
-            (out / former).unlink(missing_ok=True)
-    for folder in ("trials", "timings", "failed"):
-        with suppress(OSError):  # there is none, or something else is in it
-            (out / folder).rmdir()
-    words = f"{len(lines):,} trials that had files of their own are lines of {file.name} now"
-    print(f"deqmcl: {words}.", file=sys.stderr)
 
 
 def named(canonical: dict[str, Any]) -> str:

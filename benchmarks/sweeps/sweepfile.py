@@ -1,4 +1,4 @@
-"""From a TOML file to a ``Sweep``; docs/sweeps.md has the table of its keys."""
+"""From a TOML file, or the name of a suite or scenario, to a ``Sweep``; see docs/sweeps.md."""
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
@@ -13,21 +13,66 @@ from benchmarks.setup.names import (
     absolute_assumed,
     absolute_reference,
     absolute_scenario,
+    scenario_names,
 )
-from benchmarks.setup.overrides import OF_LOCALIZERS, Named, Overrides, located
-from benchmarks.sweeps.design import PARTS, Axis, Limit, Sweep, Takes, UntilDecided
+from benchmarks.setup.overrides import (
+    OF_LOCALIZERS,
+    Named,
+    Overrides,
+    listed,
+    located,
+    wrappers,
+)
+from benchmarks.sweeps.design import PARTS, Axis, Sweep, Takes, UntilDecided
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
-from deqmcl_gym.validation import InputError, integer, one_of
+from deqmcl_gym.validation import InputError, one_of
 from localizers import absolute_name, names, parameters
 from localizers.registry import LOCALIZER
 
 _KEYS = (
     *("title", "scenario", "lag", "seed", "trials", "filter_seeds"),
     *("localizers", "world", "assumed", "disturbance", "agent", "params", "vary", "baseline"),
-    *("limit", "until_decided"),
+    "until_decided",
 )
 _SUITES = Path(__file__).with_name("suites")  # a sweep file each
+SUITES = tuple(sorted(path.stem for path in _SUITES.glob("*.toml")))
+PAPER_METHODS = ("mcl", "mcl-smoother", "mcl-map", "mcl-map-smoother", "deq-mcl", "dead-reckoning")
+
+
+def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
+    """Return the sweep of a suite, a scenario or a path in .toml, with further localizers.
+
+    A scenario has the methods of the paper.
+    """
+    if name.endswith(".toml"):
+        return read_sweep(Path(name), added)
+    if name in scenario_names() and name not in SUITES:
+        sweep = Sweep(title=name, scenario=name, localizers=tuple(map(Method, PAPER_METHODS)))
+    else:
+        sweep = read_sweep(_suite_file("suite or scenario", name, scenario_names()))
+    return with_localizers(sweep, added)
+
+
+def paper_sweep(
+    *,
+    scenario: str = "paper",
+    localizers: Sequence[str] = PAPER_METHODS,
+    trials: int = 10,
+    seed: int = 0,
+    lag: int = 20,
+    **params: Any,
+) -> Sweep:
+    """Return the paper's experiment: all methods on the same worlds of one scenario."""
+    return Sweep(
+        title="The paper's experiment",
+        scenario=scenario,
+        localizers=tuple(Method(name=name) for name in localizers),
+        trials=trials,
+        seed=seed,
+        lag=lag,
+        params=Overrides(params),
+    )
 
 
 def read_sweep(path: Path | str, added: Sequence[str] = (), *, above: Sequence[Path] = ()) -> Sweep:
@@ -59,19 +104,14 @@ def _base(name: Any, files: Sequence[Path]) -> Sweep:
         if path in files:
             raise InputError(f"base is {name!r}, which is this file or changes it: name another.")
     else:
-        path = suite_file("base", name)
+        path = _suite_file("base", name)
     return read_sweep(path, above=files)
 
 
-def suite_names() -> list[str]:
-    """Names of the suites, by alphabet."""
-    return sorted(path.stem for path in _SUITES.glob("*.toml"))
-
-
-def suite_file(what: str, name: str, others: Iterable[str] = ()) -> Path:
+def _suite_file(what: str, name: str, others: Iterable[str] = ()) -> Path:
     """Return the sweep file of a suite; a refusal names ``others`` that are allowed, too."""
     try:
-        return _SUITES / f"{one_of(what, name, [*suite_names(), *others])}.toml"
+        return _SUITES / f"{one_of(what, name, [*SUITES, *others])}.toml"
     except InputError as error:
         if Path(name).exists():
             raise InputError(
@@ -105,26 +145,22 @@ def sweep_of(
             plain[key] = named(given[key])
     if "baseline" in given:
         plain["baseline"] = names.localizer("baseline", given["baseline"])
-    limits = given.get("limit", [])
-    limits = limits if isinstance(limits, list) else [limits]  # [[limit]], or one [limit]
-    methods = _list("localizers", given.get("localizers", None if base is None else []))
+    methods = listed("localizers", given.get("localizers", None if base is None else []))
     said: dict[str, Any] = plain | {
         "title": documents.as_text("title", given.get("title", title)),
         "localizers": tuple(names.method(entry) for entry in methods),
         "world": names.world(Overrides.told("world", given.get("world", {}))),
         "assumed": names.assumed(Overrides.told("assumed", given.get("assumed", {}))),
         "params": Overrides.told("params", given.get("params", {})),
-        "disturbance": _wrappers("disturbance", given.get("disturbance", [])),
-        "vary": tuple(map(names.axis, _list("vary", given.get("vary", [])))),
-        "limits": tuple(map(names.limit, limits)),
+        "disturbance": wrappers("disturbance", given.get("disturbance", [])),
+        "vary": tuple(map(names.axis, listed("vary", given.get("vary", [])))),
         "until_decided": _until_decided(given.get("until_decided")),
     }
     said["params"], own = _split(said["params"], names)
     if base is None:
         sweep = Sweep(takes=takes, **said)
     else:
-        keys = {"title", *given} | ({"limits"} if "limit" in given else set())
-        sweep = replace(base, **{key: value for key, value in said.items() if key in keys})
+        sweep = replace(base, **{k: value for k, value in said.items() if k in {"title", *given}})
     return with_params(sweep, own)
 
 
@@ -184,18 +220,12 @@ def _with_axes(axes: Sequence[Axis], new: Sequence[Axis]) -> tuple[Axis, ...]:
 
 
 def with_params(sweep: Sweep, params: Mapping[str, Overrides]) -> Sweep:
-    """Return a sweep with parameters of single localizers; the method of a limit keeps its own."""
+    """Return a sweep with parameters of single localizers."""
     own = _of_localizers(params, sweep.names)
     if not own:
         return sweep
     methods = [replace(m, params=m.params | own.get(m.name, {})) for m in sweep.localizers]
-    limits = [
-        replace(one, method=replace(one.method, params=own[one.method.name] | one.method.params))
-        if one.method.name in own
-        else one
-        for one in sweep.limits
-    ]
-    return replace(sweep, localizers=tuple(methods), limits=tuple(limits))
+    return replace(sweep, localizers=tuple(methods))
 
 
 def params_by_localizer(
@@ -300,23 +330,13 @@ class _Names:
         name = self.localizer("name of a localizer", named.name)
         return Method(name=name, params=self.params(named.params))
 
-    def limit(self, entry: Any) -> Limit:
-        wanted = "a table [limit] with name, params, of, trials, filter_seeds"
-        runs = dict(documents.as_table("limit", entry, wanted))
-        for key in runs:
-            one_of("key in limit", key, ("name", "params", "of", "trials", "filter_seeds"))
-        listed = _list("of in limit", runs.pop("of", []))
-        of = tuple(self.localizer("of in limit", name) for name in listed)
-        own = {key: runs.pop(key) for key in ("name", "params") if key in runs}
-        return Limit(method=self.method(own, "limit"), of=of, **runs)
-
     def axis(self, table: Any) -> Axis:
         values = Overrides.told("vary", documents.as_table("vary", table, "a [[vary]] table"))
 
         def point(name: str, value: Any) -> Any:
             group, _, key = name.partition(".")
             if name == "disturbance":
-                return _wrappers(name, value)
+                return wrappers(name, value)
             if name == "scenario":
                 return self.scenario(value)
             if name == "agent":
@@ -325,9 +345,9 @@ class _Names:
                 return value
             return getattr(self, group)(Overrides({key: value}))[key]
 
-        listed = {name: _list(f"[[vary]] {name}", given) for name, given in values.items()}
+        points = {name: listed(f"[[vary]] {name}", given) for name, given in values.items()}
         return Axis(
-            values=Overrides({n: tuple(point(n, one) for one in own) for n, own in listed.items()})
+            values=Overrides({n: tuple(point(n, one) for one in own) for n, own in points.items()})
         )
 
 
@@ -338,34 +358,3 @@ def _until_decided(table: Any) -> UntilDecided | None:
     for key in known:
         one_of("key in until_decided", key, ("margin",))
     return UntilDecided(**known)
-
-
-def _wrappers(what: str, value: Any) -> tuple[Overrides, ...]:
-    wanted = "a table like {kind = 'kidnap', step = 100}"
-    tables = (documents.as_table(f"an entry of {what}", one, wanted) for one in _list(what, value))
-    return tuple(
-        Overrides({k: _repeated(v) if k == "actions" else v for k, v in table.items()})
-        for table in tables
-    )
-
-
-def _repeated(actions: Any) -> Any:
-    """Return a list of actions with each [drive, turn, steps] as so many [drive, turn]."""
-    if not isinstance(actions, list | tuple):
-        return actions
-    found = []
-    for action in actions:
-        if isinstance(action, list | tuple) and len(action) == 3:
-            found += [action[:2]] * integer("steps of an action", action[2], low=1, high=100_000)
-        else:
-            found.append(action)
-    return found
-
-
-def _list(what: str, value: Any) -> Sequence[Any]:
-    if value is None:
-        raise InputError(f"{what} is missing: write {what} = [ … ].")
-    if not isinstance(value, list | tuple):
-        hint = ": write [[vary]]" if what == "vary" else ""
-        raise InputError(f"{what} is {value!r}, but must be a list{hint}.")
-    return value

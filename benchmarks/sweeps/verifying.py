@@ -7,7 +7,7 @@ import contextlib
 import hashlib
 import json
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +15,13 @@ import msgspec
 
 from benchmarks.execution.engines import Where, outcomes
 from benchmarks.sweeps import manifest
-from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.manifest import Verified, differences
-from benchmarks.sweeps.results import named_as_in, recorded_sweep
+from benchmarks.sweeps.results import recorded_sweep
 from benchmarks.sweeps.running import counted
 from benchmarks.sweeps.store import Store
 from benchmarks.trials.attempt import Outcome, provenance_of
 from benchmarks.trials.provenance import Provenance, environment
-from benchmarks.trials.scoring import LATER, SCORE_NAMES, Finished, TrialRecord
+from benchmarks.trials.scoring import SCORE_NAMES, Finished, TrialRecord
 from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 
@@ -91,12 +90,6 @@ def compare_again(
     return differing
 
 
-def adopted(folder: Path, sweep: Sweep, where: Where) -> str:
-    """Verify a folder of our sweep that is of other code; return what was found, if it is one."""
-    ours = manifest.manifest_of(named_as_in(folder, sweep), [])
-    return verify(folder, where) if manifest.is_of_other_code(folder, ours) else ""
-
-
 def sample(trials: Mapping[str, Trial], code: str, share: float = SAMPLED) -> dict[str, Trial]:
     """Return the first trial of each setting and method, and a share of the others: 1 %.
 
@@ -118,17 +111,15 @@ def _difference(before: Finished, now: Outcome) -> str | None:
     """Say where a trial's record differs first, its scores before all else; times may differ."""
     if now.record is None:
         return f"it finished before and fails now: {now.reason}"
-    lacking = {name for row in before.scores for name in LATER - row.keys()}
-    return next(differences(record_parts(before), record_parts(now.record, lacking)), None)
+    return next(differences(record_parts(before), record_parts(now.record)), None)
 
 
-def record_parts(record: TrialRecord, without: Collection[str] = ()) -> dict[str, Any]:
-    """Return all that is in a record by name, its scores first but those ``without``; no times."""
+def record_parts(record: TrialRecord) -> dict[str, Any]:
+    """Return all that is in a record by name, its scores first; no times."""
     scores = {
         f"{name} at offset {row['offset']}": row[name]
         for row in record.scores
         for name in SCORE_NAMES
-        if name in row and name not in without
     }
     parts = {
         name: getattr(record, name) for name in TrialRecord.__struct_fields__ if name != "scores"

@@ -4,6 +4,7 @@ import ast
 import hashlib
 import platform
 import sys
+import tomllib
 from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
@@ -18,7 +19,7 @@ from deqmcl_gym.validation import InputError
 # Libraries whose arithmetic or random numbers reach the results.
 _LIBRARIES = ("numpy", "numba", "pymunk", "gymnasium")
 # All that a trial runs: a new table or report makes no result out of date.
-_OURS = ("setup", "scenarios", "agents", "policies", "trials")
+_OURS = ("setup", "agents", "policies", "trials")
 _DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 PACKAGES = ("deqmcl_gym", "localizers", *(f"benchmarks.{own}" for own in _OURS))
 
@@ -68,8 +69,9 @@ def _files(package: str) -> list[tuple[Path, str]]:
     spec = find_spec(package)
     origin = Path(str(spec and spec.origin))
     module = spec is None or spec.submodule_search_locations is None
-    paths = [origin] if module else sorted(origin.parent.rglob("*.py"))
-    if not paths or not all(path.suffix == ".py" and path.is_file() for path in paths):
+    folder = (*origin.parent.rglob("*.py"), *origin.parent.rglob("*.toml"))  # as of scenarios
+    paths = [origin] if module else sorted(folder)
+    if not paths or not all(path.suffix in (".py", ".toml") and path.is_file() for path in paths):
         raise InputError(
             f"results are kept under a digest of the code, but {origin} is no source: unpack "
             "deqmcl-gym with its .py files."
@@ -79,6 +81,8 @@ def _files(package: str) -> list[tuple[Path, str]]:
 
 def _statements(path: Path) -> bytes:
     """Return the syntax of a source file: each node's type and fields, docstrings left out."""
+    if path.suffix == ".toml":
+        return repr(tomllib.loads(path.read_text(encoding="utf-8"))).encode()
     words: list[str] = []
 
     def add(value: Any) -> None:

@@ -18,7 +18,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.patches import Circle, Polygon
 
 import benchmarks
-from benchmarks.scenarios import SCENARIOS
+from benchmarks.setup.names import scenario
 
 SCENARIO, *METHODS = sys.argv[1:] or ["paper", "mcl", "mcl-smoother", "deq-mcl", "deq-mcl-fresh"]
 LAG, FIELDS = 20, 12
@@ -34,7 +34,7 @@ HUES = np.array(
 # **Place fields** are discs at equal steps along the planned lap, as large as they can be without
 # overlap.
 
-room = SCENARIOS[SCENARIO].room().unwrapped
+room = scenario(SCENARIO).room().unwrapped
 room.reset(seed=0)
 path = room.course.path
 begin = path.arc(room.course.start[:2])

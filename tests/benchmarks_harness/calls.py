@@ -1,10 +1,8 @@
 """Functions for worker processes to run."""
 
-import multiprocessing
 import os
 import signal
 import time
-from concurrent.futures import ProcessPoolExecutor
 
 
 def add(a, b):
@@ -56,8 +54,3 @@ def alive(number):
 def fork(value):
     os.fork()
     return value
-
-
-def processes():
-    """Make an executor of a process that knows nothing of this one."""
-    return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))

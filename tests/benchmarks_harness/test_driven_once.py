@@ -13,7 +13,7 @@ from benchmarks.setup.names import make_agent
 from benchmarks.setup.overrides import Named, Overrides
 from benchmarks.sweeps.running import Options, run_missing
 from benchmarks.sweeps.store import writing
-from benchmarks.sweeps.suites import paper_sweep
+from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.trials import attempt
 from benchmarks.trials.attempt import key_of, provenance_of
 from benchmarks.trials.episode import sees_belief

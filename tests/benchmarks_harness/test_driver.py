@@ -10,7 +10,7 @@ import pytest
 from benchmarks.execution import engines
 from benchmarks.execution.engines import TRIES, Engine, Where, outcomes
 from benchmarks.execution.processes import TimedOutError, WorkerDiedError
-from benchmarks.sweeps.suites import paper_sweep
+from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.trials.attempt import Outcome
 
 DONE = Outcome(record={}, seconds=1.0)

@@ -11,7 +11,7 @@ import localizers
 from benchmarks.setup.names import scenario, scenario_names
 from benchmarks.setup.overrides import Named, Overrides
 from benchmarks.setup.priors import Uniform
-from benchmarks.sweeps.suites import PAPER_METHODS, paper_sweep
+from benchmarks.sweeps.sweepfile import PAPER_METHODS, paper_sweep
 from benchmarks.trials.episode import moments
 from benchmarks.trials.stage import Stage
 from localizers import PoseBelief

@@ -210,6 +210,17 @@ def test_a_scenario_file_changes_its_base_and_lengths_are_in_the_unit_of_its_map
     assert another == BeamModel(sigma=0.02 * 100, decay=0.01 / 0.02)
 
 
+def test_a_disturbance_of_a_scenario_file_is_that_of_a_sweep_file(tmp_path):
+    path = tmp_path / "room.toml"
+    path.write_text('base = "kidnapped"\ndisturbance = [{ kind = "dropout", probability = 0.5 }]')
+    assert scenario(str(path)).disturbance == ({"kind": "dropout", "probability": 0.5},)
+    path.write_text('base = "kidnapped"')
+    assert scenario(str(path)).disturbance == ({"kind": "kidnap", "step": 75},)
+    path.write_text('disturbance = ["kidnap"]')
+    with refused("room.toml", "an entry of disturbance is 'kidnap'"):
+        scenario(str(path))
+
+
 def test_an_empty_table_is_a_value(tmp_path):
     path = tmp_path / "room.toml"
     for text in ("[env.driver]\n[env.route]\n[env.floor_plan.office]", "env.driver = {}"):
@@ -322,7 +333,7 @@ def test_localizers_and_agents_are_given_the_map_and_every_method_the_same_world
         plain.env.reset(seed=plain.trial.world_seed)
         corners = (one.room.course.path.corners for one in (stage, plain))
         np.testing.assert_array_equal(*corners)
-        seen.append((scan, info, camera_of(stage).scene(next(stage.moments()))[0].image))
+        seen.append((scan, info, camera_of(stage).scene(next(stage.moments())).image))
     np.testing.assert_equal(seen[0][:2], seen[1][:2])
     for _, _, frame in seen:
         assert (frame == PERSON).all(axis=2).sum() > 100

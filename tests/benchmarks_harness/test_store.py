@@ -5,7 +5,6 @@ import shutil
 import subprocess
 import sys
 
-import msgspec
 import pytest
 from deqmcl_command import files
 from refusals import refused
@@ -161,51 +160,3 @@ def test_lines_that_are_no_trial_of_the_sweep_are_named_with_the_reason(tmp_path
         "trials.jsonl, line 2": "is of other code, libraries or plug-ins",
         "trials.jsonl, line 3": "is of a trial that this sweep does not have",
     }
-
-
-@pytest.fixture
-def former(tmp_path):
-    """A folder as 0.2.0 wrote it: a finished trial, one without its time, one torn, one failed."""
-    content = msgspec.to_builtins(RECORD, str_keys=True)
-    trial = {"schema": 4, "checksum": "c0ffee", "trial": TRIAL.canonical()}
-    finished = {
-        f"trials/{key}.json": trial | {"key": key} | content for key in ("done", "timeless")
-    }
-    said = finished | {
-        "timings/done.json": {"schema": 4, "key": "done", "seconds": 2.5, "checksum": "c0ffee"},
-        "failed/failed.json": trial | {"key": "failed", "reason": "it slept"},
-    }
-    texts = {name: json.dumps(value) for name, value in said.items()}
-    for name, text in (texts | {"trials/torn.json": texts["trials/done.json"][:40]}).items():
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).write_text(text)
-    return tmp_path
-
-
-def test_a_folder_with_a_file_a_trial_is_read_and_becomes_lines_when_it_goes_on(former, capsys):
-    before = files(former)
-    for converted in (False, True, True):
-        with writing(former) if converted else writing(former, (1, 2)) as store:
-            assert store.get("done", TRIAL) == changed(DONE, key="done")
-            assert store.get("timeless", TRIAL) == changed(DONE, key="timeless", seconds=None)
-            assert store.failure("failed") == "it slept"
-            assert store.rejected == {"trials/torn.json": "is truncated, or not JSON"}
-        (former / "trials-1-of-2.jsonl").unlink(missing_ok=True)
-        there = {"trials/torn.json", "trials.jsonl"} if converted else before.keys()
-        assert files(former).keys() == there
-    said = f"deqmcl: 3 trials that had files of their own are lines of {former}/trials.jsonl now.\n"
-    assert capsys.readouterr().err == said
-
-
-def test_a_conversion_that_was_killed_ends_at_the_next_opening(former, monkeypatch):
-    def interrupted(*_, **how):
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr("pathlib.Path.unlink", interrupted)
-        with pytest.raises(KeyboardInterrupt):
-            writing(former).__enter__()
-    assert "trials/done.json" in files(former)
-    with writing(former) as store:
-        assert store.get("done", TRIAL) == changed(DONE, key="done")
-    assert files(former).keys() == {"trials/torn.json", "trials.jsonl"}

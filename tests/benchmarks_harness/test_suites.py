@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.sweeps.running import check
-from benchmarks.sweeps.suites import SUITES, sweep_named
-from benchmarks.sweeps.sweepfile import with_localizers
+from benchmarks.sweeps.sweepfile import SUITES, sweep_named, with_localizers
 from benchmarks.tables.stats import least_worlds
 
 REPORTS = Path(__file__).parents[2] / "docs" / "reports"

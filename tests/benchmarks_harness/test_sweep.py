@@ -17,7 +17,7 @@ from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.running import Options, begun, run_missing
 from benchmarks.sweeps.store import writing
-from benchmarks.sweeps.suites import paper_sweep
+from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.trials import attempt
 from benchmarks.trials.attempt import provenance_of
 from benchmarks.trials.spec import Method
@@ -152,9 +152,7 @@ def test_results_of_what_cannot_be_read_are_not_gone_on_with(tmp_path, monkeypat
             swept(tmp_path)
 
 
-@pytest.mark.parametrize(
-    "where", [Where(jobs=2), Where(jobs=1, timeout=60.0), Where(executor="calls:processes")]
-)
+@pytest.mark.parametrize("where", [Where(jobs=2), Where(jobs=1, timeout=60.0)])
 def test_what_was_registered_goes_along_to_other_processes(tmp_path, where):
     with localizers.registered("sure", Sure):
         assert errors(swept(tmp_path / "two", where=where)) == errors(swept(tmp_path / "one"))

@@ -13,8 +13,6 @@ from refusals import refused
 
 import localizers
 from benchmarks.setup.names import AGENT
-from benchmarks.trials.attempt import attempt, key_of
-from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 from localizers import kinds
 from localizers.digests import UNREAD
@@ -206,13 +204,6 @@ def test_a_broken_entry_point_breaks_only_its_own_use(module, install, value):
     refusal("broken")
 
 
-def test_an_entry_point_of_two_packages_is_refused_unless_they_agree(module, install):
-    install("theirs = pack.good:Mine\nsame = pack.good:Mine", "one")
-    install("theirs = pack.good:OnlyRobot\nsame = pack.good:Mine", "two")
-    assert "pack.good:Mine and pack.good:OnlyRobot" in refusal("theirs")
-    localizers.resolve("same")
-
-
 MALFORMED = (b"[deqmcl.localizers]\nno equals sign\n = pack.good:Mine\n", b"no section\n", b"\xff")
 
 
@@ -316,61 +307,29 @@ def test_the_digest_runs_nothing_so_what_cannot_be_imported_has_one_but_what_is_
     assert not [name for name in sys.modules if name.partition(".")[0] == "pack"]
 
 
-SHIPS = """
-SHIPS = ("table.bin", "nets/layer-*.npy", "folder", "", "/table", "absent")
-class Mine:
-    def __init__(self, robot): self.table = open("results.csv")
-"""
-OF_FILE = ("ships.npz", "table.bin", "nets/layer-0.npy", "folder/deep/er.bin")
-OF_OTHERS = ("other.bin", "other/table.bin", "other.py", "__pycache__/ships.cpython-311.pyc")
+OF_OTHERS = ("other.bin", "table.bin", "other.py", "__pycache__/alone.cpython-311.pyc")
 OF_PACKAGE = ("weights.npz", "deep/er/w.bin", "torn.py")
 
 
 @pytest.mark.parametrize(
     ("name", "shipped", "covered"),
     [
-        *(("ships.py:Mine", file, True) for file in OF_FILE),
-        *(("ships.py:Mine", file, False) for file in OF_OTHERS),
+        ("alone.py:Mine", "alone.npz", True),
+        *(("alone.py:Mine", file, False) for file in OF_OTHERS),
         *(("pack.good:Mine", f"pack/{file}", True) for file in OF_PACKAGE),
         ("pack.good:Mine", "pack/__pycache__/good.cpython-311.pyc", False),
     ],
 )
-def test_the_digest_covers_what_a_package_has_and_what_a_file_declares_or_names(
+def test_the_digest_covers_what_a_package_has_and_what_is_beside_a_file_by_its_name(
     module, name, shipped, covered
 ):
-    Path("ships.py").write_text(SHIPS)
+    Path("alone.py").write_text("class Mine: ...")
     Path(shipped).parent.mkdir(exist_ok=True, parents=True)
     digests = []
     for content in (b"weights", b"other weights", None):
         Path(shipped).unlink() if content is None else Path(shipped).write_bytes(content)
         digests.append(localizers.source_digest(name))
     assert len(set(digests)) == (3 if covered else 1)
-
-
-STARTING = """
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor
-from localizers.template import MyLocalizer
-
-def double(x):
-    return 2 * x
-
-class Mine(MyLocalizer):
-    def reset(self, prior, plan, rng):
-        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as own:
-            own.submit(double, 1).result()
-        return super().reset(prior, plan, rng)
-"""
-
-
-def test_a_file_whose_own_processes_cannot_import_it_is_told_to_be_a_package(tmp_path):
-    (tmp_path / "starts.py").write_text(STARTING)
-    trial = Trial(
-        scenario="paper", localizer=f"{tmp_path}/starts.py:Mine", params={}, lag=0, seed=0, trial=0
-    )  # fmt: skip
-    reason = attempt(trial, key_of(trial)).reason
-    assert reason.startswith("BrokenProcessPool: ")
-    assert reason.endswith("so make it a package")
 
 
 def test_installed_packages_are_looked_through_once(monkeypatch):

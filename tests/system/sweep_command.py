@@ -1,7 +1,6 @@
 """Small sweeps by ``deqmcl sweep``."""
 
 import json
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
 import pytest
@@ -67,8 +66,3 @@ class broken(MyLocalizer):  # noqa: N801
 
     def reset(self, prior, plan, rng):
         raise ArithmeticError("broken")
-
-
-def in_threads():
-    """Make an executor of this process."""
-    return ThreadPoolExecutor(1)

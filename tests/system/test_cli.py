@@ -14,7 +14,7 @@ import localizers
 from benchmarks.agents import AGENTS
 from benchmarks.commands import COMMANDS, experiments
 from benchmarks.setup.names import scenario, scenario_names
-from benchmarks.sweeps.suites import SUITES
+from benchmarks.sweeps.sweepfile import SUITES
 
 HELP = [("--help",), *((name, "--help") for name in COMMANDS)]
 

@@ -5,7 +5,7 @@ import sys
 import tempfile
 
 import pytest
-from sweep_command import sweep, write_small
+from sweep_command import write_small
 
 RUN = ("run", "--localizer", "mcl", "--out", "out")
 MAP = ("new", "map", "--out", "out")
@@ -70,14 +70,6 @@ def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(
     assert (tmp_path / "file").read_text() == "precious"
 
 
-def test_what_draws_names_the_pip_command_without_matplotlib(monkeypatch, refusal):
-    loaded = [name for name in sys.modules if name.startswith("matplotlib.")]
-    for name in ("matplotlib", *loaded):
-        monkeypatch.setitem(sys.modules, name, None)
-    refusal(RUN, "pip install 'deqmcl-gym[plots]'")
-    assert os.listdir() == []
-
-
 def points(*counts):
     """Axes with so many values each."""
     return "".join(
@@ -89,21 +81,17 @@ def points(*counts):
 BAD_SWEEPS = [  # what is added to the file, arguments, and what the sentence must name
     ('\n[held_out]\nvalue = "a"', (), ["small.toml", "'held_out'"]),
     ('\nbeta = "a\\u0007b"', (), ["beta", "control characters"]),
-    ("", ("--with", "=x.py:L"), ["'=x.py:L'", "./=x.py:L"]),
     ("", ("--with", "a\udce9.py:L"), [r"'a\udce9.py:L'", "no UTF-8"]),
     ("\nbeta = 3", (), ["'beta'", "particles"]),  # in [params]
     ("\n[[vary]]\nparams.particles = [5, 1.5]", (), ["particles", "1.5"]),
-    (points(125, 100, 200), ("--yes",), ["10,000,000", "more than 1,000,000"]),
-    (points(125, 1000), (), ["500,000", "--yes"]),
+    (points(125, 100, 200), (), ["10,000,000", "more than 1,000,000"]),
     ("", ("--margin", "5%"), ["--margin", "--until-decided"]),
     ("", ("--until-decided", "--trials", "9"), ["--trials", "--max-worlds"]),
     ("", ("--until-decided", "--shard", "1/2"), ["--shard", "--until-decided"]),
     ("\n[until_decided]\nmargins = 0.05", (), ["until_decided", "'margins'", "margin"]),
     ("", ("--shard", "4/3"), ["--shard", "'4/3'"]),
     ("\n[[vary]]\nparams.particles = [5, 1e308]", (), ["particles", "1e+308", "1e+100"]),
-    ("", ("--executor", "threads"), ["'threads'", "dask", "module:factory"]),
-    ("", ("--executor", "os:sep"), ["'os:sep'", "function"]),
-    ("", ("--scheduler", "tcp://x:1"), ["--scheduler", "--executor dask"]),
+    ("", ("--adopt",), ["there is no --adopt here: write deqmcl verify DIR first"]),
 ]
 
 
@@ -131,15 +119,9 @@ def test_a_temporary_folder_too_deep_for_sockets_is_named(file, tmp_path, monkey
     refusal(["sweep", file, "--out", tmp_path / "out"], "TMPDIR", "ddd")
 
 
-def test_an_executor_that_is_none_is_refused_when_it_is_made(file, tmp_path, refusal):
-    given = ("--out", tmp_path / "out", "--executor", "os:getcwd")
-    refusal(["sweep", file, *given], "'os:getcwd'", "type str")
-    assert sweep(file, tmp_path / "out") == 0  # nothing was run
-
-
 def test_dask_that_is_not_installed_is_said_with_the_pip_command(file, monkeypatch, refusal):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    refusal(["sweep", file, "--executor", "dask"], "pip install 'deqmcl-gym[dask]'")
+    refusal(["sweep", file, "--dask"], "pip install 'deqmcl-gym[dask]'")
 
 
 def test_a_working_folder_that_is_gone_is_named_before_anything_is_run(

@@ -24,7 +24,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_numbers_of_one_process(tmp_path
     here = run(file, tmp_path / "here", "--jobs", "1", flag=flag)
     assert here.returncode == 0, here.stderr
     flag.touch()
-    there = run(file, tmp_path / "there", "--jobs", "2", "--executor", "dask", flag=flag)
+    there = run(file, tmp_path / "there", "--jobs", "2", "--dask", flag=flag)
     assert there.returncode == 0, there.stderr
     assert not flag.exists()  # a worker found it and died
     assert there.stdout.startswith("small: 9 of 9 trials finished.")
@@ -36,7 +36,7 @@ def test_a_scheduler_that_does_not_answer_is_bad_input(tmp_path, refusal, monkey
     from benchmarks.execution import engines
 
     monkeypatch.setattr(engines, "CONNECT_SECONDS", 1)
-    given = ("--out", tmp_path / "out", "--executor", "dask", "--scheduler", "tcp://127.0.0.1:9")
+    given = ("--out", tmp_path / "out", "--dask", "tcp://127.0.0.1:9")
     said = "deqmcl: the Dask scheduler 'tcp://127.0.0.1:9' cannot be reached"
     refusal(["sweep", write_small(tmp_path, trials=1), *given], said)
     assert not (tmp_path / "out").exists()

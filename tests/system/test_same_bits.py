@@ -14,7 +14,7 @@ import hashlib, json, msgspec
 from benchmarks.trials.stage import Stage
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.scoring import record
-from benchmarks.sweeps.suites import paper_sweep
+from benchmarks.sweeps.sweepfile import paper_sweep
 from localizers import names
 
 digests = {}

@@ -27,19 +27,6 @@ def test_failed_trials_are_said_kept_and_run_again_only_if_asked(tmp_path, capsy
     assert {line["method"] for line in lines(out)} == {"mcl", "dead-reckoning"}
 
 
-@localizers.registered("broken", broken)
-def test_fail_fast_stops_and_says_what_is_missing(tmp_path, capsys):
-    file, out = write_small(tmp_path), tmp_path / "out"
-    assert sweep(file, out, "--with", "broken", "--fail-fast") == 3
-    assert capsys.readouterr().out.startswith(
-        "small: 2 of 6 trials finished, 1 failed, 3 missing.\n"
-        "Not complete:\n"
-        "  1 of 2: paper L=4 mcl particles=15\n"
-        "  1 of 2: paper L=4 dead-reckoning\n"
-        "  0 of 2: paper L=4 broken lag=4 particles=15\n"
-    )
-
-
 def test_a_disk_that_fills_up_is_said_in_one_line_and_the_sweep_goes_on_later(
     file, finished, tmp_path, monkeypatch, capsys
 ):

@@ -1,15 +1,14 @@
-"""``deqmcl verify`` and ``sweep --adopt``: results that survive a change of code."""
+"""``deqmcl verify``: results that survive a change of code."""
 
 import json
 
 import pytest
-from deqmcl_command import exit_code, files, lines, lose, records
+from deqmcl_command import exit_code, files, lose, records
 from sweep_command import report, sweep, write_small
 
 from benchmarks.sweeps import verifying
 from benchmarks.sweeps.results import results_in
-from benchmarks.sweeps.suites import sweep_named
-from benchmarks.trials.scoring import LATER
+from benchmarks.sweeps.sweepfile import sweep_named
 
 MINE = """
 import numpy as np
@@ -67,57 +66,19 @@ def test_a_folder_whose_sample_agrees_goes_on_under_its_old_keys_with_missing_tr
     assert report(out) == 0
     assert results_in(out).made_by.endswith("on 4 of 9 trials.")
     assert verified(out) == [entry]
+    plug_in.write_text(MINE.format(0.0))  # as it was, which made the folder
+    assert sweep(file, out, "--with", f"{plug_in}:Mine", "--with", "ekf") == 0
 
 
 def test_a_number_that_differs_is_found_and_named_and_the_folder_is_as_it_was(mine, capsys):
-    plug_in, file, out = mine
+    plug_in, _, out = mine
     before = files(out)
     edit(plug_in, 1.0)
-    adopt = ("sweep", file, "--out", out, "--jobs", "1", "--adopt", "--with", f"{plug_in}:Mine")
-    for command in (("verify", out, "--jobs", "1"), adopt):
-        assert exit_code(*command) == 1
-        said = capsys.readouterr().err
-        assert "2 of 4 trials differ" in said or "1 of 4 trials differ" in said
-        assert "mine.py:Mine, world 0, filter seed 0: error at offset 0 was" in said
-        assert files(out) == before
-
-
-def test_scores_added_since_are_not_compared_and_missing_in_tables(mine, capsys):
-    plug_in, _, out = mine
-    path = out / "trials.jsonl"
-    held = [json.loads(text) for text in path.read_text().splitlines()]
-    for line in held:
-        del line["crc"]  # as lines of 0.2.0 are
-        for row in line["record"]["scores"]:
-            for name in LATER:
-                del row[name]
-    path.write_text("".join(json.dumps(line) + "\n" for line in held))
-    edit(plug_in, 0.0)
-    assert verify(out) == 0
-    assert "none differs" in capsys.readouterr().out
-    assert report(out) == 0
-    rows = lines(out)
-    assert {row["wall_step_share"] for row in rows} == {""}
-    assert "" not in {row["wall_share"] for row in rows}
-
-
-def test_adopting_verifies_only_folders_of_other_code_and_refuses_another_sweep_unseen(
-    mine, tmp_path, capsys
-):
-    plug_in, file, out = mine
-    given = ("--with", f"{plug_in}:Mine", "--adopt")
-    assert sweep(file, tmp_path / "new", "--adopt") == 0
-    assert sweep(file, out, *given) == 0
-    assert "verified under" not in capsys.readouterr().out
-    edit(plug_in, 0.0)
-    other = write_small(tmp_path, trials=1, particles=16)
-    assert sweep(other, out, *given) == 2
-    assert "particles was 15 and is 16" in capsys.readouterr().err
-    assert sweep(write_small(tmp_path, trials=3), out, *given) == 0
-    assert "verified under" in capsys.readouterr().out
-    assert len(verified(out)) == 1
-    plug_in.write_text(MINE.format(0.0))  # as it was, which made the folder
-    assert sweep(file, out, "--with", f"{plug_in}:Mine") == 0
+    assert verify(out) == 1
+    said = capsys.readouterr().err
+    assert "2 of 4 trials differ" in said or "1 of 4 trials differ" in said
+    assert "mine.py:Mine, world 0, filter seed 0: error at offset 0 was" in said
+    assert files(out) == before
 
 
 def test_what_is_interrupted_or_made_by_this_very_code_writes_nothing(finished, copy, monkeypatch):
