@@ -156,7 +156,7 @@ class ExperimentResults:
     @cached_property
     def trials(self) -> pd.DataFrame:
         """trials.csv: a row for each trial and offset; what was varied has columns."""
-        table = trials_frame(self.results.finished).drop(columns=[*INNER])
+        table = trials_frame(self.results.records).drop(columns=[*INNER])
         return _with_varied(table, self.sweep)
 
     def plot(self, over: str, value: str = "error", *, offset: int = 0) -> "Figure":

@@ -166,7 +166,7 @@ def _renewed(name: str, made: Made, where: Where) -> Report:
             times = results.table[["ms_per_step", "cost"]].map("{:.4g}".format).replace("nan", "")
             text = csv_of(results.table.drop(columns=[*FURTHER]).join(times))
         write_text(REPORTS / target, text)
-    records = {record.key: record for record in results.finished}
+    records = {record.key: record for record in results.records}
     rows = []
     for key, trial in sample({k: r.trial for k, r in records.items()}, code_digest()).items():
         said = (_digest_of(trial), trial.scenario, trial.localizer, *trial.run)

@@ -90,7 +90,7 @@ def paper_command(options: argparse.Namespace) -> str:
 
 
 def _paper_table(sweep: "Sweep", results: "Results", style: str) -> str:
-    from benchmarks.report.tables import reading, table_1
+    from benchmarks.report.tables import table_1
     from benchmarks.tables.text import short_name
 
     worlds = "1 world" if sweep.trials == 1 else f"{sweep.trials} worlds"
@@ -100,10 +100,8 @@ def _paper_table(sweep: "Sweep", results: "Results", style: str) -> str:
         f"{sweep.params['particles']}, L = {sweep.lag}, seed {sweep.seed}; the paper's values "
         "beside ours"
     )
-    rows = results.table
-    table = table_1(rows, variances=style == "github").text(style)
-    parts = [title, table, PAPER_NOTE, *filter(None, [reading(rows)])]
-    return "\n\n".join(parts) + "\n"
+    table = table_1(results.table, variances=style == "github").text(style)
+    return f"{title}\n\n{table}\n\n{PAPER_NOTE}\n"
 
 
 @command(
@@ -159,8 +157,6 @@ def run_command(options: argparse.Namespace) -> str:
         option("--shard", metavar="I/N", help="run only every N-th trial, starting with the I-th"),
         TIMEOUT,
         RETRY_FAILED,
-        option("--mcap", type=folder, metavar="DIR", help="also write the runs of the report's "
-            "animations, for Foxglove and Lichtblick (needs the extra view)"),
     ),
 )  # fmt: skip
 def sweep_command(options: argparse.Namespace) -> str:
@@ -173,13 +169,9 @@ def sweep_command(options: argparse.Namespace) -> str:
     if options.dask is None:
         prepare()  # while this process loads what it needs
     from benchmarks.experiment import Experiment
-    from benchmarks.pictures.messages import check_folder
-    from benchmarks.report.animations import write_laps
     from benchmarks.report.writing import no_report
     from benchmarks.sweeps.running import check, complete, dry_run
 
-    if options.mcap is not None:
-        check_folder(options.mcap)
     sweep = asked(options)
     warn(_misfits(sweep))
     if options.dry_run:
@@ -191,10 +183,8 @@ def sweep_command(options: argparse.Namespace) -> str:
     how = {name: getattr(options, name) for name in names}
     target = options.out or Path("results") / Path(options.suite).stem
     ended = Experiment(sweep).run(options.jobs, target, **how, report=True, command=options.words)
-    laps = "" if options.mcap is None else write_laps(ended.results, options.mcap)
     tables_only = f"\nTables only: {why}" if (why := no_report()) else ""
-    text = "\n".join(filter(None, [str(ended), laps, tables_only]))
-    return complete(ended.results, text, part=options.shard is not None)
+    return complete(ended.results, f"{ended}{tables_only}", part=options.shard is not None)
 
 
 def _misfits(sweep: "Sweep") -> list[str | None]:
@@ -257,7 +247,7 @@ def asked(options: argparse.Namespace) -> "Sweep":
 def report_command(options: argparse.Namespace) -> str:
     """Write the report of the finished trials in a folder, or in several of the same worlds.
 
-    That is report.html, results.md with its images, and the tables results.csv, trials.csv and
+    That is report.html with its images, and the tables results.csv, trials.csv and
     timings.csv. No code that a folder names is run: animations are those that the sweep drew.
     Several folders may differ in their localizers and agents only, and must be complete. --latex
     and --pdf write what a paper needs into DIR/export: tables.tex (booktabs) with references.bib,

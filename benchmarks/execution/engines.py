@@ -11,7 +11,7 @@ import sysconfig
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -74,26 +74,29 @@ class Where:
     def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
         """Start an engine for these trials, and end it with all that still runs."""
         jobs = self.jobs or available_cpus()
-        if self.dask is None:
-            workers = max(1, min(jobs, len(trials)))
-            with Processes(workers, timeout=self.timeout) as pool:
-                sender = _Sender(pool)
-                if workers == 1 and self.timeout is None:
-                    yield Engine(submit=partial(_run_here, sender), slots=1)
-                else:  # enough wait beside the workers that each has episodes of its own
-                    alike = max(Counter(trial.episode for trial in trials).values(), default=1)
-                    yield Engine(submit=sender.submit, slots=workers * min(alike, _ALIKE) + 1)
+        if self.dask is not None:
+            with _dask(jobs, self.dask) as engine:
+                patient = self.timeout is None and any(map(guest_of, trials))
+                timeout = GUEST_SECONDS if patient else self.timeout
+                yield replace(engine, slots=self.jobs or engine.slots, timeout=timeout)
             return
-        with _dask(jobs, self.dask) as engine:
-            patient = self.timeout is None and any(map(guest_of, trials))
-            timeout = GUEST_SECONDS if patient else self.timeout
-            yield replace(engine, slots=self.jobs or engine.slots, timeout=timeout)
+        workers = max(1, min(jobs, len(trials)))
+        with Processes(workers, timeout=self.timeout) as pool:
+            sent = _sender(pool)
+            if workers == 1 and self.timeout is None:
+                yield Engine(submit=partial(_run_here, sent), slots=1)
+            else:  # enough wait beside the workers that each has episodes of its own
+                alike = max(Counter(trial.episode for trial in trials).values(), default=1)
+                yield Engine(submit=sent, slots=workers * min(alike, _ALIKE) + 1)
 
 
-def _run_here(sender: "_Sender", trial: Trial, key: str) -> Future[Outcome]:
+Submit = Callable[[Trial, str], Future[Outcome]]
+
+
+def _run_here(elsewhere: Submit, trial: Trial, key: str) -> Future[Outcome]:
     """Run a trial here, or in a process of its own if it has plug-ins that others can load."""
     if guest_of(trial):
-        return sender.submit(trial, key)
+        return elsewhere(trial, key)
     future: Future[Outcome] = Future()
     try:
         future.set_result(attempt(trial, key))
@@ -104,22 +107,20 @@ def _run_here(sender: "_Sender", trial: Trial, key: str) -> Future[Outcome]:
     return future
 
 
-class _Sender:
-    """Sends trials to an executor, each with the localizer that was registered in this process."""
+def _sender(executor: Any) -> Submit:
+    """Return what submits trials, each with the localizer registered in this process, if any."""
+    packed = dict[str, bytes]()
 
-    def __init__(self, executor: Executor) -> None:
-        self._executor, self._packed = executor, dict[str, bytes]()
-
-    def submit(self, trial: Trial, key: str) -> Future[Outcome]:
-        """Have a trial attempted where its localizer is known."""
-        submit: Callable[..., Future[Outcome]] = self._executor.submit
-        if isinstance(self._executor, Processes):
-            submit = partial(self._executor.submit_guest, guest_of(trial), trial.episode)
+    def submit(trial: Trial, key: str) -> Future[Outcome]:
+        pooled = isinstance(executor, Processes)
+        how = {"guest": guest_of(trial), "group": trial.episode} if pooled else {}
         if (name := trial.localizer) not in LOCALIZER.added:
-            return submit(attempt, trial, key)
-        if name not in self._packed:
-            self._packed[name] = _packed(name)
-        return submit(_attempt_sent, self._packed[name], trial, key)
+            return executor.submit(attempt, trial, key, **how)  # type: ignore[no-any-return]
+        if name not in packed:
+            packed[name] = _packed(name)
+        return executor.submit(_attempt_sent, packed[name], trial, key, **how)  # type: ignore[no-any-return]
+
+    return submit
 
 
 def _packed(name: str) -> bytes:
@@ -187,7 +188,7 @@ def _dask(workers: int, scheduler: str) -> Iterator[Engine]:
             gone = client.status not in ("running", "connecting")
             return "the Dask scheduler is lost" if gone else ""
 
-        submit = _Sender(client.get_executor(retries=0)).submit
+        submit = _sender(client.get_executor(retries=0))
         yield Engine(submit=submit, slots=threads, lost=lost)
 
 

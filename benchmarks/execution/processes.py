@@ -1,4 +1,4 @@
-"""Processes of this machine as an ``Executor`` that outlives the death of any of them.
+"""Processes of this machine, a pool that outlives the death of any of them.
 
 Unlike ``ProcessPoolExecutor`` it can tell whose call a process died of, and end one that hangs:
 one thread looks after one process, and starts another when there is no answer.
@@ -11,11 +11,11 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Hashable
-from concurrent.futures import BrokenExecutor, Executor, Future
+from concurrent.futures import BrokenExecutor, Future
 from multiprocessing.connection import Connection, wait
 from multiprocessing.reduction import ForkingPickler
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from benchmarks.execution import CONTEXT, sheltered, unshelter
 from deqmcl_gym.validation import InputError, in_words
@@ -50,7 +50,7 @@ class TimedOutError(RuntimeError):
     """A call took too long; the process that ran it was killed."""
 
 
-class Processes(Executor):
+class Processes:
     """``workers`` processes of one thread each, at work at a time; each starts with its first call.
 
     A future fails with ``WorkerDiedError`` or ``TimedOutError`` when its process died or took more
@@ -72,32 +72,28 @@ class Processes(Executor):
         for thread in self._threads:
             thread.daemon = True
             thread.start()
-        # Ctrl-C may come in the midst of ``shutdown``: multiprocessing would wait for those left
+        # Ctrl-C may come in the midst of leaving: multiprocessing would wait for those left
         atexit.register(self._kill)
 
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Have ``fn(*args)`` run by the next free process; keyword arguments are not taken."""
-        if kwargs:
-            raise TypeError("keyword arguments are not passed on to worker processes")
-        return self.submit_guest("", None, fn, *args)
-
-    def submit_guest(
-        self, guest: str, group: Hashable, fn: Callable[..., Any], /, *args: Any
+    def submit(
+        self, fn: Callable[..., Any], *args: Any, guest: str = "", group: Hashable = None
     ) -> Future[Any]:
-        """As ``submit``, for a call of a group that runs the code of a guest by this name."""
+        """Have ``fn(*args)`` run by the next free process: of a group, with a guest's code."""
         future: Future[Any] = Future()
         with self._called:
             self._calls.append(_Waiting(future, guest, group, (fn, args)))
             self._called.notify()
         return future
 
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         """End all processes; what still runs is killed, what waits is not begun."""
         self._kill()
         atexit.unregister(self._kill)
-        if wait:
-            for thread in self._threads:
-                thread.join(_FAREWELL)
+        for thread in self._threads:
+            thread.join(_FAREWELL)
 
     def _kill(self) -> None:
         with self._called:

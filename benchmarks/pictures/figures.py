@@ -1,20 +1,13 @@
-"""The paper's figures, always of world 0: no picking; and ``deqmcl run``, a lap with its files.
+"""The paper's figures, always of world 0: no picking; and ``deqmcl run``, a lap with its files."""
 
-Curves are by matplotlib, an optional extra.
-"""
-
-import io
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from importlib.util import find_spec
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmarks.files import own_folder, write_files
-from benchmarks.pictures import styled
 from benchmarks.pictures.film import Camera, Film, camera_of, png, side_by_side, webp
 from benchmarks.pictures.messages import showing
 from benchmarks.setup import TrialEnv
@@ -27,29 +20,9 @@ from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.logs import Log, Trajectory, check_writable, write
-from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics import Floats, Indices, Reals
+from deqmcl_gym.numerics import Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief
-
-
-@styled()
-def error_plot(curves: Mapping[str, tuple[Indices, Floats]], title: str, words: str) -> bytes:
-    """Return error curves over the state's step as PNG; ``words`` say what error and its unit."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8, 4.5), dpi=120, layout="constrained")
-    axes = figure.subplots()
-    for name, (states, errors) in curves.items():
-        color = "orange" if name == "x[t]" else "pink" if "-" in name else "blue"
-        axes.plot(states, errors, label=f"belief about {name}", color=f"tab:{color}")
-    axes.set(xlabel="step of the state estimated", ylabel=words, title=title, ylim=(0, None))
-    axes.grid(alpha=0.3)
-    axes.legend()
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
-    return buffer.getvalue()
-
 
 FIG_4_METHODS = ("deq-mcl", "mcl")
 FIG_5_METHOD = "deq-mcl"
@@ -58,10 +31,6 @@ LAP_METHODS = ("mcl", "deq-mcl")
 _SHOWN = {*FIG_4_METHODS, FIG_5_METHOD, *LAP_METHODS}
 LAP_STRIDE = 4  # steps per frame
 LAP_MILLISECONDS = 120
-_ERRORS = {  # drawn, by the map's unit
-    "px": (state_error, "error e (px and unitless mixed, eq. 4)"),
-    "m": (position_error, "position error, m"),
-}
 
 
 def write_paper_figures(shown: Sequence[Trial], folder: Path) -> list[Path]:
@@ -108,7 +77,8 @@ def _fig_5(camera: Camera, episode: Sequence[Step]) -> dict[str, bytes]:
     for step, offset in ((FIG_5_STATE, 0), (later, -camera.lag)):  # the same if L = 0
         seen = _error_and_spread(episode[step].belief, offset, truth, unit)
         words = [f"{FIG_5_METHOD}, state {FIG_5_STATE} seen at step {step}", seen]
-        frame = camera.frame(episode[step], words, truth if offset else None)
+        ring = ("true pose then", truth.tolist()) if offset else None
+        frame = camera.frame(episode[step], words, ring, offset=offset)
         images[f"fig5_step{step}.png"] = png(frame)
     return images
 
@@ -123,14 +93,10 @@ def _error_and_spread(belief: Belief, offset: int, truth: Reals, unit: str) -> s
 
 
 def run_lap(trial: Trial, out: Path, log: Path | None, mcap: Path | None) -> str:
-    """Run one lap of one localizer; write animation, error curve, trace; return what to print.
+    """Run one lap of one localizer; write animation, errors, poses; return what to print.
 
     ``log`` is where to write the lap as a log, ``mcap`` what is believed, for Foxglove.
     """
-    if find_spec("matplotlib") is None:
-        raise InputError(
-            "plots need matplotlib, which is not installed: pip install 'deqmcl-gym[plots]'."
-        )
     if log is not None:
         check_writable(log)
         if os.path.lexists(log):
@@ -140,32 +106,17 @@ def run_lap(trial: Trial, out: Path, log: Path | None, mcap: Path | None) -> str
     unit = stage.room.floor_plan.unit
     title = trial.localizer
     film = Film(camera_of(stage), title, LAP_STRIDE)
-    outside: list[int] = []
-    episode = _noting(outside, film.of(stage.moments()), stage.room.floor_plan)
-    measure, words = _ERRORS[unit]
     heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
-    with showing(mcap, {short_name(title): episode}, stage) as rows:
+    with showing(mcap, {short_name(title): film.of(stage.moments())}, stage) as rows:
         trace = trace_of((moment for (moment,) in rows), trial.offsets, stage.task)
-    curves = {
-        state_name(offset): (kept.states, measure(kept.means, trace.truth[kept.states]))
-        for offset, kept in trace.offsets.items()
-    }
     files = {
         "lap.webp": webp(film.frames, LAP_MILLISECONDS),
-        "error.png": error_plot(curves, heading, words),
         "error.csv": _curves_csv(trace).encode(),
-        "trace.npz": npz(trace),
     } | trajectories(trace)
     if log is not None:
         write(_log(film.moments, stage.room), log)
     write_files(out, files)
     lines = [_line(row, unit) for row in scores(trace, trial.lag, stage.scenario.thresholds)]
-    if outside:
-        lines.append(
-            f"Warning: at {len(outside)} steps, the first of them {outside[0]}, more than half of "
-            "the belief is inside walls or outside the map: the localizer does not use the map's "
-            "walls in its motion, or is lost."
-        )
     lines.append(f"Written to {out}: {', '.join(files)}.")
     lines += [] if log is None else [f"Log: {log}"]
     lines += [] if mcap is None else [f"MCAP: {mcap}"]
@@ -178,17 +129,6 @@ def _line(row: Mapping[str, Any], unit: str) -> str:
     heading = f"heading RMSE {np.degrees(row['heading_rmse']):5.1f} deg"
     first = [error] if unit == "px" else []
     return f"{state_name(row['offset']):>8}: " + ", ".join([*first, f"{position} {unit}", heading])
-
-
-def _noting(outside: list[int], episode: Iterable[Step], floor_plan: Map) -> Iterator[Step]:
-    """Pass an episode on; note steps at which more than half of the weight is not in free space."""
-    for moment in episode:
-        if (points := moment.belief.points()) is not None:
-            poses, weights = points
-            free = floor_plan.free(np.asarray(poses, np.float64)[:, :2])
-            if np.sum(np.asarray(weights)[~free]) > 0.5:
-                outside.append(moment.t)
-        yield moment
 
 
 def _log(episode: Sequence[Step], room: TrialEnv) -> Log:
@@ -218,15 +158,3 @@ def trajectories(trace: Trace) -> dict[str, bytes]:
         name = f"trajectory_t{offset:+d}.tum" if offset else "trajectory_t.tum"
         files[name] = Trajectory(kept.states.astype(np.float64), poses).tum
     return files
-
-
-def npz(trace: Trace) -> bytes:
-    """Return a ``Trace`` as npz without pickles: ``truth``, ``quality``, ``t-20/means`` …."""
-    arrays: dict[str, NDArray[np.generic]] = {"truth": trace.truth, "quality": trace.quality}
-    for offset, kept in trace.offsets.items():
-        name = f"t{offset:+d}" if offset else "t"
-        columns = vars(kept) | kept.values
-        arrays |= {f"{name}/{key}": columns[key] for key in columns if key != "values"}
-    buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **arrays)
-    return buffer.getvalue()

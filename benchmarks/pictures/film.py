@@ -4,6 +4,7 @@ import io
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import cv2
 import numpy as np
@@ -12,10 +13,9 @@ import PIL.Image
 from benchmarks.tables.text import state_name
 from benchmarks.trials.episode import Step
 from benchmarks.trials.stage import Stage
-from benchmarks.trials.tracks import Fixes, way_driven
 from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.maps.map import metre, pixel
-from deqmcl_gym.numerics import Floats, Reals, arrays
+from deqmcl_gym.maps.map import pixel
+from deqmcl_gym.numerics import Floats, Reals
 from deqmcl_gym.world.drawing import (
     BLACK,
     GRAY,
@@ -54,51 +54,55 @@ class Camera:
     lag: int  # L, the offset of the past and future shown, steps
     ground: Callable[[View], Drawing] = Drawing  # draws the room as it is now, below all else
 
-    def frame(self, moment: Step, words: Sequence[str], past: Reals | None = None) -> Image:
-        """Draw a moment: clouds, robot, plan and estimate; below it lines of words, a legend.
+    def frame(
+        self,
+        moment: Step,
+        words: Sequence[str],
+        ring: tuple[str, Sequence[float]] | None = None,
+        *,
+        offset: int = 0,
+        ways: Sequence[tuple[Any, Color]] = (),
+    ) -> Image:
+        """Draw a moment: clouds, robot, plan and mean; below it lines of words, a legend.
 
-        The estimate is of ``past``, the true pose at offset -L with a ring, if that is given.
+        The mean is of the state at an offset; ``ring`` names a pose, ``ways`` are below the robot.
         """
-        drawing, clouds = self.scene(moment)
-        marks = [("robot", GRAY), ("estimate", BLACK)]
+        drawing, clouds = self.scene(moment), self._clouds(moment.belief)
+        for way, color in ways:
+            drawing.path(way, color, 2)
+        marks = [("truth", GRAY), ("mean", BLACK)]
         if moment.plan is not None and len(moment.plan):
             drawing.path(way_of_plan(moment.truth, moment.plan), _PLAN, 2)
             marks.append(("plan", _PLAN))
-        drawing.robot(moment.truth, self.radius)
-        if past is not None:
-            _ring(drawing, past.tolist(), self.radius)
-            marks.append(("true pose then", _BEST))
-        if (held := moment.belief.points(0 if past is None else -self.lag)) is not None:
-            _cross(drawing, mean_pose(*held))
-        legend = [*clouds, *marks]
-        longest = [*self.layers, *marks]  # frames side by side have one height
-        return _captioned(drawing, words, legend, longest)
+        radius = max(self.radius, _LEAST / self.view.per_length)
+        drawing.robot(moment.truth, radius)
+        if ring is not None:
+            _ring(drawing, ring[1], 1.3 * radius)
+            marks.append((ring[0], _BEST))
+        if (held := moment.belief.points(offset)) is not None:
+            (place,) = drawing.view.pixels([mean_pose(*held)[:2]])
+            cross = BLACK, cv2.MARKER_TILTED_CROSS, 11, 2, cv2.LINE_AA
+            cv2.drawMarker(drawing.image, _at(place), *cross)
+        legend = [(name, color) for name, color, _ in reversed(clouds)]
+        return _captioned(drawing, words, [*legend, *marks])
 
-    @property
-    def layers(self) -> list[tuple[str, Color]]:
-        """All clouds that a scene may have, the present first, with their colours."""
-        return [
-            (f"{words} {state_name(sign * self.lag)}", color)
-            for sign, color, words in reversed(_LAYERS)
+    def _clouds(self, belief: Belief) -> list[tuple[str, Color, tuple[Reals, Floats]]]:
+        """The clouds that a belief holds, back to front: names, colours, points."""
+        clouds = [
+            (f"{words} {state_name(sign * self.lag)}", color, belief.points(sign * self.lag))
+            for sign, color, words in _LAYERS
             if self.lag or sign == 0
         ]
+        if isinstance(belief, HedgedBelief):
+            clouds.append(("without plans", _BLIND, belief.protected.points()))
+        return [(name, color, points) for name, color, points in clouds if points is not None]
 
-    def scene(self, moment: Step) -> tuple[Drawing, list[tuple[str, Color]]]:
-        """Draw the map, the clouds and the step number; return what is in the colours, too."""
+    def scene(self, moment: Step) -> Drawing:
+        """Draw the map, the clouds and the step number."""
         drawing = self.ground(self.view)
-        legend: list[tuple[str, Color]] = []
-        for sign, color, words in _LAYERS:
-            offset = sign * self.lag
-            held = moment.belief.points(offset)
-            if held is None or (sign != 0 and offset == 0):
-                continue
-            size = 3 if self.view.scale > 1 else 2
-            drawing.points(held[0], color, size=size)
-            legend.insert(0, (f"{words} {state_name(offset)}", color))
-            if offset == 0 and isinstance(moment.belief, HedgedBelief):
-                drawing.points(_present(moment.belief.protected)[0], _BLIND, size=size)
-                legend.insert(1, ("without plans", _BLIND))
-        return drawing.number(moment.t), legend
+        for _, color, (poses, _) in self._clouds(moment.belief):
+            drawing.points(poses, color, size=3 if self.view.scale > 1 else 2)
+        return drawing.number(moment.t)
 
 
 def camera_of(stage: Stage, scale: float = 1.6) -> Camera:
@@ -122,7 +126,7 @@ def png(image: Image) -> bytes:
 
 def webp(frames: Sequence[Image], milliseconds: int) -> bytes:
     """Return RGB images as an endless WebP without loss, which would leave ghosts."""
-    first, *others = map(PIL.Image.fromarray, frames)
+    first, *others = map(PIL.Image.fromarray, _level(frames))
     buffer = io.BytesIO()
     # A seventh of the time of OpenCV's encoder, a quarter larger: less effort, no key frames,
     # which only players that seek have a use for.
@@ -135,8 +139,14 @@ def webp(frames: Sequence[Image], milliseconds: int) -> bytes:
 
 
 def side_by_side(images: Sequence[Image]) -> Image:
-    """Return images of one height in a row."""
-    return np.hstack(list(images))
+    """Return images in a row."""
+    return np.hstack(_level(images))
+
+
+def _level(images: Sequence[Image]) -> list[Image]:
+    """Return images of one height, with white below the lower ones: legends differ in length."""
+    tallest = max(map(len, images))
+    return [with_strip(image, tallest - len(image)) for image in images]
 
 
 _BEST: Color = (0, 114, 178)
@@ -144,14 +154,13 @@ _PLAN: Color = (0, 158, 115)
 _LINE = 24  # image pixels per line of text
 _SIZE = 0.5  # of letters: legible where two rooms are a column wide
 _LEAST = 6.0  # image pixels: a robot's radius, that it is seen in a building
-_MARKS = (("truth", GRAY), ("best cluster", _BEST), ("mean", BLACK), ("plan", _PLAN))
 
 
 @dataclass
 class Film:
     """Draws an episode while it is run: a localizer may change its belief at the next step.
 
-    The last frame has the whole way, with the place from where on the robot stays localized.
+    The last frame has the whole way of the best cluster.
     """
 
     camera: Camera  # looks at the room
@@ -170,54 +179,20 @@ class Film:
             self.moments.append(moment)
             if moment.t % self.stride == 0:
                 self.frames.append(self._frame(moment))
-        self.frames.append(self._frame(moment, whole=True))
+        self.frames.append(self._frame(moment, (self._best, _BEST)))
 
-    def _frame(self, moment: Step, *, whole: bool = False) -> Image:
-        camera, best, mean = self.camera, self._best[-1], mean_pose(*_present(moment.belief))
-        drawing, clouds = camera.scene(moment)
-        drawing.path(np.array([seen.truth for seen in self.moments]), GRAY, 2)
-        if whole:
-            drawing.path(self._best, _BEST, 1)
-        if moment.plan is not None and len(moment.plan):
-            drawing.path(way_of_plan(moment.truth, moment.plan), _PLAN, 2)
-        radius = max(camera.radius, _LEAST / camera.view.per_length)
-        drawing.robot(moment.truth, radius)
-        _ring(drawing, best, 1.3 * radius)
-        _cross(drawing, mean)
-        note = self._localized(drawing) if whole else ""
-        unit = camera.view.floor_plan.unit
+    def _frame(self, moment: Step, *ways: tuple[Any, Color]) -> Image:
+        best, belief, unit = self._best[-1], moment.belief, self.camera.view.floor_plan.unit
         x, y, _ = moment.truth.tolist()
-        off = (math.hypot(pose[0] - x, pose[1] - y) for pose in (best, mean))
+        off = (math.hypot(p[0] - x, p[1] - y) for p in (best, mean_pose(*_present(belief))))
         digits = 0 if unit == "px" else 2
         best_off, mean_off = (f"{one:.{digits}f} {unit}" for one in off)
-        longest = [*_MARKS, *camera.layers]
-        if isinstance(moment.belief, HedgedBelief):
-            longest.append(("without plans", _BLIND))
-            note = note or f"trust in plans {moment.belief.trusted:.2f}"
-        words = [self.title, f"step {moment.t}: best {best_off}, mean {mean_off} off", note]
-        return _captioned(drawing, words, [*_MARKS, *clouds], longest)
-
-    def _localized(self, drawing: Drawing) -> str:
-        """Mark the place from where on it stays localized; say how far the robot had come."""
-        name = self.camera.view.floor_plan.unit
-        unit = metre(name)
-        truth = np.array([moment.truth for moment in self.moments], np.float64)
-        off = np.array(self._best) - truth
-        way = way_driven([m.action for m in self.moments if m.action is not None]) / unit
-        fixes = Fixes(
-            steps=np.arange(len(truth)),
-            count=len(truth),
-            way=way,
-            distance=np.hypot(off[:, 0], off[:, 1]) / unit,
-            angle=np.abs(arrays.wrapped(off[:, 2])),
-            quality=np.full(len(truth), math.nan),
-        )
-        metres = fixes.metres_to_localize
-        if not math.isfinite(metres):
-            return "never localized"
-        place = drawing.view.pixels(truth[[int(np.searchsorted(way, metres))]])[0]
-        cv2.circle(drawing.image, _at(place), 9, _PLAN, 3, cv2.LINE_AA)
-        return f"localized after {metres * unit:.{1 if unit == 1 else 0}f} {name}"
+        title = self.title
+        if isinstance(belief, HedgedBelief):
+            title += f", trust in plans {belief.trusted:.2f}"
+        words = [title, f"step {moment.t}: best {best_off}, mean {mean_off} off"]
+        driven = np.array([seen.truth for seen in self.moments]), GRAY
+        return self.camera.frame(moment, words, ("best cluster", best), ways=[driven, *ways])
 
 
 def _present(belief: Belief) -> tuple[Reals, Floats]:
@@ -235,7 +210,7 @@ def way_of_plan(pose: Reals, plan: Reals) -> Floats:
     return np.vstack([pose[:2], pose[:2] + np.cumsum(steps, axis=0)])
 
 
-def _ring(drawing: Drawing, pose: tuple[float, ...], radius: float) -> None:
+def _ring(drawing: Drawing, pose: Sequence[float], radius: float) -> None:
     """Draw a pose as a circle with a line along its heading."""
     nose = pose[0] + 1.8 * radius * math.cos(pose[2]), pose[1] + 1.8 * radius * math.sin(pose[2])
     centre, tip = drawing.view.pixels([pose[:2], nose])
@@ -244,27 +219,18 @@ def _ring(drawing: Drawing, pose: tuple[float, ...], radius: float) -> None:
     cv2.line(drawing.image, _at(centre), _at(tip), _BEST, 2, cv2.LINE_AA)
 
 
-def _cross(drawing: Drawing, pose: tuple[float, ...]) -> None:
-    (place,) = drawing.view.pixels([pose[:2]])
-    cv2.drawMarker(drawing.image, _at(place), BLACK, cv2.MARKER_TILTED_CROSS, 11, 2, cv2.LINE_AA)
-
-
 def _at(place: Floats) -> tuple[int, int]:
     column, row = np.rint(place).astype(int).tolist()
     return column, row
 
 
 def _captioned(
-    drawing: Drawing,
-    words: Sequence[str],
-    legend: Sequence[tuple[str, Color]],
-    longest: Sequence[tuple[str, Color]],
+    drawing: Drawing, words: Sequence[str], legend: Sequence[tuple[str, Color]]
 ) -> Image:
-    """Return the drawing above lines of words and a legend, with room for the longest one."""
+    """Return the drawing above lines of words and a legend."""
     left, (width, below) = drawing.view.margin, drawing.view.size
     rows = _rows(legend, width - 2 * left)
-    lines = len(words) + len(_rows(longest, width - 2 * left))
-    image = with_strip(drawing.image, 2 * math.ceil(_LINE * lines / 2) + 8)
+    image = with_strip(drawing.image, 2 * math.ceil(_LINE * (len(words) + len(rows)) / 2) + 8)
     for place, line in enumerate(words, 1):
         write_words(image, line, (left, below + place * _LINE - 6), _SIZE)
     for place, row in enumerate(rows, len(words) + 1):

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.files import is_empty
 from benchmarks.pictures.film import way_of_plan
 from benchmarks.tables.text import short_names
 from benchmarks.trials.episode import Step
@@ -35,21 +34,12 @@ from localizers.inference.hedge import HedgedBelief
 _MAP, _BASE = "map", "base_link"
 _WALL, _UNKNOWN, _FREE = (31, 35, 40, 255), (176, 184, 192, 255), (255, 255, 255, 255)
 _POINT = ("x", "y", "z", "heading", "weight")
-_EVEN = 1e-6  # rad between the steps of a scan's angles
 _GREEN, _BLACK = (0.0, 0.62, 0.45), (0.12, 0.14, 0.16)
-_NUMBERS = {
-    "quality": "confidence that it is not lost",
-    "trusted": "of a hedge: q, the probability that the plans are right",
-    "position_error_m": "of the best cluster",
-    "heading_error_deg": "of the best cluster",
-}
+_NUMBERS = ("step", "quality", "trusted", "position_error_m", "heading_error_deg")
 _SERIES = {
     "type": "object",
     "title": "deqmcl.Series",
-    "properties": {
-        "step": {"type": "integer"},
-        **{name: {"type": "number", "description": of} for name, of in _NUMBERS.items()},
-    },
+    "properties": {name: {"type": "number"} for name in _NUMBERS},
 }
 
 
@@ -64,9 +54,6 @@ class Messages:
         self._kinds: Mapping[str, Any] = vars(channels)
         self._names, self._map, self._lidar = names, stage.room.floor_plan, stage.room.lidar
         self._metre, self._lag = metre(self._map.unit), stage.trial.lag
-        steps = np.diff(self._lidar.bearings)
-        alike = steps.size == 0 or np.abs(steps - steps[0]).max() <= _EVEN
-        self._even = bool(alike and len(self._lidar.places) == 1)
         self._channels: dict[str, Any] = {}
 
     def write(self, time: float, moments: Sequence[Step]) -> None:
@@ -153,19 +140,9 @@ class Messages:
         return self._fox.Pose(position=position, orientation=orientation)
 
     def _scan(self, ranges: Reals) -> Any:
-        """A LaserScan; the ends of the beams as a cloud if their angles are not evenly spaced."""
+        """The ends of the beams that return: lidars may be several, and their angles uneven."""
         rays, seen = self._lidar.rays(np.zeros(3)), np.asarray(ranges, np.float64)
-        seen = np.where(seen <= self._lidar.max_range, seen, np.inf)
-        if self._even:
-            return self._framed(
-                "LaserScan",
-                _BASE,
-                pose=self._pose([*rays[0, :2], 0.0]),
-                start_angle=float(rays[0, 2]),
-                end_angle=float(rays[-1, 2]),
-                ranges=(seen / self._metre).tolist(),
-            )
-        hit = np.isfinite(seen)
+        hit = seen <= self._lidar.max_range  # false for NaN
         x, y, bearings = rays[hit].T
         ends = [x + seen[hit] * np.cos(bearings), y + seen[hit] * np.sin(bearings), bearings]
         return self._cloud(np.column_stack(ends), np.ones(int(hit.sum())), _BASE)
@@ -234,13 +211,6 @@ def check_file(path: Path) -> None:
         raise InputError(f"--mcap is {path}, but must end in .mcap.")
     if os.path.lexists(path):
         raise InputError(f"{path} exists already: give another --mcap.")
-
-
-def check_folder(folder: Path) -> None:
-    """Refuse a folder for MCAP files without foxglove-sdk, or that is not empty."""
-    check_file(folder / "any.mcap")
-    if not is_empty(folder) or (folder.exists() and not folder.is_dir()):
-        raise InputError(f"--mcap is {folder}, which is there already: give a new folder.")
 
 
 @contextmanager

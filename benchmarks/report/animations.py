@@ -1,22 +1,17 @@
 """Best, median and worst trial as films: those that the folder has, or drawn anew."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
 
-from benchmarks.console import doing
 from benchmarks.execution.engines import available_cpus
 from benchmarks.execution.processes import Processes
 from benchmarks.pictures.film import Film, camera_of, png, side_by_side, webp
-from benchmarks.pictures.messages import shown_again
-from benchmarks.sweeps.results import Results
 from benchmarks.tables.frames import scored
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.text import file_words
 from benchmarks.trials.attempt import key_of
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -69,33 +64,25 @@ def pictures_of_paper(folder: Path) -> dict[str, bytes]:
     return {path.name: content_of(path) for path in shown}
 
 
-@contextmanager
-def films(
-    panels: Sequence[Panel], folder: Path, *, draw: bool
-) -> Iterator[Callable[[], tuple[list[Animation], str]]]:
-    """Begin to draw the films of the first panel that the folder has not, if that is asked for.
+def films(panels: Sequence[Panel], folder: Path, *, draw: bool) -> tuple[list[Animation], str]:
+    """Return the films of the first panel, and why there are none.
 
-    What is yielded returns the films, and why there are none. They are drawn by workers: a plug-in
-    that hangs or exits there does no harm.
+    Those that the folder has not are drawn, if that is asked for, by workers: a plug-in that hangs
+    or exits there does no harm.
     """
     chosen = films_of(panels[0]) if panels else []
     kept = [film for one in chosen if (film := _of(one, folder)) is not None]
     if len(kept) == len(chosen) or not draw:
         why = "the folder has none of these worlds; `deqmcl sweep` draws them."
-        yield lambda: (kept, "" if kept or not chosen else why)
-        return
+        return kept, "" if kept or not chosen else why
     with Processes(available_cpus(), timeout=_PATIENCE) as pool:
         promises = [pool.submit(filmed, one) for one in chosen]
-
-        def wait() -> tuple[list[Animation], str]:
-            try:
-                return [promise.result() for promise in promises], ""
-            except InputError as error:
-                return [], str(error)
-            except Exception as error:  # a plug-in that is gone is no reason to say nothing
-                return [], f"its trials could not be run again ({in_words(error)})"
-
-        yield wait
+        try:
+            return [promise.result() for promise in promises], ""
+        except InputError as error:
+            return [], str(error)
+        except Exception as error:  # a plug-in that is gone is no reason to say nothing
+            return [], f"its trials could not be run again ({in_words(error)})"
 
 
 def films_of(panel: Panel) -> list[Animation]:
@@ -136,20 +123,6 @@ def films_of(panel: Panel) -> list[Animation]:
             )
         )
     return chosen
-
-
-def write_laps(results: Results, folder: Path) -> str:
-    """Run the trials that a report shows again, and write each as an MCAP file; say which."""
-    names = []
-    for film in [film for panel in results.panels[:1] for film in films_of(panel)]:
-        for own, trial in zip(file_words(film.labels), film.trials, strict=True):
-            path = folder / f"{film.name.rpartition('-')[0]}-{own}.mcap"  # without the world
-            with doing(f"writing {path}"):
-                shown_again([trial], path.absolute())
-            names.append(path.name)
-    if not names:
-        return "No MCAP: the report animates nothing."
-    return f"MCAP in {folder}: {', '.join(names)}."
 
 
 def _focus(rows: pd.DataFrame) -> pd.Series:

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.pictures import styled
-from benchmarks.tables.frames import errors_by_offset, lap_errors, share_curve, whole_runs
+from benchmarks.tables.frames import errors_by_offset, share_curve, whole_runs
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import Interval
 from benchmarks.tables.text import percent
@@ -186,7 +186,7 @@ def panel_charts(panel: Panel) -> list[Chart]:
     """Return all charts of a panel for which there is something to draw."""
     charts = [offset_chart(panel)]  # the error e; of logs that of best clusters is drawn
     if panel.world == "world":
-        charts = [points_chart(panel), *charts, lap_chart(panel)]
+        charts = [points_chart(panel), *charts]
     return journey_charts(panel) + [chart for chart in charts if chart is not None]
 
 
@@ -217,20 +217,6 @@ def points_chart(panel: Panel) -> Chart | None:
         "Every world",
         "A mark per world and method; thin lines connect the same world. Above each row: the mean "
         "with its 95 % bootstrap interval.",
-        axes.figure,
-    )
-
-
-def lap_chart(panel: Panel) -> Chart:
-    """Error over the lap."""
-    drawn = [lap_errors(own).assign(label=label) for label, own in panel.records_by_label.items()]
-    frame = panel.labelled(pd.concat(drawn))
-    axes = line(frame, "states", "mean", "low", "high", band=True)
-    axes.set(xlabel="step of the state", ylabel="error e", xlim=(0, None), ylim=(0, None))
-    return Chart(
-        f"lap-errors-{panel.number}",
-        "Error over the lap",
-        "Line: mean over runs at x[t]; band: the middle 80 % of runs.",
         axes.figure,
     )
 

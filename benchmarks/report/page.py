@@ -1,10 +1,9 @@
-"""Reports: report.html without network and scripts, results.md, and what a paper needs of them.
+"""Reports: report.html without network and scripts, and what a paper needs of them.
 
 A paper needs tables in LaTeX (booktabs), charts in PDF, and BibTeX of what is cited.
 """
 
 import json
-import re
 from base64 import b64encode
 from collections.abc import Sequence
 from importlib.resources import files
@@ -23,7 +22,7 @@ from benchmarks.report.tracks import track_parts
 from benchmarks.report.verdict import baseline_words, conclusion, progress, verdict_on
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.text import BLIND, WORDS, percent, short_name
+from benchmarks.tables.text import BLIND, percent, short_name
 from benchmarks.trials.scores import GROUPS
 from benchmarks.trials.tracks import TOLERATED
 from deqmcl_gym import __version__
@@ -38,7 +37,6 @@ _HEADINGS = {  # of groups of scores of whole runs
     "log": "Against the reference",
     "driving": "Arrived",
 }
-_MARKS = str.maketrans({c: f"\\{c}" for c in "\\`*_[]<>|#"})
 _LATEX = str.maketrans(
     {
         "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
@@ -62,7 +60,6 @@ def parts_of(panel: Panel, *, pictured: bool = True) -> list[Part]:
     below = [
         ("Calibration", tables.calibration_table(panel)),
         ("Does the quality detect large errors?", tables.detection_table(panel)),
-        ("Lost, or is the map wrong here?", tables.told_apart_table(panel)),
     ]
     return [
         Part("", tables=[tables.verdict_table(panel)]),
@@ -83,14 +80,15 @@ def page_files(
     facts: Sequence[str] = (),
     more: Sequence[Part] = (),
 ) -> dict[str, bytes]:
-    """Return report.html, results.md and the pictures of the latter by name.
+    """Return report.html and its pictures by name.
 
     Films and figures of the folder are shown; with ``draw`` films that it lacks are drawn. Facts
     stand below, beside the command, and ``more`` is part of the first section.
     """
     panels = results.panels
     several = len(panels) > 1
-    with styled(STYLE), films(panels, folder, draw=draw) as filmed:
+    animations, no_films = films(panels, folder, draw=draw)
+    with styled(STYLE):
         parts = [parts_of(panel, pictured=panel.number <= _PICTURED) for panel in panels]
         for first in parts[:1]:
             first.extend(more)
@@ -101,19 +99,14 @@ def page_files(
         swept = swept_charts(panels)
         charts = [chart for content in parts for part in content for chart in part.charts]
         drawn = {chart.name: chart.drawn("svg") for chart in (*swept, *charts)}
-        animations, no_films = filmed()
     figures = pictures_of_paper(folder)
-    glances = [tables.glance_table(panels)] if several else []
-    if several and (validity := tables.validity_table(results)):
-        glances.append(validity)
-    failed, left_out = tables.failed_table(results), tables.left_out_table(results)
     methods = dict.fromkeys(name for panel in panels for name in panel.rows["method"])
     telling = {
         "results": results,
         "conclusion": conclusion(results),
         "progress": progress(results),
         "baseline": baseline_words(panels, results),
-        "methods": [f"{n} ({WORDS[n]})" if n in WORDS else short_name(n) for n in methods],
+        "methods": list(map(short_name, methods)),
         "agents": list(dict.fromkeys(name for panel in panels for name in panel.agents)),
         "worlds": sorted({int(n) for panel in panels for n in panel.rows["worlds"]}),
         "filter_seeds": len({record.trial.filter_seed for record in results.records}),
@@ -125,23 +118,20 @@ def page_files(
         "notes": notes,
         "warnings": warnings,
         "facts": facts,
-        "glances": glances,
+        "glance": tables.glance_table(panels) if several else None,
         "swept": swept,
         "sections": sections,
         "films": animations,
         "no_films": no_films,
         "pictured": _PICTURED,
         "figures": figures,
-        "failed": failed,
-        "left_out": left_out,
+        "failed": tables.failed_table(results),
         "command": command_line(results.command),
         "environment": json.dumps(results.environment, indent=2),
         "drawn": drawn,
     }
-    contents = {
-        name: utf8(_engine().get_template(f"{name}.jinja").render(telling))
-        for name in ("report.html", "results.md")
-    }
+    page = _engine().get_template("report.html.jinja").render(telling)
+    contents = {"report.html": utf8(page)}
     contents |= {f"{IMAGES}/{name}.svg": svg for name, svg in drawn.items()}
     contents |= {f"{IMAGES}/{film.name}.webp": film.webp for film in animations}
     contents |= {f"{IMAGES}/{film.name}.png": film.png for film in animations}
@@ -159,25 +149,11 @@ def _engine() -> Environment:
     engine.filters |= {
         "base64": lambda content: b64encode(content).decode(),
         "table": lambda table: Markup(table.html),  # its cells are escaped
-        "plain": plain,
-        "fenced": fenced,
-        "github": lambda table: table.text("github", plain, "**{}**"),
         "tex": escaped,
         "tabular": lambda table: table.latex(escaped).strip(),
     }
     engine.globals["css"] = Markup((files(__package__) / "page.css").read_text(encoding="utf-8"))
     return engine
-
-
-def plain(text: str) -> str:
-    """The text on one line, with nothing in it that Markdown reads as a mark."""
-    return " ".join(text.split()).translate(_MARKS)
-
-
-def fenced(text: str) -> str:
-    """Return text as a code block that it cannot end."""
-    fence = "`" * max([3, *(1 + len(run) for run in re.findall("`+", text))])
-    return f"{fence}\n{text}\n{fence}"
 
 
 def latex_files(results: Results) -> dict[str, bytes]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.report.charts import INK, Chart, cells, line, name_ticks
+from benchmarks.report.charts import Chart, cells, line, name_ticks
 from benchmarks.tables.panels import Panel, disturbance_words, is_number
 from benchmarks.tables.stats import ALPHA, Interval, wilson
 from benchmarks.tables.text import estimated, percent, short_names
@@ -20,7 +20,6 @@ from deqmcl_gym.maps.map import metre
 
 _ANGLE = "assumed.prior.angle"  # rad; of a start that is wrong
 _MOSTLY = 0.9  # share of runs from which on a cell is bold
-_FAR = 3  # times the baseline's error: differences beyond it would hide all others
 _WIDE = 20  # a ratio of values above it is drawn on a logarithmic axis
 
 
@@ -56,8 +55,8 @@ def swept_charts(panels: Sequence[Panel]) -> list[Chart]:
                 panels[n].ranked.assign(**{key: places[n][key]}).sort_index() for n in members
             ).sort_values(key, kind="stable")
             aims = {panels[n].aim for n in members}
-            charts += _lines(rows, key, others, where, aims.pop() if len(aims) == 1 else None)
-    return [chart._replace(name=f"{chart.name}-{n // 2 + 1}") for n, chart in enumerate(charts)]
+            charts.append(_curve(rows, key, others, where, aims.pop() if len(aims) == 1 else None))
+    return [chart._replace(name=f"curve-{n}") for n, chart in enumerate(charts, 1)]
 
 
 def place_of(panel: Panel) -> dict[str, Any]:
@@ -97,47 +96,29 @@ def _together(one: str, other: str, places: Sequence[dict[str, Any]]) -> bool:
     return bool(pairs) and len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
 
 
-def _lines(
+def _curve(
     rows: pd.DataFrame, key: str, others: Sequence[str], where: str, aim: Score | None
-) -> list[Chart]:
-    """The score, and the difference to the baseline, over one number."""
+) -> Chart:
+    """The score over one number."""
     scale, unit = (1, "error e of x[t]") if aim is None else (100, "% of runs")
-    numbers = [f"{name}{end}" for name in ("score", "apart") for end in ("", "_low", "_high")]
+    numbers = ["score", "score_low", "score_high"]
     rows[numbers] = rows[numbers].astype(float) * scale
+    axes = line(rows[rows["score"].notna()], key, *numbers)
+    name_ticks(axes, list(rows[key]))
     swept, place = name_of(key), f": {where}" if where else ""
-    of = "Error" if aim is None else f"Runs {aim.words.partition(' (')[0]}"
-    score, apart = (_curve(rows, key, column) for column in ("score", "apart"))
     over = swept + (f" (with {', '.join(map(name_of, others))})" if others else "")
-    score.set(xlabel=over, ylabel=unit)
-    apart.set(xlabel=over, ylabel=f"{unit} - the baseline's")
+    axes.set(xlabel=over, ylabel=unit)
     known = rows.loc[np.isfinite(rows["score"]) & (rows["score"] > 0), "score"]
     if aim is None and len(known) and known.max() / known.min() > _WIDE:
-        score.set_yscale("log")
-        score.yaxis.set_major_formatter("{x:g}")
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
     else:
-        score.set_ylim(0, None)
-    if aim is None and rows["apart"].notna().any():
-        most = _FAR * rows.loc[rows["is_baseline"], "score"].max()
-        low, high = apart.get_ylim()
-        apart.set_ylim(max(low, -most), min(high, most))
-    everywhere = (
+        axes.set_ylim(0, None)
+    of = "Error" if aim is None else f"Runs {aim.words.partition(' (')[0]}"
+    caption = (
         "A method without this parameter is the same everywhere. Bars: 95 % intervals over worlds."
     )
-    outside = (
-        "On the same worlds; bars: 95 % bootstrap intervals over worlds. Differences beyond "
-        f"{_FAR} times the baseline's error are outside."
-    )
-    return [
-        Chart("curve", f"{of} over {swept}{place}", everywhere, score.figure),
-        Chart("difference", f"Difference over {swept}{place}", outside, apart.figure),
-    ]
-
-
-def _curve(rows: pd.DataFrame, key: str, column: str) -> Any:
-    axes = line(rows[rows[column].notna()], key, column, f"{column}_low", f"{column}_high")
-    name_ticks(axes, list(rows[key]))
-    axes.axhline(0, color=INK, lw=0.8)
-    return axes
+    return Chart("curve", f"{of} over {swept}{place}", caption, axes.figure)
 
 
 def _maps(

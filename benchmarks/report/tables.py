@@ -1,6 +1,5 @@
 """Tables of a panel: frames of words, which pandas writes as HTML, Markdown, text and LaTeX."""
 
-import json
 import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
@@ -13,10 +12,8 @@ import pandas as pd
 from benchmarks.report.verdict import AT_ALL_LOOKS, plug_in_labels
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel, common_words
-from benchmarks.tables.signals import QUESTIONS, WRONG
 from benchmarks.tables.stats import Interval
 from benchmarks.tables.text import (
-    BLIND,
     estimated,
     fixed,
     p_value,
@@ -35,7 +32,6 @@ _MARKED = {
     "equivalent": "=",
     "equal": "=",
 }
-_LISTED = 100  # files left out
 Writer = Callable[[pd.DataFrame], Iterable[Any]]
 Columns = Mapping[str, str | Writer]  # by title: a column of a frame, or how rows are told
 
@@ -48,7 +44,7 @@ class Table(NamedTuple):
     strong: Collection[tuple[int, int]] = ()  # cells in bold, by line and column
     about: Any = None  # what the caption is told
 
-    def written(self, words: Callable[[str], str] = str, strong: str = "{}") -> pd.DataFrame:
+    def written(self, words: Callable[[str], str], strong: str) -> pd.DataFrame:
         """Return the cells in a markup language: ``words`` escapes, ``strong`` is bold."""
         frame = self.frame.astype(str).map(words).rename(columns=words)
         for line, column in self.strong:
@@ -62,12 +58,10 @@ class Table(NamedTuple):
             cells = self.written(html_cell, "<strong>{}</strong>")
             return cells.to_html(index=False, escape=False, border=0)
 
-    def text(
-        self, style: str = "simple", words: Callable[[str], str] = str, strong: str = "{}"
-    ) -> str:
+    def text(self, style: str = "simple") -> str:
         """As text, in a format of tabulate."""
         align = ("left", *["right"] * (self.frame.shape[1] - 1))
-        frame = self.written(words, strong)
+        frame = self.frame.astype(str)
         return frame.to_markdown(index=False, tablefmt=style, disable_numparse=True, colalign=align)
 
     def latex(self, escaped: Callable[[str], str]) -> str:
@@ -249,34 +243,13 @@ def detection_table(panel: Panel) -> Table | None:
         return None
     columns: Columns = {
         "method": "label",
-        "AUROC (95 %)": AUROC,
+        "AUROC (95 %)": means("auroc"),
         f"steps with {far}": words(_tenths, "far_steps"),
         f"in how many {panel.world}s": words(
             lambda k, n: "n/a" if math.isnan(k) else f"{k:.0f} of {n}", "far_worlds", "worlds"
         ),
     }
     return Table("detection", of_rows(rows, columns), about=far)
-
-
-def validity_table(results: Results) -> Table | None:
-    """The AUROC of what filters make of plans; None if none reads plans, or none conflicts."""
-    plans, panels = results.plans, {panel.number: panel for panel in results.panels}
-    scenarios = [
-        ", ".join(
-            [short_name(panels[n].setting.scenario) for n in members]
-            + panels[number].title.split(", ")[1:]
-        )
-        for number, members in zip(plans["panel"], plans["panels"], strict=True)
-    ]
-    rows = _far(plans.assign(scenarios=scenarios), "conflict_")
-    return _signal_table("validity", rows, ["scenarios", "label"], "steps in conflict")
-
-
-def told_apart_table(panel: Panel) -> Table | None:
-    """The AUROC of what may tell lost robots from wrong maps; None where none is wrong."""
-    maps = panel.maps.replace({"question": QUESTIONS}) if len(panel.maps) else panel.maps
-    keys = ["label", "question"]
-    return _signal_table("told_apart", _far(maps), keys, "steps that are", percent(WRONG))
 
 
 def failed_table(results: Results) -> Table | None:
@@ -290,14 +263,6 @@ def failed_table(results: Results) -> Table | None:
         for one in results.failures
     ]
     return Table("failed", pd.DataFrame(lines, columns=["trial", "reason"])) if lines else None
-
-
-def left_out_table(results: Results) -> Table | None:
-    """The files of the folder that are no trials."""
-    lines = [*results.left_out.items()]
-    if len(lines) > _LISTED:
-        lines[_LISTED:] = [(f"… and {len(lines) - _LISTED:,} more", "")]
-    return Table("left_out", pd.DataFrame(lines, columns=["file", "why"])) if lines else None
 
 
 def _marks(relations: Iterable[str], aim: Score | None) -> list[str]:
@@ -327,41 +292,6 @@ def _score_columns(score: Score) -> Columns:
         f"difference, {unit} (95 %)": apart(f"{score.name}_diff", f"+.{digits}f", scale=scale),
         f"p{of}, Holm": words(dashed(p_value), f"{score.name}_p_holm"),
     }
-
-
-def _auroc(mean: float, low: float, high: float, steps: float, worlds: float) -> str:
-    """An AUROC with its interval, or why there is none."""
-    if math.isnan(worlds):
-        return "n/a: gives no quality"
-    if worlds == 0:
-        return "n/a: no step is far off"
-    if steps == 1:
-        return "n/a: every step is far off"
-    return estimated(Interval(mean, low, high)) + " (one world)" * math.isnan(low)
-
-
-AUROC = words(_auroc, "auroc", "auroc_low", "auroc_high", "far_steps", "far_worlds")
-
-
-def _far(signals: pd.DataFrame, of: str = "") -> pd.DataFrame:
-    """Return AUROC with far_steps and far_worlds, whatever they are of."""
-    return signals.rename(columns={f"{of}steps": "far_steps", f"{of}worlds": "far_worlds"})
-
-
-def _signal_table(
-    name: str, signals: pd.DataFrame, keys: list[str], steps: str, about: str = ""
-) -> Table | None:
-    """AUROC of signals, a column each, by what they are of."""
-    known = signals[signals["auroc"].notna()]
-    if known.empty:
-        return None
-    names, lines = list(dict.fromkeys(known["signal"])), []
-    for of, rows in known.groupby(keys, sort=False):
-        cells = dict(zip(rows["signal"], AUROC(rows), strict=True))
-        share = percent(rows["far_steps"].iloc[0], 1)
-        lines.append([*of, *(cells.get(name, "–") for name in names), share])
-    columns = [{"label": "method"}.get(key, key) for key in keys]
-    return Table(name, pd.DataFrame(lines, columns=[*columns, *names, steps]), about=about)
 
 
 _VARIANCES = {"var_x": ("var x", 1), "var_y": ("var y", 1), "var_cos": ("var cos θ", 3),
@@ -401,23 +331,3 @@ def table_1(rows: pd.DataFrame, *, variances: bool = False) -> Table:
         columns[title] = words(partial(fixed, digits=digits), name)
         columns[f"paper's {title}"] = printed(f"{{{name}:g}}")
     return Table("", of_rows(rows, columns))
-
-
-def reading(rows: pd.DataFrame) -> str:
-    """Return one sentence on what the error of dead reckoning means for the others' of a panel."""
-    present = rows[rows["offset"] == 0]
-    blind = present[present["method"] == BLIND]
-    filters = present[present["method"] != BLIND]
-    agents = present["params"].map(lambda params: json.loads(params).get("agent"))
-    if agents.nunique(dropna=False) > 1 or blind.empty or filters.empty:  # not on the same paths
-        return ""
-    error, best = blind["error"].iloc[0], filters.sort_values("error", kind="stable").iloc[0]
-    theirs = f"{short_name(best['method'])}: {fixed(best['error'])}"
-    if error < best["error"]:
-        return (
-            f"{BLIND}, which uses no scan, has a smaller error at x[t] than "
-            f"every filter ({fixed(error)}; the best filter is {theirs}): here the plan "
-            "alone predicts the path better than the filters do, so the table shows how well "
-            "filters tolerate wrong assumptions, not whether localization is needed."
-        )
-    return f"{BLIND} (error {fixed(error)} at x[t]) is worse than the best filter ({theirs})."

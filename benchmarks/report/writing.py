@@ -1,4 +1,4 @@
-"""Write report.html, the tables, results.md and the pictures that the Markdown needs."""
+"""Write report.html, the tables, and the pictures of the page."""
 
 import logging
 from importlib.util import find_spec
@@ -45,11 +45,11 @@ def load() -> None:
 def write_report(
     out: Path | str, results: Results, *, draw: bool = True, of: Path | None = None
 ) -> list[Path]:
-    """Write the tables, report.html, results.md and images/ of a sweep; return the files.
+    """Write the tables, report.html and images/ of a sweep; return the files.
 
     Films that the folder has not are drawn, unless ``draw`` is false; those and the figures ``of``
     another folder are shown if it is given. results.csv and trials.csv depend on nothing but the
-    trials; timings.csv, the page and results.md also tell times and versions. Without the extra
+    trials; timings.csv and the page also tell times and versions. Without the extra
     ``report`` there are the tables only. A folder that holds files, but neither a sweep nor a
     report, raises ``InputError``.
     """
@@ -60,7 +60,7 @@ def write_report(
         if of is not None or not (folder / MANIFEST).is_file():
             own_folder(folder, "results.csv")
         tables = _tables(results)
-        for name in ("decisions.csv", "gaps.csv", "plans.csv", "maps.csv", "basin.csv"):
+        for name in ("decisions.csv", "plans.csv", "maps.csv", "basin.csv"):
             if name not in tables:
                 (folder / name).unlink(missing_ok=True)
         files = write_files(folder, tables)  # the numbers, whatever keeps the pictures away
@@ -79,11 +79,11 @@ def write_report(
 def _tables(results: Results) -> dict[str, bytes]:
     tables = {
         "results.csv": csv_of(results.table, FURTHER),
-        "trials.csv": csv_of(trials_frame(results.finished), INNER),
-        "timings.csv": csv_of(timings_table(results.finished)),
+        "trials.csv": csv_of(trials_frame(results.records), INNER),
+        "timings.csv": csv_of(timings_table(results.records)),
     }
     starts = starts_table(results.records, (failure.trial for failure in results.failures))
-    further = {"gaps": results.gaps, "plans": results.plans, "maps": results.maps, "basin": starts}
+    further = {"plans": results.plans, "maps": results.maps, "basin": starts}
     if results.rule is not None:
         tables["decisions.csv"] = csv_of(results.decisions)
     tables |= {f"{name}.csv": csv_of(own) for name, own in further.items() if len(own)}

@@ -32,34 +32,25 @@ from tabulate import tabulate
 from tqdm import tqdm
 
 import benchmarks
-from benchmarks.setup.names import scenario
 from benchmarks.sweeps.design import Sweep
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import ENV_ID as ROOM
-from deqmcl_gym import JOURNEY_ENV_ID as JOURNEY
 from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.maps import Lidar, Map, Office, PolygonMap
-from deqmcl_gym.numerics import Floats, Reals, Singles
+from deqmcl_gym.maps import Lidar, Map, PolygonMap
+from deqmcl_gym.numerics import Reals, Singles
 from deqmcl_gym.world.presets import PAPER_ROOM
 from localizers import GaussianPrior, GaussianUniform, OdometryMotion, Prior, RobotModel, make
 
 BEAMS, POSES = 16, 20_000
-N_1K, N_10K = 1_000, 10_000  # particles
+N_10K = 10_000  # particles
 LIDAR = Lidar(beams=BEAMS, field_of_view=2 * math.pi, max_range=400.0, sigma=10.0)
 BEARINGS = LIDAR.bearings.astype(np.float32)
 PLANNED = 100  # actions that a localizer is shown: the mean over a lap that counts down
 FEW_WORLDS = 20  # of a sweep; a larger one has more
 RUNS = 3  # of a localizer on each world, as in ``plan-sensor``
 FAN: dict[str, Any] = {"lidar": {"beams": BEAMS}}
-PLANNERS = (  # a name, that of its figures, filters of N particles, the offset that is asked for
-    ("mcl-plan", "plan", 1, 0),
-    ("mcl-plan-hedged", "hedged", 2, 0),
-    ("deq-mcl", "replanned_deq", 1, 0),
-    ("deq-mcl-fresh", "replanned_fresh", 1, 20),
-)
-SECONDS = {"µs/step": 1e6}  # units of time, in a second
 
 
 class Job(NamedTuple):
@@ -80,24 +71,20 @@ class Effort(NamedTuple):
 
 @dataclass(frozen=True)
 class Ratio:
-    """A rate or time of ours beside another's; a number was measured on another machine."""
+    """A rate of ours, or with the unit µs/step a time, beside another's."""
 
     name: str
     unit: str
     ours: Callable[[], Job]
-    other: Callable[[], Job] | float
+    other: Callable[[], Job]
     package: str = ""  # that the other needs: the name of its module and that to install it by
 
     def measured(self, effort: Effort) -> tuple[float, float, float]:
-        """Measure ours and the other's, and ours over the other's: NaN beside another machine's."""
-        if isinstance(self.other, float):
-            (rate,) = rates([self.ours()], effort)
-            return self._in_unit(rate), self.other, math.nan
-        ours, other = map(self._in_unit, rates([self.ours(), self.other()], effort))
+        """Measure ours and the other's, and ours over the other's."""
+        ours, other = rates([self.ours(), self.other()], effort)
+        if self.unit == "µs/step":
+            ours, other = 1e6 / ours, 1e6 / other
         return ours, other, ours / other
-
-    def _in_unit(self, rate: float) -> float:
-        return SECONDS[self.unit] / rate if self.unit in SECONDS else rate
 
 
 def rates(jobs: Sequence[Job], effort: Effort) -> list[float]:
@@ -126,26 +113,23 @@ def _seconds(job: Job, calls: int) -> float:
     return max(job.clock() - start, 1e-9)  # a clock that did not tick in so short a time
 
 
-def free_poses(floor_plan: Map, n: int, radius: float = 0.1) -> Singles:
-    """Draw poses uniformly from where a robot of ``radius`` fits, always the same ones, (n, 3)."""
+def free_poses(floor_plan: Map, n: int) -> Singles:
+    """Draw poses uniformly from free space, always the same ones, (n, 3)."""
     rng = np.random.default_rng(0)
     x0, y0, x1, y1 = floor_plan.bounds
     points = rng.uniform((x0, y0), (x1, y1), (20 * n, 2))
-    free = points[floor_plan.free(points, radius=radius)][:n]
+    free = points[floor_plan.free(points, radius=0.1)][:n]
     return np.column_stack([free, rng.uniform(-math.pi, math.pi, n)]).astype(np.float32)
 
 
-def rays(room: Map, spread: tuple[float, float, float] | None = None) -> Job:
-    """Return the job of ``Map.ranges`` all over a map, or for a cloud N(pose, spread²)."""
-    poses = free_poses(room, POSES)
-    if spread is not None:
-        noise = np.random.default_rng(0).normal(0, spread, (POSES, 3))
-        poses = (free_poses(room, 1, radius=0.9) + noise).astype(np.float32)
-    return Job(lambda: room.ranges(poses, BEARINGS), POSES * BEAMS)
+def rays() -> Job:
+    """Return the job of ``Map.ranges`` all over the paper's room."""
+    poses = free_poses(PAPER_ROOM, POSES)
+    return Job(lambda: PAPER_ROOM.ranges(poses, BEARINGS), POSES * BEAMS)
 
 
 def numpy_rays() -> Job:
-    """Return the job of the NumPy baseline in the paper's room."""
+    """Return the job of the NumPy baseline there."""
     poses = np.ascontiguousarray(free_poses(PAPER_ROOM, POSES).T)
     return Job(lambda: numpy_ranges(PAPER_ROOM, poses), POSES * BEAMS)
 
@@ -169,40 +153,6 @@ def numpy_ranges(room: PolygonMap, poses: Singles) -> Singles:
     return out
 
 
-def numpy_mcl(
-    robot: RobotModel, particles: int, prior: Prior, rng: np.random.Generator
-) -> Callable[..., tuple[Reals, Floats]]:
-    """Return ``update`` of MCL in plain NumPy, for the lap's robot: poses, weights."""
-    motion, beam, room = robot.motion, robot.scan, robot.floor_plan
-    assert isinstance(motion, OdometryMotion)
-    assert isinstance(beam, GaussianUniform)
-    assert isinstance(room, PolygonMap)
-    peak = (1 - beam.uniform) / (beam.sigma * math.sqrt(2 * math.pi))
-    floor = beam.uniform / robot.lidar.max_range
-    states = np.array(prior.sample(particles, rng).T, np.float32, order="C")
-    weights = np.full(particles, 1 / particles)
-
-    def update(scan: Reals, action: Reals, *_: object) -> tuple[Reals, Floats]:
-        nonlocal states, weights
-        reached = np.cumsum(weights)
-        slots = np.ceil(reached * (particles / reached[-1]) - rng.random()).astype(np.intp)
-        states = states[:, np.repeat(np.arange(particles), np.diff(slots, prepend=0))]
-        distance, turn = action.tolist()
-        noise = rng.standard_normal((2, particles), dtype=np.float32)
-        drive = distance + motion.drive * abs(distance) * noise[0]
-        states[2] += turn + (motion.turn * abs(turn) + motion.drift * abs(distance)) * noise[1]
-        states[2] -= 2 * math.pi * np.rint(states[2] / (2 * math.pi))
-        states[0] += drive * np.cos(states[2])
-        states[1] += drive * np.sin(states[2])
-        z = (scan.astype(np.float32)[:, None] - numpy_ranges(room, states)) / beam.sigma
-        weights = np.log((peak * np.exp(-0.5 * z * z) + floor).prod(axis=0, dtype=np.float64))
-        weights = np.exp(weights - weights.max())
-        weights /= weights.sum()
-        return states.T, weights
-
-    return update
-
-
 class RecordedLap(NamedTuple):
     """A lap as a localizer sees it: the ``first`` plan, (h, 2), then scan, action, plan by step."""
 
@@ -212,7 +162,7 @@ class RecordedLap(NamedTuple):
     steps: Sequence[tuple[Any, ...]]
 
     def following(
-        self, update: Callable[..., object], restart: Callable[[], None] = lambda: None
+        self, update: Callable[..., object], restart: Callable[[], object] = lambda: None
     ) -> Job:
         """Return the job of one step: ``restart()`` where a lap begins, ``update(*step)``."""
         numbers = count()
@@ -263,24 +213,14 @@ def filter_steps(name: str, particles: int, **params: int) -> Job:
     return job
 
 
-def numpy_steps(particles: int) -> Job:
-    """Return the job of a step of MCL in NumPy."""
-    lap, rng = recorded_lap(), np.random.default_rng(1)
-    return lap.following(numpy_mcl(lap.robot, particles, lap.prior, rng))
-
-
-def replanned_steps(name: str, particles: int, ahead: int = 0) -> Job:
-    """Return the job of a lap whose plan changes, over and over, its state ``ahead`` asked for."""
+def replanned_steps(name: str, particles: int) -> Job:
+    """Return the job of a lap whose plan changes, over and over."""
     lap = replanned_lap()
     localizer = make(name, lap.robot, particles=particles)
-
-    def update(*told: Any) -> None:
-        localizer.update(*told).points(ahead)
-
-    def restart() -> None:
-        localizer.reset(lap.prior, lap.first, np.random.default_rng(1))
-
-    return lap.following(update if ahead else localizer.update, restart)
+    return lap.following(
+        localizer.update,
+        lambda: localizer.reset(lap.prior, lap.first, np.random.default_rng(1)),
+    )
 
 
 @dataclass(frozen=True)
@@ -330,21 +270,6 @@ def env_steps() -> Job:
     return Job(step)
 
 
-def vector_steps(size: int) -> Job:
-    """Return the job of a vector env of rooms along their plans, resets included."""
-    envs = gym.make_vec(ROOM, size, "vector_entry_point", **FAN)
-    actions, at = gym.make(ROOM, **FAN).reset(seed=0)[1]["planned_actions"], np.full(size, -1)
-    envs.reset(seed=0)
-
-    def step() -> None:
-        nonlocal at
-        at = (at + 1) % len(actions)
-        *_, terminated, truncated, _ = envs.step(actions[at])
-        at[terminated | truncated] = -2  # the next action only resets
-
-    return Job(step, size)
-
-
 def vector_parts(*, whole: bool, size: int = 64) -> Job:
     """Return the job of steps of rooms along their plans, or of what is neither rays nor driving.
 
@@ -373,7 +298,7 @@ def vector_parts(*, whole: bool, size: int = 64) -> Job:
         nonlocal at
         at = (at + 1) % len(actions)
         *_, terminated, truncated, _ = envs.step(actions[at])
-        at[terminated | truncated] = -2
+        at[terminated | truncated] = -2  # the next action only resets
 
     def clock() -> float:
         return spent["step"] - (0.0 if whole else spent["move"] + spent["cast"])
@@ -383,13 +308,9 @@ def vector_parts(*, whole: bool, size: int = 64) -> Job:
 
 _CIRCLE = 0.2, 0.5  # m/s, rad/s of a robot below the obstacle of the paper's room
 _START = 3.5, 0.6, 0.0  # m
-
-
-def _in_metres() -> list[list[list[float]]]:
-    """Return the outline and the obstacle of the paper's room."""
-    return [
-        (0.02 * np.array(corners)).tolist() for corners in (PAPER_ROOM.outer, *PAPER_ROOM.obstacles)
-    ]
+_IN_METRES = [
+    (0.02 * np.array(corners)).tolist() for corners in (PAPER_ROOM.outer, *PAPER_ROOM.obstacles)
+]
 
 
 def ir_sim_steps() -> Job:
@@ -397,7 +318,7 @@ def ir_sim_steps() -> Job:
     import yaml
 
     irsim: Any = import_module("irsim")
-    outer, inner = _in_metres()
+    outer, inner = _IN_METRES
     walls = {"shape": {"name": "linestring", "vertices": [*outer, outer[0]]}, "state": [0, 0, 0]}
     solid = {"shape": {"name": "polygon", "vertices": inner}, "state": [0, 0, 0]}
     lidar = {"name": "lidar2d", "range_max": 8, "angle_range": 2 * math.pi, "number": BEAMS}
@@ -406,10 +327,10 @@ def ir_sim_steps() -> Job:
         "state": list(_START), "goal": [100, 1, 0],
         "sensors": [lidar | {"range_min": 0, "noise": True, "std": 0.2}],
     }  # fmt: skip
-    told = {"world": {"width": 7, "height": 6}, "robot": [robot], "obstacle": [walls, solid]}
+    world = {"world": {"width": 7, "height": 6}, "robot": [robot], "obstacle": [walls, solid]}
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "room.yaml"
-        file.write_text(yaml.safe_dump(told))
+        file.write_text(yaml.safe_dump(world))
         env = irsim.make(str(file), display=False, log_level="ERROR")
 
     def step() -> None:
@@ -424,7 +345,7 @@ def navground_steps() -> Job:
     core: Any = import_module("navground.core")
     sim: Any = import_module("navground.sim")
     world, state = sim.World(), core.SensingState()
-    for corners in _in_metres():
+    for corners in _IN_METRES:
         for start, end in zip(corners, corners[1:] + corners[:1], strict=True):
             world.add_wall(sim.Wall(core.LineSegment(start, end)))
     lidar = f"type: Lidar\nrange: 8\nstart_angle: {-math.pi}\nfield_of_view: {2 * math.pi}"
@@ -444,46 +365,6 @@ def navground_steps() -> Job:
     return Job(step)
 
 
-def office_steps(people: int) -> Job:
-    """Return the job of a robot on planned routes through the office of ``lost``, no resets."""
-    crowd = {"people.number": people} if people else {}
-    changed = scenario("lost").changed({"driver": "none", "horizon": 50, **crowd})
-    env = changed.in_building(0).room().unwrapped
-    ahead, spent = env.reset(seed=0)[1], 0.0
-
-    def step() -> None:
-        nonlocal ahead, spent
-        action, start = ahead["planned_actions"][0], time.process_time()
-        *_, terminated, truncated, ahead = env.step(action)
-        spent += time.process_time() - start
-        if terminated or truncated:
-            ahead = env.reset()[1]
-
-    return Job(step, clock=lambda: spent)
-
-
-def journey_steps(mode: str, *, resets: bool, size: int = 64) -> Job:
-    """Return the job of journeys along their plans in a vector env of Gymnasium's ``mode``."""
-    disabled = {"autoreset_mode": "Disabled"}
-    how: dict[str, Any] = {"vector_kwargs": disabled} if mode == "sync" else disabled
-    envs = gym.make_vec(JOURNEY, size, mode, **how)
-    ahead, spent = envs.reset(seed=0)[1]["planned_actions"], 0.0
-
-    def step() -> None:
-        nonlocal ahead, spent
-        start = time.process_time()
-        *_, terminated, truncated, info = envs.step(ahead[:, 0])
-        ahead, ended = info["planned_actions"], terminated | truncated
-        spent += time.process_time() - start
-        if ended.any():
-            start = time.process_time()
-            info = envs.reset(options={"reset_mask": ended})[1]
-            ahead[ended] = info["planned_actions"][ended]
-            spent += (time.process_time() - start) * resets
-
-    return Job(step, size, clock=lambda: spent)
-
-
 def localize_steps(mode: str, size: int = 64) -> Job:
     """Return the job of lost robots, 1,000 particles each, in an env of Gymnasium's ``mode``."""
     few = {"name": "mcl", "particles": 1000}
@@ -494,20 +375,17 @@ def localize_steps(mode: str, size: int = 64) -> Job:
 
 
 def _ratios() -> Iterator[Ratio | TrialRatio]:
-    cells, table = Office(wings=4, corridors=4).grid, 31e6  # of range_libc
-    yield Ratio("rays_vs_numpy", "rays/s", partial(rays, PAPER_ROOM), numpy_rays)
-    yield Ratio("rays_office", "rays/s", partial(rays, cells), table)
-    yield Ratio("rays_office_converged", "rays/s", partial(rays, cells, (0.2, 0.2, 0.1)), table)
+    yield Ratio("rays_vs_numpy", "rays/s", rays, numpy_rays)
     deq, other = (partial(filter_steps, name, N_10K) for name in ("deq-mcl", "mcl-map"))
     yield Ratio("deq_vs_map_step", "µs/step", partial(deq, lag=20), other)
     yield Ratio("deq_lag80_vs_lag10", "µs/step", partial(deq, lag=80), partial(deq, lag=10))
-    ours, other = partial(filter_steps, "mcl", N_10K), partial(numpy_steps, N_10K)
-    yield Ratio("step10k_vs_numpy", "steps/s", ours, other)
-    for size, n in (("1k", N_1K), ("10k", N_10K)):
-        other = partial(replanned_steps, "mcl-map", n)
-        for method, name, filters, ahead in PLANNERS:
-            ours = partial(replanned_steps, method, filters * n, ahead)
-            yield Ratio(f"{name}_vs_map_step{size}", "µs/step", ours, other)
+    for size, n in (("1k", 1_000), ("10k", N_10K)):
+        plan, hedged, other = (
+            partial(replanned_steps, method, particles)
+            for method, particles in (("mcl-plan", n), ("mcl-plan-hedged", 2 * n), ("mcl-map", n))
+        )
+        yield Ratio(f"plan_vs_map_step{size}", "µs/step", plan, other)
+        yield Ratio(f"hedged_vs_map_step{size}", "µs/step", hedged, other)
     for method in ("mcl", "mcl-map", "deq-mcl"):
         yield TrialRatio(f"trial_over_localizer_{method.replace('-', '_')}", method)
     yield TrialRatio("trial_over_localizer_amcl", "amcl", "lost")
@@ -515,13 +393,7 @@ def _ratios() -> Iterator[Ratio | TrialRatio]:
     yield Ratio("room_vs_navground", "steps/s", env_steps, navground_steps, "navground navground")
     ours, other = (partial(vector_parts, whole=whole) for whole in (False, True))
     yield Ratio("vector64_not_rays_or_driving", "µs/step", ours, other)
-    yield Ratio("env_40_people", "µs/step", partial(office_steps, 40), partial(office_steps, 0))
-    yield Ratio("vector1024_vs_single", "steps/s", partial(vector_steps, 1024), env_steps)
-    for name, resets in (("steps", False), ("with_resets", True)):
-        modes = "vector_entry_point", "sync"
-        ours, other = (partial(journey_steps, mode, resets=resets) for mode in modes)
-        yield Ratio(f"journey64_{name}", "steps/s", ours, other)
-    ours, other = (partial(localize_steps, mode) for mode in modes)
+    ours, other = (partial(localize_steps, mode) for mode in ("vector_entry_point", "sync"))
     yield Ratio("localize64", "steps/s", ours, other)
 
 
@@ -546,8 +418,7 @@ def measure(words: Sequence[str] | None = None) -> None:
         if module and find_spec(module) is None:
             print(f"{ratio.name} is left out: it needs {name}, so run pip install {name}.")
             continue
-        seen = [f"{value:.6g}".replace("nan", "") for value in ratio.measured(effort)]
-        rows.append([ratio.name, *seen, ratio.unit])
+        rows.append([ratio.name, *(f"{n:.6g}" for n in ratio.measured(effort)), ratio.unit])
     options.out.mkdir(parents=True, exist_ok=True)
     with (options.out / "speed.csv").open("w", newline="", encoding="utf-8") as file:
         written = csv.writer(file, lineterminator="\n")

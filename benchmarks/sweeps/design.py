@@ -10,31 +10,12 @@ from typing import Any
 from benchmarks.setup.names import absolute_agent, absolute_scenario
 from benchmarks.setup.overrides import NOTHING, Named, Overrides, jsonable
 from benchmarks.tables.text import BASELINE
-from benchmarks.trials.spec import Method, Run, Setting, Trial, changes_of
+from benchmarks.trials.spec import Method, Setting, Trial, changes_of
 from deqmcl_gym.validation import InputError, integer, number, one_of
 from localizers import parameters
 
 PARTS = ("world", "assumed", "params")  # of dotted names; agent.… are the agent's parameters
 SCALARS = ("scenario", "lag", "disturbance", "agent")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Limit:
-    """What more and more particles converge to: a method with very many, on the first worlds."""
-
-    method: Method  #: with its particles, which no axis changes
-    of: tuple[str, ...] = ()  #: localizers held against it; () is all that no other names
-    trials: int = 20  #: worlds of each setting, the first ones; all, if the sweep has fewer
-    filter_seeds: int = 2  #: runs on each; from two on they tell how near it is to its own limit
-
-    def __post_init__(self) -> None:
-        integer("trials of the limit", self.trials, low=1, high=100_000)
-        integer("filter_seeds of the limit", self.filter_seeds, low=1, high=100_000)
-
-    def json(self) -> dict[str, Any]:
-        """Return it as JSON-able values."""
-        runs = {"trials": self.trials, "filter_seeds": self.filter_seeds}
-        return self.method.json() | {"of": jsonable(self.of)} | runs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +93,6 @@ class Sweep:
     #: localizer that the others are compared with, under the same agent; or agent, on the same
     #: localizer. "" is the first agent if there are several, else ``BASELINE``.
     baseline: str = ""
-    limits: tuple[Limit, ...] = ()  #: from which gaps are measured, each for its own methods
     until_decided: UntilDecided | None = None  #: None is all worlds; else ``trials`` are most
     #: names of the parameters that a localizer of a name takes; None is any
     takes: Takes = field(default=parameters, compare=False, repr=False)
@@ -153,7 +133,7 @@ class Sweep:
             )
 
     def _refuse_twice(self) -> None:
-        """Refuse a name that is varied twice, or an agent's that is none, and two limits of one."""
+        """Refuse a name that is varied twice, or an agent's that is none."""
         varied = self.varied
         for name in varied:
             if name.startswith("agent.") and self.agent is None and "agent" not in varied:
@@ -162,44 +142,23 @@ class Sweep:
                 )
             if varied.count(name) > 1:
                 raise InputError(f"{name} is varied twice: name it in one [[vary]].")
-        held = [name for limit in self.limits for name in limit.of or ("",)]
-        for name in held:
-            if held.count(name) > 1:
-                what = f"{name!r} is named by of in" if name else "of is missing in"
-                raise InputError(
-                    f"{what} {held.count(name)} limits: a localizer has one limit, that of its "
-                    "target."
-                )
 
     @property
     def combinations(self) -> int:
         """How many trials are asked for, counted without listing them; equal ones count twice."""
         points = math.prod(len(axis) for axis in self.vary)
-        runs = len(self.localizers) * self.trials * self.filter_seeds
-        return points * (runs + sum(math.prod(self._size(limit)) for limit in self.limits))
+        return points * len(self.localizers) * self.trials * self.filter_seeds
 
     @property
     def planned(self) -> int:
         """How many trials it runs, counted by cells: equal combinations are one."""
-        points = math.prod(len(axis) for axis in self.vary)
-        sizes = [(self.trials, self.filter_seeds)] * (points * len(self.localizers))
-        for limit in self.limits:
-            sizes += [self._size(limit)] * points
-        return len(
-            {
-                (name, world, filter_seed)
-                for first, (worlds, filter_seeds) in zip(self.cells(), sizes, strict=True)
-                for name in [json.dumps(first.canonical())]
-                for world in range(worlds)
-                for filter_seed in range(filter_seeds)
-            }
-        )
+        cells = {json.dumps(first.canonical()) for first in self.cells()}
+        return len(cells) * self.trials * self.filter_seeds
 
     @property
     def names(self) -> list[str]:
         """Every localizer that it names."""
-        limits = [name for limit in self.limits for name in (limit.method.name, *limit.of)]
-        return list(dict.fromkeys([*(method.name for method in self.localizers), *limits]))
+        return list(dict.fromkeys(method.name for method in self.localizers))
 
     @property
     def varied(self) -> list[str]:
@@ -218,25 +177,15 @@ class Sweep:
     def _usual_baseline(self) -> str:
         return self.agents[0] if len(self.agents) > 1 else BASELINE
 
-    def compared(self) -> Iterator[Trial]:
-        """Yield the trials of the methods: by setting, then method, world, filter seed."""
+    def listed(self) -> Iterator[Trial]:
+        """Yield all combinations: by setting, then method, world, filter seed."""
         for base in self._points():
             for method in self.localizers:
                 yield from self._runs(base, method, self.trials, self.filter_seeds)
 
-    def limiting(self, limit: Limit) -> Iterator[Trial]:
-        """Yield the trials of one of its limits, in the same order."""
-        for base in self._points():
-            yield from self._runs(base, limit.method, *self._size(limit))
-
-    def listed(self) -> Iterator[Trial]:
-        """Yield all combinations: the methods', then the limits'."""
-        return itertools.chain(self.compared(), *map(self.limiting, self.limits))
-
     def cells(self) -> Iterator[Trial]:
         """Yield the first trial of each setting and method."""
-        limits = tuple(replace(limit, filter_seeds=1) for limit in self.limits)
-        return replace(self, trials=1, filter_seeds=1, limits=limits).listed()
+        return replace(self, trials=1, filter_seeds=1).listed()
 
     def distinct(self) -> list[Trial]:
         """Return the distinct trials, in the order of ``listed``."""
@@ -252,15 +201,9 @@ class Sweep:
             said["agent"] = self.agent.json()
         if self.baseline != self._usual_baseline:
             said["baseline"] = jsonable(self.baseline)
-        if self.limits:
-            said["limit"] = [limit.json() for limit in self.limits]
         if self.until_decided:
             said["until_decided"] = {"margin": self.until_decided.margin}
         return said
-
-    def _size(self, limit: Limit) -> Run:
-        """Return the worlds and filter seeds of a limit."""
-        return min(limit.trials, self.trials), limit.filter_seeds
 
     def _points(self) -> Iterator[dict[str, Any]]:
         """Yield the base with the values of each point of the design."""

@@ -15,9 +15,7 @@ from benchmarks.sweeps.manifest import Manifest, differences
 from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.tables.comparison import (
-    LimitRuns,
     decisions_table,
-    gaps_table,
     results_table,
 )
 from benchmarks.tables.deciding import FIRST, Rule, decide
@@ -54,7 +52,6 @@ class Results:
     planned: int  #: distinct trials asked for, as far as the results tell
     command: list[str]  #: the words that started the sweep
     environment: dict[str, Any]
-    limits: list[LimitRuns] = field(default_factory=list)  #: what gaps are measured from
     baseline: str = BASELINE
     verified: list[str] = field(default_factory=list)  #: other code with the same results
     left_out: dict[str, str] = field(default_factory=dict)  #: why a file is in no table
@@ -74,7 +71,7 @@ class Results:
     @cached_property
     def panels(self) -> list[Panel]:
         """What is compared with one another: the methods of every setting."""
-        return [panel.with_tables(self.table, self.maps) for panel in self._compared]
+        return [panel.with_rows(self.table) for panel in self._compared]
 
     @cached_property
     def _compared(self) -> list[Panel]:
@@ -92,11 +89,6 @@ class Results:
         return decisions_table(self._compared)
 
     @cached_property
-    def gaps(self) -> pd.DataFrame:
-        """A row per panel, method and offset that has a limit."""
-        return gaps_table(self._compared, self.limits)
-
-    @cached_property
     def plans(self) -> pd.DataFrame:
         """A row per setting, method that reads plans, and signal of a plan that conflicts."""
         return plans_table(self._compared)
@@ -111,12 +103,6 @@ class Results:
         """Whose numbers these are, in a sentence; "" if only one code has made them."""
         code = str(self.environment.get("code", ""))[:12]
         return f"Made by code {code}, {'; '.join(self.verified)}." if self.verified else ""
-
-    @property
-    def finished(self) -> list[Finished]:
-        """All finished trials; one that is a limit's, too, once."""
-        limits = (record for limit in self.limits for record in limit.records)
-        return list({id(record): record for record in (*self.records, *limits)}.values())
 
 
 K = TypeVar("K")
@@ -136,7 +122,7 @@ def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Man
     asked = {named(trial.canonical()) for trial in trials.values()}
     ended = {*(one.key for one in records), *failed}
     missing = due(sweep, trials, records, failed.values()).keys() - ended
-    results = Results(
+    return Results(
         title=sweep.title,
         records=records,
         failures=failures,
@@ -146,22 +132,6 @@ def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Man
         environment=made.environment,
         verified=[one.words() for one in made.verified],
         left_out=store.rejected | dict(store.left_out(trials.keys(), asked)),
-    )
-    return limits_apart(sweep, results)
-
-
-def limits_apart(sweep: Sweep, results: Results) -> Results:
-    """Return the results with the trials of limits set apart, and with the sweep's baseline."""
-    by_name = [(named(record.trial.canonical()), record) for record in results.records]
-
-    def finished(trials: Iterable[Trial]) -> list[Finished]:
-        asked = {named(trial.canonical()) for trial in trials}
-        return [record for name, record in by_name if name in asked]
-
-    return replace(
-        results,
-        records=finished(sweep.compared()),
-        limits=[LimitRuns(limit.of, finished(sweep.limiting(limit))) for limit in sweep.limits],
         baseline=sweep.baseline,
         rule=rule_of(sweep),
     )
@@ -191,7 +161,7 @@ def due(
     """Return those of a sweep's trials that it needs, by nothing but its results; all without rule.
 
     A method needs the worlds up to its decision, or to its next look; a baseline those of all that
-    are compared with it; a limit all of its own.
+    are compared with it.
     """
     rule = rule_of(sweep)
     if rule is None:
@@ -209,17 +179,15 @@ def due(
         for method, needed in wanted.items():
             own = group.setting, method
             worlds[own] = max(needed, worlds.get(own, 0))
-    limits = {trial for limit in sweep.limits for trial in sweep.limiting(limit)}
     return {
         key: trial
         for key, trial in trials.items()
-        if trial.trial < worlds.get((trial.setting, trial.method), 0) or trial in limits
+        if trial.trial < worlds.get((trial.setting, trial.method), 0)
     }
 
 
 def _groups(sweep: Sweep) -> list[MethodGroup]:
-    cells = replace(sweep, limits=()).cells()
-    return groups((first.setting, first.method) for first in cells)
+    return groups((first.setting, first.method) for first in sweep.cells())
 
 
 def results_in(folder: Path | str) -> Results:
@@ -266,7 +234,7 @@ def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
         told[str(folder)] = {"command": command_line(own.command)} | own.environment
         failures |= {other.identity.key(one.trial): one for one in own.failures}
         left_out |= {f"{folder}/{name}": why for name, why in own.left_out.items()}
-    kept = {record.key: record for own in each for record in own.finished}
+    kept = {record.key: record for own in each for record in own.records}
     records = [kept[key] for key in dict.fromkeys(one.key for own in each for one in own.records)]
     agents = dict.fromkeys(one.trial.agent.name for one in records if one.trial.agent)
     usual = len(agents) > 1 and "baseline" not in made[0].sweep  # as ``Sweep`` has it
@@ -274,7 +242,6 @@ def pooled(folders: Sequence[Path], command: Sequence[str]) -> Results:
         each[0],
         title=", ".join(dict.fromkeys(own.title for own in each)),
         records=records,
-        limits=[replace(one, records=[kept[r.key] for r in one.records]) for one in each[0].limits],
         failures=[failure for key, failure in failures.items() if key not in kept],
         planned=len(kept.keys() | failures.keys()),
         command=list(command),
@@ -329,7 +296,7 @@ def _incomplete(sweep: Sweep, results: Results) -> list[str]:
     """Say of each setting and method how many of its trials are there, unless all are."""
     if not results.failures and not results.missing:
         return []
-    there = {named(record.trial.canonical()) for record in results.finished}
+    there = {named(record.trial.canonical()) for record in results.records}
     lines = []
     for own in by_cell(sweep.distinct()).values():
         done = sum(named(trial.canonical()) in there for trial in own)

@@ -14,7 +14,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -41,7 +41,7 @@ from benchmarks.sweeps.results import (
 from benchmarks.sweeps.store import Store, writing
 from benchmarks.trials.attempt import Outcome, provenance_of
 from benchmarks.trials.provenance import Provenance, environment
-from benchmarks.trials.scoring import LATER, SCORE_NAMES, Finished, TrialRecord
+from benchmarks.trials.scoring import SCORE_NAMES, Finished, TrialRecord
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import check_trials
 from deqmcl_gym.validation import InputError, one_line, shown
@@ -373,17 +373,15 @@ def _difference(before: Finished, now: Outcome) -> str | None:
     """Say where a trial's record differs first, its scores before all else; times may differ."""
     if now.record is None:
         return f"it finished before and fails now: {now.reason}"
-    lacking = {name for row in before.scores for name in LATER - row.keys()}
-    return next(differences(record_parts(before), record_parts(now.record, lacking)), None)
+    return next(differences(record_parts(before), record_parts(now.record)), None)
 
 
-def record_parts(record: TrialRecord, without: Collection[str] = ()) -> dict[str, Any]:
-    """Return all that is in a record by name, its scores first but those ``without``; no times."""
+def record_parts(record: TrialRecord) -> dict[str, Any]:
+    """Return all that is in a record by name, its scores first; no times."""
     scores = {
         f"{name} at offset {row['offset']}": row[name]
         for row in record.scores
         for name in SCORE_NAMES
-        if name in row and name not in without
     }
     parts = {
         name: getattr(record, name) for name in TrialRecord.__struct_fields__ if name != "scores"

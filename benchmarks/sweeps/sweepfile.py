@@ -23,7 +23,7 @@ from benchmarks.setup.overrides import (
     located,
     wrappers,
 )
-from benchmarks.sweeps.design import PARTS, Axis, Limit, Sweep, Takes, UntilDecided
+from benchmarks.sweeps.design import PARTS, Axis, Sweep, Takes, UntilDecided
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, one_of
@@ -33,7 +33,7 @@ from localizers.registry import LOCALIZER
 _KEYS = (
     *("title", "scenario", "lag", "seed", "trials", "filter_seeds"),
     *("localizers", "world", "assumed", "disturbance", "agent", "params", "vary", "baseline"),
-    *("limit", "until_decided"),
+    "until_decided",
 )
 _SUITES = Path(__file__).with_name("suites")  # a sweep file each
 SUITES = tuple(sorted(path.stem for path in _SUITES.glob("*.toml")))
@@ -145,8 +145,6 @@ def sweep_of(
             plain[key] = named(given[key])
     if "baseline" in given:
         plain["baseline"] = names.localizer("baseline", given["baseline"])
-    limits = given.get("limit", [])
-    limits = limits if isinstance(limits, list) else [limits]  # [[limit]], or one [limit]
     methods = listed("localizers", given.get("localizers", None if base is None else []))
     said: dict[str, Any] = plain | {
         "title": documents.as_text("title", given.get("title", title)),
@@ -156,15 +154,13 @@ def sweep_of(
         "params": Overrides.told("params", given.get("params", {})),
         "disturbance": wrappers("disturbance", given.get("disturbance", [])),
         "vary": tuple(map(names.axis, listed("vary", given.get("vary", [])))),
-        "limits": tuple(map(names.limit, limits)),
         "until_decided": _until_decided(given.get("until_decided")),
     }
     said["params"], own = _split(said["params"], names)
     if base is None:
         sweep = Sweep(takes=takes, **said)
     else:
-        keys = {"title", *given} | ({"limits"} if "limit" in given else set())
-        sweep = replace(base, **{key: value for key, value in said.items() if key in keys})
+        sweep = replace(base, **{k: value for k, value in said.items() if k in {"title", *given}})
     return with_params(sweep, own)
 
 
@@ -224,18 +220,12 @@ def _with_axes(axes: Sequence[Axis], new: Sequence[Axis]) -> tuple[Axis, ...]:
 
 
 def with_params(sweep: Sweep, params: Mapping[str, Overrides]) -> Sweep:
-    """Return a sweep with parameters of single localizers; the method of a limit keeps its own."""
+    """Return a sweep with parameters of single localizers."""
     own = _of_localizers(params, sweep.names)
     if not own:
         return sweep
     methods = [replace(m, params=m.params | own.get(m.name, {})) for m in sweep.localizers]
-    limits = [
-        replace(one, method=replace(one.method, params=own[one.method.name] | one.method.params))
-        if one.method.name in own
-        else one
-        for one in sweep.limits
-    ]
-    return replace(sweep, localizers=tuple(methods), limits=tuple(limits))
+    return replace(sweep, localizers=tuple(methods))
 
 
 def params_by_localizer(
@@ -339,16 +329,6 @@ class _Names:
         named = Named.told(what, entry)
         name = self.localizer("name of a localizer", named.name)
         return Method(name=name, params=self.params(named.params))
-
-    def limit(self, entry: Any) -> Limit:
-        wanted = "a table [limit] with name, params, of, trials, filter_seeds"
-        runs = dict(documents.as_table("limit", entry, wanted))
-        for key in runs:
-            one_of("key in limit", key, ("name", "params", "of", "trials", "filter_seeds"))
-        targets = listed("of in limit", runs.pop("of", []))
-        of = tuple(self.localizer("of in limit", name) for name in targets)
-        own = {key: runs.pop(key) for key in ("name", "params") if key in runs}
-        return Limit(method=self.method(own, "limit"), of=of, **runs)
 
     def axis(self, table: Any) -> Axis:
         values = Overrides.told("vary", documents.as_table("vary", table, "a [[vary]] table"))

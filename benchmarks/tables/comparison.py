@@ -1,26 +1,20 @@
-"""Every method of a panel against its baseline, and its limit, over paired worlds.
+"""Every method of a panel against its baseline, over paired worlds.
 
-The columns are those of results.csv, decisions.csv and gaps.csv, and a few more, which are told at
+The columns are those of results.csv and decisions.csv, and a few more, which are told at
 each table. NaN is not available. The runs on a world are averaged first.
 """
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import product
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from benchmarks.setup.overrides import Overrides
 from benchmarks.tables import stats
 from benchmarks.tables.deciding import Decision, Rule, decide
 from benchmarks.tables.frames import (
     PANEL,
-    by_method,
     by_world,
-    cell,
     ends,
     longest_ways,
     method_columns,
@@ -29,13 +23,12 @@ from benchmarks.tables.frames import (
     restricted,
     scored,
     scores_of_rows,
-    trials_frame,
     whole_runs,
 )
 from benchmarks.tables.panels import Panel, score_columns
 from benchmarks.tables.signals import detection
 from benchmarks.trials.scores import Score
-from benchmarks.trials.scoring import SCORE_NAMES, Finished
+from benchmarks.trials.scoring import SCORE_NAMES
 from benchmarks.trials.spec import Method
 
 AVERAGED = tuple(name for name in SCORE_NAMES if name not in ("error", "lost"))
@@ -54,7 +47,6 @@ DECISIONS = (
     *PANEL, "baseline", "baseline_params", "score", "margin", "worlds", "difference", "low", "high",
     "verdict",
 )  # fmt: skip
-GAPS = (*PANEL, "limit", "limit_params", "offset", "worlds", "error", "seed_sd", *ends("gap"))
 
 Members = Mapping[Method, pd.DataFrame]
 
@@ -234,79 +226,6 @@ def _looks(panel: Panel, rule: Rule) -> Iterator[dict[str, Any]]:
             ways = dict(zip(("difference", "low", "high"), look.interval, strict=True))
             verdict = decision.relation if look is decision.last else ""
             yield shared | {"worlds": look.worlds, **ways, "verdict": verdict}
-
-
-@dataclass(frozen=True)
-class LimitRuns:
-    """The finished trials of a limit, and whom it is of; (): all that no other limit names."""
-
-    of: tuple[str, ...]
-    records: list[Finished]
-
-
-def gaps_table(panels: Sequence[Panel], limits: Sequence[LimitRuns]) -> pd.DataFrame:
-    """Return a row per panel, method and offset: the columns of gaps.csv, panel and label.
-
-    ``gap`` is the error over the limit's, on the worlds that both have run; ``seed_sd`` the SD of e
-    between runs of the method on the same world. Each limit comes before its methods.
-    """
-    rows = list[dict[str, Any]]()
-    named = {name for limit in limits for name in limit.of}
-    limiting = [(limit, by_method(trials_frame(limit.records))) for limit in limits]
-    for panel, (limit, of_limit) in product(panels, limiting):
-        # several methods, where the limit differs between values of what is swept
-        there = dict.fromkeys(
-            one.trial.method for one in limit.records if one.trial.setting == panel.setting
-        )
-        own = [m for m in panel.labels if (m.name in limit.of if limit.of else m.name not in named)]
-        held = {method: limit_of(panel.swept, method, [*there]) for method in own}
-        itself = {one: one for one in held.values() if one is not None}
-        for method, against in (itself | held | itself).items():
-            if against is not None:
-                ours = (
-                    cell(of_limit, panel.setting, method)
-                    if method in itself
-                    else panel.runs_of(panel.labels[method])
-                )
-                shared = panel.columns(method) | method_columns(against, "limit", "limit_params")
-                reference = cell(of_limit, panel.setting, against)
-                rows += (shared | row for row in _gaps(ours, reference))
-    return pd.DataFrame(rows, columns=[*GAPS, "panel", "label"])
-
-
-def limit_of(swept: Overrides, method: Method, limits: Sequence[Method]) -> Method | None:
-    """Return the limit with the panel's and the method's value of all in which limits differ."""
-    limits = [limit for limit in limits if limit.agent == method.agent]
-    told = [limit.params for limit in limits]
-    names = {name for params in told for name in params}
-    differing = {name for name in names if len({params.get(name) for params in told}) > 1}
-    own = swept | method.params
-    for limit, params in zip(limits, told, strict=True):
-        if all(own[name] == params.get(name) for name in differing & own.keys()):
-            return limit
-    return None
-
-
-def _gaps(ours: pd.DataFrame, limit: pd.DataFrame) -> Iterator[dict[str, Any]]:
-    """Yield rows at every offset; runs differ in number, so each world's are averaged."""
-    for offset in ours.loc[~ours["failed"], "offset"].unique():
-        errors = scored(ours, offset)["error"]
-        own, theirs = by_world(errors), by_world(scored(limit, offset)["error"])
-        shared = own.index.intersection(theirs.index)
-        if shared.empty:
-            continue
-        spreads = [
-            float(np.var(runs, ddof=1))
-            for world, runs in errors.dropna().groupby("trial")
-            if len(runs) > 1 and world in shared
-        ]
-        yield {
-            "offset": offset,
-            "worlds": len(shared),
-            "error": sum(own[shared].tolist()) / len(shared),
-            "seed_sd": math.sqrt(sum(spreads) / len(spreads)) if spreads else math.nan,
-            **ends("gap", stats.estimate((own[shared] - theirs[shared]).to_numpy())),
-        }
 
 
 def _six_digits(p: float) -> float:

@@ -76,7 +76,7 @@ def timings_table(records: Iterable[Finished]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=[*SETTING, *METHOD, *RUN, "seconds", "ms_per_step"])
 
 
-def csv_of(table: pd.DataFrame, without: Iterable[str] = ("panel", "panels", "label")) -> str:
+def csv_of(table: pd.DataFrame, without: Iterable[str] = ("panel", "label")) -> str:
     """Return a table as CSV with exact numbers; what is not available is an empty cell."""
     plain = table.drop(columns=[name for name in without if name in table])
     plain = plain.astype({name: kind for name, kind in _WHOLE.items() if name in plain})
@@ -212,16 +212,6 @@ def share_curve(runs: pd.Series) -> pd.DataFrame:
     bands = [wilson(share, len(worlds[0])) for share in shares]
     low, high = zip(*bands, strict=True)
     return pd.DataFrame({"metres": metres, "share": shares, "low": low, "high": high})
-
-
-def lap_errors(records: Sequence[Finished]) -> pd.DataFrame:
-    """Return e at x_t as far as every run goes: states, mean, low, high (middle 80 % of runs)."""
-    curves = [record.curves[0] for record in records]
-    length = min(len(curve.error) for curve in curves)
-    errors = np.array([curve.error[:length] for curve in curves], np.float64)
-    low, high = np.quantile(errors, [0.1, 0.9], axis=0)
-    states = np.arange(length) + curves[0].first_state
-    return pd.DataFrame({"states": states, "mean": errors.mean(axis=0), "low": low, "high": high})
 
 
 def errors_by_offset(records: Sequence[Finished]) -> dict[int, Interval]:

@@ -46,16 +46,15 @@ class Panel:
     runs: pd.DataFrame  # their ``trials_frame``, with failed trials, and label
     rule: Rule | None = None  # when comparisons are decided; None: all worlds are run
     rows: pd.DataFrame = field(default_factory=pd.DataFrame)  # of it in ``results_table``
-    maps: pd.DataFrame = field(default_factory=pd.DataFrame)  # of it in ``maps_table``
 
-    def with_tables(self, results: pd.DataFrame, maps: pd.DataFrame) -> "Panel":
-        """Return it with its rows of the tables of all panels."""
-        rows, maps = (table[table["panel"] == self.number] for table in (results, maps))
+    def with_rows(self, results: pd.DataFrame) -> "Panel":
+        """Return it with its rows of the table of all panels."""
+        rows = results[results["panel"] == self.number]
         absent = [score for score in JOURNEY_SCORES.values() if score not in self.scores]
         rows = rows.drop(columns=[n for one in absent for n in score_columns(one)], errors="ignore")
         rows = self.labelled(rows.reset_index(drop=True))
         reference = pd.Categorical(rows["reference"], categories=rows["label"].cat.categories)
-        return replace(self, rows=rows.assign(reference=reference), maps=maps)
+        return replace(self, rows=rows.assign(reference=reference))
 
     @property
     def thresholds(self) -> Thresholds:

@@ -21,12 +21,7 @@ from deqmcl_gym.numerics import Bools, Floats, Indices
 
 RECENT = 20  # steps over which log-evidence is averaged, too
 WRONG = 0.1  # of the returns: if more contradict the map at the true pose, it is wrong here
-QUESTIONS = {
-    "lost": "lost, against all other steps",
-    "wrong": "the map is wrong here, against all other steps",
-    "wrong_localized": "the map is wrong here, of localized steps",
-    "which": "lost, against steps that are localized where the map is wrong",
-}
+QUESTIONS = ("lost", "wrong", "wrong_localized", "which")  # docs/reports.md says of which steps
 _PLANS = (
     "scenarios", *PANEL[1:], "signal", *ends("auroc"), "conflict_steps", "conflict_worlds",
 )  # fmt: skip
@@ -90,7 +85,7 @@ def plans_table(panels: Iterable[Panel]) -> pd.DataFrame:
     """Return a row per setting, method that reads plans, and signal.
 
     Is the plan still about this robot? Steps of all the scenarios of one setting are together. The
-    columns are those of plans.csv, the numbers of the panels, the first as panel, and label.
+    columns are those of plans.csv, the number of the first panel, and label.
     """
     groups: dict[object, list[Panel]] = {}
     for panel in panels:
@@ -101,13 +96,12 @@ def plans_table(panels: Iterable[Panel]) -> pd.DataFrame:
         for method in dict.fromkeys(method for panel in group for method in panel.labels):
             label = next(panel.labels[method] for panel in group if method in panel.labels)
             shared = group[0].columns(method) | {"scenarios": scenarios, "label": label}
-            shared["panels"] = [panel.number for panel in group]
             own = [r for panel in group for r in panel.records.get(method, []) if r.plan]
             rows += (
                 shared | {"signal": signal} | found.columns("conflict_steps", "conflict_worlds")
                 for signal, found in _of_plans(own).items()
             )
-    return pd.DataFrame(rows, columns=[*_PLANS, "panel", "panels", "label"])
+    return pd.DataFrame(rows, columns=[*_PLANS, "panel", "label"])
 
 
 def maps_table(panels: Iterable[Panel]) -> pd.DataFrame:

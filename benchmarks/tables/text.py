@@ -9,25 +9,6 @@ from benchmarks.tables.stats import Interval
 
 BASELINE = "mcl"  # localizer that others are compared with, unless a sweep says otherwise
 BLIND = "dead-reckoning"  # uses no scan, so that it localizes nothing
-WORDS = {  # what the names of methods mean; the first four as in the paper's Table 1
-    "mcl": "MCL",
-    "mcl-smoother": "MCL with smoother",
-    "mcl-map": "MCL with map-based motion model",
-    "deq-mcl": "DEQ-MCL",
-    "mcl-map-smoother": "MCL with map-based motion model and smoother",
-    # the next three are gone, but folders may hold their trials
-    "deq-mcl-rejuvenated": "DEQ-MCL with its future renewed",
-    "mcl-pilots": "mcl-map that looks ahead by roll-outs",
-    "mcl-h": "mcl-map that looks ahead by a table",
-    "deq-mcl-fresh": "DEQ-MCL with its future drawn anew from the present",
-    "mcl-plan": "mcl-map with plans as observations",
-    "mcl-plan-hedged": "mcl-plan beside a filter that sees no plan",
-    "dead-reckoning": "dead reckoning on the plan",
-    "grid": "grid filter",
-    "amcl": "Nav2's AMCL",
-    "cbgl": "mcl-map from the best fit of the first scan",
-    "ekf": "extended Kalman filter",
-}
 
 
 def short_name(name: str) -> str:

@@ -51,7 +51,6 @@ class Score:
     of: Callable[[Any], float]  # ``Estimates``, ``Journey`` or ``ScoredTrack``; NaN: not available
     # what ``of`` needs of the belief about each state, (k,): in ``Estimates.values`` by its name
     each: Callable[[Clouds, Surroundings], Floats] | None = None
-    later: bool = False  # whether records that lack it, made before it was added, are sound
     failed: float = math.nan  # the score of a run that failed; NaN: it is unknown
     tested: bool = False  # whether methods are compared by it
     digits: int | None = None  # behind the point, in tables; None: as the unit has them
@@ -97,10 +96,8 @@ def _far(found: Estimates) -> float:
     return mean(found.values["outlier_share"][found.common])
 
 
-def _weight(
-    name: str, words: str, each: Callable[[Clouds, Surroundings], Floats], *, later: bool = True
-) -> Score:
-    return Score(name, "share", "low", f"weight {words}", _value_of(name), each, later)
+def _weight(name: str, words: str, each: Callable[[Clouds, Surroundings], Floats]) -> Score:
+    return Score(name, "share", "low", f"weight {words}", _value_of(name), each)
 
 
 METRICS: tuple[Score, ...] = (
@@ -114,13 +111,13 @@ METRICS: tuple[Score, ...] = (
     Score("var_sin", "", "", "variance of sin θ", _variance_of(3)),
     Score("position_rmse", "length", "low", "position RMSE", lambda it: rms(it.distance)),
     Score("heading_rmse", "rad", "low", "heading RMSE", lambda it: rms(it.angle)),
-    _weight("wall_share", "in walls", wall_share, later=False),
+    _weight("wall_share", "in walls", wall_share),
     Score("energy_score", "length", "low", "energy score", _value_of("energy")),
     *map(_coverage, LEVELS),
     Score("nees", "", "", "NEES; 3 if consistent", _value_of("nees")),
     Score("lost", "share", "low", "lost at the end", _lost),
     _weight("wall_step_share", "that came through walls", wall_step_share),
-    Score("outlier_share", "share", "low", _FAR_WORDS, _far, later=True),
+    Score("outlier_share", "share", "low", _FAR_WORDS, _far),
 )
 
 

@@ -14,7 +14,6 @@ from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import PROFILE_STRIDE, OffsetTrace, Trace, plan_columns
 
 SCORE_NAMES = tuple(metric.name for metric in METRICS)
-LATER = frozenset(metric.name for metric in METRICS if metric.later)
 
 Count = Annotated[int, Meta(ge=0, le=10**9)]
 Offset = Annotated[int, Meta(ge=-(10**9), le=10**9)]
@@ -32,7 +31,7 @@ class TrialRecord(Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     unit: Annotated[str, Meta(pattern="^(px|m)$")]
     thresholds: Thresholds
-    # a row per offset: "offset" and ``SCORE_NAMES``, None not available; old records lack ``LATER``
+    # a row per offset: "offset" and ``SCORE_NAMES``, None not available
     scores: list[dict[str, Offset | Number | None]]
     curves: dict[Offset, ErrorCurve]
     quality: list[Number | None] | None  # that it is not lost after t = 1 …; None: it is not given
@@ -48,7 +47,7 @@ class TrialRecord(Struct, frozen=True, kw_only=True, omit_defaults=True):
     track: RecordedTrack | None = None
 
     def __post_init__(self) -> None:
-        for name in {"offset", *SCORE_NAMES} - LATER:
+        for name in ("offset", *SCORE_NAMES):
             if any(name not in row for row in self.scores):
                 raise ValueError(f"has no {name} among its scores")
 

@@ -67,7 +67,7 @@ def trials(localizer, errors, **how):
     return [finished(localizer, world, error, **how) for world, error in enumerate(errors)]
 
 
-def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl", limits=()):
+def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl"):
     """Results of these records."""
     return Results(
         title=title,
@@ -77,7 +77,6 @@ def results(records, *, failures=(), missing=0, title="A sweep", baseline="mcl",
         planned=len(records) + len(failures) + missing,
         command=["deqmcl", "sweep", "a b.toml", "--out", "there"],
         baseline=baseline,
-        limits=list(limits),
         environment={"deqmcl-gym": "0.1.0", "code": "f00d"},
     )
 

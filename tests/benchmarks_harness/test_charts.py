@@ -4,7 +4,6 @@ import math
 from dataclasses import replace
 from itertools import product
 
-import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -20,7 +19,7 @@ from benchmarks.setup.overrides import Overrides
 from benchmarks.tables.frames import errors_by_offset
 from benchmarks.tables.stats import wilson
 
-NAMES = ("points", "offset", "lap")
+NAMES = ("points", "offset")
 
 
 @pytest.fixture(autouse=True)
@@ -41,7 +40,7 @@ def test_every_mark_and_bar_of_every_chart_is_inside_its_axes(shares, size):
     errors = [size * (1 + share) for share in shares]
     records = [one for name, (_, k) in THREE.items() for one in trials(name, errors, offsets=k)]
     panel = panel_of(records)
-    for name in NAMES[:-1]:
+    for name in NAMES:
         (axes,) = getattr(charts, f"{name}_chart")(panel).figure.axes
         (left, right), ends = axes.get_xlim(), sorted(axes.get_ylim())
         marked = [one for one in axes.lines if one.get_marker() not in ("None", "")]
@@ -63,17 +62,10 @@ def panel():
 
 
 def test_charts_of_a_panel_draw_its_numbers(panel):
-    rows = panel.present
-    axes = {name: getattr(charts, f"{name}_chart")(panel).figure.axes[0] for name in NAMES}
-    for row in rows.itertuples():
+    offsets, _ = drawn_in(charts.offset_chart(panel).figure.axes[0])
+    for row in panel.present.itertuples():
         held = errors_by_offset(panel.records_by_label[row.label])
-        offsets, _ = drawn_in(axes["offset"])
         assert offsets[row.label] == [[k, one.mean] for k, one in held.items()]
-        lap, _ = {one.get_label(): set(one.get_ydata()) for one in axes["lap"].lines}, None
-        assert lap[row.label] == {row.error}
-    low, high = np.quantile([2.0, 3.0, 6.0, 11.0, 18.0], [0.1, 0.9])
-    heights = axes["lap"].collections[0].get_paths()[0].vertices[:, 1]
-    assert (heights.min(), heights.max()) == pytest.approx((low, high))
 
 
 def test_a_label_looks_the_same_in_every_chart_and_others_have_another_look():
@@ -102,42 +94,30 @@ def test_every_name_of_a_legend_is_inside_the_picture_and_below_the_axes(names, 
     assert 0 <= shown.y0 < shown.y1 <= below.y0
 
 
-def curves(records):
-    """The charts of the error and those of the difference."""
-    charts = swept_charts(panels_of(records))
-    return charts[::2], charts[1::2]
-
-
 @pytest.mark.parametrize(("values", "scale"), [((10, 80), "log"), ((10, 70), "linear")])
-def test_each_localizer_has_a_curve_and_a_difference_over_the_value_that_was_swept(values, scale):
+def test_each_localizer_has_a_curve_over_the_value_that_was_swept(values, scale):
     records = trials("dead-reckoning", [40.0, 40.0])
     for n in values:
         for name, error in (("mcl", 5.0), ("deq-mcl", 30.0 / n)):
             records += trials(name, [error, error + 1], params={"particles": n})
-    (error,), (difference,) = curves(records)
-    assert (error.title, error.name) == ("Error over particles", "curve-1")
-    assert (difference.title, difference.name) == ("Difference over particles", "difference-1")
-    for chart, column, labels in (
-        (error, "error", ["mcl", "deq-mcl", "dead-reckoning"]),
-        (difference, "diff", ["deq-mcl", "dead-reckoning"]),
-    ):
-        (axes,) = chart.figure.axes
-        drawn = {one.get_label(): one.get_xydata().tolist() for one in axes.lines}
-        rows = [panel.present.set_index("label") for panel in panels_of(records)]
-        for label in labels:
-            own = [float(one.loc[label, column]) for one in rows]
-            assert drawn[label] == [list(point) for point in zip(values, own, strict=True)]
-        assert axes.get_xscale() == scale
-        assert [tick.get_text() for tick in axes.get_xticklabels()] == [f"{v:g}" for v in values]
-    # what is far worse than the baseline would hide all other differences
-    assert difference.figure.axes[0].get_ylim()[1] <= 3 * 5.5
+    panels = panels_of(records)
+    (chart,) = swept_charts(panels)
+    assert (chart.title, chart.name) == ("Error over particles", "curve-1")
+    (axes,) = chart.figure.axes
+    drawn = {one.get_label(): one.get_xydata().tolist() for one in axes.lines}
+    rows = [panel.present.set_index("label") for panel in panels]
+    for label in ("mcl", "deq-mcl", "dead-reckoning"):
+        own = [float(one.loc[label, "error"]) for one in rows]
+        assert drawn[label] == [list(point) for point in zip(values, own, strict=True)]
+    assert axes.get_xscale() == scale
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == [f"{v:g}" for v in values]
 
 
 def test_where_two_numbers_are_swept_there_is_a_chart_for_each_value_of_the_other():
     records = []
     for sigma, n in product((5.0, 20.0, 50.0), (100, 300)):
         records += trials("mcl", [1.0], params={"particles": n}, world={"lidar.sigma": sigma})
-    assert [chart.title for chart in curves(records)[0]] == [
+    assert [chart.title for chart in swept_charts(panels_of(records))] == [
         "Error over lidar.sigma: particles 100",
         "Error over lidar.sigma: particles 300",
         "Error over particles: lidar.sigma 5.0",
@@ -151,7 +131,7 @@ def test_what_changes_together_is_one_curve_over_what_has_the_values_of_most():
     for level in (0.1, 0.2, 0.4):
         world = {"noise.drift": level / 10, "noise.drive": level, "noise.turn": level}
         records += trials("mcl", [level], world=world, assumed={"motion.drive": 2 * level})
-    (chart,), _ = curves(records)
+    (chart,) = swept_charts(panels_of(records))
     assert chart.title == "Error over noise.drive"
     (axes,) = chart.figure.axes
     others = "noise.drift, noise.turn, assumed.motion.drive"
@@ -163,7 +143,7 @@ def test_the_lag_and_the_parameter_of_that_name_are_one_curve():
     for lag in (5, 20):
         records += trials("mcl", [1.0], lag=lag)
         records += trials("deq-mcl", [1.0], lag=lag, params={"lag": lag})
-    (chart,), _ = curves(records)
+    (chart,) = swept_charts(panels_of(records))
     assert chart.title == "Error over lag"
 
 

@@ -72,7 +72,7 @@ def test_the_figures_are_pdf_of_which_the_same_results_give_the_same_bytes():
     made = trials("mcl", [1.0, 2.0]) + trials("a", [2.0, 3.0], offsets=(0, -20))
     given_results = results(made + trials("far", [90.0, 91.0], offsets=(0, -20)))
     files = pdf_files(given_results)
-    assert {"figures/points-1.pdf", "figures/lap-errors-1.pdf"} <= files.keys()
+    assert {"figures/points-1.pdf", "figures/offsets-1.pdf"} <= files.keys()
     assert pdf_files(given_results) == files
     assert all(content.startswith(b"%PDF-") for content in files.values())
     assert b"/Subtype /Image" not in b"".join(files.values())  # vectors

@@ -5,9 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 from fake_episode import TASK
-from report_cases import changed, finished, lines_of, results
+from report_cases import changed, finished
 
-from benchmarks.report.tables import validity_table
 from benchmarks.tables.panels import panels
 from benchmarks.tables.signals import plans_table
 from benchmarks.trials.scoring import ErrorCurve
@@ -65,8 +64,6 @@ def test_steps_of_scenarios_are_taken_together_by_world():
     row = signals(records).loc["feasible"]
     assert (row.label, row.auroc, row.conflict_steps) == ("mcl-plan", 0.5, 1 / 3)
     assert (row.conflict_worlds, row.scenarios) == (2, "guided guided-stale")
-    table = validity_table(results(records))
-    assert lines_of(table)[0][:2] == ["guided, guided-stale", "mcl-plan"]
 
 
 def test_the_trust_of_a_lap_is_its_least_and_is_told_of_hedges_only():
@@ -80,8 +77,3 @@ def test_the_trust_of_a_lap_is_its_least_and_is_told_of_hedges_only():
     assert (found["trusted_lap"], found["trusted"]) == (1.0, 0.0)
     blind = [lap(w, [0.0, 1.0], [None, None], "guided") for w in (0, 1)]
     assert not {"trusted", "trusted_lap"} & set(signals(blind).index)
-
-
-def test_a_sweep_without_plans_or_without_conflict_has_no_table():
-    assert validity_table(results([finished("mcl", 0, 1.0)])) is None
-    assert validity_table(results([run(0, [0.0], [0.5], scenario="guided")])) is None

@@ -1,4 +1,4 @@
-"""The page, the Markdown and the pictures of made-up results."""
+"""The page and the pictures of made-up results."""
 
 import os
 import re
@@ -86,7 +86,7 @@ def page(report):
 def test_what_is_returned_is_what_was_written(report):
     out, files = report
     assert {*files} == {path for path in out.rglob("*") if path.is_file()}
-    assert TABLES | {"report.html", "results.md"} <= {path.name for path in files}
+    assert TABLES | {"report.html"} <= {path.name for path in files}
 
 
 def test_the_page_is_well_formed_and_stands_alone(page):
@@ -124,7 +124,7 @@ def test_every_word_of_others_is_escaped(page):
 
 def test_pictures_and_tables_have_words_for_those_who_do_not_see_them(page):
     pictures = [attributes for tag, attributes in page.tags if tag == "img"]
-    assert len(pictures) == 3 + 2  # charts, animation and still
+    assert len(pictures) == 2 + 2  # charts, animation and still
     assert all(len(attributes["alt"]) > 10 for attributes in pictures)
     captions = [attributes for tag, attributes in page.tags if attributes.get("class") == "table"]
     assert page.count("table") == len(captions) == 3
@@ -136,16 +136,6 @@ def test_the_page_says_how_far_it_came_and_how_to_get_the_same(page):
     assert "36 of 39 trials finished, 1 failed, 2 missing" in words
     assert "deqmcl sweep 'a b.toml' --out there" in words
     assert '"code": "f00d"' in words
-
-
-def test_the_markdown_shows_every_image_that_was_written_and_escapes(report):
-    out, _ = report
-    text = (out / "results.md").read_text(encoding="utf-8")
-    shown = set(re.findall(r"\]\(images/([^)]+)\)", text))
-    kept = {"lap-1-best-0.png"}  # for a report that is written anew
-    assert shown | kept == {path.name for path in (out / "images").iterdir()}
-    assert "<script>" not in text
-    assert "<b>" not in text.replace("\\<b\\>", "")
 
 
 def test_the_same_results_give_the_same_bytes(report, given, tmp_path):
@@ -177,22 +167,12 @@ def test_a_report_that_is_written_anew_has_the_animations_of_the_folder_and_runs
     assert "No animation: the folder has none of these worlds" in page
 
 
-def test_files_that_are_left_out_are_named_on_the_page_with_the_reason(tmp_path):
-    left_out = {f"trials.jsonl, line {n}": "is torn <b>" for n in range(102)}
-    writing.write_report(tmp_path, replace(results([]), left_out=left_out))
-    for name in ("report.html", "results.md"):
-        text = (tmp_path / name).read_text(encoding="utf-8")
-        assert "Files left out" in text
-        assert "trials.jsonl, line 99" in text
-        assert "… and 2 more" in text
-        assert "torn <b>" not in text
-
-
 def test_a_report_is_written_whatever_the_words_of_its_command_are(tmp_path):
     words = ["deqmcl", "d\udce9", "a b", "new\nline", "it's", "```"]
     writing.write_report(tmp_path, replace(results([]), command=words))
     expected = r"""deqmcl $'d\xe9' 'a b' $'new\x0aline' 'it'"'"'s' '```'"""
-    assert f"````\n{expected}\n````\n" in (tmp_path / "results.md").read_text(encoding="utf-8")
+    page = unescape((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert f"<pre>{expected}</pre>" in page
     printing = ["bash", "-c", f"printf '%s\\0' {expected}"]
     shown = subprocess.run(printing, capture_output=True, check=False)
     assert shown.stdout.split(b"\0")[:-1] == list(map(os.fsencode, words))
@@ -214,29 +194,17 @@ def test_without_the_extra_the_tables_are_written_and_the_extra_is_named(tmp_pat
     assert {path.name for path in tmp_path.iterdir()} == TABLES
 
 
-def of_html(text):
+def cells_of(page):
     """The cells of each table, line by line."""
     for table in re.findall(
-        "<table[ >].*?</table>", re.sub("</?(span|strong)>", "", text), re.DOTALL
+        "<table[ >].*?</table>", re.sub("</?(span|strong)>", "", page), re.DOTALL
     ):
         lines = re.findall("<tr[^>]*>(.*?)</tr>", unescape(table).replace("\u00a0", " "), re.DOTALL)
         yield [re.findall("<t[hd][^>]*>(.*?)</t[hd]>", one) for one in lines]
 
 
-def of_markdown(text):
-    """The same of the Markdown."""
-    for block in text.split("\n\n"):
-        if block.startswith("|"):
-            cells = re.sub(r"\*\*|\\", "", block).splitlines()
-            lines = [[c.strip() for c in one.strip("|").split("|")] for one in cells]
-            yield [lines[0], *lines[2:]]
-
-
-@pytest.mark.parametrize(
-    ("name", "tables_of"), [("report.html", of_html), ("results.md", of_markdown)]
-)
-def test_page_and_markdown_have_the_cells_of_the_tables(report, given, name, tables_of):
-    shown = list(tables_of((report[0] / name).read_text(encoding="utf-8")))
+def test_the_page_has_the_cells_of_the_tables(report, given):
+    shown = list(cells_of((report[0] / "report.html").read_text(encoding="utf-8")))
     (panel,) = given.panels
     for table in (tables.verdict_table(panel), tables.calibration_table(panel)):
         assert [list(table.frame), *lines_of(table)] in shown

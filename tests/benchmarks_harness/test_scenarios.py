@@ -329,7 +329,7 @@ def test_localizers_and_agents_are_given_the_map_and_every_method_the_same_world
         plain.env.reset(seed=plain.trial.world_seed)
         corners = (one.room.course.path.corners for one in (stage, plain))
         np.testing.assert_array_equal(*corners)
-        seen.append((scan, info, camera_of(stage).scene(next(stage.moments()))[0].image))
+        seen.append((scan, info, camera_of(stage).scene(next(stage.moments())).image))
     np.testing.assert_equal(seen[0][:2], seen[1][:2])
     for _, _, frame in seen:
         assert (frame == PERSON).all(axis=2).sum() > 100

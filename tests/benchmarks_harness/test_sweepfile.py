@@ -107,11 +107,6 @@ NAMING_OWN = """
 localizers = ["{name}", {{ name = "mcl" }}]
 baseline = "{name}"
 params = {{ theirs = 3 }}
-
-[limit]
-name = "{name}"
-of = ["{name}"]
-trials = 1
 """
 
 
@@ -126,7 +121,7 @@ def test_a_localizer_in_a_file_is_found_beside_it_from_any_folder(tmp_path, monk
     own = f"{folder}/own.py:Own" if name.startswith("{}") else "own.py:Own"  # as it is said
     assert found.names == [own, "mcl"]
     assert [*map(absolute_name, found.names)] == [f"{folder}/own.py:Own", "mcl"]
-    assert (found.baseline, found.limits[0].method.name, *found.limits[0].of) == (own, own, own)
+    assert found.baseline == own
     assert dict(found.distinct()[0].params) == {"theirs": 3}
     monkeypatch.chdir(folder)
     assert with_localizers(found, ["./own.py:Own"]).names == [own, "mcl"]  # it is there already
@@ -146,9 +141,9 @@ def test_two_files_of_one_name_are_not_taken_for_each_other(tmp_path, monkeypatc
 def test_a_sweep_with_a_base_is_that_one_with_the_keys_given_here_replaced_whole(tmp_path):
     (tmp_path / "below").mkdir()
     (tmp_path / "below" / "base.toml").write_text(ALL)
-    found = read(tmp_path, 'base = "below/base.toml"\ntrials = 9\nparams = {}\nlimit = []\n')
+    found = read(tmp_path, 'base = "below/base.toml"\ntrials = 9\nparams = {}\n')
     base = read_sweep(tmp_path / "below" / "base.toml")
-    assert found == replace(base, title="my-sweep", trials=9, params=(), limits=())
+    assert found == replace(base, title="my-sweep", trials=9, params=())
     assert read(tmp_path, 'title = "Mine"\nbase = "lost"') == replace(
         sweep_named("lost"), title="Mine"
     )
@@ -188,6 +183,7 @@ BAD = [  # a file, and what the sentence must name
     ('localizers = ["mcl"]\n[[vary]]\nlag = [1, 2]\nworld.x = [3]', ["lag: 2", "x: 1"]),
     ('localizers = ["mcl"]\n[[vary]]\nlag = [1]\n[[vary]]\nlag = [2]', ["lag", "twice"]),
     ('localizers = ["mcl"]\n[[vary]]\ntrials = [1, 2]', ["'trials'", "params.…"]),
+    ('localizers = ["mcl"]\nbaseline = "mcl-map"', ["baseline", "'mcl-map'"]),
     ('localizers = ["mcl"]\ndisturbance = ["kidnap"]', ["'kidnap'", "{kind = "]),
     ("a = " + "[" * 10**5, ["nested too deeply"]),
     ("a = " + "1" * 5000, ["valid TOML: Exceeds the limit (4300 digits)"]),

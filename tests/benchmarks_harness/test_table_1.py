@@ -1,4 +1,4 @@
-"""Table 1 with the paper's values and the sentence on dead reckoning; trials.csv, timings.csv."""
+"""Table 1 with the paper's values; trials.csv, timings.csv."""
 
 import csv
 import math
@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from report_cases import changed, finished, paired, parsed, table_of, trials, trials_csv
 
-from benchmarks.report.tables import reading, table_1
+import localizers
+from benchmarks.report.tables import table_1
 from benchmarks.tables.frames import csv_of, timings_table
-from benchmarks.tables.text import WORDS
 
 ROOT = Path(__file__).parents[2]
 PRINTED = {  # typed from Table 1 of the paper: error, SD, entropy, variances of x, y, cos θ, sin θ
@@ -56,35 +56,10 @@ def test_what_is_unknown_reads_na_and_a_difference_without_interval_stands_alone
 
 
 def test_in_a_terminal_no_line_of_any_method_of_ours_is_longer_than_120_columns():
-    rows = table_of(paired(dict.fromkeys(("mcl", *WORDS), (1234.5, (0, -20, 20)))))
+    rows = table_of(paired(dict.fromkeys(localizers.names(), (1234.5, (0, -20, 20)))))
     text = table_1(rows).text().splitlines()
     assert max(map(len, text)) <= 120
     assert text[0].split()[:5] == ["method", "of", "error", "-", "mcl's,"]
-
-
-def sentence(**errors):
-    """The reading of a table with these errors at x[t]; underscores for hyphens."""
-    records = [finished(name.replace("_", "-"), 0, {0: e, -20: 0.5}) for name, e in errors.items()]
-    return reading(table_of(records))
-
-
-@pytest.mark.parametrize(
-    ("error", "said"),
-    [
-        (
-            3.25,
-            "has a smaller error at x[t] than every filter (3.25; the best filter is mcl: 6.00)",
-        ),
-        (8.0, "(error 8.00 at x[t]) is worse than the best filter (mcl: 6.00)."),
-    ],
-)
-def test_it_is_said_whether_dead_reckoning_wins(error, said):
-    assert said in sentence(mcl=6.0, deq_mcl=7.0, dead_reckoning=error)
-
-
-@pytest.mark.parametrize("run", [{"mcl": 6.0}, {"dead_reckoning": 3.0}, {}])
-def test_nothing_is_said_without_dead_reckoning_or_without_a_filter(run):
-    assert sentence(**run) == ""
 
 
 def test_trials_csv_has_a_line_per_trial_and_offset_with_its_counts():

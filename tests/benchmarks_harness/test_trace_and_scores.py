@@ -22,7 +22,7 @@ from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.collecting import JourneyLog
 from benchmarks.trials.episode import Step
 from benchmarks.trials.scores import groups_named
-from benchmarks.trials.scoring import LATER, SCORE_NAMES, TrialRecord, error_profile, record, scores
+from benchmarks.trials.scoring import SCORE_NAMES, TrialRecord, error_profile, record, scores
 from benchmarks.trials.trace import trace_of
 from deqmcl_gym.validation import InputError
 
@@ -154,13 +154,8 @@ def test_outlier_share_is_the_weight_far_from_the_truth_over_the_common_states(o
     assert rows[offset]["outlier_share"] == pytest.approx(np.mean(shares), **CLOSE)
 
 
-def test_a_record_of_before_a_score_was_added_is_sound_and_one_without_an_older_score_is_not():
-    made = record(traced(T, OFFSETS), L, USUAL)
-    plain = msgspec.to_builtins(made)
-    for name in LATER:
-        for row in plain["scores"]:
-            del row[name]
-    assert msgspec.convert(plain, TrialRecord).scores == plain["scores"]
+def test_a_record_without_a_score_is_refused():
+    plain = msgspec.to_builtins(record(traced(T, OFFSETS), L, USUAL))
     del plain["scores"][0]["error"]
     with pytest.raises(msgspec.ValidationError, match="has no error among its scores"):
         msgspec.convert(plain, TrialRecord)

@@ -70,14 +70,6 @@ def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(
     assert (tmp_path / "file").read_text() == "precious"
 
 
-def test_what_draws_names_the_pip_command_without_matplotlib(monkeypatch, refusal):
-    loaded = [name for name in sys.modules if name.startswith("matplotlib.")]
-    for name in ("matplotlib", *loaded):
-        monkeypatch.setitem(sys.modules, name, None)
-    refusal(RUN, "pip install 'deqmcl-gym[plots]'")
-    assert os.listdir() == []
-
-
 def points(*counts):
     """Axes with so many values each."""
     return "".join(

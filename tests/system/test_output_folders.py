@@ -40,7 +40,7 @@ def refused(finished, refusal):
 
 @pytest.mark.parametrize(
     ("command", "name"),
-    [("sweep", ".notes.tmp"), ("paper", "a"), ("report", "results.md"), ("run", "images/mine.svg")],
+    [("sweep", ".notes.tmp"), ("paper", "a"), ("report", "report.txt"), ("run", "images/mine.svg")],
 )
 def test_a_folder_that_is_not_ours_is_refused(tmp_path, refused, command, name):
     (tmp_path / "mine" / name).parent.mkdir(parents=True)
@@ -67,5 +67,5 @@ def test_a_report_is_written_into_a_folder_whose_name_is_no_text(tmp_path):
     out = os.fsdecode(os.fsencode(tmp_path) + b"/d\xe9")
     assert exit_code("sweep", write_small(tmp_path, trials=1), "--jobs", "1", "--out", out) == 0
     assert exit_code("report", out) == 0
-    with open(os.path.join(out, "results.md"), encoding="utf-8") as file:
-        assert r"/d\xe9'" in file.read()
+    with open(os.path.join(out, "report.html"), encoding="utf-8") as file:
+        assert r"/d\xe9&#39;" in file.read()

@@ -19,7 +19,7 @@ from deqmcl_gym.maps.office import Office
 
 PAGE = Path(__file__).parents[2] / "docs" / "sweeps.md"
 BLOCKS = re.findall(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
-NOISY, _, ROOM, OFFICE, IN_A_ROOM, PLACES, _, AS_WORLD, LIMITED = BLOCKS  # displaced: test_basin.py
+NOISY, _, ROOM, OFFICE, IN_A_ROOM, PLACES, _, AS_WORLD = BLOCKS  # displaced: test_basin.py
 REPORTS = PAGE.with_name("reports.md")
 FEW = ("--scenario", "room.toml", "--particles", "20", "--lag", "3")
 
@@ -54,8 +54,6 @@ def test_the_commands_of_a_page_work_as_they_stand_one_after_the_other(room, cap
             elif words[1] == "run":
                 continue  # below
             assert exit_code(*words[1:]) == 0, (command, capsys.readouterr().err)
-    Path("limited.toml").write_text(LIMITED)
-    assert read_sweep(Path("limited.toml")).limits[0].method.params == {"particles": 100_000}
 
 
 @pytest.mark.parametrize(("text", "method"), [(ROOM, "mcl"), (OFFICE, "mcl-map")])

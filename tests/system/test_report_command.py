@@ -35,7 +35,7 @@ LOOK = """<script>addEventListener("load", () => {
 @pytest.fixture(scope="module")
 def reported(small_run, tmp_path_factory):
     folder = shutil.copytree(small_run[1], tmp_path_factory.mktemp("reported") / "results")
-    for path in (folder / "report.html", folder / "results.md", folder / "results.csv"):
+    for path in (folder / "report.html", folder / "results.csv"):
         path.unlink()
     assert exit_code("report", folder) == 0
     return folder
@@ -135,7 +135,7 @@ def test_a_browser_finds_the_tables_and_pictures_and_can_read_them(animated, tmp
     assert rows == [1 + len(METHODS), 1 + 12, 1 + len(METHODS)]
     assert all(area > 10_000 for _, area in found["tables"])
     shown = [image for image in found["images"] if image[1]]
-    assert (len(shown), len(found["images"])) == (11, 14)  # the ends of films are for print
+    assert (len(shown), len(found["images"])) == (10, 13)  # the ends of films are for print
     assert all(wide > 300 and area > 20_000 and alt for wide, area, alt in shown)
     assert (found["page"] < 0.2) == dark
     # light words on dark, dark words on light

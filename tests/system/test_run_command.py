@@ -12,7 +12,6 @@ from deqmcl_command import exit_code, files, lines
 
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.sweepfile import paper_sweep
-from benchmarks.trials.metrics import state_error
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
@@ -41,10 +40,10 @@ def lap(tmp_path_factory):
     return said.getvalue(), out
 
 
-def test_a_lap_leaves_its_animation_its_curve_its_trace_and_nothing_else(lap):
+def test_a_lap_leaves_its_animation_its_errors_its_tracks_and_nothing_else(lap):
     said, out = lap
-    trace = {"trace.npz", "trajectory_truth.tum", "trajectory_t.tum"}
-    named = {"lap.webp", "error.png", "error.csv", *trace}
+    tracks = {"trajectory_truth.tum", "trajectory_t.tum"}
+    named = {"lap.webp", "error.csv", *tracks}
     assert files(out).keys() == named
     assert all(name in said for name in named)
     read_it, animation = cv2.imreadanimation(str(out / "lap.webp"))
@@ -70,16 +69,6 @@ def test_curve_and_trajectories_hold_the_true_and_estimated_poses_of_every_offse
     apart = heading - [row["true_heading"] for row in held[0]]
     assert (apart + math.pi) % (2 * math.pi) - math.pi == pytest.approx(0, abs=1e-9)
     assert truth[:, 1:3] == pytest.approx(xy(held[0], "true_x", "true_y"), rel=1e-8)
-
-
-def test_the_trace_is_an_npz_without_pickles_that_holds_what_was_scored(lap):
-    _, out = lap
-    with np.load(out / "trace.npz", allow_pickle=False) as trace:
-        arrays = dict(trace)
-    assert arrays["truth"].shape == (205, 3)
-    assert arrays["t/means"].shape == arrays["t/variances"].shape == (205, 4)
-    error = state_error(arrays["t/means"], arrays["truth"][arrays["t/states"]])
-    assert error == pytest.approx([row["error"] for row in curve(out)[0]], rel=1e-12)
 
 
 def test_the_lap_is_trial_0_of_the_paper_experiment_with_that_seed(lap):
@@ -114,31 +103,6 @@ def test_a_lap_can_be_kept_as_a_log_over_no_other_file(tmp_path, refusal):
     kept = logs.read(log)
     assert kept.times.tolist() == truth[:, 0].tolist()
     assert kept.reference[:, :2] == pytest.approx(truth[:, 1:3], rel=1e-8)
-
-
-ASTRAY = """
-import numpy as np
-from localizers import PointsBelief
-
-class Astray:
-    "Believes that it is far outside from its third step on."
-    def __init__(self, robot, after=3): self.after = after
-    def reset(self, prior, plan, rng):
-        self.step, self.at = 0, prior.mean
-        return PointsBelief(np.array([self.at]))
-    def update(self, ranges, action, plan):
-        self.step += 1
-        return PointsBelief(np.array([self.at]) - (1e4 if self.step >= self.after else 0))
-"""
-
-
-def test_a_belief_that_leaves_the_map_is_warned_of_and_params_say_when_it_does(tmp_path, capsys):
-    (tmp_path / "astray.py").write_text(ASTRAY)
-    arguments = ("--localizer", tmp_path / "astray.py", "--seed", "3")
-    later = ("--set", f"params.{tmp_path / 'astray.py'}.after=200")
-    assert exit_code("run", *arguments, *later, "--out", tmp_path / "out") == 0
-    said = capsys.readouterr().out
-    assert "Warning: at 5 steps, the first of them 200, more than half" in said
 
 
 def test_on_a_map_in_metres_errors_are_metres_and_degrees_without_the_mixture_of_eq_4(

@@ -3,13 +3,12 @@
 import json
 
 import pytest
-from deqmcl_command import exit_code, files, lines, lose, records
+from deqmcl_command import exit_code, files, lose, records
 from sweep_command import report, sweep, write_small
 
 from benchmarks.sweeps import running
 from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.sweepfile import sweep_named
-from benchmarks.trials.scoring import LATER
 
 MINE = """
 import numpy as np
@@ -80,25 +79,6 @@ def test_a_number_that_differs_is_found_and_named_and_the_folder_is_as_it_was(mi
     assert "2 of 4 trials differ" in said or "1 of 4 trials differ" in said
     assert "mine.py:Mine, world 0, filter seed 0: error at offset 0 was" in said
     assert files(out) == before
-
-
-def test_scores_added_since_are_not_compared_and_missing_in_tables(mine, capsys):
-    plug_in, _, out = mine
-    path = out / "trials.jsonl"
-    held = [json.loads(text) for text in path.read_text().splitlines()]
-    for line in held:
-        del line["crc"]  # as lines of 0.2.0 are
-        for row in line["record"]["scores"]:
-            for name in LATER:
-                del row[name]
-    path.write_text("".join(json.dumps(line) + "\n" for line in held))
-    edit(plug_in, 0.0)
-    assert verify(out) == 0
-    assert "none differs" in capsys.readouterr().out
-    assert report(out) == 0
-    rows = lines(out)
-    assert {row["wall_step_share"] for row in rows} == {""}
-    assert "" not in {row["wall_share"] for row in rows}
 
 
 def test_what_is_interrupted_or_made_by_this_very_code_writes_nothing(finished, copy, monkeypatch):
