@@ -28,7 +28,7 @@ from benchmarks.execution.engines import Where
 from benchmarks.sweeps import suites
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import results_in
-from benchmarks.sweeps.verifying import compare_again, record_parts, sample
+from benchmarks.sweeps.running import compare_again, record_parts, sample
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import csv_of
 from benchmarks.trials.attempt import Outcome, provenance_of

@@ -9,7 +9,7 @@ from typing import Any
 
 import localizers
 from benchmarks.agents import AGENTS
-from benchmarks.setup.names import scenario, scenario_names
+from benchmarks.setup.names import SCENARIOS, scenario
 from benchmarks.sweeps.sweepfile import SUITES, sweep_named
 from benchmarks.trials.scores import JOURNEY_SCORES, METRICS, TRACK_SCORES, Score
 from localizers.checks import LAWS, law_name
@@ -75,7 +75,7 @@ def suites() -> Table:
 
 def scenarios() -> Table:
     """Return a table of the scenarios."""
-    rows = ([f"`{name}`", scenario(name).words] for name in scenario_names())
+    rows = ([f"`{name}`", scenario(name).words] for name in SCENARIOS)
     return (["scenario", "what it is"], rows)
 
 

@@ -1,4 +1,4 @@
-"""Things by name: one grammar for localizers, scan models, agents and scenarios.
+"""Things by name: one grammar for localizers, scan models and agents.
 
 A name is, the first of these that it fits: built in; registered in this process; an entry point of
 an installed package; ``package.module:NAME``; ``path/to/file.py:NAME``, or ``path/to/file.py`` if
@@ -43,10 +43,8 @@ class Kind:
     word: str  # "localizer"
     builtin: Mapping[str, Any]  # by name
     group: str  # of entry points of installed packages
-    call: str = ""  # how one is made of what a name leads to
-    verbs: tuple[str, ...] = ()  # its methods, with their arguments
-    holds: type | None = None  # type of what a name leads to, if that is the thing itself
-    own: str = "path/to/file.py:NAME or package.module:NAME"  # how one's own is named
+    call: str  # how one is made of what a name leads to
+    verbs: tuple[str, ...]  # its methods, with their arguments
     # names that there were, which folders may hold, and what to use instead
     gone: Mapping[str, str] = field(default_factory=dict)
     added: dict[str, Any] = field(default_factory=dict)  # by name; no other process knows them
@@ -54,7 +52,7 @@ class Kind:
 
     def names(self) -> tuple[str, ...]:
         """Names that are built in, registered or installed; none is loaded."""
-        return tuple(dict.fromkeys((*self.builtin, *self.added, *self.installed())))
+        return tuple(dict.fromkeys((*self.builtin, *self.added, *sorted(self.installed()))))
 
     def installed(self) -> Mapping[str, str]:
         """References of the entry points of installed packages, by name; none is loaded."""
@@ -104,7 +102,8 @@ class Kind:
         try:
             return self.installed()[one_of(self.word, name, self.names())]
         except InputError as error:
-            raise InputError(f"{str(error).rstrip('.')}, or your own as {self.own}.") from None
+            own = "path/to/file.py:NAME or package.module:NAME"
+            raise InputError(f"{str(error).rstrip('.')}, or your own as {own}.") from None
 
     def complete(self, name: str) -> str:
         """Return ``file.py:NAME`` for a ``file.py`` that holds one of the kind, else the name."""
@@ -114,14 +113,14 @@ class Kind:
         fitting = [one for one, value in vars(module).items() if self._is_in(module, one, value)]
         if len(fitting) == 1:
             return name + f":{fitting[0]}"
-        none = f"no class with {' and '.join(self._methods)}" if self.verbs else f"no {self.word}"
+        none = f"no class with {' and '.join(self._methods)}"
         raise InputError(
             f"the file {module.__file__} has {', '.join(fitting) or none}: say which one is the "
             f"{self.word}, as in {name}:{(*fitting, 'NAME')[0]}."
         )
 
     def resolve(self, name: str) -> Any:
-        """Return the factory, or the thing, that a name leads to; this runs a plug-in's code."""
+        """Return the factory that a name leads to; this runs a plug-in's code."""
         if name in (ours := {**self.builtin, **self.added}):
             return ours[name]
         named, reference = f"the {self.word} {name!r}", self.complete(self.reference(name))
@@ -134,9 +133,11 @@ class Kind:
         module = self._module(name, place)
         asked = (_attribute, named, module, place, attribute)
         thing = _called(f"{named} cannot be imported", place, *asked)
-        if not (callable(thing) if self.holds is None else isinstance(thing, self.holds)):
-            must = self.holds.__name__ if self.holds else f"class or a function for {self.call}"
-            raise InputError(f"{named} is of type {type(thing).__name__}, but must be a {must}.")
+        if not callable(thing):
+            raise InputError(
+                f"{named} is of type {type(thing).__name__}, but must be a class or a function for "
+                f"{self.call}."
+            )
         return thing
 
     def parameters(self, name: str) -> tuple[str, ...] | None:
@@ -183,8 +184,6 @@ class Kind:
         """Whether a public value of a module is one, or a class of its own that makes one."""
         if name.startswith("_"):
             return False
-        if self.holds is not None:
-            return isinstance(value, self.holds)
         methods = (getattr(value, verb, None) for verb in self._methods)
         return inspect.isclass(value) and _is_of(module, value) and all(map(callable, methods))
 
@@ -207,17 +206,14 @@ class Kind:
 
 @cache
 def _entry_points(path: tuple[str, ...]) -> dict[str, dict[str, str]]:
-    """Return references by name by group; if several packages have a name, the first of them."""
+    """Return references by name by group; if several packages have a name, that of the first."""
     del path
-    packages: dict[str, Any] = {}
-    for one in distributions():
-        with contextlib.suppress(Exception):  # whatever is wrong with a file of somebody else's
-            own = [entry for entry in one.entry_points if entry.name and entry.value]
-            packages.setdefault(one.name.lower().replace("_", "-"), own)
     groups: dict[str, dict[str, str]] = {}
-    for entry in sorted({entry for own in packages.values() for entry in own}):
-        reference = entry.value.partition("[")[0].strip()
-        groups.setdefault(entry.group, {}).setdefault(entry.name, reference)
+    for package in distributions():
+        with contextlib.suppress(Exception):  # whatever is wrong with a file of somebody else's
+            for entry in [entry for entry in package.entry_points if entry.name and entry.value]:
+                reference = entry.value.partition("[")[0].strip()
+                groups.setdefault(entry.group, {}).setdefault(entry.name, reference)
     return groups
 
 

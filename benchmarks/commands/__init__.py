@@ -181,7 +181,7 @@ def trials(default: int | None = None) -> Option:
 
 SETTING: tuple[Option, ...] = (  # of ``setting_sweep``
     option("--scenario", default="paper", metavar="NAME",
-        help="a name (deqmcl list), room.toml or file.py:NAME (paper)"),
+        help="a name (deqmcl list) or room.toml (paper)"),
     seed(),
     option("--particles", type=int, default=1000, metavar="N", help="particles (1000)"),
     option("--lag", type=int, default=20, metavar="L", help="lag of the queue (20)"),

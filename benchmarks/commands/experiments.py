@@ -307,7 +307,7 @@ def verify_command(options: argparse.Namespace) -> str:
 
     prepare()  # while this process loads what it needs
     from benchmarks.execution.engines import Where
-    from benchmarks.sweeps.verifying import SAMPLED, verify
+    from benchmarks.sweeps.running import SAMPLED, verify
     from deqmcl_gym.validation import number
 
     part = SAMPLED if options.share is None else number("--share", options.share, low=0, high=1)

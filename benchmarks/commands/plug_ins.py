@@ -32,7 +32,7 @@ _FIRST = "paper", "quick", "lost-quick", "wrong-map-quick", "plan-sensor", "basi
 def list_command(options: argparse.Namespace) -> str:
     """List suites, localizers, scenarios and agents; or describe a localizer."""
     from benchmarks.agents import AGENTS
-    from benchmarks.setup.names import scenario, scenario_names
+    from benchmarks.setup.names import SCENARIOS, scenario
     from benchmarks.sweeps.sweepfile import SUITES
     from deqmcl_gym.validation import one_of
     from localizers import describe, names
@@ -50,7 +50,7 @@ def list_command(options: argparse.Namespace) -> str:
         "localizers": ("deqmcl list NAME says what they take", localizers, _parameters),
         "scenarios": (
             "deqmcl sweep NAME, or --set scenario=NAME",
-            scenario_names(),
+            SCENARIOS,
             lambda name: scenario(name).words,
         ),
         "agents": (

@@ -1,4 +1,4 @@
-"""Scenarios and agents by name: built in, ``room.toml``, or as localizers are named.
+"""Scenarios by name, built in or ``room.toml``, and agents, which are named as localizers are.
 
 docs/sweeps.md has the table of a scenario file's keys; scenarios.toml has the built-in ones.
 """
@@ -15,7 +15,7 @@ from benchmarks.setup import Agent, documents
 from benchmarks.setup.documents import digest_of_file, from_folder
 from benchmarks.setup.overrides import Named, Overrides, wrappers
 from benchmarks.setup.scenario import RoomScenario, Scenario, Thresholds
-from deqmcl_gym.validation import InputError, part
+from deqmcl_gym.validation import InputError, one_of, part
 from deqmcl_gym.world.presets import WORLDS
 from localizers import RobotModel, absolute_name
 from localizers.digests import content_digest
@@ -32,24 +32,13 @@ AGENT = Kind(
     call="NAME(robot, **params)",
     verbs=("plan_at_reset(info)", "act(belief, info)"),
 )
-SCENARIO = Kind(
-    word="scenario",
-    builtin=dict.fromkeys((*_TABLES, *_OF_LOGS)),
-    group="deqmcl.scenarios",
-    holds=Scenario,
-    own="room.toml or file.py:NAME",
-)
+SCENARIOS = (*_TABLES, *_OF_LOGS)  # that are built in
 _KEYS = (
     *("words", "base", "env", "assumed", "prior"),
     *("agent", "disturbance", "buildings", "thresholds"),
 )
 _DEEPEST = 8  # files, each the base of the next
-_SCAN = "scan.kind"
-
-
-def scenario_names() -> tuple[str, ...]:
-    """Names of the built-in scenarios."""
-    return tuple(SCENARIO.builtin)
+SCAN_KIND = "scan.kind"
 
 
 def absolute_reference(kind: Kind, name: str, folder: Path = Path()) -> str:
@@ -61,15 +50,19 @@ def absolute_reference(kind: Kind, name: str, folder: Path = Path()) -> str:
 
 
 def absolute_scenario(name: str, folder: Path = Path()) -> str:
-    """Return the ``absolute_reference`` name of a scenario."""
-    is_file = isinstance(name, str) and name.endswith(".toml")
-    if not is_file and name not in SCENARIO.builtin:
-        SCENARIO.reference(name)
-    return absolute_reference(SCENARIO, name, folder)
+    """Return the name of a scenario, a file's with its path from a folder."""
+    if isinstance(name, Placed):
+        return name
+    if isinstance(name, str) and name.endswith(".toml"):
+        return from_folder(folder, name)
+    try:
+        return one_of("scenario", name, SCENARIOS)
+    except InputError as error:
+        raise InputError(f"{str(error).rstrip('.')}, or your own as room.toml.") from None
 
 
 def scenario(name: str) -> Scenario:
-    """Return the scenario of a name; if that is a plug-in, its code is run."""
+    """Return the scenario of a name."""
     return _scenario(absolute_name(absolute_scenario(name)), ())
 
 
@@ -84,10 +77,12 @@ def absolute_assumed(assumed: Overrides, folder: Path = Path()) -> Overrides:
     def placed(kind: Any) -> Any:  # a scenario refuses what is none
         return absolute_reference(SCAN_MODEL, kind, folder) if is_code(kind) else kind
 
-    if _SCAN not in assumed:
+    if SCAN_KIND not in assumed:
         return assumed
-    kind = assumed[_SCAN]
-    return assumed | {_SCAN: tuple(map(placed, kind)) if isinstance(kind, tuple) else placed(kind)}
+    kind = assumed[SCAN_KIND]
+    return assumed | {
+        SCAN_KIND: tuple(map(placed, kind)) if isinstance(kind, tuple) else placed(kind)
+    }
 
 
 def make_agent(agent: Named | str, robot: RobotModel) -> Agent:
@@ -97,26 +92,15 @@ def make_agent(agent: Named | str, robot: RobotModel) -> Agent:
     return made
 
 
-def plug_ins_of(found: Scenario) -> tuple[str, ...]:
-    """Return the plug-ins that a scenario is made of: itself, its bases, its agent, its scans."""
-    scan = (found.scan.kind,) if isinstance(found.scan, ScanPlugIn) else ()
-    return (*found.code, *plug_ins_of_agent(found.agent), *scan)
-
-
-def plug_ins_of_agent(agent: Named | None) -> tuple[str, ...]:
-    """Return the name of an agent if its code is not ours."""
-    return (agent.name,) if agent is not None and AGENT.is_plug_in(agent.name) else ()
+def plug_ins_of(agent: Named | None, scan: object) -> tuple[str, ...]:
+    """Return the names of an agent and of a kind of scan model whose code is not ours."""
+    driver = (agent.name,) if agent is not None and AGENT.is_plug_in(agent.name) else ()
+    return (*driver, scan) if isinstance(scan, str) and is_code(scan) else driver
 
 
 def is_plug_in(localizer: str, agent: Named | None) -> bool:
     """Whether the code of a localizer, or of who drives, is not ours."""
-    return LOCALIZER.is_plug_in(localizer) or bool(plug_ins_of_agent(agent))
-
-
-def plug_ins_of_scan(assumed: Overrides) -> tuple[str, ...]:
-    """Return the name of the scan model that is assumed, if its code is not ours."""
-    kind = assumed.get(_SCAN, "")
-    return (kind,) if is_code(kind) else ()
+    return LOCALIZER.is_plug_in(localizer) or bool(plug_ins_of(agent, None))
 
 
 def scenario_digest(name: str) -> str:
@@ -139,16 +123,12 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
 
         return LOGS[name]
     path = Path(name)
-    if name.endswith(".toml"):
-        given = documents.read_toml(path, "scenario")
-        with documents.errors_name(path):
-            documents.check_values(given, _KEYS)
-            base = documents.as_text("base", given.get("base", "paper"))
-            below = _scenario(absolute_scenario(base, path.parent), (*within, name))
-            return _changed(below, given, path, str(content_digest(path)))
-    own: Scenario = SCENARIO.resolve(name)
-    agent = absolute_agent(own.agent, Path(split_path(name)[0]).parent)
-    return replace(own, agent=agent, source=SCENARIO.digest(name), code=(name,))
+    given = documents.read_toml(path, "scenario")
+    with documents.errors_name(path):
+        documents.check_values(given, _KEYS)
+        base = documents.as_text("base", given.get("base", "paper"))
+        below = _scenario(absolute_scenario(base, path.parent), (*within, name))
+        return _changed(below, given, path, str(content_digest(path)))
 
 
 @cache

@@ -59,7 +59,6 @@ class Scenario(ABC):
     buildings: int = 1
     thresholds: Thresholds = field(default_factory=Thresholds)
     source: str = ""  #: digest of the files that it was read from; "" if built-in
-    code: tuple[str, ...] = ()  #: names of the plug-ins that it and its bases are
 
     def __post_init__(self) -> None:
         integer("buildings", self.buildings, low=1)

@@ -79,7 +79,7 @@ class Sweep:
 
     title: str
     localizers: tuple[Method, ...]  #: the methods compared, or their names
-    scenario: str = "paper"  #: its name; a user's own as room.toml or ``file.py:NAME``, absolute
+    scenario: str = "paper"  #: its name; a user's own as room.toml, absolute
     lag: int = 20  #: the lag L; also a parameter of each localizer that has a use for it
     world: Overrides = NOTHING
     assumed: Overrides = NOTHING

@@ -2,10 +2,7 @@
 
 import json
 import os
-import platform
-import re
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +55,6 @@ class Manifest(Struct, frozen=True, kw_only=True, omit_defaults=True):
     parameters: dict[str, list[str] | None]  # those that each localizer takes; None: any
     command: list[str]  # the words that started the sweep
     environment: Environment
-    cpu: str = ""
     places: dict[str, str] = field(default_factory=dict)  # of files, by their name in a sweep file
     margin: float | None = None  # by which comparisons were decided; None: all worlds were run
     verified: list[Verified] = field(default_factory=list)  # what else may go on with its trials
@@ -84,7 +80,6 @@ def manifest_of(sweep: Sweep, command: Sequence[str]) -> Manifest:
         parameters={str(n): None if names is None else list(names) for n, names in taken.items()},
         command=list(command),
         environment=environment(),
-        cpu=_cpu_model(),
         places=places(sweep),
         margin=None if sweep.until_decided is None else sweep.until_decided.margin,
     )
@@ -213,15 +208,6 @@ def read_manifest(folder: Path) -> Manifest:
         margin=until.get("margin") if isinstance(until, dict) else held.margin,
         places={n: os.path.abspath(folder / place) for n, place in held.places.items()},
     )
-
-
-def _cpu_model() -> str:
-    """Return the name of this machine's processor."""
-    with suppress(OSError):
-        text = Path("/proc/cpuinfo").read_text()
-        if model := re.search(r"^model name\s*:\s*(.+)$", text, re.MULTILINE):
-            return model[1]
-    return platform.processor() or platform.machine()
 
 
 def differences(theirs: Any, ours: Any, at: str = "") -> Iterator[str]:

@@ -9,11 +9,11 @@ from typing import Any
 from benchmarks.setup import documents
 from benchmarks.setup.documents import from_folder, said_from
 from benchmarks.setup.names import (
+    SCENARIOS,
     absolute_agent,
     absolute_assumed,
     absolute_reference,
     absolute_scenario,
-    scenario_names,
 )
 from benchmarks.setup.overrides import (
     OF_LOCALIZERS,
@@ -47,10 +47,10 @@ def sweep_named(name: str, added: Sequence[str] = ()) -> Sweep:
     """
     if name.endswith(".toml"):
         return read_sweep(Path(name), added)
-    if name in scenario_names() and name not in SUITES:
+    if name in SCENARIOS and name not in SUITES:
         sweep = Sweep(title=name, scenario=name, localizers=tuple(map(Method, PAPER_METHODS)))
     else:
-        sweep = read_sweep(_suite_file("suite or scenario", name, scenario_names()))
+        sweep = read_sweep(_suite_file("suite or scenario", name, SCENARIOS))
     return with_localizers(sweep, added)
 
 

@@ -9,14 +9,7 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 
 from benchmarks.setup.documents import digest_of_file
-from benchmarks.setup.names import (
-    AGENT,
-    plug_ins_of,
-    plug_ins_of_agent,
-    plug_ins_of_scan,
-    scenario,
-    scenario_digest,
-)
+from benchmarks.setup.names import AGENT, SCAN_KIND, plug_ins_of, scenario, scenario_digest
 from benchmarks.trials.provenance import Provenance, code_digest, versions
 from benchmarks.trials.scoring import TrialRecord, record
 from benchmarks.trials.spec import Trial
@@ -36,7 +29,9 @@ def provenance_of(trials: Iterable[Trial]) -> Provenance:
         parts.append((trial.scenario, setup(absolute_name(trial.scenario))))
         if trial.agent is not None:
             parts.append((trial.agent.name, AGENT.digest(trial.agent.name)))
-        parts += [(name, SCAN_MODEL.digest(name)) for name in plug_ins_of_scan(trial.assumed)]
+        parts += [
+            (n, SCAN_MODEL.digest(n)) for n in plug_ins_of(None, trial.assumed.get(SCAN_KIND))
+        ]
         parts += [(path, digest_of_file(path)) for path in trial.files]
         for name, digest in parts:
             if digests.setdefault(name, digest) != digest:
@@ -56,8 +51,9 @@ def key_of(trial: Trial) -> str:
 def guest_of(trial: Trial) -> str:
     """Return the names of a trial's plug-ins: all that are not ours; "" if none is."""
     localizer = (trial.localizer,) if LOCALIZER.is_plug_in(trial.localizer) else ()
-    parts = (*plug_ins_of_agent(trial.agent), *plug_ins_of_scan(trial.assumed))
-    return " ".join((*localizer, *plug_ins_of(scenario(trial.scenario)), *parts))
+    found = scenario(trial.scenario)
+    usual = plug_ins_of(found.agent, getattr(found.scan, "kind", None))
+    return " ".join((*localizer, *usual, *plug_ins_of(trial.agent, trial.assumed.get(SCAN_KIND))))
 
 
 @dataclass(frozen=True, kw_only=True)

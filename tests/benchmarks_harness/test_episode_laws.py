@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import localizers
-from benchmarks.setup.names import scenario, scenario_names
+from benchmarks.setup.names import SCENARIOS, scenario
 from benchmarks.setup.overrides import Named, Overrides
 from benchmarks.setup.priors import Uniform
 from benchmarks.sweeps.sweepfile import PAPER_METHODS, paper_sweep
@@ -24,7 +24,7 @@ RNG = np.random.default_rng(0)
 # from them in numbers; a log must be named first.
 BLINDLY_DRIVEN = [
     name
-    for name in scenario_names()
+    for name in SCENARIOS
     if name not in ("log", "log-short", "replay")  # they need files
     and scenario(name).agent.name in ("open-loop", "stale")
     and not name.startswith(("lost-", "driving-"))

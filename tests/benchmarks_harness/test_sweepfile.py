@@ -1,4 +1,4 @@
-"""A sweep file: what it says, and how it is refused."""
+"""A sweep file: what it says, and how it is refused; ours, and those beside reports."""
 
 import math
 import re
@@ -11,7 +11,8 @@ from refusals import refused
 from benchmarks.setup.overrides import Overrides, located
 from benchmarks.sweeps.design import MOST_TRIALS
 from benchmarks.sweeps.running import check
-from benchmarks.sweeps.sweepfile import read_sweep, sweep_named, with_localizers
+from benchmarks.sweeps.sweepfile import SUITES, read_sweep, sweep_named, with_localizers
+from benchmarks.tables.stats import least_worlds
 from benchmarks.trials.attempt import key_of, provenance_of
 from deqmcl_gym.validation import InputError
 from localizers import absolute_name
@@ -250,3 +251,31 @@ def test_a_cost_map_is_found_beside_the_sweep_file_and_its_content_names_the_res
     keys = {key_of(trial) for trial in trials}
     (tmp_path / "costs.pgm").write_bytes(b"P5 1 1 255 1")
     assert not keys & {key_of(trial) for trial in trials}
+
+
+REPORTS = Path(__file__).parents[2] / "docs" / "reports"
+BESIDE = [path.relative_to(REPORTS).as_posix() for path in sorted(REPORTS.glob("*/*.toml"))]
+
+
+@pytest.mark.parametrize("name", [name for name in SUITES if name != "basin"])  # needs a log
+def test_every_built_in_suite_can_be_made(name):
+    check(sweep_named(name))
+
+
+@pytest.mark.parametrize("name", [name for name in BESIDE if "/log-" not in name])
+def test_every_sweep_beside_its_report_can_be_made(name):
+    check(sweep_named(str(REPORTS / name)))
+
+
+def test_a_localizer_added_to_a_suite_runs_on_its_worlds_and_one_it_has_is_not_added():
+    quick = sweep_named("quick")
+    assert with_localizers(quick, ["mcl"]) == quick
+    noise = with_localizers(sweep_named("noise"), ["ekf", "ekf"])
+    assert [method.name for method in noise.localizers].count("ekf") == 1
+    worlds = [t.world for t in noise.distinct() if t.localizer == "ekf"]
+    assert worlds == [t.world for t in noise.distinct() if t.localizer == "mcl"]
+
+
+def test_the_quick_look_has_worlds_enough_to_tell_with_two_methods_of_ones_own():
+    quick = sweep_named("quick")
+    assert quick.trials >= least_worlds(len(quick.localizers) - 1 + 2)

@@ -13,7 +13,7 @@ import deqmcl_gym
 import localizers
 from benchmarks.agents import AGENTS
 from benchmarks.commands import COMMANDS, experiments
-from benchmarks.setup.names import scenario, scenario_names
+from benchmarks.setup.names import SCENARIOS, scenario
 from benchmarks.sweeps.sweepfile import SUITES
 
 HELP = [("--help",), *((name, "--help") for name in COMMANDS)]
@@ -114,9 +114,9 @@ def test_the_list_shows_suites_localizers_scenarios_and_agents_even_if_one_canno
     monkeypatch.setattr(localizers, "names", lambda: broken)
     assert exit_code("list", "--all") == 0
     said = capsys.readouterr().out
-    for words in (*SUITES, *localizers.names(), *scenario_names(), *AGENTS):
+    for words in (*SUITES, *localizers.names(), *SCENARIOS, *AGENTS):
         assert re.search(rf"^  {words}\b", said, re.MULTILINE)
-    for name in scenario_names():
+    for name in SCENARIOS:
         assert re.search(rf"^  {name} +{re.escape(scenario(name).words)}$", said, re.MULTILINE)
     assert re.search(r"^  no_such_module:Theirs +cannot be loaded: the localizer", said, re.M)
 

@@ -84,20 +84,17 @@ def test_what_a_plug_in_does_to_its_process_changes_no_result_and_ends_with_it(
 
 
 def write_setup(folder):
-    """Write an agent and a scenario that are as hostile, and TOML files that lead to both."""
+    """Write an agent that is as hostile, and a scenario that leads to it."""
     hostile = (folder / "hostile.py").read_text()
     (folder / "agent.py").write_text(f"{hostile}\nclass Driver: ...\n")
-    made = "from benchmarks.setup.names import scenario\nMINE = scenario('paper')\n"
-    (folder / "room.py").write_text(f"{hostile}\n{made}")
     (folder / "agent.toml").write_text('agent = "agent.py:Driver"')
-    (folder / "base.toml").write_text('base = "room.py:MINE"')
 
 
 @pytest.mark.parametrize(
     ("what", "when", "command"),
     [
         ("recurse", "make", ("sweep", "small.toml")),
-        ("close", "import", ("run", "--localizer", "mcl", "--scenario", "base.toml")),
+        ("close", "import", ("run", "--localizer", "mcl", "--scenario", "agent.toml")),
         ("exit", "import", ("paper", "--scenario", "agent.toml", "--trials", "1")),
     ],
 )

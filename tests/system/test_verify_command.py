@@ -6,7 +6,7 @@ import pytest
 from deqmcl_command import exit_code, files, lose, records
 from sweep_command import report, sweep, write_small
 
-from benchmarks.sweeps import verifying
+from benchmarks.sweeps import running
 from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.sweepfile import sweep_named
 
@@ -89,7 +89,7 @@ def test_what_is_interrupted_or_made_by_this_very_code_writes_nothing(finished, 
     def stopped(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(verifying, "outcomes", stopped)
+    monkeypatch.setattr(running, "outcomes", stopped)
     assert verify(copy) == 130
     assert files(copy) == before
 
@@ -97,7 +97,7 @@ def test_what_is_interrupted_or_made_by_this_very_code_writes_nothing(finished, 
 def test_a_sample_has_the_first_world_of_each_setting_and_method_and_one_in_a_hundred_by_digest():
     sweep = sweep_named("noise")
     trials = {trial.key(""): trial for trial in sweep.distinct()}
-    drawn = [set(verifying.sample(trials, code)) for code in ("a", "b")]
+    drawn = [set(running.sample(trials, code)) for code in ("a", "b")]
     first = {trial.key("") for trial in sweep.cells()}
     assert first == drawn[0] & drawn[1] & first
     others = len(trials) - len(first)
