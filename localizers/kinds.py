@@ -270,13 +270,22 @@ def is_ctrl_c(error: BaseException) -> bool:
 
 def raised(error: BaseException, file: str | None = None) -> str:
     """Say what was raised and where, deepest in ``file``: "ValueError: words (name.py, line 7)"."""
-    words = in_words(error).rstrip(".")
+    words = reason_of(error).rstrip(".")
     if isinstance(error, SyntaxError):  # they say where
         return words
     frames = traceback.extract_tb(error.__traceback__)
     theirs = [frame for frame in frames if not frame.filename.startswith(_LOADERS)]
     own = [frame for frame in theirs if frame.filename == file] or theirs
     return f"{words} ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else words
+
+
+def reason_of(error: BaseException) -> str:
+    """Return an error in words; of a file whose own processes cannot import it, what to do."""
+    shown = "".join(traceback.format_exception(error))  # and what caused it
+    if "BrokenProcessPool" not in shown and f"No module named '{_MODULE}" not in shown:
+        return in_words(error)
+    remedy = "its file.py cannot be imported by processes that it starts, so make it a package"
+    return f"{in_words(error).rstrip('.')}: {remedy}"
 
 
 def _called(

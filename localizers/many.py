@@ -170,7 +170,7 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
         """Return what each room's lidar would measure at a pose, (n, 3), without noise, (n, B)."""
         exact = np.empty((self.lidar.beams, self.num_envs), np.float32)
         rooms = np.arange(self.num_envs)
-        local = self._grounds.local(rooms, np.asarray(poses, np.float64))
+        local = np.asarray(poses, np.float32).T.copy()
         self.lidar.cast(self._grounds.caster(rooms), local, exact)
         return exact.T
 
@@ -198,10 +198,7 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
             pose = self._robots.poses[room] = x, y, centred_heading(heading)
             self._grounds.put(room, world)
             self._robots.gaps[room] = 0.0
-            caster = world.floor_plan.local.caster
-            self.scans[room] = LidarSensor(caster, world.floor_plan.datum, self.lidar, sensor).scan(
-                pose
-            )
+            self.scans[room] = LidarSensor(world.floor_plan.cast, self.lidar, sensor).scan(pose)
             self._moves.renew(room, motion)
             self._readings.renew(room, sensor)
             stream = own.spawn(1)[0]
@@ -226,7 +223,7 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
         )  # fmt: skip
         rooms = np.flatnonzero(~still)
         exact = np.empty((self.lidar.beams, rooms.size), np.float32)
-        local = self._grounds.local(rooms, self._robots.poses[rooms])
+        local = self._robots.poses[rooms].T.astype(np.float32, order="C")
         self.lidar.cast(self._grounds.caster(rooms), local, exact)
         self._readings.fill()
         noise = self._readings

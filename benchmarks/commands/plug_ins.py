@@ -109,7 +109,7 @@ def _new(parser: argparse.ArgumentParser) -> None:
     words = "a file with a small working localizer, class MyLocalizer"
     localizer = kinds.add_parser("localizer", allow_abbrev=False, help=words)
     option("file", type=file, metavar="FILE.py", help="the file; must not exist yet")(localizer)
-    words = "an office from a seed: a ROS map of 0.1 m cells, and the same as polygons"
+    words = "an office from a seed: a ROS map of 0.1 m cells"
     office = kinds.add_parser("map", allow_abbrev=False, help=words, description=f"Write {words}.")
     for name, how in _OFFICE.items():
         office.add_argument(f"--{name}", default=argparse.SUPPRESS, **how)
@@ -151,8 +151,8 @@ def _localizer(path: Path) -> str:
 def _map(options: argparse.Namespace) -> str:
     from tempfile import TemporaryDirectory
 
-    from deqmcl_gym.files import writable_folder, write_text
-    from deqmcl_gym.maps import Office, polygon_map
+    from deqmcl_gym.files import writable_folder
+    from deqmcl_gym.maps import Office
     from deqmcl_gym.validation import InputError
 
     office = Office(**{name: value for name, value in vars(options).items() if name in _OFFICE})
@@ -162,13 +162,12 @@ def _map(options: argparse.Namespace) -> str:
     with TemporaryDirectory(dir=writable_folder(out)) as folder:
         unfinished = Path(folder)
         office.grid.save(unfinished / "office.yaml")
-        write_text(unfinished / "office.json", polygon_map.polygons_text(office.polygons))
         for path in unfinished.iterdir():
             path.replace(out / path.name)
     _, _, width, height = office.grid.bounds
     return (
         f"Written to {out}: an office of {width:.1f} x {height:.1f} m, as office.yaml with "
-        f'office.pgm and as office.json. Drive in it: floor_plan = "{out / "office.yaml"}".'
+        f'office.pgm. Drive in it: floor_plan = "{out / "office.yaml"}".'
     )
 
 

@@ -219,9 +219,20 @@ def _close(connected: Any) -> None:
 
 
 def available_cpus() -> int:
-    """Return how many processors this process may use, at least 1."""
+    """Return how many processors this process may use, at least 1: by affinity and by quota."""
     affinity = getattr(os, "sched_getaffinity", None)  # not everywhere
-    return len(affinity(0)) if affinity else os.cpu_count() or 1
+    cpus = len(affinity(0)) if affinity else os.cpu_count() or 1
+    return max(1, math.ceil(min(cpus, _quota())))
+
+
+def _quota(groups: Path = Path("/sys/fs/cgroup")) -> float:
+    """Processors' worth of time that a container gets; ∞ without a limit."""
+    first = [groups / "cpu" / f"cpu.cfs_{part}_us" for part in ("quota", "period")]
+    for files in ([groups / "cpu.max"], first):  # control groups of versions 2 and 1
+        with contextlib.suppress(OSError, ValueError):  # none there; "max" is no number
+            quota, period = map(int, " ".join(file.read_text() for file in files).split())
+            return quota / period if quota > 0 else math.inf
+    return math.inf
 
 
 _InFlight = dict[Future[Outcome], tuple[str, Trial, float]]  # key, trial, when it was submitted

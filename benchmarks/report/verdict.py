@@ -16,6 +16,7 @@ from benchmarks.tables.stats import ALPHA, Interval
 from benchmarks.tables.text import BLIND, interval, p_value, percent, short_name, significant
 
 AT_ALL_LOOKS = "95 % at all looks"  # what an interval of a decided comparison is
+_COVERAGE_APART = 0.1  # difference of shares inside a region that is told
 
 
 def conclusion(results: Results) -> str:
@@ -36,6 +37,11 @@ def verdict_on(panel: Panel) -> str:
         said = [_on_a_log(panel) or said[0]]
     elif winner.method == BLIND and len(filters := ranked[ranked["method"] != BLIND]):
         said.append(f"Of the methods that use scans: {_sentence(panel, filters)}")
+    said += [
+        f"{label} has Nav2's defaults, while the motion noise and the power of the scans that the "
+        "others assume are fitted to this log: deqmcl tune fits it, too."
+        for label in _unfitted(panel)
+    ]
     said += [
         f"Plug-in {row.label}: {_reached(panel, row)}, {row.relation}."
         for row in _plug_ins(panel, winner)
@@ -65,8 +71,10 @@ def decided(panels: Sequence[Panel]) -> str:
         return ""
     counts = rows["decision"].value_counts()
     kinds = ", ".join(f"{counts[kind]} {kind}" for kind in RELATIONS if kind in counts)
+    worlds = sorted(rows.loc[rows["decision"] != "open", "decided_worlds"])
+    half = f", half of the decisions within {worlds[(len(worlds) - 1) // 2]:.0f} worlds"
     return (
-        f"Comparisons with the baseline: {kinds}. Better or worse: by more "
+        f"Comparisons with the baseline: {kinds}{half if worlds else ''}. Better or worse: by more "
         f"than the margin of {100 * rule.margin:g} %; equivalent: by less."
     )
 
@@ -190,7 +198,7 @@ def _ahead(panel: Panel, row: Any) -> str:
 
 
 def _on_a_log(panel: Panel) -> str:
-    """The verdict on whole logs of equal success: by errors; "" if they are alike, too."""
+    """The verdict on whole logs of equal success: by errors, else by coverage of 95 % regions."""
     score, rows = "position_median", panel.present
     if score not in rows or len(rows) == 1:
         return ""
@@ -200,17 +208,40 @@ def _on_a_log(panel: Panel) -> str:
     rows = rows.sort_values(score)
     low, high = rows[f"{score}_diff_low"], rows[f"{score}_diff_high"]
     clear = rows[((low > 0) | (high < 0)) & (rows[f"{score}_p_holm"] < ALPHA)]
-    if clear.empty:
+    if len(clear):
+        near: Any = next(iter(clear.itertuples()))
+        apart = Interval(*(getattr(near, f"{score}_diff{end}") for end in ("", "_low", "_high")))
+        first = near.label if apart.mean < 0 else near.reference
+        errors = rows[["label", score]].itertuples(index=False)
+        listed = ", ".join(f"{label} {error:.3f} m" for label, error in errors)
+        return (
+            f"{first} is nearest to the reference: median position error of a run, mean over runs: "
+            f"{listed}; {near.label} - {near.reference}: {apart.mean:+.3f} m (95 %: "
+            f"{interval(apart, '+.3f')}), p (Holm) "
+            f"{p_value(getattr(near, f'{score}_p_holm'))}. The share of runs that are localized to "
+            "the end separates no methods."
+        )
+    held = {}
+    for label, records in panel.records_by_label.items():
+        shares = [one.track.scores.get("coverage_95") for one in records if one.track is not None]
+        if known := [share for share in shares if share is not None]:
+            held[label] = sum(known) / len(known)
+    few = stats.least_p(int(rows["paired_worlds"].max()), panel.tests) >= ALPHA
+    if few or len(held) < 2 or max(held.values()) - min(held.values()) < _COVERAGE_APART:
         return ""
-    near: Any = next(iter(clear.itertuples()))
-    apart = Interval(*(getattr(near, f"{score}_diff{end}") for end in ("", "_low", "_high")))
-    first = near.label if apart.mean < 0 else near.reference
-    errors = rows[["label", score]].itertuples(index=False)
-    listed = ", ".join(f"{label} {error:.3f} m" for label, error in errors)
+    listed = ", ".join(f"{percent(share)} of {label}'s records" for label, share in held.items())
     return (
-        f"{first} is nearest to the reference: median position error of a run, mean over runs: "
-        f"{listed}; {near.label} - {near.reference}: {apart.mean:+.3f} m (95 %: "
-        f"{interval(apart, '+.3f')}), p (Holm) "
-        f"{p_value(getattr(near, f'{score}_p_holm'))}. The share of runs that are localized to "
-        "the end separates no methods."
+        "Neither successes nor errors separate the methods, but the 95 % regions do: they hold the "
+        f"reference in {listed}."
     )
+
+
+def _unfitted(panel: Panel) -> list[str]:
+    """Methods with default assumptions beside others that are fitted to a part of the log."""
+    waits = [
+        label
+        for method, label in panel.labels.items()
+        if method.name == "amcl" and "alpha1" not in method.params
+    ]
+    fitted = "scan.power" in panel.setting.assumed and "judged" in panel.setting.world
+    return waits[:1] if fitted and len(panel.labels) > len(waits) else []

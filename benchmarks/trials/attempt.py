@@ -14,9 +14,9 @@ from benchmarks.trials.provenance import Provenance, code_digest, versions
 from benchmarks.trials.scoring import TrialRecord, record
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Drive, Stage
-from deqmcl_gym.validation import InputError, LogWarning, in_words
+from deqmcl_gym.validation import InputError, LogWarning
 from localizers import absolute_name
-from localizers.kinds import is_ctrl_c
+from localizers.kinds import is_ctrl_c, reason_of
 from localizers.registry import LOCALIZER, SCAN_MODEL
 
 
@@ -94,7 +94,7 @@ def attempt(trial: Trial, key: str) -> Outcome:
     except BaseException as error:
         if is_ctrl_c(error):
             raise
-        return Outcome(reason=in_words(error))
+        return Outcome(reason=reason_of(error))
     if trace.steps == 0:
         return Outcome(reason="it processed 0 steps")
     return Outcome(record=kept, seconds=trace.seconds)

@@ -170,8 +170,8 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
             site = self._sites.site(self.building)
             self._enter(site, site.localizer)
         (x, y, heading), prior = self._begun(start)
-        pose, floor_plan = (x, y, centred_heading(heading)), self.floor_plan
-        lidar = LidarSensor(floor_plan.local.caster, floor_plan.datum, self.lidar, sensor)
+        lidar = LidarSensor(self.floor_plan.cast, self.lidar, sensor)
+        pose = x, y, centred_heading(heading)
         self._body = Body(pose, self._walls, self.world, lidar, motion)
         self._scan = self._body.scan
         self._belief = self._localizer.reset(prior, NO_PLAN, own)
@@ -222,7 +222,6 @@ class ActingEnv(gym.Env[Seen, Singles], ABC):
     def _begun(self, rng: np.random.Generator) -> tuple[Pose, Starts]:
         """Begin an episode: draw the start, and say what the localizer knows of it."""
 
-    @abstractmethod
     def _updated(self) -> None:
         """Take note of a new belief."""
 
@@ -398,9 +397,6 @@ class TrackEnv(ActingEnv):
         self._goal = goal[0], goal[1]
         (mean,) = self._around(mean=(x, y, heading)).sample(1, rng).tolist()
         return (x, y, heading), self._around(mean=mean)
-
-    def _updated(self) -> None:
-        """Nothing depends on the belief."""
 
     def _looked(self, on: NDArray[np.bool_]) -> Singles:
         self._sensed = bool(on[0])

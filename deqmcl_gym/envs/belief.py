@@ -179,7 +179,7 @@ class BeliefObservation(gym.Wrapper[Seen, Singles, Any, Singles], gym.utils.Reco
                 'localizers.make("mcl", robot).'
             )
         room: Any = env.unwrapped
-        if getattr(room, "draws_building", False):
+        if getattr(getattr(room, "rules", None), "offices", None) is not None:
             raise InputError(
                 "the env draws another building in each episode, but a localizer is made for one "
                 "map: give the office a seed instead of seeds, or take Localize-v0, which makes "

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym import logs
-from deqmcl_gym.logs.motion import increments_of
 from deqmcl_gym.maps import Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Floats, Indices, Pose, Singles
@@ -31,7 +30,7 @@ from deqmcl_gym.world.differences import map_changed
 from deqmcl_gym.world.presets import WORLDS
 from deqmcl_gym.world.rules import StepResult, check_options
 
-PLANS = ("odometry", "reference", "none")
+PLANS = ("odometry", "none")
 
 
 def log_of(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> logs.Log:
@@ -72,22 +71,6 @@ def map_of(given: Any, unknown: Any, log: logs.Log) -> Map | None:
     return found
 
 
-def planned_of(plan: str, log: logs.Log, segments: Indices) -> Floats:
-    """Return the planned increments of a log's steps, (n - 1, 3); (0, 3) for "none"."""
-    if one_of("plan", plan, PLANS) == "none":
-        return np.empty((0, 3))
-    if plan == "odometry":
-        return log.increments
-    unknown = _unknown(log)
-    if log.reference is None or (unknown[segments[:, 1] + 1] > unknown[segments[:, 0]]).any():
-        raise InputError(
-            f'plan is "reference", but {unknown[-1]:,} of {len(log):,} records of '
-            f"{log.source} have no reference pose: choose a segment where all do by start and "
-            'length, or plan="odometry".'
-        )
-    return increments_of(log.reference)
-
-
 def log_segments(log: logs.Log, length: float | None) -> Indices:
     """Return the first and the last record of each segment that an episode may play, (k, 2).
 
@@ -102,7 +85,9 @@ def log_segments(log: logs.Log, length: float | None) -> Indices:
     last = np.maximum(np.searchsorted(way, way + length), np.arange(1, len(log) + 1))
     whole = last < len(log)
     if log.reference is not None:
-        unknown = _unknown(log)
+        unknown = np.ones(len(log), np.intp)
+        unknown[log.referenced] = 0
+        unknown = np.concatenate([[0], np.cumsum(unknown)])  # among the first k, (n + 1,)
         whole[whole] = unknown[last[whole] + 1] == unknown[:-1][whole]
     if not whole.any():
         where = "" if log.reference is None else " with a reference at each record"
@@ -111,13 +96,6 @@ def log_segments(log: logs.Log, length: float | None) -> Indices:
             f"no stretch as long as that{where}: give a smaller segment."
         )
     return np.column_stack([np.flatnonzero(whole), last[whole]])
-
-
-def _unknown(log: logs.Log) -> Indices:
-    """Number of records without a reference among the first k, k = 0 … n, (n + 1,)."""
-    unknown = np.ones(len(log), np.intp)
-    unknown[log.referenced] = 0
-    return np.concatenate([[0], np.cumsum(unknown)])
 
 
 def spacing(what: str, given: object, unit: str) -> tuple[float, float]:
@@ -140,7 +118,7 @@ def spacing(what: str, given: object, unit: str) -> tuple[float, float]:
     return found["length"], found["angle"]
 
 
-ON_MISMATCH = ("error", "warn", "ignore")
+ON_MISMATCH = ("error", "ignore")
 HORIZON = 50
 _SAME = 1e-5  # of an action: single precision, and text of 6 digits
 _RADIUS = 8.0  # px, of the robot
@@ -177,8 +155,7 @@ class LogEnv(gym.Env[Singles, Singles]):
     `planned_actions` (horizon, 3) are the increments to come,
     as if the log were a plan that was carried out, and `planned_count` is their number; `collided`
     is always 0; `is_success` is 1 at the last record. `truth` is the reference pose, inf at
-    records without one; a log without a reference has none. The env reveals it in no other way,
-    except that `plan="reference"` plans by it.
+    records without one; a log without a reference has none. The env reveals it in no other way.
 
     **Poses** are the robot's (ROS: `base_link`). `env.unwrapped.lidar` knows where on the robot it
     is mounted; there its rays start.
@@ -195,16 +172,15 @@ class LogEnv(gym.Env[Singles, Singles]):
         segment: length of an episode by odometry. Its first record is drawn at reset, from those
             that are followed by such a stretch, with a reference at each record if the log has one.
             None plays the whole log.
-        plan: source of planned actions: "odometry", "reference" (needs a pose at each record) or
-            "none".
+        plan: source of planned actions: "odometry" or "none".
         horizon: number of planned actions that `info` shows.
         every: (distance, angle rad) or "0.2m,5deg": play only records this far apart, by odometry,
             like AMCL's update_min_d and update_min_a; None plays all.
         max_beams: largest number of beams used, spread evenly; None uses all.
         start: index of the first record, from 0.
         length: number of records from there on, before `every`; None is all.
-        on_mismatch: what an action other than the recorded one does: "error" refuses it, "warn"
-            warns and plays the log, "ignore" plays it.
+        on_mismatch: what an action other than the recorded one does: "error" refuses it, "ignore"
+            plays the log.
         render_mode: None, "rgb_array" or "human".
         reading: further arguments of `deqmcl_gym.logs.read`: `{"scan_topic": "/scan"}`.
         unknown: what unknown cells of a map that is given by the path of its yaml count as:
@@ -269,7 +245,8 @@ class LogEnv(gym.Env[Singles, Singles]):
             self.radius = number("radius", radius, low=0)
         self._segments = log_segments(self.log, segment)
         self._actions = self.log.increments.astype(np.float32)
-        planned = planned_of(plan, self.log, self._segments)
+        shows = one_of("plan", plan, PLANS) == "odometry"
+        planned = self.log.increments if shows else np.empty((0, 3))
         self._plan = np.vstack([planned, np.zeros((self._horizon, 3))]).astype(np.float32)
         self._planned = len(planned)
         most = np.maximum(np.abs(self._actions).max(axis=0), np.float32(1e-6))
@@ -365,17 +342,14 @@ class LogEnv(gym.Env[Singles, Singles]):
         return self._step
 
     def _compare(self, action: Floats, recorded: Singles) -> None:
-        """Refuse, or warn of, an action that is not the recorded one."""
+        """Refuse an action that is not the recorded one."""
         if self._on_mismatch == "ignore" or np.abs(action - recorded).max() <= _SAME:
             return
         given, meant = (f"({', '.join(f'{one:.6g}' for one in row)})" for row in (action, recorded))
-        sentence = (
+        raise InputError(
             f"the action of step {self.elapsed_steps + 1} is {given}, but {meant} was recorded: "
-            "give env.unwrapped.next_action"
+            'give env.unwrapped.next_action, or make the env with on_mismatch="ignore".'
         )
-        if self._on_mismatch == "error":
-            raise InputError(f'{sentence}, or make the env with on_mismatch="warn" or "ignore".')
-        gym.logger.warn(f"{sentence}; the log is played as it is.")
 
     def _info(self, action: Singles) -> dict[str, Any]:
         step = self._step

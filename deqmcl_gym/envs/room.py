@@ -11,7 +11,7 @@ from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics import Pose, Singles
 from deqmcl_gym.validation import InputError, NoEpisodeError, integer, one_of, pose
 from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start, World
-from deqmcl_gym.world.course import MAX_STEPS, Course, check_free
+from deqmcl_gym.world.course import Course, check_free
 from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
 from deqmcl_gym.world.driver import FixedPlan
 from deqmcl_gym.world.episode import Episode, contacts_of
@@ -86,6 +86,7 @@ class RoomEnv(gym.Env[Any, Singles]):
     Attributes:
         floor_plan: the map m, for localizers too; that of this episode.
         building: seed of this episode's office, where each draws one; else None.
+        rules: what all its episodes share.
         before_step: what happens in the next step before the robot moves, by whose it is.
     """
 
@@ -116,7 +117,7 @@ class RoomEnv(gym.Env[Any, Singles]):
         render_mode: str | None = None,
         **unknown: Any,
     ) -> None:
-        self._rules = rules = RoomRules.of(
+        self.rules = rules = RoomRules.of(
             preset=preset, world=world, horizon=horizon, ends_at_goal=ends_at_goal,
             floor_plan=floor_plan, lidar=lidar, robot=robot, noise=noise, start=start, lap=lap,
             driver=driver, route=route, clutter=clutter, changed_walls=changed_walls,
@@ -142,16 +143,6 @@ class RoomEnv(gym.Env[Any, Singles]):
         return self.world.robot.radius
 
     @property
-    def rules(self) -> RoomRules:
-        """What all its episodes share."""
-        return self._rules
-
-    @property
-    def draws_building(self) -> bool:
-        """Whether each episode is in another office."""
-        return self._rules.offices is not None
-
-    @property
     def expected_start(self) -> Pose:
         """The planned start (x, y, θ), which need not be the true one."""
         return self.course.start
@@ -163,20 +154,13 @@ class RoomEnv(gym.Env[Any, Singles]):
         For a driver, they are those without noise from the expected start. In a world with a route,
         NoEpisodeError before the first reset.
         """
-        plan = self._rules.plan if self._is_lap_ahead else self._episode.plan
+        plan = self.rules.plan if self._is_lap_ahead else self._episode.plan
         return plan.actions.copy()
-
-    @property
-    def most_steps(self) -> int:
-        """The steps after which the plan ends an episode; a driver without noise needs fewer."""
-        if self.world.route is not None:  # routes differ in length
-            return MAX_STEPS
-        return self._rules.plan.limit
 
     @property
     def course(self) -> Course:
         """Lap or route: its path, start, and actions as planned beforehand; see ``plan``."""
-        return self._rules.course if self._is_lap_ahead else self._episode.course
+        return self.rules.course if self._is_lap_ahead else self._episode.course
 
     @property
     def elapsed_steps(self) -> int:
@@ -206,11 +190,11 @@ class RoomEnv(gym.Env[Any, Singles]):
             root, number = self.np_random_seed, self._number + 1
         else:  # np_random was set, and its seed is unknown
             root, number = int(self.np_random.integers(2**63)), 0
-        rules, building = self._rules.of_episode(root, number)
+        rules, building = self.rules.of_episode(root, number)
         walls = self._walls if building is None else contacts_of(rules.world)
         episode = Episode(rules, walls, seed=root, number=number)
         super().reset(seed=None if seed is None else root)
-        self._rules, self._walls, self.building = rules, walls, building
+        self.rules, self._walls, self.building = rules, walls, building
         self.world, self.floor_plan = rules.world, rules.world.floor_plan
         self._begun, self._number = episode, number
         self.before_step = {}
@@ -225,7 +209,7 @@ class RoomEnv(gym.Env[Any, Singles]):
             state = "has not begun" if episode is None else "has ended"
             raise RuntimeError(f"the episode {state}: call reset() before step().")
         happening, self.before_step = self.before_step, {}
-        command = self._rules.commands.checked(action)
+        command = self.rules.commands.checked(action)
         for happen in happening.values():
             happen()
         reward, collided = episode.advance(*command.tolist())
@@ -265,7 +249,7 @@ class RoomEnv(gym.Env[Any, Singles]):
                 "a driver makes the plan at every step, so it cannot be replaced: "
                 "choose a world without a driver."
             )
-        return self._rules.commands.checked_plan(what, actions)
+        return self.rules.commands.checked_plan(what, actions)
 
     def render(self) -> NDArray[np.uint8] | None:
         """Return the world as it is, (h, w, 3) RGB, or None without a render mode."""
@@ -275,8 +259,8 @@ class RoomEnv(gym.Env[Any, Singles]):
         if self._begun is None:
             raise RuntimeError("there is nothing to render yet: call reset() before render().")
         episode = self._begun
-        ground, course = self.picture(self._rules.view), episode.course
-        return self._rules.picture(ground, course, episode.pose, episode.scan, episode.step)
+        ground, course = self.picture(self.rules.view), episode.course
+        return self.rules.picture(ground, course, episode.pose, episode.scan, episode.step)
 
     def picture(self, view: "View") -> "Drawing":
         """Draw what is there, without the robot, as in ``render``."""
@@ -284,7 +268,7 @@ class RoomEnv(gym.Env[Any, Singles]):
 
     @property
     def _is_lap_ahead(self) -> bool:
-        return self._begun is None and self._rules.journeys is None
+        return self._begun is None and self.rules.journeys is None
 
     def _info(self, episode: Episode, command: Singles, collided: bool) -> dict[str, Any]:
         planned, count = episode.plan.after(episode.underway)
@@ -296,20 +280,20 @@ class RoomEnv(gym.Env[Any, Singles]):
             "is_success": np.float64(episode.done),
             "truth": np.array(episode.pose),
         }
-        if episode.course.goal is not None and self._rules.observation == "scan":
+        if episode.course.goal is not None and self.rules.observation == "scan":
             info["goal"] = np.array(episode.course.goal)
         if self.building is not None:
             info["building"] = np.int64(self.building)
         return cast("dict[str, Any]", info)
 
     def _seen(self, episode: Episode, info: dict[str, Any]) -> Any:
-        if self._rules.observation == "scan":
+        if self.rules.observation == "scan":
             return episode.scan.copy()
         covered = episode.progress / episode.course.path.length
         elapsed = episode.step / episode.plan.limit
         goal, pose = episode.course.goal, episode.pose
         planned = info["planned_actions"]
-        return self._rules.seen(episode.scan, planned, covered, elapsed, goal, pose)
+        return self.rules.seen(episode.scan, planned, covered, elapsed, goal, pose)
 
     @property
     def _episode(self) -> Episode:

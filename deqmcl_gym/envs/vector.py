@@ -17,7 +17,6 @@ from deqmcl_gym.numerics import Bools, Indices, RoomActions
 from deqmcl_gym.validation import (
     InputError,
     NoEpisodeError,
-    UnavailableError,
     integer,
     one_of,
     shown,
@@ -81,18 +80,6 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         self._all_begun = False
         self._all = np.ones(self.num_envs, np.bool_)
         self._ended = np.zeros(self.num_envs, np.bool_)
-
-    @property
-    def plan(self) -> RoomActions:
-        """The actions planned for each lap, done and to come, (T, 2) float32."""
-        self._check_lap("plan")
-        return self._rules.plan.actions.copy()
-
-    @property
-    def course(self) -> Course:
-        """The lap as planned: path, start and actions; UnavailableError of routes."""
-        self._check_lap("course")
-        return self._rules.course
 
     @property
     def floor_plans(self) -> tuple[Map, ...]:
@@ -211,8 +198,9 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         rooms, rules = self._rooms, self._rules
         if rules.observation == "scan":
             return rooms.scans.copy()
-        goals = None if rules.journeys is None else rooms.goals
-        shares = rooms.covered, rooms.elapsed
+        courses = rooms.courses
+        goals = None if rules.journeys is None else courses.goals
+        shares = rooms.progress / courses.lengths, rooms.steps / courses.limits
         return rules.seen(rooms.scans, rooms.plans()[0], *shares, goals, rooms.poses)
 
     def _info(self, among: Bools, commands: RoomActions, collided: Bools, success: Bools) -> Info:
@@ -227,7 +215,7 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
             "truth": self._rooms.poses.copy(),
         }
         if self._rules.journeys is not None and self._rules.observation == "scan":
-            told["goal"] = self._rooms.goals.copy()
+            told["goal"] = self._rooms.courses.goals.copy()
         if self._rules.offices is not None:
             told["building"] = self._rooms.buildings.copy()
         if among is not self._all:
@@ -235,12 +223,6 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
                 values[~among] = 0
         told.update({f"_{key}": among.copy() for key in told})
         return told
-
-    def _check_lap(self, wish: str) -> None:
-        if self._rules.journeys is not None:
-            raise UnavailableError(
-                f"the rooms have a route each, so there is no one {wish}: see courses."
-            )
 
     def _check_begun(self, wish: str) -> None:
         if not self._all_begun:

@@ -179,7 +179,7 @@ def plan_rooms(
 
 @compiled
 def cast_in_rooms(
-    poses: Singles, bearings: Singles, cells: tuple[Any, ...], rooms: Indices, out: Singles
+    cells: tuple[Any, ...], rooms: Indices, poses: Singles, bearings: Singles, out: Singles
 ) -> None:
     """Fill in the ranges (B, k) from a pose in each of ``rooms`` (k,), each a map of ``cells``."""
     _, _, _, sight, shapes, frames, yaws, endless = cells

@@ -1,7 +1,7 @@
 """Rooms: the episodes and maps of many rooms as flat arrays, moved and planned for in kernels."""
 
 import math
-from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from deqmcl_gym.numerics import Bools, Floats, Indices, Singles
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import MAX_STEPS, Course
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan, Underway
-from deqmcl_gym.world.reality import Beginning
+from deqmcl_gym.world.episode import Beginning
 from deqmcl_gym.world.rules import RoomRules
 from deqmcl_gym.world.sensor import NormalTable, Stream, episode_stream
 
@@ -37,7 +37,7 @@ class Rooms:
         self.poses, self.steps = np.zeros((number, 3)), np.zeros(number, np.intp)
         gaps, arcs, self.progress = np.zeros((3, number))
         self._robots = kernels.Robots(self.poses, gaps, arcs, self.progress, self.steps)
-        self._courses = kernels.Courses(
+        self.courses = kernels.Courses(
             edges=np.zeros((number, 0, 6)),
             counts=np.zeros(number, np.intp),
             periods=np.full(number, np.inf),
@@ -74,21 +74,6 @@ class Rooms:
             return self._lap.after_each(self.steps)
         return self._shown.copy(), self._counts.copy()
 
-    @property
-    def goals(self) -> Floats:
-        """The last corner (x, y) of each room's path, (n, 2)."""
-        return self._courses.goals
-
-    @property
-    def covered(self) -> Floats:
-        """Progress of each robot as a share of its path, (n,)."""
-        return self.progress / self._courses.lengths
-
-    @property
-    def elapsed(self) -> Floats:
-        """Steps of each robot as a share of its plan's, (n,)."""
-        return self.steps / self._courses.limits
-
     def begin(self, rooms: Indices, episodes: list[tuple[int, int]]) -> None:
         """Begin an episode (seed, number) in each of ``rooms``; no scan is taken yet.
 
@@ -122,7 +107,7 @@ class Rooms:
         n, noise = resting.size, self._motion
         moved = np.empty(n), np.empty(n, np.bool_), np.empty(n, np.bool_), np.empty(n, np.bool_)
         noise.fill()
-        state = tuple(self._robots), self._grounds.kernel, tuple(self._courses), self._numbers
+        state = tuple(self._robots), self._grounds.kernel, tuple(self.courses), self._numbers
         kernels.step_rooms(*state, commands, noise.drawn, noise.at, resting, moved)
         if not isinstance(self._lap, FixedPlan):
             _, _, terminated, truncated = moved
@@ -142,8 +127,8 @@ class Rooms:
             rooms = self._every
         lidar, noise = self._rules.world.lidar, self._noise
         exact = np.empty((lidar.beams, rooms.size), np.float32)
-        local = self._grounds.local(rooms, self.poses[rooms])
-        lidar.cast(self._grounds.caster(rooms), local, exact)
+        poses = self.poses[rooms].T.astype(np.float32, order="C")
+        lidar.cast(self._grounds.caster(rooms), poses, exact)
         noise.fill()
         limits = lidar.sigma, lidar.max_range
         kernels.report(rooms, exact, noise.drawn, noise.at, *limits, self.scans)
@@ -152,8 +137,8 @@ class Rooms:
     def _put(self, room: int, course: Course, plan: Plan) -> None:
         """Let a room have a course."""
         path, edges = course.path, course.path.edges
-        courses = self._courses
-        self._courses = courses = courses._replace(edges=wide(courses.edges, len(edges)))
+        courses = self.courses
+        self.courses = courses = courses._replace(edges=wide(courses.edges, len(edges)))
         courses.edges[room, : len(edges)], courses.counts[room] = edges, len(edges)
         courses.periods[room], courses.lengths[room] = path.period, path.length
         courses.goals[room], courses.limits[room] = path.corners[-1], plan.limit
@@ -163,7 +148,7 @@ class Rooms:
         """Note what is planned in each of ``rooms``."""
         if self._driver is not None:
             kernels.plan_rooms(
-                tuple(self._robots), self._grounds.kernel, tuple(self._courses), self._driver,
+                tuple(self._robots), self._grounds.kernel, tuple(self.courses), self._driver,
                 rooms, self._shown, self._counts,
             )  # fmt: skip
             return
@@ -208,7 +193,6 @@ class Grounds:
         """Put what the world has into all rooms; ``own``: each may be given another one."""
         self.maps = [world.floor_plan] * rooms
         self._own = own
-        self._datums = np.zeros((rooms, 3))
         slots = rooms if own else 1
         self.numbers = kernels.GroundRows(
             slots=np.arange(rooms) if own else np.zeros(rooms, np.intp),
@@ -228,7 +212,6 @@ class Grounds:
         )
         for room in range(slots):
             self._fill(room, world)
-        self._datums[:, :2] = world.floor_plan.datum
 
     @property
     def kernel(self) -> tuple[Any, ...]:
@@ -248,20 +231,15 @@ class Grounds:
         if self.maps[room] is not world.floor_plan:
             assert self._own
             self.maps[room] = world.floor_plan
-            self._datums[room, :2] = world.floor_plan.datum
             self._fill(room, world)
-
-    def local(self, rooms: Indices, poses: Floats) -> Singles:
-        """Return ``poses`` (k, 3) of ``rooms`` as casters take them, (3, k)."""
-        return (poses - self._datums[rooms]).T.astype(np.float32, order="C")
 
     def caster(self, rooms: Indices) -> Caster:
         """Return a caster for one pose in each of ``rooms`` (k,), in this order."""
         if not self._own:
-            return self.maps[0].local.caster
+            return self.maps[0].cast
         if isinstance(self.maps[0], GridMap):
-            return _AmongCells(tuple(self.numbers.cells), rooms)
-        return _AmongWalls([self.maps[room].local.caster for room in rooms.tolist()])
+            return partial(kernels.cast_in_rooms, tuple(self.numbers.cells), rooms)
+        return partial(_cast_in_each, [self.maps[room].cast for room in rooms.tolist()])
 
     def _fill(self, slot: int, world: World) -> None:
         ground, numbers = world.floor_plan, self.numbers
@@ -298,27 +276,9 @@ def wide(values: Any, size: int) -> Any:
     return wider
 
 
-@dataclass(frozen=True, eq=False)
-class _AmongCells:
-    """A caster of poses in rooms of cells, one in each."""
-
-    cells: tuple[Any, ...]
-    rooms: Indices
-
-    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """See ``deqmcl_gym.maps.map.Caster``."""
-        kernels.cast_in_rooms(poses, bearings, self.cells, self.rooms, out)
-
-
-@dataclass(frozen=True, eq=False)
-class _AmongWalls:
-    """A caster of poses in rooms of walls, one in each."""
-
-    casters: list[Caster]
-
-    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """See ``deqmcl_gym.maps.map.Caster``."""
-        single = np.empty((bearings.size, 1), np.float32)
-        for i, caster in enumerate(self.casters):
-            caster.cast(np.ascontiguousarray(poses[:, i : i + 1]), bearings, single)
-            out[:, i : i + 1] = single
+def _cast_in_each(casters: list[Caster], poses: Singles, bearings: Singles, out: Singles) -> None:
+    """Cast one pose on each of some maps."""
+    single = np.empty((bearings.size, 1), np.float32)
+    for i, caster in enumerate(casters):
+        caster(np.ascontiguousarray(poses[:, i : i + 1]), bearings, single)
+        out[:, i : i + 1] = single

@@ -8,7 +8,6 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.spaces.utils import is_space_dtype_shape_equiv
-from gymnasium.wrappers import TimeLimit
 from numpy.typing import ArrayLike
 
 from deqmcl_gym import validation
@@ -33,11 +32,6 @@ class _Once(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.RecordCon
         self.room = room_of(env)
         self.due = integer("step", step, low=1)
 
-    @property
-    def steps_after(self) -> int | None:
-        """Number of steps that an episode has after this; None: as planned."""
-        return None
-
     def step(self, action: Singles) -> StepResult:
         """Let it happen if it is time, then step; neither if the action is refused."""
         if self.room.elapsed_steps + 1 == self.due:
@@ -55,26 +49,10 @@ class _Once(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.RecordCon
         raise NotImplementedError
 
 
-def _check_all_happen(env: gym.Env[Any, Any]) -> None:
-    """Refuse a step that no episode reaches: after the plan, or the limit of a TimeLimit."""
-    layers = list(_layers(env))
-    limits = [layer._max_episode_steps for layer in layers if isinstance(layer, TimeLimit)]
-    last = room_of(env).most_steps  # an episode that ends before gives a warning
-    for once in sorted((one for one in layers if isinstance(one, _Once)), key=lambda one: one.due):
-        most = min([last, *limits])
-        if once.due > most:
-            raise InputError(
-                f"step is {shown(once.due)}, but an episode has at most {most} steps, so "
-                f"{once.what} would never come: give a step from 1 to {most}."
-            )
-        if once.steps_after is not None:
-            last = once.due + once.steps_after
-
-
 class Kidnap(_Once):
     """Carry the robot elsewhere just before a step, from 1; only its scans reveal it.
 
-    A step that no episode reaches is refused. Without a pose, a free one is drawn in each episode;
+    Without a pose, a free one is drawn in each episode;
     in a world with a route, as the start of a route to the goal is drawn. Unless it is ``noticed``,
     the plan of a driver stays as it was.
     """
@@ -91,7 +69,6 @@ class Kidnap(_Once):
         super().__init__(env, step, pose=pose, noticed=noticed)
         self._noticed = boolean("noticed", noticed)
         self._pose = None if pose is None else self.room.checked_pose("the pose", pose)
-        _check_all_happen(self)
         self._twin = sum(
             isinstance(layer, Kidnap) and layer._pose is None for layer in _layers(env)
         )
@@ -153,12 +130,6 @@ class PlanChange(_Once):
         given = validation.actions("actions", actions)
         super().__init__(env, step, actions=given.tolist())
         self._actions = self.room.checked_plan("actions", given)
-        _check_all_happen(self)
-
-    @property
-    def steps_after(self) -> int:
-        """The new plan's."""
-        return len(self._actions)
 
     def happen(self) -> None:
         """Change the plan."""

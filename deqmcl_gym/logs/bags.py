@@ -22,7 +22,6 @@ POSE_TYPES: dict[str, Callable[[Any], Any]] = {
 }
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _REMEDIES = {".mcap": "mcap recover", ".bag": "rosbag reindex"}
-_POINTER = b"version https://git-lfs"
 _REINDEX = "ros2 bag reindex"
 
 
@@ -159,11 +158,8 @@ def _reader(path: Path) -> Any:
     if path.is_dir() and not (path / "metadata.yaml").exists():
         raise InputError(f"{path} has no metadata.yaml: give the .mcap or .db3 files in it.")
     if not path.is_dir():
-        with opened_log(path) as file:  # refuses a pipe, which rosbags would wait for
-            if file.read(len(_POINTER)) == _POINTER:
-                raise InputError(
-                    f"{path} is a pointer of Git LFS, no bag: fetch the file by git lfs pull."
-                )
+        with opened_log(path):  # refuses a pipe, which rosbags would wait for
+            pass
     return AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from deqmcl_gym.files import names_of, numbers_of, text_of
+from deqmcl_gym.files import numbers_of, text_of
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.motion import relative
 from deqmcl_gym.logs.odometry import JudgedOdometry
@@ -37,15 +37,7 @@ _NARROWEST = math.radians(10)  # of a field of view: less is none, or rad
 _SICK = (90, 91, 180, 181, 360, 361)  # numbers of beams of an LMS over 180°
 _OURS, _UNIT = "deqmcl_scanner", "deqmcl_unit"
 
-# How a message of any kind begins and ends
-_KIND = re.compile(r"[A-Z_]+\d*")
-_STAMP = re.compile(r"(.* )?[\d.]+ [A-Za-z]\S*( [\d.]+)?")
-
-# Other messages of such logs, which are not needed here
-_OTHERS = re.compile(
-    r"#.*|[RP]?ODOM|PARAM|SYNC|TRUEPOS|(R|RAW|ROBOT|PANTILT|POSITION)?LASER\d?|SONAR|BUMPER|IMU|PANTILT"
-    r"|SCANMARK|MARKER|(BASE|ROBOT)VELOCITY|FOLLOWTRAJECTORY|VECTORMOVE|NMEA\w+|GPSVTG|WIFI|POSITION"
-)
+_OTHERS = re.compile(r"#.*|[A-Z_]+\d*")  # comments, and messages that are not needed here
 
 
 @dataclass
@@ -53,7 +45,6 @@ class _Messages:
     """The messages of a log: scans by the word they begin with, parameters, true poses."""
 
     scans: dict[str, RawRecords]
-    others: Counter[str] = field(default_factory=Counter)  # of kinds unknown here
     params: dict[str, str] = field(default_factory=dict)
     truth: list[list[float]] = field(default_factory=list)
     mounts: list[list[float]] = field(default_factory=list)  # poses of laser and robot
@@ -81,8 +72,6 @@ class _Messages:
                 self.truth.append(numbers_of([words[6], *words[:3]]))
             elif _OTHERS.fullmatch(kind):
                 self.lasers.update([kind] if "LASER" in kind else [])
-            elif _KIND.fullmatch(kind) and _STAMP.fullmatch(" ".join(words[-3:])):
-                self.others[kind] += 1
             else:
                 self.unreadable += 1
         except (ValueError, IndexError):
@@ -192,46 +181,23 @@ class _Messages:
 
 
 def read_carmen(
-    paths: Sequence[Path],
+    path: Path,
     scan_topic: str | None = None,
     max_gap: float | None = None,
     reference_tolerance: float | None = None,
     field_of_view: float | None = None,
 ) -> Log:
-    """Read the parts of a CARMEN log, gzipped or not, in order; see ``logs.read``."""
+    """Read a CARMEN log, gzipped or not; see ``logs.read``."""
     if field_of_view is not None:
         number("field_of_view", field_of_view, low=0, above=True, high=2 * math.pi)
-    name = names_of(paths)
+    name = str(path)
     messages = _Messages({kind: RawRecords(name) for kind in SCAN_KINDS})
-    for line in _lines(paths):
+    for line in filter(str.strip, text_of(path).splitlines()):
         messages.read(line)
     kind = _kind(name, messages, scan_topic)
     records = messages.records(kind, field_of_view)
     log = records.log(lambda beams, _, fan: messages.scanner(beams, kind, fan), unit=messages.unit)
-    if messages.others:
-        left_out = ", ".join(f"{count:,} {kind}" for kind, count in messages.others.most_common())
-        tell(f"{name}: left out messages of other kinds: {left_out}.")
     return with_own_reference(log, messages.truth, max_gap, reference_tolerance)
-
-
-def _lines(paths: Sequence[Path]) -> list[str]:
-    """Return the lines of a log's parts that are not blank; of parts each once, in their order."""
-    parts = [[line for line in text_of(path).splitlines() if line.strip()] for path in paths]
-    if len(parts) == 1:
-        return parts[0]
-    parts.sort(key=lambda lines: next(filter(None, map(_stamped, lines)), math.inf))
-    return list(dict.fromkeys(line for lines in parts for line in lines))
-
-
-def _stamped(line: str) -> float | None:
-    """Return the time in a message with odometry or a scan, s; None for another."""
-    kind, *words = line.split()
-    if kind not in ("ODOM", *SCAN_KINDS):
-        return None
-    try:
-        return numbers_of([words[-3]])[0]
-    except (ValueError, IndexError):
-        return None
 
 
 def _fan(words: Sequence[str]) -> Fan:

@@ -83,13 +83,9 @@ class Scanner(Lidar):
                 f"{what} is not a JSON object with a scanner's angles and max_range: give "
                 '{"angles": [rad, …], "max_range": …}.'
             )
-        # of logs written before version 0.3: the smallest range where nothing is within reach
-        no_return = values.pop("no_return", math.inf)
         for name in values:
             one_of(f"name in {what}", name, _NAMES)
-        scanner = cls(**values)
-        nearest = number(f"no_return in {what}", no_return, low=0, above=True, finite=False)
-        return replace(scanner, max_range=min(scanner.max_range, nearest))
+        return cls(**values)
 
     @property
     def json(self) -> str:

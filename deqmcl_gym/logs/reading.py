@@ -208,8 +208,7 @@ def read(
     them.
 
     Args:
-        path: the file, or the folder of a ROS 2 bag; of a bag or a CARMEN log also several, its
-            parts.
+        path: the file, or the folder of a ROS 2 bag; of a bag also several, its parts.
         reference: a TUM file or a trajectory, in the map's frame and with the log's clock.
         max_gap, reference_tolerance: of the reference, or of that in a CARMEN log or a bag: see
             ``referenced``.
@@ -280,8 +279,8 @@ def _reader_of(files: Sequence[Path]) -> Callable[..., Log]:
         len(set(readers)) > 1 or "paths" not in signature(readers[0]).parameters
     ):
         raise InputError(
-            f"{', '.join(map(str, files))} are {len(files)} files, but only bags and CARMEN logs "
-            "have several parts, all of one kind: give one log."
+            f"{', '.join(map(str, files))} are {len(files)} files, but only bags have several "
+            "parts, all of one kind: give one log."
         )
     return readers[0]
 

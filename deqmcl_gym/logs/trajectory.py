@@ -21,7 +21,6 @@ from deqmcl_gym.validation import LARGEST, InputError, array, number, real, show
 
 MAX_GAP = 2.0  # m
 TOLERANCE = 0.02  # s, at most, and half the usual time between two records
-_SHARED = 0.1  # share of poses with the stamp of the one before that is told
 _UPRIGHT = 0.99  # cosine of the largest tilt that is not told: 8°
 _CLOCKS = ((1e17, "nanoseconds"), (1e14, "microseconds"), (LARGEST, "milliseconds"))
 _ROUNDING = 1e-6  # of covariances: float32 of some stacks
@@ -240,7 +239,6 @@ def referenced(
     done = replace(log, reference=found, interpolated=among & ~close)
     warn_of_few(done, trajectory.source)
     _warn_of_jumps(trajectory, log.unit)
-    _warn_of_shared_stamps(trajectory)
     return done
 
 
@@ -256,17 +254,6 @@ def _warn_of_jumps(trajectory: Trajectory, unit: str) -> None:
         f"{steps.max():.2f} {unit}: what is "
         "before or after may be wrong, and so are errors there."
     )
-
-
-def _warn_of_shared_stamps(trajectory: Trajectory) -> None:
-    """Warn of different poses with one stamp, as of stamps that were rounded when written."""
-    same = np.diff(trajectory.times) == 0
-    moved = (np.diff(trajectory.poses, axis=0) != 0).any(axis=1)
-    if (shared := np.mean(same & moved) if same.size else 0.0) > _SHARED:
-        tell(
-            f"{shared:.0%} of the poses of {trajectory.source} have the stamp of the pose before, "
-            "but are other poses: write stamps with all digits."
-        )
 
 
 def with_own_reference(

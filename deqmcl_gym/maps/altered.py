@@ -14,13 +14,11 @@ from numpy.typing import ArrayLike
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED
 from deqmcl_gym.maps.grid_map import GridMap
 from deqmcl_gym.maps.map import Map, pixel
-from deqmcl_gym.maps.polygon_map import PolygonMap
-from deqmcl_gym.maps.polygons import Polygon, oriented_edges, outlines_of, signed_area
+from deqmcl_gym.maps.polygons import PolygonMap
 from deqmcl_gym.numerics import Bools, Floats, Indices
 from deqmcl_gym.validation import InputError
 
 _THICKEST, _SHORTEST, _LONGEST = 100.0, 15.0, 100.0  # px: of a wall; longer ones are cut
-_LEAST = 0.01  # px: lines nearer to each other are one
 _NARROWEST, _WIDEST, _DEEPEST = 20.0, 75.0, 25.0  # px: of a door
 
 
@@ -37,7 +35,7 @@ class InnerWalls(NamedTuple):
 
     walls: tuple[Piece, ...]  # pieces of up to 2 m of walls up to 2 m thick, longer than thick
     doors: tuple[Piece, ...]  # gaps of 0.4 to 1.5 m in walls
-    step: float  # what displacements of walls are multiples of: a cell; 0 for any
+    step: float  # what displacements of walls are multiples of: a cell
 
 
 class _Lattice(NamedTuple):
@@ -67,20 +65,8 @@ def altered(floor_plan: Map, cleared: ArrayLike, filled: list[Floats]) -> Map:
     if isinstance(floor_plan, GridMap):
         return floor_plan.painted((boxes, FREE), (filled, OCCUPIED))
     assert isinstance(floor_plan, PolygonMap)  # the forms of Map
-    kept = _cut(floor_plan, boxes) if len(boxes) else floor_plan
     solids = tuple(tuple(map(tuple, polygon.tolist())) for polygon in filled)
-    return PolygonMap(kept.outer, (*kept.obstacles, *solids), floor_plan.unit)
-
-
-def free_area(floor_plan: Map) -> float:
-    """Return the area of free space; of polygons, as if no obstacles overlapped."""
-    if isinstance(floor_plan, GridMap):
-        return float(np.count_nonzero(~floor_plan.solid)) * floor_plan.resolution**2
-    assert isinstance(floor_plan, PolygonMap)  # the forms of Map
-    outer, *inner = (
-        abs(signed_area(np.array(polygon))) for polygon in (floor_plan.outer, *floor_plan.obstacles)
-    )
-    return float(outer - sum(inner))
+    return PolygonMap(floor_plan.outer, (*floor_plan.obstacles, *solids), floor_plan.unit)
 
 
 def comes_near(points: Floats, polygon: Floats, within: float) -> bool:
@@ -98,21 +84,21 @@ def comes_near(points: Floats, polygon: Floats, within: float) -> bool:
     return bool(square.min() < within * within)
 
 
+@lru_cache(8)
 def inner_walls(floor_plan: Map) -> InnerWalls:
-    """Return the inner walls of a map, found along its axes; those of the last 8 are cached.
+    """Return the inner walls of a map of cells, found along its axes; those of 8 are cached.
 
     A wall has nothing occupied beside it and is free on one side at least; walls at the map's edge
-    are outer ones. Of polygons, only those with all edges along x or y are looked at.
+    are outer ones.
     """
-    return _inner_walls(floor_plan)  # type: ignore[arg-type] # hashable
-
-
-@lru_cache(8)
-def _inner_walls(floor_plan: Map) -> InnerWalls:
-    px, step = pixel(floor_plan.unit), 0.0
-    if isinstance(floor_plan, GridMap):
-        step = floor_plan.resolution
-    lattice = _lattice(floor_plan)
+    if not isinstance(floor_plan, GridMap):
+        raise InputError(
+            f"the map {floor_plan!r:.60} is of polygons, but only walls of cells can be changed or "
+            "be glass: give an office or a ROS map, or leave this out."
+        )
+    px, step = pixel(floor_plan.unit), floor_plan.resolution
+    us, vs = (step * np.arange(size + 1) for size in floor_plan.solid.shape[::-1])
+    lattice = _Lattice(floor_plan.occupied, ~floor_plan.solid, us, vs)
     walls, doors = list[Piece](), list[Piece]()
     for upright in (True, False):
         own = lattice if upright else lattice.turned
@@ -127,19 +113,16 @@ def _inner_walls(floor_plan: Map) -> InnerWalls:
     return InnerWalls(tuple(walls), tuple(doors), step)
 
 
-def _piece(floor_plan: Map, boxes: Floats, upright: bool) -> Piece:
+def _piece(grid: GridMap, boxes: Floats, upright: bool) -> Piece:
     """Return a piece from its boxes (low u, low v, high u, high v), u across it, (k, 4)."""
     length = float(boxes[:, 3].max() - boxes[:, 1].min())
     if not upright:
         boxes = boxes[:, [1, 0, 3, 2]]
     corners = boxes[:, [[0, 1], [2, 1], [2, 3], [0, 3]]]
     across = np.array([1.0, 0.0] if upright else [0.0, 1.0])
-    if isinstance(floor_plan, GridMap):
-        cell = floor_plan.resolution
-        corners = floor_plan.placed(corners.reshape(-1, 2) / cell).reshape(-1, 4, 2)
-        ends = floor_plan.placed(np.vstack([np.zeros(2), across]))
-        across = (ends[1] - ends[0]) / cell
-    return Piece(corners, length, across)
+    corners = grid.placed(corners.reshape(-1, 2) / grid.resolution).reshape(-1, 4, 2)
+    ends = grid.placed(np.vstack([np.zeros(2), across]))
+    return Piece(corners, length, (ends[1] - ends[0]) / grid.resolution)
 
 
 def _walls(lattice: _Lattice, step: float, px: float) -> list[Floats]:
@@ -151,7 +134,7 @@ def _walls(lattice: _Lattice, step: float, px: float) -> list[Floats]:
     thin = lattice.us[last] - lattice.us[first] <= _THICKEST * px * (1 + 1e-9)
     beside = lattice.free[row, first - 1] | lattice.free[row, last]
     found = []
-    for chain in _chains(runs[thin & beside], 1 if step else 0):
+    for chain in _chains(runs[thin & beside], 1):
         boxes = _boxes(lattice, chain)
         length = boxes[-1, 3] - boxes[0, 1]
         thickness = float(np.median(boxes[:, 2] - boxes[:, 0]))
@@ -211,76 +194,13 @@ def _boxes(lattice: _Lattice, chain: Indices) -> Floats:
 
 
 def _cut_to_length(boxes: Floats, longest: float, step: float) -> list[Floats]:
-    """Cut a wall into equal pieces of at most ``longest``, on cells at a multiple of ``step``."""
+    """Cut a wall into equal pieces of at most ``longest``, at a multiple of ``step``."""
     low, high = boxes[0, 1], boxes[-1, 3]
     ends = np.linspace(low, high, math.ceil((high - low) / longest - 1e-9) + 1)
-    if step:
-        ends = np.round(ends / step) * step
+    ends = np.round(ends / step) * step
     pieces = []
     for begin, end in pairwise(ends):
         own = boxes[(boxes[:, 3] > begin) & (boxes[:, 1] < end)].copy()
         own[:, 1], own[:, 3] = np.maximum(own[:, 1], begin), np.minimum(own[:, 3], end)
         pieces.append(own)
     return pieces
-
-
-def _lattice(floor_plan: Map, boxes: Floats | None = None) -> _Lattice:
-    """Return a map between the lines of its edges, and of further ``boxes`` (k, 4, 2)."""
-    if isinstance(floor_plan, GridMap):
-        rows, columns = floor_plan.solid.shape
-        us, vs = (floor_plan.resolution * np.arange(size + 1) for size in (columns, rows))
-        return _Lattice(floor_plan.occupied, ~floor_plan.solid, us, vs)
-    assert isinstance(floor_plan, PolygonMap)  # the forms of Map
-    outer, obstacles = floor_plan.outer, [o for o in floor_plan.obstacles if _is_parallel(o)]
-    if not _is_parallel(outer):
-        x0, y0, x1, y1 = floor_plan.bounds
-        outer = ((x0, y0), (x1, y0), (x1, y1), (x0, y1))
-    corners = np.vstack([np.array(outer), *map(np.array, obstacles)])
-    further = np.empty((0, 2)) if boxes is None else boxes.reshape(-1, 2)
-    least = _LEAST * pixel(floor_plan.unit)
-    us, vs = (_lines(corners[:, axis], further[:, axis], least) for axis in (0, 1))
-    windings = np.zeros((vs.size - 1, us.size - 1), np.int64)
-    edges = [oriented_edges(outer, solid=False)]
-    edges += [oriented_edges(obstacle, solid=True) for obstacle in obstacles]
-    for x0, y0, _, y1 in np.vstack(edges).tolist():  # free space to the left: west, if it goes up
-        low, high = _nearest(vs, sorted((y0, y1)))
-        windings[low:high, _nearest(us, [x0])[0] :] += 1 if y1 < y0 else -1
-    free = windings == 1
-    return _Lattice(~free, free, us, vs)
-
-
-def _lines(own: Floats, further: Floats, least: float) -> Floats:
-    """Return coordinates in ascending order; ``further`` ones are not near any other."""
-    lines = np.unique(own)
-    for line in np.unique(further):
-        if np.abs(lines - line).min() > least:
-            lines = np.sort(np.append(lines, line))
-    return lines
-
-
-def _nearest(lines: Floats, places: ArrayLike) -> Indices:
-    """Number of the line nearest to each of ``places``."""
-    found: Indices = np.abs(lines - np.reshape(places, (-1, 1))).argmin(axis=1)
-    return found
-
-
-def _is_parallel(polygon: Polygon) -> bool:
-    """Whether all edges of a polygon are along x or y."""
-    corners = np.array(polygon)
-    return bool((corners == np.roll(corners, -1, axis=0)).any(axis=1).all())
-
-
-def _cut(floor_plan: PolygonMap, boxes: Floats) -> PolygonMap:
-    """Return polygons without what is inside ``boxes`` along x and y, (k, 4, 2)."""
-    lattice = _lattice(floor_plan, boxes)
-    solid = ~lattice.free
-    for box in boxes:
-        us, vs = np.sort(box, axis=0)[[0, -1]].T
-        solid[slice(*_nearest(lattice.vs, vs)), slice(*_nearest(lattice.us, us))] = False
-    outer, *obstacles = (
-        list(zip(lattice.us[o[:, 0]].tolist(), lattice.vs[o[:, 1]].tolist(), strict=True))
-        for o in outlines_of(solid)
-    )
-    oblique = [o for o in floor_plan.obstacles if not _is_parallel(o)]
-    outside = outer if _is_parallel(floor_plan.outer) else floor_plan.outer
-    return PolygonMap(outside, (*obstacles, *oblique), floor_plan.unit)

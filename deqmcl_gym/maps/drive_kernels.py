@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from deqmcl_gym.numerics import Bools, Ints, Singles
+from deqmcl_gym.numerics import Bools, Ints, Reals, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import sincos32, wrapped32
 
@@ -67,7 +67,7 @@ def mounted(poses: Singles, ahead: float, aside: float, out: Singles) -> None:
 
 
 @compiled
-def wind(poses: Singles, walls: Singles, out: Ints) -> None:
+def wind(poses: Reals, walls: Reals, out: Ints) -> None:
     """Fill in the winding number of the walls around each point, (n,)."""
     x, y = poses[0], poses[1]
     out[:] = 0

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from deqmcl_gym.maps.drive_kernels import POSE_BLOCK, copy_columns, directed, drive, put
-from deqmcl_gym.maps.stride_kernels import FARTHEST_CELL, Reach, cast_among, no_walls
+from deqmcl_gym.maps.ray_kernels import FARTHEST_CELL, Reach, cast_among
 from deqmcl_gym.numerics import Bools, Floats, Ints, Scalar, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos32, sin32
@@ -96,7 +96,7 @@ def cast_cells(
     locate(poses, frame, u, v)
     for i in range(n):
         headings[i] = np.float32(poses[2, i] - yaw)
-    cast_among(u, v, headings, bearings, no_walls(reach, endless), np.float32(frame[4]), out)
+    cast_among(u, v, headings, bearings, reach, endless, np.float32(frame[4]), out)
     for beam in range(out.shape[0]):
         for i in range(n):
             if out[beam, i] == _ZERO:

@@ -11,13 +11,12 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deqmcl_gym.maps import grid_file, grid_kernels, stride_kernels
+from deqmcl_gym.maps import grid_file, grid_kernels, ray_kernels
 from deqmcl_gym.maps.grid_file import FREE, MAX_SIDE, OCCUPIED, UNKNOWN
 from deqmcl_gym.maps.grid_kernels import Frame
-from deqmcl_gym.maps.map import Box, MapForm
-from deqmcl_gym.maps.polygons import faces_of
-from deqmcl_gym.maps.stride_kernels import Reach
-from deqmcl_gym.numerics import Bools, Floats, Indices, Ints, Point, Singles, arrays
+from deqmcl_gym.maps.map import Box, Map
+from deqmcl_gym.maps.ray_kernels import Reach
+from deqmcl_gym.numerics import Bools, Floats, Indices, Ints, Singles, arrays
 from deqmcl_gym.validation import InputError, keep_plain, number, one_of, pose
 
 Unknown = str | float  # "obstacle", "transparent", "free", or an occupancy from 0 to 1
@@ -29,8 +28,8 @@ _RESOLVED = 16  # least number of float32 steps in a cell
 
 @final
 @dataclass(frozen=True, eq=False, kw_only=True)
-class GridMap(MapForm):
-    """Square cells, solid or open, in metres; implements ``Map``.
+class GridMap(Map):
+    """Square cells, solid or open, in metres.
 
     A cell is solid if its occupancy is at least ``occupied_thresh``. Walls are the faces between
     solid and open cells and the edge of the map; all answers are exact for these squares. Unknown
@@ -93,7 +92,7 @@ class GridMap(MapForm):
 
     @property
     def unit(self) -> str:
-        """See ``Map.unit``."""
+        """See ``Map``."""
         return "m"
 
     @cached_property
@@ -121,20 +120,10 @@ class GridMap(MapForm):
 
     @cached_property
     def bounds(self) -> Box:
-        """See ``Map.bounds``."""
+        """See ``Map``."""
         rows, columns = self.occupancy.shape
         corners = self.placed([(0, 0), (columns, 0), (columns, rows), (0, rows)])
         return (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
-
-    @property
-    def datum(self) -> Point:
-        """See ``Map.datum``: always (0, 0); maps that are too far from there are refused."""
-        return (0.0, 0.0)
-
-    @property
-    def local(self) -> "GridMap":
-        """See ``Map.local``."""
-        return self
 
     def placed(self, cells: ArrayLike) -> Floats:
         """Return points given in cells (column, row) from the lower left corner, (n, 2), in m."""
@@ -160,19 +149,14 @@ class GridMap(MapForm):
 
     @cached_property
     def walls(self) -> Floats:
-        """See ``Map.walls``."""
-        faces = faces_of(self.solid)
+        """See ``Map``."""
+        faces = _faces_of(self.solid)
         walls = np.hstack([self.placed(faces[:, :2]), self.placed(faces[:, 2:])])
         walls.setflags(write=False)
         return walls
 
-    @property
-    def caster(self) -> "GridMap":
-        """See ``Map.caster``."""
-        return self
-
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """See ``Caster``."""
+        """See ``Map.cast``."""
         reach, endless = self.sight
         grid_kernels.cast_cells(poses, bearings, reach, self._frame, self.origin[2], endless, out)
 
@@ -293,7 +277,7 @@ def _paint(cells: NDArray[np.int8], us: Floats, vs: Floats, value: int) -> None:
 
 def _reach_among(solid: Bools) -> Reach:
     reach = np.empty(np.add(solid.shape, 2), np.uint8)
-    stride_kernels.fill_reach(np.pad(solid, 1, constant_values=True), reach)
+    ray_kernels.fill_reach(np.pad(solid, 1, constant_values=True), reach)
     return reach
 
 
@@ -320,3 +304,29 @@ def _occupancy(given: Any) -> NDArray[np.int8]:
     kept = np.array(cells, dtype=np.int8, order="C")
     kept.setflags(write=False)
     return kept
+
+
+def _faces_of(solid: Bools) -> Floats:
+    """Return the faces between open and solid cells, joined where they are in a line, (S, 4).
+
+    The edge of the map is solid. (x₀, y₀, x₁, y₁) are in cells from the lower left corner, the open
+    side to the left.
+    """
+    open_ = np.pad(~solid, 1).astype(np.int8)
+    level, upright = np.diff(open_, axis=0)[:, 1:-1], -np.diff(open_, axis=1)[1:-1].T
+    row, x0, x1 = _runs(level)  # to the right where open cells are above, else to the left
+    column, y0, y1 = _runs(upright)  # up where open cells are to the left, else down
+    faces = np.vstack(
+        [np.column_stack([x0, row, x1, row]), np.column_stack([column, y0, column, y1])]
+    )
+    return faces.astype(np.float64)
+
+
+def _runs(lines: Any) -> tuple[Indices, Indices, Indices]:
+    """Return line, start and end of all runs of +1, and of those of -1, from their ends, (n,)."""
+    padded = np.pad(lines, ((0, 0), (1, 1)))
+    line, place = np.nonzero(np.diff(padded, axis=1))
+    before, after = padded[line, place], padded[line, place + 1]
+    starts, ends, forth = after != 0, before != 0, after[after != 0] > 0
+    first, last = place[starts], place[ends]
+    return line[starts], np.where(forth, first, last), np.where(forth, last, first)

@@ -202,15 +202,15 @@ class Lidar:
     def cast(self, caster: Caster, poses: Singles, out: Singles, used: Bools | None = None) -> None:
         """Fill in the exact ranges of robots at ``poses`` (3, n) float32, (b, n).
 
-        ``used`` says which b of the beams are cast; None: all. See ``Caster`` for ∞ and NaN.
+        ``used`` says which b of the beams are cast; None: all. See ``Map.cast`` for ∞ and NaN.
         """
         bearings = self._singles if used is None else self._singles[used]
         if self.places == (CENTRE,):
-            caster.cast(np.ascontiguousarray(poses, dtype=np.float32), bearings, out)
+            caster(np.ascontiguousarray(poses, dtype=np.float32), bearings, out)
             return
         for origins, rows in self.fans(poses, used):
             start = np.ascontiguousarray(origins, dtype=np.float32)
-            caster.cast(start, bearings[rows], out[rows])
+            caster(start, bearings[rows], out[rows])
 
     def ranges(self, floor_plan: Map, poses: NDArray[Any], used: Bools | None = None) -> Singles:
         """Return the exact ranges of robots at ``poses`` (3, n) on a map, (n, b).

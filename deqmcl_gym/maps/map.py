@@ -7,117 +7,22 @@ robot has a radius of 16 cm.
 
 import dataclasses
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from deqmcl_gym.maps.drive_kernels import drive, lay_path
-from deqmcl_gym.numerics import Bools, Floats, Ints, Point, Singles, T
+from deqmcl_gym.numerics import Bools, Floats, Ints, Singles, T
 from deqmcl_gym.validation import InputError, number, one_of, real
 
 _LARGEST_HEADING = 1e3  # rad: float32 resolves 6e-5 there
 
 Box = tuple[float, float, float, float]  # x_low, y_low, x_high, y_high
-
-
-class Caster(Protocol):
-    """Ray casting on one map into given arrays."""
-
-    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """Fill in the distance of each beam to the nearest wall, (B, n); ∞ if none, NaN outside.
-
-        Poses are rows x, y, θ, (3, n), bearings (B,) rad.
-        """
-
-
-@runtime_checkable
-class Map(Protocol):
-    """The map m. Lengths are in its :attr:`unit`, y points up, headings in rad from +x.
-
-    All methods take many items at once and compute in float32, in coordinates about :attr:`datum`.
-    A class derived from ``Map`` inherits ``rolled_out`` and ``collisions_along``, which ask its
-    ``collides``; ``PolygonMap`` and ``GridMap`` do either in one pass, with the same bits.
-    """
-
-    @property
-    def unit(self) -> str:
-        """The unit of all lengths: "px" or "m"."""
-
-    @property
-    def bounds(self) -> Box:
-        """Smallest box around the building: (x_low, y_low, x_high, y_high)."""
-
-    @property
-    def datum(self) -> Point:
-        """Origin for float32 coordinates: (0, 0), or a point of a map that is far from there."""
-
-    @property
-    def local(self) -> "Map":
-        """The same map with (0, 0) at its datum, for float32 poses relative to the datum."""
-
-    @property
-    def walls(self) -> Floats:
-        """All walls as segments (x0, y0, x1, y1), free space to their left, (S, 4).
-
-        For physics and drawing; estimators do not need it.
-        """
-
-    @property
-    def caster(self) -> Caster:
-        """The ray caster of this map."""
-
-    def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
-        """Exact distance along each beam to the nearest wall, (n, B); ∞ if none, NaN outside.
-
-        Rays from inside an obstacle end at its walls. Poses are (n, 3), bearings (B,) rad.
-        """
-
-    def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
-        """Whether a disc swept from ``starts`` to ``ends`` touches a wall or ends in a solid, (n,).
-
-        These are its centres, (n, 2); further columns are ignored.
-        """
-
-    def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
-        """Whether a disc at each of ``points``, (n, 2+), is in free space, clear of walls, (n,)."""
-
-    def distance(self, points: ArrayLike) -> Singles:
-        """Distance of ``points``, (n, 2+), to the nearest wall, from either side, (n,)."""
-
-    def rolled_out(
-        self, poses: Singles, moves: Singles, radius: float, *, kept: int
-    ) -> tuple[Singles, Ints]:
-        """Drive poses through several moves, turn then translation; ``collides`` for each.
-
-        Poses are rows x, y, θ, (3, n), moves forward, left, turn, (F, 3, n), float32. Return the
-        poses after each step, or the last if 1 is ``kept``, (kept, 3, n), and how many steps of
-        each collide, (n,).
-        """
-        path, hits = [poses], np.zeros(poses.shape[1], np.int32)
-        for move in moves:
-            after = np.empty_like(poses)
-            drive(path[-1], move, after)
-            hits += self.collides(path[-1].T, after.T, radius)
-            path.append(after)
-        return np.stack(path[-kept:]), hits
-
-    def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
-        """Number of steps that collide on a path laid from each pose, (n,).
-
-        Poses are rows x, y, θ, (3, n), the path points in the frame of each, (k + 1, 2), k ≥ 1.
-        """
-        points = np.empty((len(path), 2, poses.shape[1]), np.float32)
-        lay_path(poses, path, points)
-        hits = np.zeros(poses.shape[1], np.int32)
-        for start, end in pairwise(points):
-            hits += self.collides(start.T, end.T, radius)
-        return hits
 
 
 PIXELS: Mapping[str, float] = MappingProxyType({"px": 1.0, "m": 0.02})
@@ -191,19 +96,60 @@ def _checked_beams(poses: NDArray[Any], bearings: ArrayLike) -> Singles:
 _NO_MOVES, _NO_PATH = np.empty((0, 3, 0), np.float32), np.empty((0, 2), np.float32)
 
 
-class MapForm(Map, ABC):
-    """What both forms of ``Map`` share: what they are given is checked, then a kernel answers."""
+Caster = Callable[[Singles, Singles, Singles], None]  # of poses, bearings and out: ``Map.cast``
+
+
+class Map:
+    """The map m: what it is asked is checked, then a kernel of one of its forms answers.
+
+    Lengths are in its ``unit``; y points up, headings are in rad from +x. All methods take many
+    items at once and compute in float32. A map of one's own needs ``collides`` to roll out motions
+    and plans.
+    """
+
+    @property
+    def unit(self) -> str:
+        """The unit of all lengths: "px" or "m"."""
+        raise NotImplementedError
+
+    @property
+    def bounds(self) -> Box:
+        """Smallest box around the building: (x_low, y_low, x_high, y_high)."""
+        raise NotImplementedError
+
+    @property
+    def walls(self) -> Floats:
+        """All walls as segments (x0, y0, x1, y1), free space to their left, (S, 4)."""
+        raise NotImplementedError
+
+    @property
+    def caster(self) -> Caster:
+        """The ray caster of this map: ``cast``."""
+        return self.cast
+
+    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
+        """Fill in the distance of each beam to the nearest wall, (B, n); ∞ if none, NaN outside.
+
+        Poses are rows x, y, θ, (3, n), bearings (B,) rad.
+        """
+        raise NotImplementedError
 
     def ranges(self, poses: ArrayLike, bearings: ArrayLike) -> Singles:
-        """See ``Map.ranges``."""
+        """Exact distance along each beam to the nearest wall, (n, B); ∞ if none, NaN outside.
+
+        Rays from inside an obstacle end at its walls. Poses are (n, 3), bearings (B,) rad.
+        """
         origins = table("poses", poses, 3)[:, :3]
         beams = _checked_beams(origins, bearings)
         out = np.empty((beams.size, len(origins)), np.float32)
-        self.local.caster.cast(self._rows(origins), beams, out)
+        self.cast(self._rows(origins), beams, out)
         return out.T
 
     def collides(self, starts: ArrayLike, ends: ArrayLike, radius: float) -> Bools:
-        """See ``Map.collides``."""
+        """Whether a disc swept from ``starts`` to ``ends`` touches a wall or ends in a solid, (n,).
+
+        These are its centres, (n, 2); further columns are ignored.
+        """
         before, after = self._points("starts", starts), self._points("ends", ends)
         number("radius", radius, low=0)
         if before.shape[1] != after.shape[1]:
@@ -214,16 +160,25 @@ class MapForm(Map, ABC):
         return ~self._feasible(before, after, radius)
 
     def free(self, points: ArrayLike, radius: float = 0.0) -> Bools:
-        """See ``Map.free``."""
+        """Whether a disc at each of ``points``, (n, 2+), is in free space, clear of walls, (n,)."""
         centres = self._points("points", points)
         if number("radius", radius, low=0) > 0.0:
             return self._feasible(centres, centres, radius)
         return self._open(centres)
 
+    def distance(self, points: ArrayLike) -> Singles:
+        """Distance of ``points``, (n, 2+), to the nearest wall, from either side, (n,)."""
+        raise NotImplementedError
+
     def rolled_out(
         self, poses: Singles, moves: Singles, radius: float, *, kept: int
     ) -> tuple[Singles, Ints]:
-        """See ``Map.rolled_out``."""
+        """Drive poses through several moves, turn then translation; ``collides`` for each.
+
+        Poses are rows x, y, θ, (3, n), moves forward, left, turn, (F, 3, n), float32. Return the
+        poses after each step, or the last if 1 is ``kept``, (kept, 3, n), and how many steps of
+        each collide, (n,).
+        """
         number("radius", radius, low=0)
         steps = len(moves)
         fits = poses.shape == (3, poses.size // 3) and moves.shape == (steps, 3, *poses.shape[1:])
@@ -235,7 +190,10 @@ class MapForm(Map, ABC):
         return self._driven(poses, moves, _NO_PATH, radius, kept)
 
     def collisions_along(self, poses: Singles, path: Singles, radius: float) -> Ints:
-        """See ``Map.collisions_along``."""
+        """Number of steps that collide on a path laid from each pose, (n,).
+
+        Poses are rows x, y, θ, (3, n), the path points in the frame of each, (k + 1, 2), k ≥ 1.
+        """
         number("radius", radius, low=0)
         if poses.shape != (3, poses.size // 3) or path.shape != (len(path), 2) or len(path) < 2:
             raise InputError(
@@ -248,20 +206,27 @@ class MapForm(Map, ABC):
         """Return points (n, 2+) as rows x, y."""
         return self._rows(table(what, points, 2)[:, :2])
 
-    @abstractmethod
     def _rows(self, given: NDArray[Any]) -> NDArray[Any]:
         """Return (n, d) as contiguous rows (d, n) for kernels, without a copy if possible."""
+        return np.asarray(given, dtype=np.float32, order="F").T
 
-    @abstractmethod
     def _open(self, centres: NDArray[Any]) -> Bools:
         """Whether points (2, n) are in free space, (n,)."""
+        raise NotImplementedError
 
-    @abstractmethod
     def _feasible(self, starts: NDArray[Any], ends: NDArray[Any], radius: float) -> Bools:
         """Whether a disc swept from ``starts`` to ``ends``, (2, n), stays in free space, (n,)."""
+        raise NotImplementedError
 
-    @abstractmethod
     def _driven(
         self, poses: Singles, moves: Singles, path: Singles, radius: float, kept: int
     ) -> tuple[Singles, Ints]:
-        """Do ``rolled_out``, or along a path if there is one."""
+        """Do ``rolled_out``, or along a path if there is one; ask ``collides`` for each step."""
+        laid = np.empty((len(path), 2, poses.shape[1]), np.float32)
+        lay_path(poses, path, laid)
+        points = [*laid] or [poses]
+        for move in moves:
+            points.append(np.empty_like(poses))
+            drive(points[-2], move, points[-1])
+        steps = [self.collides(start.T, end.T, radius) for start, end in pairwise(points)]
+        return np.stack(points[-max(kept, 1) :]), np.sum(steps, axis=0, dtype=np.int32)

@@ -7,7 +7,6 @@ import numpy as np
 
 from deqmcl_gym.maps.grid_file import FREE, OCCUPIED
 from deqmcl_gym.maps.grid_map import GridMap
-from deqmcl_gym.maps.polygon_map import PolygonMap
 from deqmcl_gym.numerics import Bools
 from deqmcl_gym.validation import (
     InputError,
@@ -24,7 +23,7 @@ _WALL = 2  # cells
 _MARGIN = 3  # cells between a door and the corner of its room
 _PILLAR, _PITCH = 5, 30  # cells: the side of a hall's pillar, and from one to the next
 _DEEPEST, _LONGEST = 60, 240  # cells: the most of a room and of a wing
-_KEPT = 8  # buildings remembered in either form
+_KEPT = 8  # buildings remembered
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,11 +68,6 @@ class Office:
         """The building in cells of 0.1 m, its lower left corner at (0, 0)."""
         return _grid(self)
 
-    @property
-    def polygons(self) -> PolygonMap:
-        """The same building in segments."""
-        return _polygons(self)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Offices:
@@ -81,7 +75,6 @@ class Offices:
 
     seeds: tuple[int, int]  # (first, end): those from first on, end not among them
     office: Office  # all values but the seed
-    form: str = "grid"  # "grid" or "polygons"
 
     def __post_init__(self) -> None:
         given = self.seeds
@@ -94,10 +87,9 @@ class Offices:
         end = integer("the end of office.seeds", given[1], low=first + 1, high=2**63 - 1)
         object.__setattr__(self, "seeds", (first, end))
 
-    def map(self, seed: int) -> GridMap | PolygonMap:
+    def map(self, seed: int) -> GridMap:
         """Return the office of a seed."""
-        office = replace(self.office, seed=seed)
-        return office.grid if self.form == "grid" else office.polygons
+        return replace(self.office, seed=seed).grid
 
     def drawn(self, rng: np.random.Generator) -> int:
         """Draw a seed, all alike."""
@@ -116,16 +108,6 @@ class Offices:
 def _grid(office: Office) -> GridMap:
     free = _building(office, np.random.default_rng(office.seed))
     return GridMap(occupancy=np.where(free, FREE, OCCUPIED).astype(np.int8), resolution=CELL)
-
-
-@lru_cache(_KEPT)
-def _polygons(office: Office) -> PolygonMap:
-    found = PolygonMap.from_grid(office.grid)
-    outer, *obstacles = (  # 2.4, not 2.4000000000000004
-        [(round(x, 1), round(y, 1)) for x, y in polygon]
-        for polygon in (found.outer, *found.obstacles)
-    )
-    return PolygonMap(outer=outer, obstacles=tuple(obstacles), unit=found.unit)
 
 
 def _building(office: Office, rng: np.random.Generator) -> Bools:

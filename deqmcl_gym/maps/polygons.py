@@ -1,14 +1,41 @@
-"""Checks of polygons, their edges with free space to the left, and cells outlined as polygons."""
+"""Polygons: checked, their edges, and PolygonMap, a map of them for physics, lidar and localizers.
 
-from collections.abc import Sequence
-from typing import Any
+A file is JSON, ``{"outer": [[x, y], …], "obstacles": [[[x, y], …], …], "unit": "m"}``: the keys are
+those of ``floor_plan`` in Python and in TOML.
+"""
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from deqmcl_gym.maps.map import Box
-from deqmcl_gym.numerics import Bools, Floats, Indices
+from deqmcl_gym.files import UnreadableError, content_of, json_of
+from deqmcl_gym.maps import drive_kernels, ray_kernels
+from deqmcl_gym.maps.map import Box, Map, pixel
+from deqmcl_gym.maps.ray_kernels import AllWalls
+from deqmcl_gym.numerics import Bools, Floats, Indices, Ints, Singles
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.validation import InputError, array, digits, shown
+from deqmcl_gym.validation import InputError, array, digits, one_of, shown
+
+Polygon = Sequence[tuple[float, float]]
+
+_ZERO_LENGTH = 1e-3  # px: a shorter edge counts as having no length
+_FARTHEST = 5e5  # px (10 km): there, single precision resolves 0.03 px
+_LATTICE = 64  # points a side at which free space is looked for, if there is none beside walls
+# px: walls are extended by this at both ends, so that no ray slips between two at a corner
+OVERLAP = 5e-4
+# Below this, lanes over the beams of each pose are faster than lanes over the poses.
+FEW_POSES = 8
+# Rectangles that no ray leaves, and that none enters.
+EVERYWHERE: Box = (-math.inf, -math.inf, math.inf, math.inf)
+NO_BOX: Box = (math.inf, math.inf, math.inf, math.inf)
+KEYS = ("outer", "obstacles", "unit")
 
 
 @compiled
@@ -66,35 +93,6 @@ def _square(edge: Floats, x: float, y: float) -> float:
     return square
 
 
-@compiled
-def finds_free_space(walls: Floats, levels: Floats, least: float) -> bool:
-    """Whether the walls wind once around a stretch of a level wider than ``least``.
-
-    Walls are (x₀, y₀, x₁, y₁), free space to their left, (S, 4), levels heights at which none
-    begins, ends or crosses another one.
-    """
-    at, turns = np.empty(len(walls)), np.empty(len(walls), np.intp)
-    for level in levels:
-        count = 0
-        for x0, y0, x1, y1 in walls:
-            if (y0 <= level) != (y1 <= level):
-                at[count] = x0 + (level - y0) / (y1 - y0) * (x1 - x0)
-                turns[count] = 1 if y1 < y0 else -1
-                count += 1
-        order = np.argsort(at[:count])
-        winding = 0
-        for k in range(count - 1):
-            winding += turns[order[k]]
-            if winding == 1 and at[order[k + 1]] - at[order[k]] > least:
-                return True
-    return False
-
-
-Polygon = Sequence[tuple[float, float]]
-
-_ROUNDING = 1e-12  # error of heights, as a share of the floor plan's
-
-
 def parse_polygon(
     name: str, polygon: Any, shortest: float, farthest: float
 ) -> tuple[tuple[float, float], ...]:
@@ -113,7 +111,7 @@ def parse_polygon(
     if (far := np.flatnonzero(np.abs(corners).max(axis=1) > farthest)).size:
         raise InputError(
             f"{name} has the corner {_point(corners[far[0]])}, but coordinates of more than "
-            f"{farthest:g} are too coarse in float64: move the floor plan towards (0, 0)."
+            f"{farthest:g} are too coarse: move the floor plan towards (0, 0)."
         )
     edges = edges_of(corners)
     lengths = np.sqrt(((edges[:, 2:] - edges[:, :2]) ** 2).sum(axis=1))
@@ -127,73 +125,42 @@ def parse_polygon(
 
 
 def _check_simple(name: str, edges: Floats, shortest: float) -> None:
-    if (folds := np.flatnonzero(folds_back(edges, np.roll(edges, -1, axis=0), shortest))).size:
-        corner = (folds[0] + 1) % len(edges)
+    along, after = edges[:, 2:] - edges[:, :2], np.roll(edges[:, 2:] - edges[:, :2], -1, axis=0)
+    longer = np.sqrt(np.maximum((along**2).sum(axis=1), (after**2).sum(axis=1)))
+    across = np.abs(along[:, 0] * after[:, 1] - along[:, 1] * after[:, 0])
+    # how far the far end of the shorter edge is from the longer one
+    folds = ((along * after).sum(axis=1) < 0.0) & (across < shortest * longer)
+    if folds.any():
+        corner = (folds.argmax() + 1) % len(edges)
         raise InputError(
             f"{name} folds back on itself at corner {corner}, {_point(edges[corner, :2])}: leave "
             "that corner out, or give the wall some thickness."
         )
-    pairs = close_pairs(edges, shortest)
+    by_x = np.argsort(np.minimum(edges[:, 0], edges[:, 2]), kind="stable")
+    pairs = np.sort(_pairs_within(edges, by_x, shortest), axis=1)
     apart = pairs[:, 1] - pairs[:, 0]
     strangers = pairs[(apart > 1) & (apart < len(edges) - 1)]  # share no corner
     if strangers.size:
-        nearest = strangers[np.lexsort(strangers.T[::-1])[:1]]
-        first, second = nearest[0].tolist()
-        if np.isfinite(crossings(edges, nearest)).all():
-            raise InputError(
-                f"{name} crosses itself between edges {first} and {second}: give its corners in "
-                "order around it."
-            )
+        first, second = strangers[np.lexsort(strangers.T[::-1])[0]].tolist()
         raise InputError(
-            f"{name} touches itself: edge {first} from {_point(edges[first, :2])} and edge "
-            f"{second} from {_point(edges[second, :2])} are nearer than {shortest:g}; move a "
-            "corner, or give two polygons."
+            f"{name} crosses or touches itself between edges {first} and {second}, from "
+            f"{_point(edges[first, :2])} and {_point(edges[second, :2])}: give its corners in "
+            f"order around it, edges {shortest:g} apart, or two polygons."
         )
 
 
-def folds_back(edges: Floats, following: Floats, least: float) -> Bools:
-    """Whether edges (S, 4) and the edges that follow them overlap, (S,)."""
-    along, after = edges[:, 2:] - edges[:, :2], following[:, 2:] - following[:, :2]
-    longer = np.sqrt(np.maximum((along**2).sum(axis=1), (after**2).sum(axis=1)))
-    across = np.abs(along[:, 0] * after[:, 1] - along[:, 1] * after[:, 0])
-    # how far the far end of the shorter edge is from the longer one
-    folds: Bools = ((along * after).sum(axis=1) < 0.0) & (across < least * longer)
-    return folds
-
-
-def close_pairs(edges: Floats, within: float) -> Indices:
-    """Return the pairs (i, j), i < j, of edges (S, 4) less than ``within`` apart, (k, 2)."""
-    by_x = np.argsort(np.minimum(edges[:, 0], edges[:, 2]), kind="stable")
-    return np.sort(_pairs_within(edges, by_x, within), axis=1)
-
-
-def crossings(edges: Floats, pairs: Indices) -> Floats:
-    """Return the points where pairs (k, 2) of edges (S, 4) cross, NaN where not inside, (k, 2)."""
-    a, b = edges[pairs[:, 0]], edges[pairs[:, 1]]
-    u, v = a[:, 2:] - a[:, :2], b[:, 2:] - b[:, :2]
-    to_b = b[:, :2] - a[:, :2]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        parallel = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
-        s = (to_b[:, 0] * v[:, 1] - to_b[:, 1] * v[:, 0]) / parallel
-        t = (to_b[:, 0] * u[:, 1] - to_b[:, 1] * u[:, 0]) / parallel
-        inside = (s > 0.0) & (s < 1.0) & (t > 0.0) & (t < 1.0)
-        found: Floats = np.where(inside[:, None], a[:, :2] + s[:, None] * u, np.nan)
-    return found
-
-
-def has_free_space(walls: Floats, least: float) -> bool:
-    """Whether the walls (S, 4) wind once around a place wider than ``least``.
-
-    Between two heights at which walls begin, end or cross, free space is a set of trapezia, and the
-    line half-way up meets each of them.
-    """
-    points = crossings(walls, close_pairs(walls, 0.0))
-    heights = np.unique(np.concatenate([walls[:, 1], points[np.isfinite(points[:, 1]), 1]]))
-    depths = np.diff(heights)
-    levels = heights[:-1] + depths / 2
-    by_depth = np.argsort(-depths, kind="stable")  # the deepest first, without rounding errors
-    real = by_depth[depths[by_depth] > _ROUNDING * (heights[-1] - heights[0])]
-    return finds_free_space(walls, levels[real], least)
+def _has_free_space(walls: Floats, bounds: Box, least: float) -> bool:
+    """Whether the walls (S, 4) wind once around a point beside one of them, or of a lattice."""
+    along = walls[:, 2:] - walls[:, :2]
+    left = along[:, ::-1] * (-1, 1) / np.sqrt((along**2).sum(axis=1, keepdims=True))
+    beside = walls[:, :2] + along / 2 + least * left
+    x, y = (np.linspace(bounds[i], bounds[i + 2], _LATTICE + 2)[1:-1] for i in (0, 1))
+    for points in (beside, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)):
+        windings = np.empty(len(points), np.int32)
+        drive_kernels.wind(np.ascontiguousarray(points.T), walls, windings)
+        if (windings == 1).any():
+            return True
+    return False
 
 
 def oriented_edges(polygon: Polygon, *, solid: bool) -> Floats:
@@ -228,91 +195,143 @@ def _point(corner: Floats) -> str:
     return f"({digits(x)}, {digits(y)})"
 
 
-@compiled
-def largest_region(solid: Bools) -> Bools:
-    """Return the cells of the largest open region, connected by faces; the first if equal."""
-    rows, columns = solid.shape
-    region = np.zeros((rows, columns), np.int32)  # numbers from 1 on
-    waiting = np.empty(solid.size, np.int32)
-    largest, most, number = 0, 0, 0
-    for start in range(solid.size):
-        if solid.flat[start] or region.flat[start]:
-            continue
-        number += 1
-        region.flat[start], waiting[0], found, done = number, start, 1, 0
-        while done < found:
-            row, column = divmod(waiting[done], columns)
-            done += 1
-            for up, right in ((-1, 0), (1, 0), (0, -1), (0, 1)):
-                i, j = row + up, column + right
-                if 0 <= i < rows and 0 <= j < columns and not solid[i, j] and not region[i, j]:
-                    region[i, j], waiting[found] = number, i * columns + j
-                    found += 1
-        if found > most:
-            largest, most = number, found
-    inside: Bools = region == largest
-    return inside
+@final
+@dataclass(frozen=True)
+class PolygonMap(Map):
+    """Polygonal walls around a free interior with solid obstacles.
 
-
-def faces_of(solid: Bools) -> Floats:
-    """Return the faces between open and solid cells, joined where they are in a line, (S, 4).
-
-    The edge of the map is solid. (x₀, y₀, x₁, y₁) are in cells from the lower left corner, the open
-    side to the left.
+    Polygons must be simple, leave free space, and lie within 10 km of (0, 0).
     """
-    open_ = np.pad(~solid, 1).astype(np.int8)
-    level, upright = np.diff(open_, axis=0)[:, 1:-1], -np.diff(open_, axis=1)[1:-1].T
-    row, x0, x1 = _runs(level)  # to the right where open cells are above, else to the left
-    column, y0, y1 = _runs(upright)  # up where open cells are to the left, else down
-    faces = np.vstack(
-        [np.column_stack([x0, row, x1, row]), np.column_stack([column, y0, column, y1])]
-    )
-    return faces.astype(np.float64)
+
+    outer: Polygon  #: corners in order; the last is joined to the first
+    obstacles: tuple[Polygon, ...] = ()  #: corners of each
+    unit: str = "px"  #: of all lengths, "px" or "m"
+
+    def __post_init__(self) -> None:
+        limits = _ZERO_LENGTH * pixel(self.unit), _FARTHEST * pixel(self.unit)
+        object.__setattr__(self, "outer", parse_polygon("the outer wall", self.outer, *limits))
+        try:
+            given = enumerate(self.obstacles)
+        except TypeError:
+            raise InputError(
+                f"obstacles is {shown(self.obstacles)}, but must be a list of polygons; () for "
+                "none."
+            ) from None
+        solid = tuple(parse_polygon(f"obstacle {i}", o, *limits) for i, o in given)
+        object.__setattr__(self, "obstacles", solid)
+        # a copy, as kernels are compiled for arrays that can be written
+        if not _has_free_space(self.walls.copy(), self.bounds, limits[0]):
+            raise InputError(
+                "the floor plan has no free space: its obstacles fill the outer wall; "
+                "give smaller obstacles or a larger outer wall."
+            )
+
+    @cached_property
+    def bounds(self) -> Box:
+        """See ``Map``."""
+        corners = np.array(self.outer)
+        return (*corners.min(axis=0).tolist(), *corners.max(axis=0).tolist())
+
+    @cached_property
+    def walls(self) -> Floats:
+        """See ``Map``."""
+        solid = [oriented_edges(polygon, solid=True) for polygon in self.obstacles]
+        walls = np.vstack([oriented_edges(self.outer, solid=False), *solid])
+        walls.setflags(write=False)
+        return walls
+
+    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
+        """See ``Map.cast``."""
+        kernel = ray_kernels.cast_fans if poses.shape[1] < FEW_POSES else ray_kernels.cast_all
+        kernel(poses, bearings, self._sorted_walls, out)
+
+    def distance(self, points: ArrayLike) -> Singles:
+        """See ``Map.distance``."""
+        centres = self._points("points", points)
+        square = np.empty(centres.shape[1], np.float32)
+        drive_kernels.square_gaps(centres, centres, self._walls32, square)
+        return np.sqrt(square)
+
+    def _open(self, centres: Singles) -> Bools:
+        windings = np.empty(centres.shape[1], np.int32)
+        drive_kernels.wind(centres, self._walls32, windings)
+        return np.equal(windings, 1)
+
+    def _feasible(self, starts: Singles, ends: Singles, radius: float) -> Bools:
+        clear, size = np.empty(ends.shape[1], np.bool_), np.float32(radius)
+        drive_kernels.feasible(starts, ends, self._walls32, size, self._clearance, clear)
+        return clear
+
+    def _driven(
+        self, poses: Singles, moves: Singles, path: Singles, radius: float, kept: int
+    ) -> tuple[Singles, Ints]:
+        paths = np.empty((kept, *poses.shape), np.float32)
+        hits = np.empty(poses.shape[1], np.int32)
+        size, clearance = np.float32(radius), self._clearance
+        drive_kernels.roll_out(poses, moves, path, self._walls32, size, clearance, hits, paths)
+        return paths, hits
+
+    @cached_property
+    def _walls32(self) -> Singles:
+        return np.ascontiguousarray(self.walls, dtype=np.float32)
+
+    @cached_property
+    def _clearance(self) -> tuple[Any, ...]:
+        return tuple(drive_kernels.clearance_of(self._walls32))
+
+    @cached_property
+    def _sorted_walls(self) -> tuple[Singles, ...]:
+        """An ``AllWalls``: walls along an axis need less arithmetic."""
+        room, found = as_box(self.outer), [as_box(polygon) for polygon in self.obstacles]
+        polygons = zip((self.outer, *self.obstacles), (room, *found), strict=True)
+        edges = [oriented_edges(polygon, solid=True) for polygon, box in polygons if box is None]
+        walls = np.vstack([np.empty((0, 4)), *edges])
+        boxes = np.array([box for box in found if box is not None] or [NO_BOX], np.float32)
+        x0, y0, x1, y1 = walls.T
+        upright, level, overlap = x0 == x1, y0 == y1, OVERLAP * pixel(self.unit)
+        low_x, high_x = np.minimum(x0, x1) - overlap, np.maximum(x0, x1) + overlap
+        low_y, high_y = np.minimum(y0, y1) - overlap, np.maximum(y0, y1) + overlap
+        length = np.sqrt((x1 - x0) ** 2 + (y1 - y0) ** 2)
+        start, end = np.full_like(length, -overlap), length + overlap
+        oblique = [x0, y0, (x1 - x0) / length, (y1 - y0) / length, start, end]
+        return tuple(
+            AllWalls(
+                outer=oriented_edges(self.outer, solid=False).astype(np.float32),
+                room=np.array(EVERYWHERE if room is None else room, np.float32),
+                box=boxes[0],
+                boxes=boxes[1:],
+                upright=_singles([x0, low_y, high_y])[upright],
+                level=_singles([y0, low_x, high_x])[level],
+                oblique=_singles(oblique)[~(upright | level)],
+            )
+        )
 
 
-def _runs(lines: Any) -> tuple[Indices, Indices, Indices]:
-    """Return line, start and end of all runs of +1, and of those of -1, from their ends, (n,)."""
-    padded = np.pad(lines, ((0, 0), (1, 1)))
-    line, place = np.nonzero(np.diff(padded, axis=1))
-    before, after = padded[line, place], padded[line, place + 1]
-    starts, ends, forth = after != 0, before != 0, after[after != 0] > 0
-    first, last = place[starts], place[ends]
-    return line[starts], np.where(forth, first, last), np.where(forth, last, first)
+def _singles(columns: list[Floats]) -> Singles:
+    return np.ascontiguousarray(np.column_stack(columns), dtype=np.float32)
 
 
-def outlines_of(solid: Bools) -> list[Indices]:
-    """Return the outline of the largest open region, then those of its obstacles, (k, 2) each.
+def read_polygons(path: str | os.PathLike[str]) -> PolygonMap:
+    """Read a map."""
+    try:
+        given = json_of(content_of(Path(os.path.expanduser(path))))
+    except FileNotFoundError:
+        raise InputError(f"the map file {path} does not exist: give one that does.") from None
+    except UnreadableError as error:
+        raise InputError(f"the map file {path} {error}.") from None
+    try:
+        for key in given:
+            one_of("key", key, KEYS)
+        return of_mapping(given)
+    except InputError as error:
+        raise InputError(f"the map {path}: {error}") from None
 
-    The cells of a region are connected by faces; other regions count as solid. Where four faces
-    meet, at two solid cells that touch at a corner, an outline turns right, around the solid cell.
-    As the region is connected without that corner, no outline passes through a point twice. Corners
-    are in cells from the lower left one.
-    """
-    rings = _rings(faces_of(~largest_region(solid)))
-    return sorted(
-        rings, key=lambda ring: -signed_area(ring.astype(np.float64))
-    )  # all but the first are negative
 
-
-def _rings(faces: Floats) -> list[Indices]:
-    """Join faces, end to start, to closed outlines."""
-    along = (faces[:, 2:] - faces[:, :2]).tolist()
-    leaving: dict[tuple[float, ...], list[int]] = {}
-    for k, start in enumerate(map(tuple, faces[:, :2].tolist())):
-        leaving.setdefault(start, []).append(k)
-
-    def after(k: int, end: tuple[float, ...]) -> int:
-        dx, dy = along[k]  # to the right, if there are two ways on
-        return max(leaving[end], key=lambda o: dy * along[o][0] - dx * along[o][1])
-
-    following = [after(k, end) for k, end in enumerate(map(tuple, faces[:, 2:].tolist()))]
-    unused, rings = [True] * len(faces), []
-    for first in range(len(faces)):
-        ring, k = [], first
-        while unused[k]:
-            unused[k] = False
-            ring.append(k)
-            k = following[k]
-        if ring:
-            rings.append(faces[ring, :2].astype(np.intp))
-    return rings
+def of_mapping(given: Any) -> PolygonMap:
+    """Return the map that a mapping describes."""
+    if not isinstance(given, Mapping):
+        kind = type(given).__name__
+        raise InputError(f"it is a {kind}, but must be a mapping of {', '.join(KEYS)}.")
+    for key in given:
+        one_of("key in floor_plan", key, (*KEYS, "file", "office"))
+    return PolygonMap(**{"outer": None, **given})

@@ -1,26 +1,30 @@
-"""Compiled ray casting: distances to the nearest wall; flat float32 arrays.
+"""Compiled ray casting among walls and among cells; flat float32 arrays.
 
 Loops run over blocks of poses with the wall outside and the lanes inside, without branches, so that
 the compiler turns the inner loop into SIMD code. The arithmetic is IEEE 754's (see
 ``deqmcl_gym.numerics``): every processor gives the same bits.
 
-A single ray starts at (x, y) and goes along (dx, dy); per_dx = 1 / dx. Its crossings with single
-obstacles come first; all but ``leave`` return the smaller of ``best`` and the distance to one.
+A ray starts at (x, y) and goes along (dx, dy); per_dx = 1 / dx.
+
+Among cells, positions are in cells: square (i, j) of a table is [i, i + 1] × [j, j + 1]. The
+*reach* of a cell says how many cells away, along an axis or a diagonal, the nearest one is that is
+not open; its own is 0 then. The cells along the edge of a table are never open, so that nothing
+walks off it. From a cell of reach m a ray strides to the edge of the square of 2 m - 1 open cells
+around it. Its cells are kept in whole numbers, so that no rounding error leads past one.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from deqmcl_gym.maps.drive_kernels import wind
-from deqmcl_gym.maps.stride_kernels import CellTable, cast_among
 from deqmcl_gym.numerics import Bools, Single, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos32, sin32, sincos32
 
-_ZERO = np.float32(0.0)
-_ONE = np.float32(1.0)
-_TINY = np.float32(1e-12)
+_ZERO, _HALF, _ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
+_TINY, _INF, _NAN = np.float32(1e-12), np.float32(np.inf), np.float32(np.nan)
 
 
 @compiled
@@ -68,49 +72,8 @@ def enter(
     return t if (t >= _ZERO) & (leave >= enter) & (t < best) else best
 
 
-@compiled
-def crosses(
-    at: Single,
-    low: Single,
-    high: Single,
-    across: Single,
-    along: Single,
-    per: Single,
-    slope: Single,
-    best: Single,
-) -> Single:
-    """Where a ray crosses a wall that is parallel to an axis."""
-    t = (at - across) * per
-    u = along + t * slope
-    return t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best) else best
-
-
-@compiled
-def meet(
-    ax: Single,
-    ay: Single,
-    ex: Single,
-    ey: Single,
-    low: Single,
-    high: Single,
-    x: Single,
-    y: Single,
-    dx: Single,
-    dy: Single,
-    best: Single,
-) -> Single:
-    """Where a ray meets a wall of any direction (ex, ey)."""
-    rx, ry = ax - x, ay - y
-    t = (rx * ey - ry * ex) / (dx * ey - dy * ex)
-    u = (t * dx - rx) * ex + (t * dy - ry) * ey
-    return t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best) else best
-
-
 Rectangle = Singles  # (x_low, y_low, x_high, y_high)
 _RAYS = 512  # of one beam cast at a time: their data fit the fastest cache
-
-_INF = np.float32(np.inf)
-_NAN = np.float32(np.nan)
 
 
 class AllWalls(NamedTuple):
@@ -122,7 +85,7 @@ class AllWalls(NamedTuple):
     boxes: Singles  # further ones, (S₀, 4); four walls each
     upright: Singles  # other walls x = c as (c, y_low, y_high), (S₁, 3)
     level: Singles  # other walls y = c as (c, x_low, x_high), (S₂, 3)
-    oblique: Singles  # others: start, direction and extent along it, as of ``CellTable``, (S₃, 6)
+    oblique: Singles  # others: start, direction and extent along it, (S₃, 6)
 
 
 @compiled
@@ -184,15 +147,22 @@ def _shorten(
     for wall in range(walls.upright.shape[0]):
         at, low, high = walls.upright[wall]
         for i in range(best.size):
-            best[i] = crosses(at, low, high, x[i], y[i], per_dx[i], dy[i], best[i])
+            t = (at - x[i]) * per_dx[i]
+            u = y[i] + t * dy[i]
+            best[i] = t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best[i]) else best[i]
     for wall in range(walls.level.shape[0]):
         at, low, high = walls.level[wall]
         for i in range(best.size):
-            best[i] = crosses(at, low, high, y[i], x[i], per_dy[i], dx[i], best[i])
+            t = (at - y[i]) * per_dy[i]
+            u = x[i] + t * dx[i]
+            best[i] = t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best[i]) else best[i]
     for wall in range(walls.oblique.shape[0]):
         ax, ay, ex, ey, low, high = walls.oblique[wall]
         for i in range(best.size):
-            best[i] = meet(ax, ay, ex, ey, low, high, x[i], y[i], dx[i], dy[i], best[i])
+            rx, ry = ax - x[i], ay - y[i]
+            t = (rx * ey - ry * ex) / (dx[i] * ey - dy[i] * ex)
+            u = (t * dx[i] - rx) * ex + (t * dy[i] - ry) * ey
+            best[i] = t if (t >= _ZERO) & (u >= low) & (u <= high) & (t < best[i]) else best[i]
 
 
 @compiled
@@ -288,25 +258,157 @@ def cast_fans(poses: Singles, bearings: Singles, arrays: tuple[Singles, ...], ou
     _blind(_inside(poses, walls.outer, walls.room), out)
 
 
+Reach = NDArray[np.uint8]
+FARTHEST_CELL = 255  # cells told apart by the reach
+
+_LANES = 1024  # rays traced side by side: what they need fits the second cache
+_STRIDES = 4  # between two looks at which of them have arrived
+
+
 @compiled
-def cast_through(
-    poses: Singles,
+def fill_reach(solid: Bools, out: Reach) -> None:
+    """Fill in how many cells away the nearest solid one is, at most ``FARTHEST_CELL``.
+
+    The chessboard distance in two passes (Rosenfeld & Pfaltz 1968). ``solid`` has a solid ring.
+    """
+    rows, columns = solid.shape
+    for row in range(rows):
+        for column in range(columns):
+            out[row, column] = 0 if solid[row, column] else FARTHEST_CELL
+    for row in range(1, rows - 1):
+        for column in range(1, columns - 1):
+            if out[row, column]:
+                below = min(out[row - 1, column - 1], out[row - 1, column])
+                beside = min(out[row - 1, column + 1], out[row, column - 1])
+                out[row, column] = min(below, beside, FARTHEST_CELL - 1) + 1
+    for row in range(rows - 2, 0, -1):
+        for column in range(columns - 2, 0, -1):
+            above = min(out[row + 1, column + 1], out[row + 1, column])
+            beside = min(out[row + 1, column - 1], out[row, column + 1])
+            nearest = min(above, beside, FARTHEST_CELL - 1) + 1
+            out[row, column] = min(out[row, column], nearest)
+
+
+@compiled
+def cast_among(
+    u: Singles,
+    v: Singles,
+    headings: Singles,
     bearings: Singles,
-    outer: Singles,
-    table: tuple[Any, ...],
-    place: tuple[float, float, float],
+    reach: Reach,
+    endless: bool,
+    side: Single,
     out: Singles,
 ) -> None:
-    """Do the same, walking from cell to cell: a ray takes as long as the cells that it crosses.
+    """Fill in how far the beams of poses come, ∞ if for ever; NaN for poses not on the table.
 
-    ``table`` is a ``CellTable``, as a plain tuple, ``place`` its lower left corner (x, y), and a
-    cell's side.
+    Rays end where they enter a cell that is not open; at the table's edge, they go on for ever if
+    they are ``endless``. u and v are those of the poses, (n,), in cells of this ``side``; bearings
+    (B,), out (B, n).
     """
-    n = poses.shape[1]
-    u, v = np.empty(n, np.float32), np.empty(n, np.float32)
-    x0, y0, side = place
-    for i in range(n):
-        u[i] = (np.float64(poses[0, i]) - x0) / side
-        v[i] = (np.float64(poses[1, i]) - y0) / side
-    cast_among(u, v, poses[2], bearings, CellTable(*table), np.float32(side), out)
-    _blind(_enclosed(poses, outer), out)
+    n, beams = u.size, bearings.size
+    rows, columns = np.float32(reach.shape[0]), np.float32(reach.shape[1])
+    on = np.empty(n, np.bool_)
+    for i in range(n):  # all false for NaN
+        on[i] = (u[i] >= _ONE) & (u[i] < columns - _ONE) & (v[i] >= _ONE) & (v[i] < rows - _ONE)
+        on[i] &= abs(headings[i]) < _INF
+    sine, cosine = np.empty(n, np.float32), np.empty(n, np.float32)
+    beam_sine, beam_cosine = np.empty(beams, np.float32), np.empty(beams, np.float32)
+    sincos32(headings, sine, cosine)
+    sincos32(bearings, beam_sine, beam_cosine)
+    x, y = np.empty(_LANES, np.float32), np.empty(_LANES, np.float32)
+    dx, dy = np.empty(_LANES, np.float32), np.empty(_LANES, np.float32)
+    found = np.empty(_LANES, np.float32)
+    beam, pose = 0, 0  # of the next ray: all poses of a beam, then those of the next one
+    while beam < beams and n > 0:
+        first_beam, first_pose, lane = beam, pose, 0
+        while lane < _LANES and beam < beams:
+            stretch = min(n - pose, _LANES - lane)
+            bs, bc = beam_sine[beam], beam_cosine[beam]
+            for k in range(stretch):
+                x[lane + k] = u[pose + k] if on[pose + k] else _HALF
+                y[lane + k] = v[pose + k] if on[pose + k] else _HALF
+            for k in range(stretch):
+                dx[lane + k] = cosine[pose + k] * bc - sine[pose + k] * bs
+                dy[lane + k] = sine[pose + k] * bc + cosine[pose + k] * bs
+            lane, pose = lane + stretch, pose + stretch
+            if pose == n:
+                beam, pose = beam + 1, 0
+        _trace(x[:lane], y[:lane], dx[:lane], dy[:lane], reach, endless, found)
+        beam, pose = first_beam, first_pose
+        for k in range(lane):
+            out[beam, pose] = found[k] * side if on[pose] else np.float32(np.nan)
+            pose += 1
+            if pose == n:
+                beam, pose = beam + 1, 0
+
+
+@compiled
+def _trace(
+    from_x: Singles,
+    from_y: Singles,
+    along_x: Singles,
+    along_y: Singles,
+    reach: Reach,
+    endless: bool,
+    out: Singles,
+) -> None:
+    """Fill in how far rays from points along directions, (n,), come (Amanatides & Woo 1987)."""
+    left, flat = from_x.size, reach.reshape(-1)
+    columns = np.int32(reach.shape[1])
+    last_row, last_column = np.float32(reach.shape[0] - 1), np.float32(columns - 1)
+    # copies made here, as then the compiler knows that no two arrays share memory
+    x, y, dx, dy = from_x.copy(), from_y.copy(), along_x.copy(), along_y.copy()
+    per_dx, per_dy = np.empty(left, np.float32), np.empty(left, np.float32)
+    right, up = np.empty(left, np.float32), np.empty(left, np.float32)
+    column, row = np.empty(left, np.float32), np.empty(left, np.float32)  # whole numbers
+    t, reached = np.empty(left, np.float32), np.empty(left, np.float32)
+    cell, who = np.empty(left, np.int32), np.empty(left, np.int32)
+    for i in range(left):
+        per_dx[i] = _ONE / (dx[i] if abs(dx[i]) > _TINY else _TINY)
+        per_dy[i] = _ONE / (dy[i] if abs(dy[i]) > _TINY else _TINY)
+        right[i] = _ONE if per_dx[i] > _ZERO else -_ONE
+        up[i] = _ONE if per_dy[i] > _ZERO else -_ONE
+        column[i], row[i], t[i] = np.floor(x[i]), np.floor(y[i]), _ZERO
+        who[i] = i
+    while left > 0:
+        for _ in range(_STRIDES):
+            for i in range(left):
+                cell[i] = np.int32(row[i]) * columns + np.int32(column[i])
+            for i in range(left):
+                reached[i] = np.float32(flat[cell[i]])
+            for i in range(left):
+                m = reached[i]
+                to_x = (column[i] + _HALF + right[i] * (m - _HALF) - x[i]) * per_dx[i]
+                to_y = (row[i] + _HALF + up[i] * (m - _HALF) - y[i]) * per_dy[i]
+                sideways = to_x < to_y
+                way = to_x if sideways else to_y
+                new_column = _near(np.floor(x[i] + way * dx[i]), column[i], m - _ONE)
+                new_row = _near(np.floor(y[i] + way * dy[i]), row[i], m - _ONE)
+                new_column = column[i] + right[i] * m if sideways else new_column
+                new_row = new_row if sideways else row[i] + up[i] * m
+                t[i] = way if m > _ZERO else t[i]
+                column[i] = new_column if m > _ZERO else column[i]
+                row[i] = new_row if m > _ZERO else row[i]
+        kept = 0
+        for i in range(left):
+            stays = reached[i] > _ZERO
+            if endless and not stays:
+                across = (column[i] == _ZERO) | (column[i] == last_column)
+                t[i] = _INF if across | (row[i] == _ZERO) | (row[i] == last_row) else t[i]
+            out[who[i]] = t[i]
+            x[kept], y[kept], dx[kept], dy[kept] = x[i], y[i], dx[i], dy[i]
+            per_dx[kept], per_dy[kept] = per_dx[i], per_dy[i]
+            right[kept], up[kept] = right[i], up[i]
+            column[kept], row[kept], t[kept], who[kept] = column[i], row[i], t[i], who[i]
+            kept += stays
+        left = kept
+
+
+@compiled
+def _near(index: Single, middle: Single, reach: Single) -> Single:
+    """Return the index, or the nearest to it that is no farther from the middle than that."""
+    low: Single = middle - reach
+    high: Single = middle + reach
+    least = index if index > low else low
+    return least if least < high else high

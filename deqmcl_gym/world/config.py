@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from deqmcl_gym.maps import Box, GridMap, Lidar, Map, Office, Offices, PolygonMap, polygon_map
+from deqmcl_gym.maps import Box, GridMap, Lidar, Map, Office, Offices, PolygonMap, polygons
 from deqmcl_gym.maps.map import LENGTH, PER_LENGTH, POSE, pixel, scaled
 from deqmcl_gym.validation import InputError, array, keep_plain, number, one_of, part, pose, shown
 from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
@@ -32,13 +32,11 @@ def floor_plan_of(given: Any) -> Map:
     if not isinstance(given, Mapping):
         raise InputError(
             f"floor_plan is {shown(given)}, but must be a map, the path of a map's file, or a "
-            f"mapping of {', '.join(polygon_map.KEYS)}, of file and unknown, or of office and "
-            "form."
+            f"mapping of {', '.join(polygons.KEYS)}, of file and unknown, or of office."
         )
-    if "office" not in given:
-        return _read(given) if "file" in given else polygon_map.of_mapping(given)
-    office, form = _office(given)
-    return office.grid if form == "grid" else office.polygons
+    if "office" in given:
+        return _office(given).grid
+    return _read(given) if "file" in given else polygons.of_mapping(given)
 
 
 def offices_of(given: Any) -> Offices | None:
@@ -54,21 +52,19 @@ def offices_of(given: Any) -> Offices | None:
             f"floor_plan.office has seed = {shown(office['seed'])} and seeds = {shown(seeds)}: "
             "give one of them."
         )
-    one, form = _office({**given, "office": office})
-    return Offices(seeds=seeds, office=one, form=form)
+    return Offices(seeds=seeds, office=_office({**given, "office": office}))
 
 
 def extent_of(given: Any, floor_plan: Map) -> Box:
     """Return the bounds of a floor plan; of all offices of its kind if it is one: one scale."""
     if not (isinstance(given, Mapping) and "office" in given):
         return floor_plan.bounds
-    return (offices_of(given) or Offices(seeds=(0, 1), office=_office(given)[0])).bounds
+    return (offices_of(given) or Offices(seeds=(0, 1), office=_office(given))).bounds
 
 
-def _office(given: Mapping[str, Any]) -> tuple[Office, str]:
-    """Return an office, and the form of its map."""
+def _office(given: Mapping[str, Any]) -> Office:
     for key in given:
-        one_of("key in floor_plan", key, ("office", "form"))
+        one_of("key in floor_plan", key, ("office",))
     office = given["office"]
     if isinstance(office, Mapping) and "seeds" in office:
         raise InputError(
@@ -76,17 +72,17 @@ def _office(given: Mapping[str, Any]) -> tuple[Office, str]:
             "give a seed."
         )
     one: Office = part("floor_plan.office", Office, office, Office())
-    return one, one_of("form of a floor plan", given.get("form", "grid"), ("grid", "polygons"))
+    return one
 
 
 def _read(given: Mapping[str, Any]) -> Map:
     """Return the map in a file: a yaml of ROS, or polygons as JSON."""
     path = given["file"]
-    polygons = str(path).endswith(".json")
+    is_json = str(path).endswith(".json")
     for key in given:
-        one_of("key in floor_plan", key, ("file",) if polygons else ("file", "unknown"))
-    if polygons:
-        return polygon_map.read_polygons(path)
+        one_of("key in floor_plan", key, ("file",) if is_json else ("file", "unknown"))
+    if is_json:
+        return polygons.read_polygons(path)
     return GridMap.load(path, given.get("unknown", "obstacle"))
 
 
@@ -295,9 +291,9 @@ class World:
         """Return this world with some parts replaced, each by an object or a mapping of changes.
 
         None leaves a part as it is. A floor plan is always given whole:
-        ``{"outer": [...], "obstacles": [...], "unit": "px"}``, ``{"office": {"seed": 3}, "form":
-        "grid"}`` (or "polygons"), ``{"file": "map.yaml", "unknown": "obstacle"}``, or the path of
-        such a file or of polygons in JSON.
+        ``{"outer": [...], "obstacles": [...], "unit": "px"}``, ``{"office": {"seed": 3}}``,
+        ``{"file": "map.yaml", "unknown": "obstacle"}``, or the path of such a file or of polygons
+        in JSON.
         If its unit differs, the parts of this world are converted to it, then changed. In a world
         without a driver, changes apply to ``Driver()``; ``driver="none"`` removes the driver. The
         same holds for all parts that a world may have.

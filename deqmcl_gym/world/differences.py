@@ -5,18 +5,16 @@ one with less has.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
-from itertools import islice
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from deqmcl_gym.maps import GridMap, Map
-from deqmcl_gym.maps.altered import Piece, altered, comes_near, free_area, inner_walls
+from deqmcl_gym.maps.altered import Piece, altered, comes_near, inner_walls
 from deqmcl_gym.maps.map import LENGTH, pixel, scaled
-from deqmcl_gym.maps.polygons import signed_area
 from deqmcl_gym.numerics import Floats, arrays
 from deqmcl_gym.validation import (
     InputError,
@@ -30,15 +28,13 @@ from deqmcl_gym.validation import (
     shown,
 )
 
-PLACES = ("anywhere", "walls", "rooms", "corridors")
+PLACES = ("anywhere", "walls")
 KINDS = ("removed", "added", "shifted")
 BESIDE = 10.0  # px: room left on both sides of a robot on its way
 _APART = 2.0  # px: between the points of a way that are looked at
 _TRIES = 1000
 _CORNERS = 16  # of a round pillar
 _DIRECTIONS = 32  # in which a place is looked around
-_OBLONG = 2.5  # length of a corridor over its width
-_ACROSS = 3  # directions on both sides of that across a corridor: 34°, as corners of rooms are none
 _AGAIN = 20  # tries to change a wall
 _ADDED = (25.0, 150.0)  # px: from a wall to its copy
 
@@ -74,24 +70,20 @@ NOWHERE = Way(np.empty((0, 2)), 0.0)
 class Clutter:
     """Boxes and round pillars that are not on the map; ``size`` is their least and greatest side.
 
-    Where: "anywhere"; "walls": against a wall; "corridors": where the longest line of sight is 2.5
-    times as long as all within 34° of that across it; "rooms": elsewhere. They keep off the way
-    planned on the map, 0.2 m (10 px) beside the robot, or only off its ends.
+    They stand anywhere, or against a wall. They keep off the way planned on the map, 0.2 m (10 px)
+    beside the robot, or only off its ends.
     """
 
     number: int = 10  #: of things
-    share: float | None = None  #: of the free area that they cover, 0 to 0.5, instead of a number
     #: least and greatest side of a box, or diameter of a pillar
     size: tuple[float, float] = field(default=(15.0, 40.0), metadata=LENGTH)
     round: float = 0.5  #: share of pillars
-    where: str = "anywhere"  #: "anywhere", "walls", "corridors" or "rooms"
+    where: str = "anywhere"  #: "anywhere" or "walls"
     keep_route: bool = True  #: whether the way planned on the map stays free
 
     def __post_init__(self) -> None:
         keep_plain(self)
         integer("clutter.number", self.number, high=10_000)
-        if self.share is not None:
-            number("clutter.share", self.share, low=0, high=0.5)
         object.__setattr__(self, "size", ordered("clutter.size", self.size, above=True))
         number("clutter.round", self.round, low=0, high=1)
         one_of("place of clutter", self.where, PLACES)
@@ -99,29 +91,18 @@ class Clutter:
 
     def drawn(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> list[Floats]:
         """Draw it: convex polygons, counterclockwise, (c, 2) each."""
-        things = self._each(floor_plan, way, rng)
-        if self.share is None:
-            return list(islice(things, self.number))
-        found, area, most = [], 0.0, self.share * free_area(floor_plan)
-        while area < most:
-            found.append(next(things))
-            area += signed_area(found[-1])
-        return found
+        return [self._one(floor_plan, way, rng) for _ in range(self.number)]
 
-    def _each(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> Iterator[Floats]:
-        """Yield one after the other."""
-        while True:
-            for _ in range(_TRIES):
-                thing = self._tried(floor_plan, rng)
-                if thing is not None and not way.is_blocked_by([thing]):
-                    yield thing
-                    break
-            else:
-                raise InputError(
-                    f"none of {_TRIES:,} places drawn for clutter ({self.where}) is free and off "
-                    "the robot's way: give another clutter.where, a smaller clutter.number or "
-                    "clutter.share, or a smaller clutter.size."
-                )
+    def _one(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> Floats:
+        for _ in range(_TRIES):
+            thing = self._tried(floor_plan, rng)
+            if thing is not None and not way.is_blocked_by([thing]):
+                return thing
+        raise InputError(
+            f"none of {_TRIES:,} places drawn for clutter ({self.where}) is free and off the "
+            "robot's way: give another clutter.where, a smaller clutter.number, or a smaller "
+            "clutter.size."
+        )
 
     def _tried(self, floor_plan: Map, rng: np.random.Generator) -> Floats | None:
         """Draw a thing; None if it is not at such a place."""
@@ -133,15 +114,12 @@ class Clutter:
         low, high = self.size
         half = low / 2 + (high - low) / 2 * np.array((long, wide))
         is_round, angle = kind < self.round, 2 * math.pi * turn
-        if self.where != "anywhere":
+        if self.where == "walls":
             bearings = 2 * math.pi / _DIRECTIONS * np.arange(_DIRECTIONS)
             seen = floor_plan.ranges([(*centre, 0.0)], bearings)[0].astype(np.float64)
-            if self.where == "walls":
-                angle = float(bearings[seen.argmin()])
-                centre = centre + (seen.min() - half[0]) * _unit(angle)
-                if not floor_plan.free([centre])[0]:
-                    return None
-            elif _is_corridor(seen) != (self.where == "corridors"):
+            angle = float(bearings[seen.argmin()])
+            centre = centre + (seen.min() - half[0]) * _unit(angle)
+            if not floor_plan.free([centre])[0]:
                 return None
         ahead, aside = _unit(angle), _unit(angle + math.pi / 2)
         corners: Floats = (
@@ -163,22 +141,6 @@ def _circle() -> Floats:
     return np.array([_unit(2 * math.pi * k / _CORNERS) for k in range(_CORNERS)])
 
 
-def _is_corridor(seen: Floats) -> bool:
-    """Whether the longest line of sight is much longer than that across it."""
-    half = _DIRECTIONS // 2
-    lines = seen[:half] + seen[half:]
-    longest = int(lines.argmax())
-    across = longest + half // 2 + np.arange(-_ACROSS, _ACROSS + 1)
-    return bool(lines[longest] >= _OBLONG * lines[across % half].max())
-
-
-class WallChanges(NamedTuple):
-    """What is changed of a map's walls."""
-
-    cleared: Floats  # boxes without wall, (k, 4, 2)
-    filled: list[Floats]  # new wall, counterclockwise corners, (4, 2) each
-
-
 @dataclass(frozen=True, kw_only=True)
 class ChangedWalls:
     """Inner walls that are not where the map has them: pieces of up to 2 m (100 px).
@@ -189,22 +151,12 @@ class ChangedWalls:
 
     share: float = 0.1  #: of the inner walls' length that is changed, 0 to 0.5
     distance: float = field(default=25.0, metadata=LENGTH)  #: greatest shift
-    kinds: tuple[str, ...] = KINDS  #: what happens to a piece, each as often
     keep_route: bool = True  #: as for clutter
 
     def __post_init__(self) -> None:
         keep_plain(self)
         number("changed_walls.share", self.share, low=0, high=0.5)
         number("changed_walls.distance", self.distance, low=0, above=True)
-        kinds = (self.kinds,) if isinstance(self.kinds, str) else self.kinds
-        if not isinstance(kinds, list | tuple):
-            raise InputError(
-                f"changed_walls.kinds is {shown(kinds)}, but must be some of {', '.join(KINDS)}."
-            )
-        kinds = tuple(kinds)
-        for kind in kinds or ("",):
-            one_of("kind of changed_walls", kind, KINDS)
-        object.__setattr__(self, "kinds", kinds)
         boolean("changed_walls.keep_route", self.keep_route)
 
     def check(self, floor_plan: Map) -> None:
@@ -216,8 +168,10 @@ class ChangedWalls:
                 f"whole cells of {step:g} {floor_plan.unit}: give at least that."
             )
 
-    def drawn(self, floor_plan: Map, way: Way, rng: np.random.Generator) -> WallChanges:
-        """Draw what is changed."""
+    def drawn(
+        self, floor_plan: Map, way: Way, rng: np.random.Generator
+    ) -> tuple[Floats, list[Floats]]:
+        """Draw what is cleared, boxes (k, 4, 2), and filled, counterclockwise (4, 2) each."""
         self.check(floor_plan)
         walls, _, _ = inner_walls(floor_plan)
         cleared, filled, changed = [np.empty((0, 4, 2))], list[Floats](), 0.0
@@ -236,11 +190,10 @@ class ChangedWalls:
         else:
             if changed < asked * (1 - 1e-9):
                 raise InputError(
-                    f"changed_walls.share is {self.share:g}, but so many walls cannot be "
-                    f"{' or '.join(self.kinds)} beside the robot's way: give a smaller share, or "
-                    'let kinds have "removed".'
+                    f"changed_walls.share is {self.share:g}, but so many walls cannot be changed "
+                    "beside the robot's way: give a smaller share."
                 )
-        return WallChanges(np.vstack(cleared), filled)
+        return np.vstack(cleared), filled
 
     def _tried(
         self, floor_plan: Map, piece: Piece, rng: np.random.Generator
@@ -248,7 +201,7 @@ class ChangedWalls:
         """Draw what is cleared and filled for a piece; None if it would not come to free space."""
         _, doors, step = inner_walls(floor_plan)
         nothing = np.empty((0, 4, 2))
-        kind = self.kinds[int(rng.integers(len(self.kinds)))]
+        kind = KINDS[int(rng.integers(len(KINDS)))]
         if kind == "removed":
             return piece.boxes, nothing
         by, is_door = rng.uniform(-1.0, 1.0), bool(rng.random() < 0.5)
@@ -268,8 +221,7 @@ def _shifted(
 ) -> tuple[Floats, Floats]:
     """Return a piece shifted by near + |by| (far - near), and the middle of its front there."""
     way = near + abs(by) * (far - near)
-    if step:
-        way = max(1, min(round(way / step), math.floor(far / step + 1e-9))) * step
+    way = max(1, min(round(way / step), math.floor(far / step + 1e-9))) * step
     to = piece.boxes + math.copysign(way, by) * piece.across
     middle = to.mean(axis=(0, 1))
     thick = np.abs((piece.boxes - piece.boxes.mean(axis=(0, 1))) @ piece.across).max()
@@ -289,8 +241,8 @@ def map_changed(floor_plan: Map, given: Mapping[str, Any], points: Floats, body:
     walls = part("changed_walls", ChangedWalls, keys, default)
     seed = integer("changed_walls.seed", given.get("seed", 0))
     way = Way.along(points, body, floor_plan) if walls.keep_route and len(points) else NOWHERE
-    changes = walls.drawn(floor_plan, way, np.random.default_rng(np.random.SeedSequence(seed)))
-    return altered(floor_plan, changes.cleared, changes.filled)
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    return altered(floor_plan, *walls.drawn(floor_plan, way, rng))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -298,14 +250,12 @@ class Glass:
     """Inner walls, as on the map, of which beams do not always return."""
 
     share: float = 0.2  #: of the inner walls' length that is glass
-    lost: float = 0.7  #: share of the beams that meet glass and are not reflected
-    reads: str = "through"  #: what these measure: what is behind, or with "max" the largest range
+    lost: float = 0.7  #: share of the beams that meet glass and see what is behind
 
     def __post_init__(self) -> None:
         keep_plain(self)
         number("glass.share", self.share, low=0, high=1)
         number("glass.lost", self.lost, low=0, high=1)
-        one_of("value of glass.reads", self.reads, ("through", "max"))
 
     def check(self, floor_plan: Map) -> None:
         """Refuse a map without inner walls."""

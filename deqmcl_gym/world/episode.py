@@ -1,29 +1,142 @@
-"""Episode: a robot in a world, from reset to the end of its plan.
+"""Episode: a robot in a world as it is, from reset to the end of its plan.
 
 Contact of the driving disc with walls is by pymunk for polygons, exact for cells.
 """
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pymunk
 
-from deqmcl_gym.maps import GridMap, PolygonMap
+from deqmcl_gym.maps import Caster, GridMap, Map, PolygonMap
+from deqmcl_gym.maps.altered import altered
 from deqmcl_gym.maps.polygons import oriented_edges
 from deqmcl_gym.numerics import Floats, Point, Pose, Singles
 from deqmcl_gym.world.config import Route, World
-from deqmcl_gym.world.driver import GuidedPlan, Underway
+from deqmcl_gym.world.course import Course
+from deqmcl_gym.world.differences import Way
+from deqmcl_gym.world.driver import GuidedPlan, Plan, Underway, points_of
 from deqmcl_gym.world.path_kernels import judged_step, noisy_drive
-from deqmcl_gym.world.people import Contacts, Crowded
-from deqmcl_gym.world.reality import Beginning
+from deqmcl_gym.world.people import Contacts, Crowd, Crowded, cast_among_people
 from deqmcl_gym.world.rules import RoomRules
-from deqmcl_gym.world.sensor import LidarSensor, Stream, episode_stream
+from deqmcl_gym.world.sensor import LidarSensor, Stream, cast_through_glass, episode_stream
 
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing, View
 
-_WALLS = pymunk.ShapeFilter()  # the space has nothing but walls
+Streams = Callable[[Stream], np.random.Generator]  # of an episode, each from its beginning
+
+_CLOSEST = 0.05  # px: walls nearer than this to each other are one to a beam
+
+
+@dataclass(frozen=True, eq=False)
+class Reality:
+    """A world as it is in one episode."""
+
+    mapped: Map
+    world: World  # the world with what is there as its floor plan
+    keeps_route: bool  # whether nothing is on the way planned on the map
+    glass: Floats  # walls that are glass, (k, 4, 2)
+    behind_glass: Map  # what is there without them
+
+    @classmethod
+    def drawn(cls, world: World, course: Course, plan: Plan, streams: Streams) -> "Reality":
+        """Draw what differs from the map in an episode, on which its course and plan are made."""
+        ground, clutter, walls = world.floor_plan, world.clutter, world.changed_walls
+        cleared, filled = np.empty((0, 4, 2)), list[Floats]()
+        kept = [part.keep_route for part in (clutter, walls) if part is not None]
+        if walls is not None:
+            way = _way(world, course, plan, walls.keep_route)
+            cleared, filled = walls.drawn(ground, way, streams(Stream.CHANGED_WALLS))
+        if clutter is not None:
+            way = _way(world, course, plan, clutter.keep_route)
+            filled = [*filled, *clutter.drawn(ground, way, streams(Stream.CLUTTER))]
+        there = behind = altered(ground, cleared, filled)
+        glass = np.empty((0, 4, 2))
+        if world.glass is not None:
+            glass = world.glass.drawn(ground, streams(Stream.GLASS))
+            behind = altered(ground, np.vstack([cleared, glass]), filled)
+        real = world if there is ground else replace(world, floor_plan=there)
+        return cls(ground, real, all(kept), glass, behind)
+
+    def crowd(self, robot: Point, streams: Streams) -> Crowd | None:
+        """Return the people, if there are any, around a robot at its start."""
+        world = self.world
+        if world.people is None:
+            return None
+        rng = streams(Stream.PEOPLE)
+        return Crowd(world.people, world.floor_plan, robot, world.body, rng)
+
+    def caster(self, crowd: Crowd | None, streams: Streams) -> Caster:
+        """Return what beams meet."""
+        caster: Caster = self.world.floor_plan.cast
+        if (glass := self.world.glass) is not None:
+            behind, closest = self.behind_glass.cast, _CLOSEST * self.world.pixel
+            rng = streams(Stream.THROUGH_GLASS)
+            caster = partial(cast_through_glass, caster, behind, glass, closest, rng)
+        return caster if crowd is None else partial(cast_among_people, caster, crowd)
+
+    def picture(self, view: "View", crowd: Crowd | None) -> "Drawing":
+        """Draw what is there: solid, glass in blue; the map in outline; people as discs."""
+        from deqmcl_gym.world.drawing import GLASS, MAPPED, PERSON, Drawing
+
+        drawing = Drawing(replace(view, floor_plan=self.world.floor_plan))
+        if self.world.floor_plan is not self.mapped:
+            drawing.segments(self.mapped.walls, MAPPED)
+        drawing.solids(self.glass, GLASS)
+        return drawing if crowd is None else drawing.discs(crowd.places, crowd.radius, PERSON)
+
+
+@dataclass(frozen=True, eq=False)
+class Beginning:
+    """What is drawn for an episode before its first step."""
+
+    there: RoomRules  # the rules, in the world as it is in this episode
+    course: Course  # the path, and the actions planned for it
+    plan: Plan
+    reality: Reality
+    start: Pose  # the true pose (x, y, θ)
+
+    @classmethod
+    def drawn(cls, rules: RoomRules, seed: int, number: int) -> "Beginning":
+        """Draw the ``number``-th episode after seeding."""
+        course, plan = rules.begun(seed, number)
+        streams = partial(episode_stream, seed, number)
+        reality = Reality.drawn(rules.world, course, plan, streams)
+        world = reality.world
+        if world is rules.world:
+            return cls(rules, course, plan, reality, rules.start(course, seed, number))
+        there = replace(rules, world=world)
+        start = there.start(course, seed, number)
+        if isinstance(plan, GuidedPlan):  # he has planned on the map, sees what is there
+            journeys, goal = there.journeys, course.goal
+            if reality.keeps_route or journeys is None or goal is None:
+                plan = replace(plan, world=world)
+            else:
+                course = journeys.onwards(goal, start)
+                plan = there.plan_for(course)
+        return cls(there, course, plan, reality, start)
+
+    @property
+    def arc(self) -> float:
+        """Arc length at which it begins."""
+        course = self.course
+        return course.path.follow(course.start[:2], self.start[:2], course.arc)[0]
+
+
+def _way(world: World, course: Course, plan: Plan, whole: bool) -> Way:
+    """Return the way planned on the map, with that of a driver without noise, or its ends."""
+    corners = course.path.outline
+    if not whole:
+        ends = [course.start[:2]] if course.goal is None else [course.start[:2], course.goal]
+        ways = [np.array([end, end]) for end in ends]
+    else:
+        ways = [corners, np.vstack([course.start[:2], points_of(course.start, plan.actions)])]
+    found = [Way.along(way, world.body, world.floor_plan) for way in ways]
+    return Way(np.vstack([way.points for way in found]), found[0].margin)
 
 
 class CellContacts:
@@ -51,7 +164,9 @@ class WallContacts:
 
     def __init__(self, floor_plan: PolygonMap, radius: float) -> None:
         """Build the space; it never changes."""
-        self.space = pymunk.Space()
+        import pymunk  # only here: rooms in kernels do without
+
+        self.space, self._all = pymunk.Space(), pymunk.ShapeFilter()
         body = self.space.static_body
         outlines = [oriented_edges(floor_plan.outer, solid=False)]
         outlines += [oriented_edges(obstacle, solid=True) for obstacle in floor_plan.obstacles]
@@ -66,13 +181,13 @@ class WallContacts:
 
     def gap(self, centre: Point) -> float:
         """See ``Contacts.gap``."""
-        nearest = self.space.point_query_nearest(centre, math.inf, _WALLS)
+        nearest = self.space.point_query_nearest(centre, math.inf, self._all)
         assert nearest is not None  # a room has walls
         return nearest.distance
 
     def first_contact(self, start: Point, end: Point) -> float | None:
         """See ``Contacts.first_contact``."""
-        contact = self.space.segment_query_first(start, end, 0.0, _WALLS)
+        contact = self.space.segment_query_first(start, end, 0.0, self._all)
         return None if contact is None else contact.alpha
 
 
@@ -177,8 +292,7 @@ class Episode(Body):
         world = self.there.world
         self._crowd = self._reality.crowd(self.pose[:2], self.stream)
         caster = self._reality.caster(self._crowd, self.stream)
-        datum, noise = world.floor_plan.datum, self.stream(Stream.SENSOR)
-        sensor = LidarSensor(caster, datum, world.lidar, noise)
+        sensor = LidarSensor(caster, world.lidar, self.stream(Stream.SENSOR))
         solid = walls if self.there is rules else contacts_of(world)
         if self._crowd is not None:
             solid = Crowded(solid, self._crowd, world.body)

@@ -113,18 +113,12 @@ class Crowded:
         return first if first < math.inf else None
 
 
-@dataclass(frozen=True, eq=False)
-class AmongPeople:
-    """A caster of walls, and of the people before them."""
-
-    walls: Caster
-    crowd: Crowd
-    datum: Point  # of its map
-
-    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """See ``deqmcl_gym.maps.map.Caster``."""
-        self.walls.cast(poses, bearings, out)
-        _cast(poses, bearings, self.crowd.places - self.datum, self.crowd.radius, out)
+def cast_among_people(
+    walls: Caster, crowd: Crowd, poses: Singles, bearings: Singles, out: Singles
+) -> None:
+    """Cast among walls, and people before them."""
+    walls(poses, bearings, out)
+    _cast(poses, bearings, crowd.places, crowd.radius, out)
 
 
 def _free(

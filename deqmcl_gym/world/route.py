@@ -232,7 +232,7 @@ class Journeys:
         """All routes with the clearance asked for."""
         world, route = self.world, self._route
         radius = world.body + route.clearance
-        return routes_on(world.floor_plan, radius, route.comfort)  # type: ignore[arg-type] # hashable
+        return routes_on(world.floor_plan, radius, route.comfort)
 
     def between(self, start: Point | None, rng: np.random.Generator) -> Floats:
         """Return the corners of a route, (k, 2); an end that is not named is drawn."""

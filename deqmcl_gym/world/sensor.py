@@ -6,13 +6,12 @@ a second wrapper, has the key (i, k, j).
 """
 
 import enum
-from dataclasses import dataclass
 
 import numpy as np
 
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import Caster
-from deqmcl_gym.numerics import Floats, Point, Pose, Singles
+from deqmcl_gym.numerics import Floats, Pose, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.world.differences import Glass
 
@@ -85,23 +84,26 @@ class NormalTable:
         self._sure -= 1
 
 
-@dataclass(frozen=True, eq=False)
-class ThroughGlass:
-    """A caster of walls, some of them glass, which does not reflect all beams."""
+def cast_through_glass(
+    walls: Caster,
+    others: Caster,
+    glass: Glass,
+    closest: float,
+    rng: np.random.Generator,
+    poses: Singles,
+    bearings: Singles,
+    out: Singles,
+) -> None:
+    """Cast among walls, some of them glass, which does not reflect all beams.
 
-    walls: Caster  # a caster of all walls
-    others: Caster  # a caster of those that are not glass
-    glass: Glass  # how many beams are lost, and what these measure
-    closest: float  # distance at which two walls count as one
-    rng: np.random.Generator  # draws which beams are lost, one number per beam and cast
-
-    def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
-        """See ``deqmcl_gym.maps.map.Caster``."""
-        beyond = np.empty_like(out)
-        self.walls.cast(poses, bearings, out)
-        self.others.cast(poses, bearings, beyond)
-        lost = (beyond > out + self.closest) & (self.rng.random(out.shape) < self.glass.lost)
-        np.copyto(out, beyond if self.glass.reads == "through" else np.inf, where=lost)
+    ``others`` are those that are not glass; two walls count as one at a distance of ``closest``.
+    One number per beam says whether it is lost.
+    """
+    beyond = np.empty_like(out)
+    walls(poses, bearings, out)
+    others(poses, bearings, beyond)
+    lost = (beyond > out + closest) & (rng.random(out.shape) < glass.lost)
+    np.copyto(out, beyond, where=lost)
 
 
 class LidarSensor:
@@ -110,16 +112,9 @@ class LidarSensor:
     Readings that the lidar loses (``Lidar.lose``) are +inf.
     """
 
-    def __init__(
-        self, caster: Caster, datum: Point, lidar: Lidar, rng: np.random.Generator
-    ) -> None:
-        """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``.
-
-        ``caster`` is for poses relative to ``datum``.
-        """
-        self._lidar = lidar
-        self._caster = caster
-        self._x, self._y = datum
+    def __init__(self, caster: Caster, lidar: Lidar, rng: np.random.Generator) -> None:
+        """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``."""
+        self._lidar, self._caster = lidar, caster
         self._max_range, self._sigma, self._rng = lidar.max_range, lidar.sigma, rng
         self._origin = np.empty((3, 1), np.float32)
         self._exact = np.empty((lidar.beams, 1), np.float32)
@@ -127,8 +122,7 @@ class LidarSensor:
     def scan(self, pose: Pose) -> Singles:
         """Return the ranges seen from a pose as a fresh array, (B,), in [0, max_range] or +inf."""
         origin, exact = self._origin, self._exact
-        x, y, heading = pose
-        origin[0, 0], origin[1, 0], origin[2, 0] = x - self._x, y - self._y, heading
+        origin[0, 0], origin[1, 0], origin[2, 0] = pose
         self._lidar.cast(self._caster, origin, exact)
         seen = np.empty(exact.size, np.float32)
         normals = self._rng.standard_normal(exact.size)

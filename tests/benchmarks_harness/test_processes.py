@@ -1,5 +1,6 @@
 """Worker processes: what they answer, and what becomes of a call whose process is lost."""
 
+import math
 import os
 import re
 import signal
@@ -11,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 import calls
 import pytest
 
-from benchmarks.execution import ONE_THREAD, sheltered
+from benchmarks.execution import ONE_THREAD, engines, sheltered
 from benchmarks.execution.processes import (
     Processes,
     TimedOutError,
@@ -139,6 +140,26 @@ def test_a_command_that_ends_without_leaving_ends_its_workers_too(tmp_path):
     assert parent.wait(timeout=60) == 0
     assert pids
     assert gone(pids)
+
+
+V1, V2 = "cpu/cpu.cfs_{}_us", "cpu.max"
+QUOTAS = {
+    "none": ({}, math.inf),
+    "one and a half": ({V2: "150000 100000"}, 1.5),
+    "of version 1": ({V1.format("quota"): "300000\n", V1.format("period"): "100000\n"}, 3.0),
+}
+
+
+@pytest.mark.parametrize("name", QUOTAS)
+def test_the_quota_of_a_control_group_counts_as_its_processors(tmp_path, name, monkeypatch):
+    files, share = QUOTAS[name]
+    for path, text in files.items():
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(text)
+    assert engines._quota(tmp_path) == share
+    monkeypatch.setattr(engines, "_quota", lambda: share)
+    own = len(os.sched_getaffinity(0))
+    assert engines.available_cpus() == max(1, math.ceil(min(share, own)))
 
 
 CANNOT_START = """

@@ -10,7 +10,7 @@ STEPS = 200
 WORLDS = {
     "paper": {},
     "guided": {"preset": "guided"},
-    "otherwise": {"clutter": {}, "changed_walls": {}, "people": {}, "glass": {}},
+    "otherwise": {"clutter": {}, "people": {}},
 }
 
 

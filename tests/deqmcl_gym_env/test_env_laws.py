@@ -14,7 +14,7 @@ from drives import SQUARE, real
 from gymnasium.envs.registration import EnvSpec
 from room_cases import SMALL, WORLD, WRAPPED
 from room_trace import ROOM_ID
-from test_differences import ALL, WORLDS
+from test_differences import PARTS, WORLDS
 
 from deqmcl_gym import logs
 from deqmcl_gym.envs.belief import BeliefObservation
@@ -46,8 +46,8 @@ ENVS = {  # id and arguments
     "goes on": (ROOM_ID, {"preset": "sharp", "observation": "dict", "ends_at_goal": False}),
     "route": (ROOM_ID, {"floor_plan": {"office": SMALL}, "horizon": 20, **WORLD}),
     "mounts": (ROOM_ID, {"lidar": Lidar(beams=6, mounts=MOUNTS, min_range=3.0)}),
-    "otherwise": (ROOM_ID, WORLDS["room"] | ALL),
-    "other office": (ROOM_ID, WORLDS["office"] | ALL | {"horizon": 30}),
+    "otherwise": (ROOM_ID, WORLDS["room"] | PARTS["room"]),
+    "other office": (ROOM_ID, WORLDS["office"] | PARTS["office"] | {"horizon": 30}),
     "journey": (JOURNEY, {"route": {"max_length": 15.0}}),
     "journeys": (JOURNEY, {"floor_plan": OFFICES}),
     "localize": ("deqmcl_gym/Localize-v0", QUICK | {"particles": 5, "cell": 10.0}),

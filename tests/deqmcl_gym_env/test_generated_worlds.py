@@ -38,7 +38,7 @@ def is_sound(env: gym.Env, scan, reward, info) -> bool:
     room = env.unwrapped
     size = np.ptp(room.floor_plan.walls.reshape(-1, 2), axis=0).max()
     near = room.world.robot.radius - 1e-5 * size
-    clear = room.floor_plan.local.distance([info["truth"][:2] - room.floor_plan.datum])[0]
+    clear = room.floor_plan.distance([info["truth"]])[0]
     return (
         env.observation_space.contains(scan)
         and np.isfinite([*info["truth"], reward, *info["planned_actions"].ravel()]).all()
@@ -67,14 +67,14 @@ def test_an_episode_runs_and_many_rooms_say_what_one_says(world, seed):
         low, high = env.action_space.low, env.action_space.high
         action = agent.uniform(low, high).astype(np.float32) if step % 4 == 3 else None
         action = info["planned_actions"][0] if action is None else action
-        before = info["truth"][:2] - env.floor_plan.datum
+        before = info["truth"][:2]
         scan, reward, ended, cut, info = env.step(action)
         assert is_sound(env, scan, reward, info)
         if rooms is not None:
             seen, rewards, ends, cuts, infos = rooms.step(action[None])
             if infos["collided"][0] != info["collided"]:
                 # Decision 22: rounding decides for a robot that grazes a wall already.
-                gap = env.floor_plan.local.distance([before])[0] - env.world.body
+                gap = env.floor_plan.distance([before])[0] - env.world.body
                 assert abs(gap) <= 2 * env.world.skin
                 event("grazing")
                 break

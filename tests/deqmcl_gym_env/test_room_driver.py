@@ -9,7 +9,7 @@ import pytest
 from room_cases import STILL, infos_of, wrapped
 
 from deqmcl_gym.envs.room import RoomEnv
-from deqmcl_gym.envs.wrappers import Kidnap, PlanChange
+from deqmcl_gym.envs.wrappers import PlanChange
 from deqmcl_gym.validation import InputError
 
 NEVER_DRAWN = {"sd_position": 0.0, "sd_heading": 0.0}
@@ -125,14 +125,6 @@ def test_a_driver_that_gets_nowhere_gives_up_after_twice_the_steps_of_the_lap():
         counts.append(info["planned_count"])
     assert len(counts) == 2 * len(env.course.actions) + 1
     assert counts == [min(counts[0], 408 - step) for step in range(409)]
-
-
-def test_a_step_that_only_a_noisy_lap_reaches_is_one_for_a_kidnap():
-    env = guided()
-    late = len(env.plan) + 10  # of the plan without noise
-    assert len(infos_of(Kidnap(env, step=late), seed=0)) > late
-    with pytest.raises(InputError, match="at most 408 steps"):
-        Kidnap(env, step=409)
 
 
 def test_the_plan_of_a_driver_is_not_replaced():

@@ -13,6 +13,8 @@ from refusals import refused
 
 import localizers
 from benchmarks.setup.names import AGENT
+from benchmarks.trials.attempt import attempt, key_of
+from benchmarks.trials.spec import Trial
 from deqmcl_gym.validation import InputError
 from localizers import kinds
 from localizers.digests import UNREAD
@@ -330,6 +332,32 @@ def test_the_digest_covers_what_a_package_has_and_what_is_beside_a_file_by_its_n
         Path(shipped).unlink() if content is None else Path(shipped).write_bytes(content)
         digests.append(localizers.source_digest(name))
     assert len(set(digests)) == (3 if covered else 1)
+
+
+STARTING = """
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from localizers.template import MyLocalizer
+
+def double(x):
+    return 2 * x
+
+class Mine(MyLocalizer):
+    def reset(self, prior, plan, rng):
+        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as own:
+            own.submit(double, 1).result()
+        return super().reset(prior, plan, rng)
+"""
+
+
+def test_a_file_whose_own_processes_cannot_import_it_is_told_to_be_a_package(tmp_path):
+    (tmp_path / "starts.py").write_text(STARTING)
+    trial = Trial(
+        scenario="paper", localizer=f"{tmp_path}/starts.py:Mine", params={}, lag=0, seed=0, trial=0
+    )  # fmt: skip
+    reason = attempt(trial, key_of(trial)).reason
+    assert reason.startswith("BrokenProcessPool: ")
+    assert reason.endswith("so make it a package")
 
 
 def test_installed_packages_are_looked_through_once(monkeypatch):

@@ -99,16 +99,6 @@ def test_the_records_kept_are_the_longest_run_that_never_goes_back(times):
     assert damage.total() == len(times) - len(kept)
 
 
-@pytest.mark.parametrize("kind", ["GYRO", "ARM_STATE", "RADAR2"])
-@pytest.mark.parametrize("end", ["3.5 host 0.1", "3.5 host", "9 robot-2.lan 12"])
-def test_messages_of_other_kinds_are_told_but_are_no_damage(read_lines, kind, end):
-    lines = carmen_lines()
-    lines[3:3] = [f"{kind} {end}", f"{kind} 1 2 {end}", f"{kind} 1 2"]  # the third breaks off
-    log, warned = read_lines(lines)
-    assert (len(log), log.skipped) == (12, {"unreadable": 1})
-    assert f"left out messages of other kinds: 2 {kind}." in warned
-
-
 @pytest.mark.parametrize("ending", ENDINGS)
 @pytest.mark.parametrize("share", [0.0, 0.001, 0.5, 0.98])
 def test_a_file_that_breaks_off_is_refused_or_its_loss_is_counted(tmp_path, ending, share):

@@ -93,7 +93,7 @@ def test_carmen_lines_of_other_programs_are_read_as_they_stand(
     expected = [-math.pi / 2, 0, math.pi / 2] if flaser else [-1.5, -0.5, 0.5]
     assert log.scanner.bearings == pytest.approx(expected)
     written(log, path)
-    same(read_carmen([path]), log)
+    same(read_carmen(path), log)
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_a_mounting_between_two_millimetres_costs_no_record(tmp_path, ours, turn
         lines = (tmp_path / "x.log").read_text().splitlines()
         text = "\n".join(line for line in lines if not line.startswith("PARAM"))
         (tmp_path / "x.log").write_text(text)
-    back = read_carmen([tmp_path / "x.log"])
+    back = read_carmen(tmp_path / "x.log")
     assert len(back) == 200
     assert back.scanner.mounting == pytest.approx((0.0625, 0.0), abs=6e-4)
 

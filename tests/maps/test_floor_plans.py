@@ -1,10 +1,12 @@
 """What a floor plan may be given as, and the sentences that refuse bad ones."""
 
+import json
+
 import numpy as np
 import pytest
 from refusals import refused
 
-from deqmcl_gym.maps import GridMap, Map, Office, PolygonMap, polygon_map
+from deqmcl_gym.maps import GridMap, Office, PolygonMap
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.config import offices_of
 from deqmcl_gym.world.presets import WORLDS
@@ -20,21 +22,18 @@ def offices(**office):
     return offices_of({"office": office})
 
 
-def test_an_office_is_a_floor_plan_of_cells_or_of_polygons():
-    said = {"seed": 3, "wings": 1}
-    for given in (OFFICE, {"office": said}, {"office": OFFICE}, {"office": said, "form": "grid"}):
+def test_an_office_is_a_floor_plan_of_cells():
+    for given in (OFFICE, {"office": {"seed": 3, "wings": 1}}, {"office": OFFICE}):
         assert floor_plan(given) is OFFICE.grid
-    assert floor_plan({"office": said, "form": "polygons"}) is OFFICE.polygons
-    for form, kind in ((OFFICE.grid, GridMap), (OFFICE.polygons, PolygonMap)):
-        assert isinstance(form, kind)
-        assert isinstance(form, Map)
 
 
-def test_polygons_in_a_file_are_read_back_as_they_were(tmp_path):
-    path = tmp_path / "office.json"
-    path.write_text(polygon_map.polygons_text(OFFICE.polygons))
+def test_polygons_in_a_file_are_those_that_it_says(tmp_path):
+    path = tmp_path / "room.json"
+    path.write_text(
+        json.dumps({"outer": SQUARE, "obstacles": [[*SQUARE[:2], (9, 9)]], "unit": "m"})
+    )
     for given in (path, str(path), {"file": str(path)}):
-        assert floor_plan(given) == OFFICE.polygons
+        assert floor_plan(given) == PolygonMap(SQUARE, [[*SQUARE[:2], (9, 9)]], "m")
 
 
 @pytest.mark.parametrize(
@@ -71,8 +70,9 @@ COVER = [(-1, -1), (101, -1), (101, 101), (-1, 101)]
         ([SQUARE, [(20, 20), (40, 20), (40, 40)]], "obstacle 0"),  # a polygon, not a list of them
         ([[(0, 0), (100, 0), (100, 0), (100, 100)]], "zero length at (100, 0)"),
         ([[*SQUARE, SQUARE[0]]], "the last corner is joined to the first by itself"),
-        ([[(0, 0), (9, 9), (9, 0), (0, 9)]], "crosses itself between edges 0 and 2"),
+        ([[(0, 0), (9, 9), (9, 0), (0, 9)]], "crosses or touches itself between edges 0 and 2"),
         ([SQUARE, [COVER]], "no free space"),
+        ([[(6e5, 0), (6e5 + 9, 0), (6e5, 9)]], "move the floor plan towards (0, 0)"),
         ([[(0, 0), (50, 0), (100, 0)]], "folds back on itself at corner 2, (100, 0)"),
     ],
 )
@@ -95,9 +95,8 @@ CASES = [
     (cells, {"occupancy": [[0, 0], [0]]}, "rows of whole numbers"),
     *((cells, {"occupancy": OPEN, "unknown": bad}, "unknown") for bad in ("wall", 2)),
     *((GridMap.load, {"path": bad}, ".yaml file") for bad in ("map.pgm", 5)),
-    (PolygonMap.from_grid, {"grid": cells(OPEN, unknown="transparent")}, 'unknown = "transparent"'),
     (floor_plan, {"given": {"office": {"sed": 3}}}, "did you mean 'seed'"),
-    (floor_plan, {"given": {"office": {}, "form": "x"}}, "allowed values: grid, polygons"),
+    (floor_plan, {"given": {"office": {}, "form": "x"}}, "allowed values: office"),
     (floor_plan, {"given": {"office": {"seeds": [0, 9]}}}, "give a seed"),
     (offices, {"seeds": [0, 9], "seed": 3}, "has seed = 3 and seeds = [0, 9]: give one of them"),
     (offices, {"seeds": [1]}, "must be two seeds, such as [0, 1000]"),

@@ -1,4 +1,4 @@
-"""GridMap, and the polygons made of it, against float64 geometry of its cells one by one."""
+"""GridMap against float64 geometry of its cells one by one."""
 
 import math
 
@@ -17,7 +17,7 @@ from grid_cases import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from deqmcl_gym.maps import GridMap, PolygonMap
+from deqmcl_gym.maps import GridMap
 
 SEEDS = st.integers(0, 2**32 - 1)
 # cells: at 6 km from (0, 0), float64 resolves 1e-12 m; single precision does positions in cells of
@@ -143,50 +143,3 @@ def test_distance_is_that_of_the_nearest_cell_of_the_other_kind_or_the_edge(grid
     inside[inside] = ~is_solid(grid, at[inside])
     sure, free = np.abs(expected - radius) > EXACT, inside & (expected > radius)
     np.testing.assert_array_equal(grid.free(points, radius * grid.resolution)[sure], free[sure])
-
-
-ALIKE = ("obstacle", "free")  # to beams and robots
-
-
-@settings(max_examples=100)
-@given(grids(unknown=ALIKE), st.integers(0, 2**32 - 1))
-def test_what_is_free_in_it_is_open_in_the_grid_and_seen_alike(grid, seed):
-    """Points on lines between cells apart; rays past corners apart, which are seen or not."""
-    plan, rng = PolygonMap.from_grid(grid), np.random.default_rng(seed)
-    poses = np.column_stack([somewhere(grid, 300, rng), rng.uniform(-3, 3, 300)])
-    at = in_cells(grid, poses)
-    step = np.spacing(np.float32(max(map(abs, grid.bounds)))) / grid.resolution
-    poses = poses[(np.abs(at - np.rint(at)) > 1e-3 + 4 * step).all(axis=1)]
-    free = plan.free(poses)
-    assert grid.free(poses)[free].all()
-    near, far = plan.distance(poses[free]), grid.distance(poses[free])
-    assert (near >= far - 1e-3 - 8 * step * grid.resolution).all()
-    one, other = (form.ranges(poses[free], [0.0])[:, 0] for form in (plan, grid))
-    assert (np.abs(one - other) > 1e-3 + 100 * step).sum() <= 2
-
-
-def test_all_of_one_region_is_kept_with_what_stands_in_it():
-    grid = office()
-    plan, rng = PolygonMap.from_grid(grid), np.random.default_rng(0)
-    assert len(plan.obstacles) > 5
-    free = plan.free(somewhere(grid, 20_000, rng)).mean()
-    assert abs(free - (~grid.solid).mean()) < 0.05
-
-
-def test_a_room_within_a_wall_is_no_part_of_it_and_what_stands_there_neither():
-    cells = np.zeros((20, 20), np.int8)
-    cells[5:16, 5:16] = 100
-    cells[7:14, 7:14] = 0
-    cells[10, 10] = 100
-    plan = PolygonMap.from_grid(GridMap(occupancy=cells, resolution=1.0))
-    assert len(plan.outer) == 4
-    assert [len(obstacle) for obstacle in plan.obstacles] == [4]
-    assert not plan.free([(8.5, 8.5)])[0]
-
-
-def test_rooms_that_touch_by_a_corner_are_two():
-    cells = np.full((8, 8), 100, np.int8)
-    cells[1:4, 1:4] = cells[4:7, 4:7] = cells[7, 6] = 0
-    plan = PolygonMap.from_grid(GridMap(occupancy=cells, resolution=1.0))
-    assert plan.free([(5.5, 5.5)])[0]
-    assert not plan.free([(2.5, 2.5)])[0]

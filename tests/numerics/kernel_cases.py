@@ -10,7 +10,6 @@ import numpy as np
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.maps import PolygonMap
-from deqmcl_gym.maps.polygon_map import all_at_once, cell_by_cell
 from deqmcl_gym.numerics import arrays, elementary
 
 # one wall of each kind that a caster knows: room, boxes, upright, level, oblique
@@ -38,11 +37,10 @@ def cases() -> Iterator[tuple[str, np.ndarray]]:
     plan = PolygonMap(*WALLS)
     poses = np.float32([*rng.uniform((-5, -5), (95, 75), (9, 2)).T, rng.uniform(-3, 3, 9)])
     bearings = np.float32([-0.5, 0.0, 0.5])
-    for caster in (all_at_once(*WALLS, 1.0), cell_by_cell(*WALLS, 1.0)):
-        for some in (poses, np.ascontiguousarray(poses[:, :3])):  # many poses, and a handful
-            out = np.empty((3, some.shape[1]), np.float32)
-            caster.cast(some, bearings, out)
-            yield f"ranges, {type(caster).__name__}, {some.shape[1]}", out
+    for some in (poses, np.ascontiguousarray(poses[:, :3])):  # many poses, and a handful
+        out = np.empty((3, some.shape[1]), np.float32)
+        plan.cast(some, bearings, out)
+        yield f"ranges, {some.shape[1]}", out
     moves = np.float32(rng.uniform(0, 1, (3, 3, 9))) * np.float32([[20], [5], [1]])
     ends, hits = plan.rolled_out(poses, moves, 2.0, kept=3)
     collides = [plan.collides(a.T, b.T, 2.0) for a, b in pairwise([poses, *ends])]

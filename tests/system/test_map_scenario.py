@@ -6,7 +6,6 @@ from deqmcl_command import exit_code, files
 
 from benchmarks.setup.names import scenario, scenario_digest
 from deqmcl_gym import GridMap, Office
-from deqmcl_gym.maps import polygon_map
 
 ROUTE = """[env.lap]
 waypoints = [[1.0, 1.0], [3.4, 1.0], [3.4, 2.4], [1.0, 2.4]]
@@ -52,7 +51,7 @@ def test_an_edit_of_the_map_is_another_scenario(hall):
     assert scenario_digest("../hall.toml") != before
 
 
-def test_both_files_of_a_new_map_are_the_office(tmp_path, capsys, refusal):
+def test_a_new_map_is_the_office(tmp_path, capsys, refusal):
     out = tmp_path / "new"
     size = ["--wings", "2", "--corridors", "1", "--corridor", "1.5", "--door", "1.1"]
     given = ["new", "map", "--seed", "5", *size, "--symmetric", "--out", out]
@@ -60,8 +59,7 @@ def test_both_files_of_a_new_map_are_the_office(tmp_path, capsys, refusal):
     assert "office.yaml" in capsys.readouterr().out
     office = Office(seed=5, wings=2, corridors=1, corridor=1.5, door=1.1, symmetric=True)
     assert (GridMap.load(out / "office.yaml").solid == office.grid.solid).all()
-    assert polygon_map.read_polygons(out / "office.json") == office.polygons
     written = files(out)
-    assert [*written] == ["office.json", "office.pgm", "office.yaml"]
+    assert [*written] == ["office.pgm", "office.yaml"]
     refusal(given, "is not empty")
     assert files(out) == written
