@@ -42,10 +42,6 @@ class WorkerDiedError(RuntimeError):
     """The process that ran a call ended before it answered."""
 
 
-class CannotStartError(BrokenExecutor):
-    """A worker process ends by itself before it takes its first call."""
-
-
 class TimedOutError(RuntimeError):
     """A call took too long; the process that ran it was killed."""
 
@@ -181,7 +177,7 @@ class _Worker:
             code = self._process.exitcode or 0
             if not self._ready and code > 0:
                 why = f"a worker process could not start (exit code {code})"
-                raise CannotStartError(why) from None
+                raise BrokenExecutor(why) from None
             how = f"by signal {-code}" if code < 0 else f"with exit code {code}"
             raise WorkerDiedError(f"its worker died {how}") from None
         if not returned:

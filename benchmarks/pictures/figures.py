@@ -12,7 +12,6 @@ from benchmarks.pictures.film import Camera, Film, camera_of, png, side_by_side,
 from benchmarks.pictures.messages import showing
 from benchmarks.setup import TrialEnv
 from benchmarks.tables.text import short_name, state_name
-from benchmarks.trials.clouds import belief_moments, cloud_of, joined
 from benchmarks.trials.episode import Step
 from benchmarks.trials.metrics import directions, heading_error, position_error, state_error
 from benchmarks.trials.scoring import scores
@@ -20,9 +19,7 @@ from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.logs import Log, Trajectory, check_writable, write
-from deqmcl_gym.numerics import Reals
 from deqmcl_gym.validation import InputError
-from localizers import Belief
 
 FIG_4_METHODS = ("deq-mcl", "mcl")
 FIG_5_METHOD = "deq-mcl"
@@ -68,28 +65,18 @@ def figures_of(trials: Sequence[Trial]) -> dict[str, bytes]:
 
 
 def _fig_5(camera: Camera, episode: Sequence[Step]) -> dict[str, bytes]:
-    """State 150 seen at step 150, and looked back at L steps later, with its error and spread."""
+    """State 150 seen at step 150, and looked back at L steps later."""
     later = FIG_5_STATE + camera.lag
     if later >= len(episode):
         return {}
     images = {}
-    truth, unit = episode[FIG_5_STATE].truth, camera.view.floor_plan.unit
+    truth = episode[FIG_5_STATE].truth
     for step, offset in ((FIG_5_STATE, 0), (later, -camera.lag)):  # the same if L = 0
-        seen = _error_and_spread(episode[step].belief, offset, truth, unit)
-        words = [f"{FIG_5_METHOD}, state {FIG_5_STATE} seen at step {step}", seen]
+        words = [f"{FIG_5_METHOD}, state {FIG_5_STATE} seen at step {step}"]
         ring = ("true pose then", truth.tolist()) if offset else None
         frame = camera.frame(episode[step], words, ring, offset=offset)
         images[f"fig5_step{step}.png"] = png(frame)
     return images
-
-
-def _error_and_spread(belief: Belief, offset: int, truth: Reals, unit: str) -> str:
-    points = belief.points(offset)
-    if points is None:
-        return "n/a"
-    (row,) = belief_moments(joined([cloud_of(FIG_5_STATE, offset, points)], [truth]))
-    error = state_error(row[None, :4], truth[None])[0]
-    return f"error {error:.1f}, SD {(row[4] + row[5]) ** 0.5:.1f} {unit}"
 
 
 def run_lap(trial: Trial, out: Path, log: Path | None, mcap: Path | None) -> str:

@@ -39,7 +39,6 @@ INK = "0.25"
 _MARKS = "osD^vPX<>h"
 _LETTERS = 60  # of a legend, side by side
 _TICKS = 8  # values that are named on an axis
-_MANY = 30  # worlds whose marks fit side by side
 _CURVES = {  # by score: title, what the axis of shares says, caption
     "metres_to_localize": (
         "Localized against metres driven",
@@ -197,15 +196,13 @@ def points_chart(panel: Panel) -> Chart | None:
         return None
     runs = panel.runs[(panel.runs["offset"] == 0) & ~panel.runs["failed"]]
     table = runs.pivot_table("error", "trial", "label", observed=True)[list(rows["label"])]
-    spread = 0.3 if len(table) > _MANY else 0.0  # by golden steps, so that neighbours differ
-    aside = ((np.arange(len(table)) * 0.618034) % 1 - 0.5) * spread
     places = np.arange(len(rows))
     axes = canvas(4.8, 0.9 + 0.42 * len(rows))
     faint = min(0.35, 8 / len(table))
-    axes.plot(table.to_numpy().T, places[:, None] + aside, color=INK, alpha=faint, lw=0.7)
+    axes.plot(table.to_numpy().T, places, color=INK, alpha=faint, lw=0.7)
     for place, (label, number, own) in enumerate(_labels(rows)):
-        style = look(number) | {"ls": "", "ms": 5 if spread == 0 else 3.5, "mew": 0, "alpha": 0.75}
-        axes.plot(table[label], place + aside, **style)
+        style = look(number) | {"ls": "", "ms": 4, "mew": 0, "alpha": 0.75}
+        axes.plot(table[label], np.full(len(table), place), **style)
         axes.plot(own[["error_low", "error_high"]].iloc[0], [place - 0.3] * 2, color=INK, lw=1.6)
         axes.plot(own["error"], [place - 0.3], "|", color=INK, ms=8, mew=2)
     axes.set_yticks(places, [fill(str(label), 28) for label in rows["label"]])

@@ -19,17 +19,16 @@ from benchmarks.report.charts import STYLE, panel_charts
 from benchmarks.report.swept import swept_charts
 from benchmarks.report.tables import Part
 from benchmarks.report.tracks import track_parts
-from benchmarks.report.verdict import baseline_words, conclusion, progress, verdict_on
+from benchmarks.report.verdict import conclusion, progress, verdict_on
 from benchmarks.sweeps.results import Results
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.text import BLIND, percent, short_name
+from benchmarks.tables.text import percent, short_name
 from benchmarks.trials.scores import GROUPS
 from benchmarks.trials.tracks import TOLERATED
 from deqmcl_gym import __version__
 from deqmcl_gym.files import command_line, utf8
 
 _PICTURED = 8  # panels with pictures; the tables are of all
-_FEW = 20  # worlds below which an interval is called rough
 _HEADINGS = {  # of groups of scores of whole runs
     "lost": "Localized",
     "ambiguity": "Two places that fit",
@@ -105,14 +104,11 @@ def page_files(
         "results": results,
         "conclusion": conclusion(results),
         "progress": progress(results),
-        "baseline": baseline_words(panels, results),
         "methods": list(map(short_name, methods)),
         "agents": list(dict.fromkeys(name for panel in panels for name in panel.agents)),
         "worlds": sorted({int(n) for panel in panels for n in panel.rows["worlds"]}),
         "filter_seeds": len({record.trial.filter_seed for record in results.records}),
         "params": panels[0].shared_params if panels else {},
-        "blind": any((panel.present["method"] == BLIND).any() for panel in panels),
-        "few": _FEW,
         "world": next((panel.world for panel in panels), "world"),
         "most": percent(1 - TOLERATED),
         "notes": notes,

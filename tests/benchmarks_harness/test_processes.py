@@ -14,7 +14,6 @@ import pytest
 
 from benchmarks.execution import ONE_THREAD, engines, sheltered
 from benchmarks.execution.processes import (
-    CannotStartError,
     Processes,
     TimedOutError,
     WorkerDiedError,
@@ -178,5 +177,5 @@ with Processes(1) as pool:
 
 def test_a_worker_that_cannot_start_is_told_from_one_that_died(tmp_path):
     said, _ = script(tmp_path, CANNOT_START).communicate(timeout=60)
-    words = rf"{CannotStartError.__name__} a worker process could not start \(exit code \d\)\n"
+    words = r"BrokenExecutor a worker process could not start \(exit code \d\)\n"
     assert re.fullmatch(words, said)
