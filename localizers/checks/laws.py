@@ -29,6 +29,7 @@ from deqmcl_gym.numerics.arrays import wrapped
 from deqmcl_gym.validation import InputError
 from localizers.checks.subject import DRIVE_STEPS, LocalizerDrive, Snapshot, snapshot
 from localizers.checks.verdicts import (
+    ADDED_BY_IMPORTS,
     GLOBAL_RNG,
     LawBrokenError,
     Laws,
@@ -158,14 +159,20 @@ def global_rng_untouched(subject: Subject) -> None:
 
 
 def process_state_untouched(subject: LocalizerDrive) -> None:
-    """Working folder, signal handlers, np.seterr, os.environ and the like stay as they are."""
+    """Working folder, signal handlers, np.seterr, os.environ and the like stay as they are.
+
+    An import may add to the filters of warnings, to os.environ and to sys.path, as many do.
+    """
     before = process_state()
     subject.history()
-    if names := [name for name in changes_since(before) if name != GLOBAL_RNG]:
-        raise LawBrokenError(
-            f"it changes {', '.join(names)} for its whole process: change it in a call that puts "
-            "it back before it returns"
-        )
+    by_run = [name for name in changes_since(before) if name != GLOBAL_RNG]
+    by_import = [name for name in subject.imported if name not in ADDED_BY_IMPORTS]
+    for what, names in (("its import", by_import), ("it", by_run)):
+        if names:
+            raise LawBrokenError(
+                f"{what} changes {', '.join(names)} for its whole process: change it in a call "
+                "that puts it back before it returns"
+            )
 
 
 def nothing_left_running(subject: LocalizerDrive) -> None:

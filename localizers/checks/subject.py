@@ -16,7 +16,9 @@ from localizers.api import Belief, Localizer, mean_pose
 from localizers.checks.verdicts import (
     LawBrokenError,
     Subject,
+    changes_since,
     difference,
+    process_state,
 )
 from localizers.kinds import absolute_name, parameters_of
 from localizers.models.beams import GaussianUniform
@@ -107,7 +109,7 @@ class LocalizerDrive(Subject):
 
     The actions (T, 2) are the first of those planned, the scans (T, B) are taken after them, and
     the plans (h, 2) are those at t = 0 … T. ``source`` is its factory, or a name by which any
-    process finds that.
+    process finds that; ``imported`` is what its import changed of the state of this process.
     """
 
     remedy = "use the rng given to reset"
@@ -118,6 +120,7 @@ class LocalizerDrive(Subject):
     actions: Floats
     scans: Floats
     plans: Sequence[Floats]
+    imported: tuple[str, ...] = ()
 
     @property
     def factory(self) -> Factory:
@@ -208,7 +211,7 @@ def localizer_drive(
 ) -> LocalizerDrive:
     """Return a localizer along a random drive; see ``check_localizer``."""
     robot = default_robot() if robot is None else robot
-    source = localizer
+    source, before = localizer, process_state()
     if isinstance(localizer, str):
         name, factory = localizer, resolve(localizer)
         source = factory if name in LOCALIZER.added else absolute_name(name)
@@ -217,8 +220,11 @@ def localizer_drive(
     names = parameters_of(factory)
     for param in params if names is not None else ():
         one_of(f"parameter of localizer {name!r}", param, names or ())
-    drive = random_drive(robot, np.random.default_rng(0))
-    return LocalizerDrive(name=name, source=source, params=params, robot=robot, **drive)
+    imported = tuple(changes_since(before))
+    return LocalizerDrive(
+        name=name, source=source, params=params, robot=robot, imported=imported,
+        **random_drive(robot, np.random.default_rng(0)),
+    )  # fmt: skip
 
 
 def snapshot(belief: Belief, t: int) -> Snapshot:

@@ -178,6 +178,7 @@ def _values(thing: Any, name: str = "", depth: int = 8) -> Iterator[tuple[str, A
 
 
 GLOBAL_RNG = "the global random numbers of numpy or random"
+ADDED_BY_IMPORTS = ("the filters of warnings", "os.environ", "sys.path", GLOBAL_RNG)
 
 
 def _set_handlers(handlers: Mapping[int, Any]) -> None:

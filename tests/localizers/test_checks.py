@@ -1,5 +1,6 @@
 """Every law can fail, each on an example that breaks nothing else; who is right passes all."""
 
+import inspect
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from refusals import refused
 import localizers
 from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.maps.map import scaled
+from localizers import template
 from localizers.checks import (
     LAWS,
     check_localizer,
@@ -25,6 +27,7 @@ from localizers.checks.verdicts import (
     difference,
     process_state,
     report_of,
+    state_kept,
 )
 from localizers.models.nav2_motion import DifferentialMotion
 from localizers.template import MyLocalizer
@@ -192,6 +195,25 @@ def test_a_deterministic_localizer_that_needs_a_mean_is_told_so_and_passes():
     report = check_localizer("dead-reckoning")
     assert report.verdict("other rng other result").note == "deterministic, it draws nothing"
     assert report.verdict("prior without mean").note == "refused"
+
+
+@pytest.mark.parametrize(
+    ("line", "broken"),
+    [
+        ("import numpy; numpy.seterr(all='raise')", "np.seterr"),
+        ("import sys; sys.setrecursionlimit(5_000)", "the recursion limit"),
+        ("import os, warnings; os.environ['MINE'] = ''; warnings.simplefilter('ignore')", None),
+    ],
+)
+def test_what_an_import_changes_of_the_process_is_seen_but_for_what_many_add(
+    tmp_path, line, broken
+):
+    (tmp_path / "mine.py").write_text(f"{line}\n{inspect.getsource(template)}")
+    with state_kept():
+        report = check_localizer(f"{tmp_path}/mine.py:MyLocalizer")
+        verdict = report.verdict("process state untouched")
+    assert verdict.status == ("FAILED" if broken else "ok")
+    assert broken is None or f"its import changes {broken} for" in verdict.note
 
 
 SUITE = f"""
