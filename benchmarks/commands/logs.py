@@ -41,7 +41,9 @@ def _every(default: str) -> Option:
 
 
 def _nav2(words: str) -> Option:
-    return option("--nav2", type=Path, metavar="PARAMS.yaml", help=words)
+    return option(
+        "--nav2", type=Path, action="append", default=[], metavar="PARAMS.yaml", help=words
+    )
 
 
 @command(
@@ -53,7 +55,8 @@ def _nav2(words: str) -> Option:
     option("--start", metavar="S", help="where the robot starts: reference, global, x,y,θ in m and "
         "rad, as in --start=1,2,0, room=x,y,x,y,…, near=x,y,within[,beyond], or a .toml file "
         "(reference, if there is one)"),
-    _nav2("Nav2's parameter file: sets all of amcl, and for the others what is not set here"),
+    _nav2("Nav2's parameter file: sets all of amcl, and for the others what is not set here; of "
+        "several each has a row, the first is the baseline"),
     _NODE,
     _every("0.2m,5deg; with amcl 0.0625m,3deg, so that it updates as often as a robot's"),
     settings("assumed.scan.sigma=0.1 or world.max_beams=60", _OF_LOGS),
@@ -113,14 +116,14 @@ def replay_command(options: argparse.Namespace) -> str:
     return f"{text}\n\nMCAP, the first run of each: {options.mcap}"
 
 
-def _amcl(options: argparse.Namespace) -> "Amcl | None":
-    """Return what Nav2's file says; None: there is none."""
+def _amcl(options: argparse.Namespace) -> "list[Amcl]":
+    """Return what Nav2's files say."""
     from benchmarks.robots.nav2 import read_nav2
     from deqmcl_gym.validation import InputError
 
-    if options.node is not None and options.nav2 is None:
+    if options.node is not None and not options.nav2:
         raise InputError("--node is given without --nav2: name the file that the node is in.")
-    return None if options.nav2 is None else read_nav2(options.nav2, options.node)
+    return [read_nav2(path, options.node) for path in options.nav2]
 
 
 def _settings(options: argparse.Namespace) -> dict[str, Any]:
@@ -242,9 +245,11 @@ def tune_command(options: argparse.Namespace) -> str:
     if options.max_ms is not None:
         number("--max-ms", options.max_ms, low=0, above=True)
     integer("--candidates", options.candidates, low=2, high=100_000)
-    if options.nav2 is not None and name != "amcl":
+    if options.nav2 and name != "amcl":
         raise InputError(f"--nav2 is given, but {name} is tuned: leave it out, or tune amcl.")
-    nav2 = _amcl(options)
+    if len(options.nav2) > 1:
+        raise InputError("--nav2 is given twice, but there is one default to beat: give one.")
+    nav2 = next(iter(_amcl(options)), None)
     where = Where(jobs=options.jobs, timeout=options.timeout)
     task = _task(options, name, nav2)
     with doing("checking the segments and the ends of all ranges"):
@@ -252,7 +257,8 @@ def tune_command(options: argparse.Namespace) -> str:
     how = Options(where=where, retry_failed=options.retry_failed, progress=False)
     with searching(task, options.out, how) as search:
         tuning = search.run(options.candidates)
-        return write_tuned(tuning, options.out, options.words, options.nav2, options.node)
+        nav2_file = options.nav2[0] if options.nav2 else None
+        return write_tuned(tuning, options.out, options.words, nav2_file, options.node)
 
 
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":

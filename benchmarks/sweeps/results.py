@@ -61,6 +61,7 @@ class Results:
     verified: list[str] = field(default_factory=list)  #: other code with the same results
     left_out: dict[str, str] = field(default_factory=dict)  #: why a file is in no table
     rule: Rule | None = None  #: when comparisons are decided; None if the worlds were fixed
+    labelled: Sequence[Method] = ()  #: methods with labels
 
     def __repr__(self) -> str:
         return f"<Results of {self.title!r}: {self.progress}>"
@@ -81,7 +82,7 @@ class Results:
     @cached_property
     def _compared(self) -> list[Panel]:
         failed = [failure.trial for failure in self.failures]
-        return panels(self.records, self.baseline, failed, self.rule)
+        return panels(self.records, self.baseline, failed, self.rule, self.labelled)
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -166,6 +167,7 @@ def limits_apart(sweep: Sweep, results: Results) -> Results:
         limits=[LimitRuns(limit.of, finished(sweep.limiting(limit))) for limit in sweep.limits],
         baseline=sweep.baseline,
         rule=rule_of(sweep),
+        labelled=sweep.labelled,
     )
 
 
@@ -221,7 +223,7 @@ def due(
 
 def _groups(sweep: Sweep) -> list[MethodGroup]:
     cells = replace(sweep, limits=()).cells()
-    return groups((first.setting, first.method) for first in cells)
+    return groups(((first.setting, first.method) for first in cells), sweep.labelled)
 
 
 def results_in(folder: Path | str) -> Results:
