@@ -35,6 +35,12 @@ _NODE = option(
 )
 
 
+_FAIL_IF = option("--fail-if", action="append", default=[], metavar="'COLUMN > X'", help="end "
+    "with exit code 4 if this is so of a row of results.csv, or its value unknown, as in "
+    "'position_p95 > 0.2' or 'amcl.position_p95 > 0.2' for one row (one --fail-if each)",
+)  # fmt: skip
+
+
 def _every(default: str) -> Option:
     words = f"play a record each time the robot has moved this far ({default})"
     return option("--every", metavar="D,A", help=words)
@@ -61,6 +67,7 @@ def _nav2(words: str) -> Option:
     _every("0.2m,5deg; with amcl 0.0625m,3deg, so that it updates as often as a robot's"),
     settings("assumed.scan.sigma=0.1 or world.max_beams=60", _OF_LOGS),
     option("--seeds", type=int, default=10, metavar="K", help="runs of each localizer (10)"),
+    _FAIL_IF,
     JOBS,
     out(without="results/LOG"),
     group(
@@ -85,11 +92,12 @@ def replay_command(options: argparse.Namespace) -> str:
     """
     from benchmarks.execution.engines import Where
     from benchmarks.pictures.messages import shown_again
+    from benchmarks.robots.limits import check_rows, limits_of, within
     from benchmarks.robots.replaying import planned, run_replay, sweep_file
     from benchmarks.sweeps.running import Options, complete
 
     how = Options(where=Where(jobs=options.jobs, timeout=options.timeout))
-    mcap = mcap_of(options)
+    mcap, limits = mcap_of(options), limits_of(options.fail_if)
     plan = planned(
         options.log,
         options.map,
@@ -103,17 +111,18 @@ def replay_command(options: argparse.Namespace) -> str:
         nav2=_amcl(options),
         fit_beams=options.fit_beams,
     )
+    check_rows(limits, [method.shown for method in plan.sweep.localizers])
     if options.dry_run:
         return sweep_file(plan.sweep, [*plan.warnings, *plan.replay.facts]).rstrip()
     target = options.out or Path("results") / Path(options.log[0]).name.partition(".")[0]
     played = run_replay(plan, target, how, options.words, residuals=options.residuals)
     text = complete(played.results, str(played))
-    if mcap is None:
-        return text
-    first = list(replace(plan.sweep, trials=1).distinct())
-    with doing("playing the first run of each again, to show it"):
-        shown_again(first, mcap)
-    return f"{text}\n\nMCAP, the first run of each: {options.mcap}"
+    if mcap is not None:
+        first = list(replace(plan.sweep, trials=1).distinct())
+        with doing("playing the first run of each again, to show it"):
+            shown_again(first, mcap)
+        text += f"\n\nMCAP, the first run of each: {options.mcap}"
+    return within(text, played.table, limits, plan.sweep.baseline)
 
 
 def _amcl(options: argparse.Namespace) -> "list[Amcl]":
@@ -152,6 +161,7 @@ def _settings(options: argparse.Namespace) -> dict[str, Any]:
         "(0.2m,5deg)"),
     option("--covariance", metavar="FILE", help="covariances of the only estimate, lines of a time "
         "and 6, 9 or 36 numbers"),
+    _FAIL_IF,
     out(),
 )  # fmt: skip
 def score_command(options: argparse.Namespace) -> str:
@@ -161,6 +171,7 @@ def score_command(options: argparse.Namespace) -> str:
     poses in a bag: docs/tune-on-your-log.md.
     """
     from benchmarks.robots.estimates import estimates_of, played_before, played_by_replay, score
+    from benchmarks.robots.limits import limits_of, within
     from benchmarks.robots.played import reading_among
     from benchmarks.setup import documents
     from deqmcl_gym.logs import read_tum
@@ -179,6 +190,7 @@ def score_command(options: argparse.Namespace) -> str:
         raise InputError(f"{alone[0]} is given without --log: name the log that it is about.")
     if beside is None and log is None and reference is None:
         raise InputError("there is nothing to score by: give --reference, --log or --beside.")
+    limits = limits_of(options.fail_if)
     with doing("reading the estimates and what they are scored by"), log_warnings() as warnings:
         by: Any  # a log, or a reference alone
         if beside is not None:
@@ -189,9 +201,9 @@ def score_command(options: argparse.Namespace) -> str:
         else:
             by = read_tum(reference)
         estimates = estimates_of(options.estimates, options.covariance)
-        uncovered, text = score(by, estimates, options.out)
+        uncovered, text, table = score(by, estimates, options.out)
     warn([*warnings, *uncovered])
-    return text
+    return within(text, table, limits)
 
 
 @command(

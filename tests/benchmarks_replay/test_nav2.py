@@ -398,9 +398,15 @@ def test_several_files_are_rows_of_one_table_compared_with_the_first(recorded, c
     assert main([*told, "--dry-run"]) == 0  # a sweep file keeps the names
     Path("both.toml").write_text(capsys.readouterr().out)
     assert [one.label for one in read_sweep(Path("both.toml")).localizers] == ["", *table.index[1:]]
-    assert main([*several, "--localizers", "mcl"]) == main([*several, "--nav2", "b.yaml"]) == 2
-    assert "add it to --localizers" in (refusals := capsys.readouterr().err)
-    assert "names a file twice" in refusals
+    assert main([*told, "--fail-if", "amcl (b).position_p95 > 0"]) == 4
+    refusals = {
+        "add it to --localizers": ["--localizers", "mcl"],
+        "names a file twice": ["--nav2", "b.yaml"],
+        "did you mean 'amcl (b)'?": ["--fail-if", "amcl b.position_p95 > 0.2"],
+    }
+    for sentence, words in refusals.items():
+        assert main([*several, *words]) == 2
+        assert sentence in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
