@@ -317,8 +317,8 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
 def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "list[Replay]":
     """Return the logs as the default would play them."""
     from benchmarks.robots.calibration import calibrated
+    from benchmarks.robots.doubts import doubts_of
     from benchmarks.robots.played import replay_of
-    from benchmarks.robots.replaying import disagreement
     from deqmcl_gym.validation import InputError
 
     files = [Path(log).resolve() for log in options.logs]
@@ -344,7 +344,8 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
             raise InputError(f"{log} has no reference, so no error is known: give --reference.")
     notes = [] if nav2 is None else nav2.notes
     sideways = [replay.sideways for replay in replays]
-    warn([*warnings, *notes, *sideways, *(disagreement(one.scenario) for one in replays)])
+    doubts = [words for replay in replays for words in doubts_of(replay.scenario)]
+    warn([*warnings, *notes, *sideways, *doubts])
     if {replay.log.unit for replay in replays} != {"m"}:
         raise InputError("a log is in px, but tune takes logs in m: give another one.")
     if name != "amcl" and "scan.power" not in replays[0].assumed:

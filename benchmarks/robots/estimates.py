@@ -23,6 +23,7 @@ from benchmarks.report.tracks import (
     tracks_table,
     tracks_trials,
 )
+from benchmarks.robots.doubts import late_words
 from benchmarks.robots.played import EVERY, NO_ERROR, first_referenced
 from benchmarks.setup.logs import REPLAY, ReplayScenario, check_inside
 from benchmarks.setup.names import scenario
@@ -186,9 +187,11 @@ def score(
         for label, poses in covered.items()
         if poses.sum() < _ALL * poses.size
     ]
+    clock = (by.whole.times, by.whole.odometry) if isinstance(by, Played) else (by.times, by.poses)
+    late = [late_words(label, *clock, one.times, one.poses) for label, one in estimates.items()]
     texts = [*accuracy(runs), *(table.text() for table in tables_of(runs)), how]
     texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
-    return uncovered, "\n\n".join(texts), table
+    return [*uncovered, *filter(None, late)], "\n\n".join(texts), table
 
 
 def _named(word: str) -> tuple[str, str, str | None]:

@@ -1,7 +1,6 @@
 """``deqmcl replay``: a sweep over runs of localizers on one log, with tracks and its own CSV."""
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -29,30 +28,27 @@ from benchmarks.report.tracks import (
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import load, no_report
 from benchmarks.robots.calibration import calibrated, judged_alike, uses_scan, with_fitted_beams
+from benchmarks.robots.doubts import doubts_of, misfit_words
 from benchmarks.robots.nav2 import Amcl, read_nav2
 from benchmarks.robots.played import EVERY, OFTEN, REPLAY_SCENARIO, Replay, params_among, replay_of
 from benchmarks.robots.residuals import PICTURE, TABLE, Residuals, files_of, residuals_of
 from benchmarks.setup.documents import sweep_text
-from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.running import Options, begun, check
 from benchmarks.sweeps.sweepfile import check_localizers, params_by_localizer
 from benchmarks.tables.frames import csv_of
-from benchmarks.tables.text import file_words, percent, short_names
+from benchmarks.tables.text import file_words, short_names
 from benchmarks.trials.spec import Method
-from benchmarks.trials.tracks import AGREE, agreement
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import utf8
-from deqmcl_gym.logs import Scanner, Trajectory
+from deqmcl_gym.logs import Trajectory
 from deqmcl_gym.validation import InputError, integer
 from localizers import parameters
 from localizers.methods.deq_mcl import Shared
 from localizers.registry import Factory
 
-FEW = 0.5  # share of beams within the larger distance below which log and map do not fit
-_LOOKED_AT = 200  # reference poses
 _PARTICLES = "particles", "max_particles"
 _TRACKS = "tracks"
 _RUNS = (
@@ -277,7 +273,7 @@ def run_replay(
     with begun(sweep, out, options, command=command) as running:
         shown = [
             *warnings,
-            *warn([played.sideways, disagreement(played.scenario), touches(played)]),
+            *warn([played.sideways, *doubts_of(played.scenario), touches(played)]),
         ]
         results = running.results()
         runs = _runs(played, sweep, results)
@@ -299,35 +295,6 @@ def run_replay(
     if (why := no_report()) is not None:
         written.append(f"Tables only: {why}")
     return ReplayResults(runs, results, "\n\n".join(texts), "\n\n".join(written))
-
-
-def misfit_words(share: float, where: str, scanner: Scanner) -> str | None:
-    """Return the warning for a share of beams that agree with the map; None if they are enough."""
-    if math.isnan(share):
-        return (
-            "no beam has a measurement: every range is beyond max_range or not a number; check "
-            "that ranges and max_range are in m."
-        )
-    if share >= FEW:
-        return None
-    first, last = np.degrees(scanner.bearings[[0, -1]])
-    return (
-        f"log and map do not fit: seen {where}, only {percent(share)} of the beams are within "
-        f"{AGREE[1]} m of what the map says; check that they are of the same place and floor, the "
-        f"map's resolution and origin, and the angles of the beams, {first:.0f}° to {last:.0f}°."
-    )
-
-
-def disagreement(played: LogScenario) -> str | None:
-    """Return the warning that log and map do not fit, by the reference; None if they do."""
-    log, floor_plan = played.recording()
-    at = log.referenced
-    if not at.size:
-        return None
-    part = log.of_records(at[np.unique(np.linspace(0, at.size - 1, _LOOKED_AT).astype(int))])
-    assert part.reference is not None
-    share = agreement(part, floor_plan, part.reference)[1]
-    return misfit_words(share, "from the reference poses", log.scanner)
 
 
 def touches(replay: Replay) -> str | None:
