@@ -92,12 +92,13 @@ def replay_command(options: argparse.Namespace) -> str:
     """
     from benchmarks.execution.engines import Where
     from benchmarks.pictures.messages import shown_again
-    from benchmarks.robots.limits import check_rows, limits_of, within
+    from benchmarks.robots.limits import limits_of, within
     from benchmarks.robots.replaying import planned, run_replay, sweep_file
     from benchmarks.sweeps.running import Options, complete
 
     how = Options(where=Where(jobs=options.jobs, timeout=options.timeout))
-    mcap, limits = mcap_of(options), limits_of(options.fail_if)
+    mcap = mcap_of(options)
+    limits_of(options.fail_if)  # refused before anything is read
     plan = planned(
         options.log,
         options.map,
@@ -111,7 +112,7 @@ def replay_command(options: argparse.Namespace) -> str:
         nav2=_amcl(options),
         fit_beams=options.fit_beams,
     )
-    check_rows(limits, [method.shown for method in plan.sweep.localizers])
+    limits_of(options.fail_if, [method.shown for method in plan.sweep.localizers])
     if options.dry_run:
         return sweep_file(plan.sweep, [*plan.warnings, *plan.replay.facts]).rstrip()
     target = options.out or Path("results") / Path(options.log[0]).name.partition(".")[0]
@@ -122,7 +123,7 @@ def replay_command(options: argparse.Namespace) -> str:
         with doing("playing the first run of each again, to show it"):
             shown_again(first, mcap)
         text += f"\n\nMCAP, the first run of each: {options.mcap}"
-    return within(text, played.table, limits, plan.sweep.baseline)
+    return within(text, played.table, options.fail_if, plan.sweep.baseline)
 
 
 def _amcl(options: argparse.Namespace) -> "list[Amcl]":
@@ -190,7 +191,7 @@ def score_command(options: argparse.Namespace) -> str:
         raise InputError(f"{alone[0]} is given without --log: name the log that it is about.")
     if beside is None and log is None and reference is None:
         raise InputError("there is nothing to score by: give --reference, --log or --beside.")
-    limits = limits_of(options.fail_if)
+    limits_of(options.fail_if)  # refused before anything is read
     with doing("reading the estimates and what they are scored by"), log_warnings() as warnings:
         by: Any  # a log, or a reference alone
         if beside is not None:
@@ -203,7 +204,7 @@ def score_command(options: argparse.Namespace) -> str:
         estimates = estimates_of(options.estimates, options.covariance)
         uncovered, text, table = score(by, estimates, options.out)
     warn([*warnings, *uncovered])
-    return within(text, table, limits)
+    return within(text, table, options.fail_if)
 
 
 @command(

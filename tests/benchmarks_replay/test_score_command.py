@@ -185,7 +185,7 @@ def test_limits_end_the_command_with_exit_code_4_after_all_is_written(here, tmp_
     assert exit_code(*words, "--fail-if", "position_p95 > 0.01") == 0
     assert exit_code(*words, "--fail-if", "nees > 5", "--fail-if", "lap.position_p95 >= 0") == 4
     said = capsys.readouterr()
-    assert "lap has nees unknown (nees > 5); lap has position_p95 0 " in said.err
+    assert "lap has nan (nees > 5); lap has 0 (lap.position_p95 >= 0)." in said.err
     assert f"Written to {tmp_path / 's'}" in said.out
 
 
