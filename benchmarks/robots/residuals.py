@@ -197,7 +197,7 @@ class Residuals:
         return frame.rename(columns=named).to_csv(index=False, lineterminator="\n")
 
     def table(self) -> Table:
-        """Return the largest places."""
+        """Return the first places."""
         unit = self.floor_plan.unit
         header = ["place", "kind", f"x, {unit}", f"y, {unit}", f"extent, {unit}"]
         lines = [
@@ -229,7 +229,7 @@ class Residuals:
             )
         axes.figure.legend(loc="outside lower center", ncols=3, frameon=False)
         listed = min(len(self.places), _LISTED)
-        caption = f"Numbers: the {listed} largest places, as in the table."
+        caption = f"Numbers: the first {listed} places, as in the table."
         return Chart(
             "residuals", HEADING, caption if listed else "No place was found.", axes.figure
         )
