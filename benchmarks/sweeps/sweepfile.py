@@ -297,8 +297,11 @@ class _Names:
 
     def method(self, entry: Any, what: str = "an entry of localizers") -> Method:
         label = ""
-        if isinstance(entry, Mapping) and "label" in entry:
-            label = documents.as_text("label of a localizer", entry["label"])
+        if isinstance(entry, Mapping):
+            for key in entry:
+                one_of(f"key of {what}", key, ("name", "params", "label"))
+            if "label" in entry:
+                label = documents.as_text("label of a localizer", entry["label"])
             entry = {key: value for key, value in entry.items() if key != "label"}
         named = Named.told(what, entry)
         name = self.localizer("name of a localizer", named.name)
