@@ -66,8 +66,9 @@ class _Parser(argparse.ArgumentParser):
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code.
 
-    0: done. 1: results differ from those before. 2: bad input. 3: failed. 130, 143: stopped by
-    SIGINT or SIGTERM. 141: whoever read the output stopped reading, as after ``| head``.
+    0: done. 1: results differ from those before. 2: bad input. 3: failed. 4: a limit of --fail-if
+    is broken. 130, 143: stopped by SIGINT or SIGTERM. 141: whoever read the output stopped
+    reading, as after ``| head``.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     os.environ["MPLBACKEND"] = "agg"  # a notebook's may not be installed here

@@ -173,7 +173,7 @@ def sweep_command(options: argparse.Namespace) -> str:
     from benchmarks.sweeps.running import check, complete, dry_run
 
     sweep = asked(options)
-    warn(_misfits(sweep))
+    warn(_doubts(sweep))
     if options.dry_run:
         with checking():
             check(sweep)
@@ -187,9 +187,9 @@ def sweep_command(options: argparse.Namespace) -> str:
     return complete(ended.results, f"{ended}{tables_only}", part=options.shard is not None)
 
 
-def _misfits(sweep: "Sweep") -> list[str | None]:
-    """Read the logs of a sweep; return warnings of them, and that one does not fit its map."""
-    from benchmarks.robots.replaying import disagreement
+def _doubts(sweep: "Sweep") -> list[str]:
+    """Read the logs of a sweep; return warnings of them, and what seems wrong with one."""
+    from benchmarks.robots.doubts import doubts_of
     from benchmarks.setup.logs import LogScenario
     from benchmarks.setup.names import scenario
 
@@ -199,8 +199,8 @@ def _misfits(sweep: "Sweep") -> list[str | None]:
     if not played:
         return []
     with doing("reading the log and the map"), log_warnings() as warnings:
-        misfits = [disagreement(of_log.changed(world)) for of_log, world in played]
-    return [*warnings, *misfits]
+        doubts = [words for log, world in played for words in doubts_of(log.changed(world))]
+    return [*warnings, *doubts]
 
 
 def asked(options: argparse.Namespace) -> "Sweep":

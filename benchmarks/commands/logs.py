@@ -35,13 +35,21 @@ _NODE = option(
 )
 
 
+_FAIL_IF = option("--fail-if", action="append", default=[], metavar="'COLUMN > X'", help="end "
+    "with exit code 4 if this is so of a row of results.csv, or its value unknown, as in "
+    "'position_p95 > 0.2' or 'amcl.position_p95 > 0.2' for one row (one --fail-if each)",
+)  # fmt: skip
+
+
 def _every(default: str) -> Option:
     words = f"play a record each time the robot has moved this far ({default})"
     return option("--every", metavar="D,A", help=words)
 
 
 def _nav2(words: str) -> Option:
-    return option("--nav2", type=Path, metavar="PARAMS.yaml", help=words)
+    return option(
+        "--nav2", type=Path, action="append", default=[], metavar="PARAMS.yaml", help=words
+    )
 
 
 @command(
@@ -53,11 +61,13 @@ def _nav2(words: str) -> Option:
     option("--start", metavar="S", help="where the robot starts: reference, global, x,y,θ in m and "
         "rad, as in --start=1,2,0, room=x,y,x,y,…, near=x,y,within[,beyond], or a .toml file "
         "(reference, if there is one)"),
-    _nav2("Nav2's parameter file: sets all of amcl, and for the others what is not set here"),
+    _nav2("Nav2's parameter file: sets all of amcl, and for the others what is not set here; of "
+        "several each has a row, the first is the baseline"),
     _NODE,
     _every("0.2m,5deg; with amcl 0.0625m,3deg, so that it updates as often as a robot's"),
     settings("assumed.scan.sigma=0.1 or world.max_beams=60", _OF_LOGS),
     option("--seeds", type=int, default=10, metavar="K", help="runs of each localizer (10)"),
+    _FAIL_IF,
     JOBS,
     out(without="results/LOG"),
     group(
@@ -82,11 +92,13 @@ def replay_command(options: argparse.Namespace) -> str:
     """
     from benchmarks.execution.engines import Where
     from benchmarks.pictures.messages import shown_again
+    from benchmarks.robots.limits import limits_of, within
     from benchmarks.robots.replaying import planned, run_replay, sweep_file
     from benchmarks.sweeps.running import Options, complete
 
     how = Options(where=Where(jobs=options.jobs, timeout=options.timeout))
     mcap = mcap_of(options)
+    limits_of(options.fail_if)  # refused before anything is read
     plan = planned(
         options.log,
         options.map,
@@ -100,27 +112,28 @@ def replay_command(options: argparse.Namespace) -> str:
         nav2=_amcl(options),
         fit_beams=options.fit_beams,
     )
+    limits_of(options.fail_if, [method.shown for method in plan.sweep.localizers])
     if options.dry_run:
         return sweep_file(plan.sweep, [*plan.warnings, *plan.replay.facts]).rstrip()
     target = options.out or Path("results") / Path(options.log[0]).name.partition(".")[0]
     played = run_replay(plan, target, how, options.words, residuals=options.residuals)
     text = complete(played.results, str(played))
-    if mcap is None:
-        return text
-    first = list(replace(plan.sweep, trials=1).distinct())
-    with doing("playing the first run of each again, to show it"):
-        shown_again(first, mcap)
-    return f"{text}\n\nMCAP, the first run of each: {options.mcap}"
+    if mcap is not None:
+        first = list(replace(plan.sweep, trials=1).distinct())
+        with doing("playing the first run of each again, to show it"):
+            shown_again(first, mcap)
+        text += f"\n\nMCAP, the first run of each: {options.mcap}"
+    return within(text, played.table, options.fail_if, plan.sweep.baseline)
 
 
-def _amcl(options: argparse.Namespace) -> "Amcl | None":
-    """Return what Nav2's file says; None: there is none."""
+def _amcl(options: argparse.Namespace) -> "list[Amcl]":
+    """Return what Nav2's files say."""
     from benchmarks.robots.nav2 import read_nav2
     from deqmcl_gym.validation import InputError
 
-    if options.node is not None and options.nav2 is None:
+    if options.node is not None and not options.nav2:
         raise InputError("--node is given without --nav2: name the file that the node is in.")
-    return None if options.nav2 is None else read_nav2(options.nav2, options.node)
+    return [read_nav2(path, options.node) for path in options.nav2]
 
 
 def _settings(options: argparse.Namespace) -> dict[str, Any]:
@@ -149,6 +162,7 @@ def _settings(options: argparse.Namespace) -> dict[str, Any]:
         "(0.2m,5deg)"),
     option("--covariance", metavar="FILE", help="covariances of the only estimate, lines of a time "
         "and 6, 9 or 36 numbers"),
+    _FAIL_IF,
     out(),
 )  # fmt: skip
 def score_command(options: argparse.Namespace) -> str:
@@ -158,6 +172,7 @@ def score_command(options: argparse.Namespace) -> str:
     poses in a bag: docs/tune-on-your-log.md.
     """
     from benchmarks.robots.estimates import estimates_of, played_before, played_by_replay, score
+    from benchmarks.robots.limits import limits_of, within
     from benchmarks.robots.played import reading_among
     from benchmarks.setup import documents
     from deqmcl_gym.logs import read_tum
@@ -176,6 +191,7 @@ def score_command(options: argparse.Namespace) -> str:
         raise InputError(f"{alone[0]} is given without --log: name the log that it is about.")
     if beside is None and log is None and reference is None:
         raise InputError("there is nothing to score by: give --reference, --log or --beside.")
+    limits_of(options.fail_if)  # refused before anything is read
     with doing("reading the estimates and what they are scored by"), log_warnings() as warnings:
         by: Any  # a log, or a reference alone
         if beside is not None:
@@ -186,9 +202,9 @@ def score_command(options: argparse.Namespace) -> str:
         else:
             by = read_tum(reference)
         estimates = estimates_of(options.estimates, options.covariance)
-        uncovered, text = score(by, estimates, options.out)
+        uncovered, text, table = score(by, estimates, options.out)
     warn([*warnings, *uncovered])
-    return text
+    return within(text, table, options.fail_if)
 
 
 @command(
@@ -242,9 +258,11 @@ def tune_command(options: argparse.Namespace) -> str:
     if options.max_ms is not None:
         number("--max-ms", options.max_ms, low=0, above=True)
     integer("--candidates", options.candidates, low=2, high=100_000)
-    if options.nav2 is not None and name != "amcl":
+    if options.nav2 and name != "amcl":
         raise InputError(f"--nav2 is given, but {name} is tuned: leave it out, or tune amcl.")
-    nav2 = _amcl(options)
+    if len(options.nav2) > 1:
+        raise InputError("--nav2 is given twice, but there is one default to beat: give one.")
+    nav2 = next(iter(_amcl(options)), None)
     where = Where(jobs=options.jobs, timeout=options.timeout)
     task = _task(options, name, nav2)
     with doing("checking the segments and the ends of all ranges"):
@@ -252,7 +270,8 @@ def tune_command(options: argparse.Namespace) -> str:
     how = Options(where=where, retry_failed=options.retry_failed, progress=False)
     with searching(task, options.out, how) as search:
         tuning = search.run(options.candidates)
-        return write_tuned(tuning, options.out, options.words, options.nav2, options.node)
+        nav2_file = options.nav2[0] if options.nav2 else None
+        return write_tuned(tuning, options.out, options.words, nav2_file, options.node)
 
 
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":
@@ -299,8 +318,8 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
 def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "list[Replay]":
     """Return the logs as the default would play them."""
     from benchmarks.robots.calibration import calibrated
+    from benchmarks.robots.doubts import doubts_of
     from benchmarks.robots.played import replay_of
-    from benchmarks.robots.replaying import disagreement
     from deqmcl_gym.validation import InputError
 
     files = [Path(log).resolve() for log in options.logs]
@@ -326,7 +345,8 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
             raise InputError(f"{log} has no reference, so no error is known: give --reference.")
     notes = [] if nav2 is None else nav2.notes
     sideways = [replay.sideways for replay in replays]
-    warn([*warnings, *notes, *sideways, *(disagreement(one.scenario) for one in replays)])
+    doubts = [words for replay in replays for words in doubts_of(replay.scenario)]
+    warn([*warnings, *notes, *sideways, *doubts])
     if {replay.log.unit for replay in replays} != {"m"}:
         raise InputError("a log is in px, but tune takes logs in m: give another one.")
     if name != "amcl" and "scan.power" not in replays[0].assumed:

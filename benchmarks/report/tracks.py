@@ -47,7 +47,12 @@ _SUMMARY = (
 )  # fmt: skip
 _SCORES = tuple(name for name in _SUMMARY if not name.endswith(("_low", "_high")))
 _OF_RUNS = [score for name, score in JOURNEY_SCORES.items() if name in _SCORES]
-_COMPARED = ("success_1m", "metres_to_localize", "position_median")
+COMPARISONS = tuple(
+    f"{score}_{end}"
+    for score in ("success_1m", "metres_to_localize", "position_median")
+    for end in ("diff", "diff_low", "diff_high", "p_holm")
+)
+NUMBERS = ("seeds", "failed", *_SUMMARY, *COMPARISONS)  # columns of results.csv
 _REACHED = f"success_{FOUND}"
 
 
@@ -144,16 +149,11 @@ def worst_run(runs: pd.DataFrame) -> pd.Series:
 
 def tracks_table(runs: pd.DataFrame, compared: pd.DataFrame | None) -> pd.DataFrame:
     """Return results.csv: a row per localizer, its scores, then its differences if compared."""
-    further = [
-        f"{score}_{end}"
-        for score in _COMPARED
-        for end in ("diff", "diff_low", "diff_high", "p_holm")
-    ]
     table = scores_by_localizer(runs).rename(columns={"label": "localizer"})
     if compared is None:
-        return table.reindex(columns=[*table, *further])
+        return table.reindex(columns=["localizer", *NUMBERS])
     beside = compared[(compared["panel"] == 1) & (compared["offset"] == 0)].set_index("label")
-    return table.join(beside.reindex(columns=further), on="localizer")
+    return table.join(beside.reindex(columns=list(COMPARISONS)), on="localizer")
 
 
 def tracks_trials(runs: pd.DataFrame) -> pd.DataFrame:

@@ -23,6 +23,7 @@ from benchmarks.report.tracks import (
     tracks_table,
     tracks_trials,
 )
+from benchmarks.robots.doubts import late_words
 from benchmarks.robots.played import EVERY, NO_ERROR, first_referenced
 from benchmarks.setup.logs import REPLAY, ReplayScenario, check_inside
 from benchmarks.setup.names import scenario
@@ -149,16 +150,17 @@ def estimates_of(words: Sequence[str], covariance: str | None) -> dict[str, Traj
 
 def score(
     by: Played | Trajectory, estimates: Mapping[str, Trajectory], out: Path
-) -> tuple[list[str], str]:
-    """Score estimates, write results.csv and trials.csv; return warnings, and what to print."""
+) -> tuple[list[str], str, pd.DataFrame]:
+    """Score estimates, write results.csv and trials.csv; return warnings, words, the former."""
     ours = by.runs if isinstance(by, Played) else None
     for label in estimates:
         if ours is not None and label in set(ours["label"]):
             raise InputError(f"{label} is a localizer of the replay: write NAME=FILE for yours.")
     theirs = pd.concat(run_of(label, estimate, by) for label, estimate in estimates.items())
     runs = theirs if ours is None else pd.concat([ours, theirs])
+    table = tracks_table(runs, None)
     contents = {
-        "results.csv": utf8(csv_of(tracks_table(runs, None))),
+        "results.csv": utf8(csv_of(table)),
         "trials.csv": utf8(csv_of(tracks_trials(runs))),
     }
     files = write_files(own_folder(out, "results.csv"), contents)
@@ -185,9 +187,11 @@ def score(
         for label, poses in covered.items()
         if poses.sum() < _ALL * poses.size
     ]
+    clock = (by.whole.times, by.whole.odometry) if isinstance(by, Played) else (by.times, by.poses)
+    late = [late_words(label, *clock, one.times, one.poses) for label, one in estimates.items()]
     texts = [*accuracy(runs), *(table.text() for table in tables_of(runs)), how]
     texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
-    return uncovered, "\n\n".join(texts)
+    return [*uncovered, *filter(None, late)], "\n\n".join(texts), table
 
 
 def _named(word: str) -> tuple[str, str, str | None]:

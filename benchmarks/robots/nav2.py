@@ -66,6 +66,7 @@ class Amcl:
     """What a robot's AMCL is told, as our localizers, logs and scenarios take it. Lengths in m."""
 
     source: str  # where it was read
+    file: Path
     params: Mapping[str, Any]  # of our ``amcl``
     reading: Mapping[str, float]  # given bounds of the ranges that are measurements: of logs
     motion: MotionModel  # what other localizers assume of the odometry
@@ -143,7 +144,7 @@ def read_nav2(path: Path, node: str | None = None) -> Amcl:
     noted = {"given twice, where rcl joins tables and takes the later value": twice}
     noted |= {f"overridden by a wildcard that stands after {name}, as in rclcpp": later}
     try:
-        return _amcl(f"{path}, node {name}", given, noted)
+        return _amcl(path, f"{path}, node {name}", given, noted)
     except InputError as error:
         raise InputError(f"{path}, node {name}: {error}") from None
 
@@ -180,7 +181,7 @@ def nav2_document(
     return document
 
 
-def _amcl(source: str, raw: Mapping[str, Any], noted: dict[str, list[str]]) -> Amcl:
+def _amcl(file: Path, source: str, raw: Mapping[str, Any], noted: dict[str, list[str]]) -> Amcl:
     filled = {n: _ENV.sub(r"\2", str(v)) for n, v in raw.items() if _ENV.search(str(v))}
     given = {**raw, **{n: _scalar(text) for n, text in filled.items()}}
     said = {name: _value(name, default, given) for name, default in _DEFAULTS.items()}
@@ -212,6 +213,7 @@ def _amcl(source: str, raw: Mapping[str, Any], noted: dict[str, list[str]]) -> A
     bounds = {"max_range": said["laser_max_range"], "min_range": said["laser_min_range"]}
     found = Amcl(
         source=source,
+        file=file,
         params={name: value for name, value in said.items() if name not in _OF_LOGS},
         reading={name: value for name, value in bounds.items() if 0 < value < math.inf},
         motion=model(**{name: said[name] for name in alphas}),

@@ -1,7 +1,6 @@
 """``deqmcl replay``: a sweep over runs of localizers on one log, with tracks and its own CSV."""
 
 import dataclasses
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -29,30 +28,27 @@ from benchmarks.report.tracks import (
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import load, no_report
 from benchmarks.robots.calibration import calibrated, judged_alike, uses_scan, with_fitted_beams
+from benchmarks.robots.doubts import doubts_of, misfit_words
 from benchmarks.robots.nav2 import Amcl, read_nav2
 from benchmarks.robots.played import EVERY, OFTEN, REPLAY_SCENARIO, Replay, params_among, replay_of
 from benchmarks.robots.residuals import PICTURE, TABLE, Residuals, files_of, residuals_of
 from benchmarks.setup.documents import sweep_text
-from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results
 from benchmarks.sweeps.running import Options, begun, check
 from benchmarks.sweeps.sweepfile import check_localizers, params_by_localizer
 from benchmarks.tables.frames import csv_of
-from benchmarks.tables.text import file_words, percent
+from benchmarks.tables.text import file_words, short_names
 from benchmarks.trials.spec import Method
-from benchmarks.trials.tracks import AGREE, agreement
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import utf8
-from deqmcl_gym.logs import Scanner, Trajectory
-from deqmcl_gym.validation import integer
+from deqmcl_gym.logs import Trajectory
+from deqmcl_gym.validation import InputError, integer
 from localizers import parameters
 from localizers.methods.deq_mcl import Shared
 from localizers.registry import Factory
 
-FEW = 0.5  # share of beams within the larger distance below which log and map do not fit
-_LOOKED_AT = 200  # reference poses
 _PARTICLES = "particles", "max_particles"
 _TRACKS = "tracks"
 _RUNS = (
@@ -80,19 +76,20 @@ def planned(
     particles: int | None = None,
     seeds: int = 10,
     seed: int = 0,
-    nav2: Amcl | None = None,
+    nav2: Sequence[Amcl] = (),
     fit_beams: bool = False,
 ) -> Planned:
     """Read a log, fit what is not set, and return the runs of localizers on it, checked.
 
     Log, map, reference, start and ``settings`` are as for ``replay_of``, with params.KEY of all
     localizers and params.LOCALIZER.KEY of one; ``nav2`` sets all of ``amcl``, and what is not in
-    them. The first localizer is the baseline; each has ``seeds`` runs, and takes ``particles`` by
-    whatever name it has for them; None: its own default.
+    them; of several each is an ``amcl`` of its own, and the first sets what is shared. The first
+    localizer is the baseline, or the first of several ``amcl``; each has ``seeds`` runs, and takes
+    ``particles`` by whatever name it has for them; None: its own default.
     """
     usual: dict[str, Any] = {"world.every": OFTEN if "amcl" in localizers else EVERY}
-    if nav2 is not None:
-        usual = nav2.world | nav2.assumed
+    if nav2:
+        usual = world_of(nav2) | nav2[0].assumed
         if fit_beams:
             usual = {n: value for n, value in usual.items() if not n.startswith("assumed.scan.")}
     with doing("reading the log and the map"), log_warnings() as of_reader:
@@ -101,7 +98,7 @@ def planned(
             floor_plan,
             reference=reference,
             start=start,
-            otherwise=None if nav2 is None else nav2.start,
+            otherwise=nav2[0].start if nav2 else None,
             settings=usual | dict(settings),
         )
     warnings = warn(of_reader)  # whatever fails later
@@ -115,20 +112,26 @@ def planned(
                 replay = calibrated(replay)
         else:
             replay = judged_alike(replay)
-    shared = {} if nav2 is None else {"amcl": nav2.params}
     sweep = replay_sweep(
-        replay, localizers, particles=particles, seeds=seeds, root=seed, shared=shared, own=params
+        replay, localizers, particles=particles, seeds=seeds, root=seed, nav2=nav2, own=params
     )
     check(sweep)
     warnings += warn(gated(sweep, settings.get("world.every")))
-    if nav2 is not None:
-        amcl = next((method.params for method in sweep.localizers if method.name == "amcl"), None)
-        warnings += warn([*nav2.notes, *([] if amcl is None else nav2.differences(amcl, replay))])
+    for file in nav2:
+        amcl = {**file.params, **params["amcl"]} if "amcl" in params else None
+        warnings += warn([*file.notes, *([] if amcl is None else file.differences(amcl, replay))])
         if particles is not None and amcl is not None:
             own = f"has the file's, {amcl['min_particles']} to {amcl['max_particles']}"
             more = "--set params.amcl.max_particles=… makes the comparison fair"
             warnings += warn([f"--particles {particles} is not of amcl, which {own}: {more}"])
     return Planned(replay, sweep, warnings)
+
+
+def world_of(nav2: Sequence[Amcl]) -> dict[str, Any]:
+    """Return what files say of the log: records as often, and beams as many, as any needs."""
+    every = tuple(map(min, zip(*(file.every for file in nav2), strict=True)))
+    beams = max(file.max_beams for file in nav2)
+    return nav2[0].world | {"world.every": every, "world.max_beams": beams}
 
 
 def replay_sweep(
@@ -138,7 +141,7 @@ def replay_sweep(
     particles: int | None,
     seeds: int,
     root: int,
-    shared: Mapping[str, Mapping[str, Any]],
+    nav2: Sequence[Amcl],
     own: Mapping[str, Mapping[str, Any]],
 ) -> Sweep:
     """Return the sweep whose worlds are the runs of each localizer on a log; see ``methods_of``."""
@@ -146,16 +149,17 @@ def replay_sweep(
         integer("--particles", particles, low=1)
     integer("--seeds", seeds, low=1, high=10_000)
     integer("--seed", root)
+    methods = methods_of(localizers, particles, own, nav2)
     return Sweep(
         title=f"Replay of {file_names(replay.world['log'])}",
-        localizers=methods_of(localizers, particles, own, shared),
+        localizers=methods,
         scenario=REPLAY_SCENARIO,
         lag=0,
         world=replay.world,
         assumed=replay.assumed,
         seed=root,
         trials=seeds,
-        baseline=localizers[0],
+        baseline=next((method.label for method in methods if method.label), localizers[0]),
         takes=lambda _: (),  # each is given its own parameters, and no lag
     )
 
@@ -165,7 +169,7 @@ def sweep_file(sweep: Sweep, notes: Sequence[str] = ()) -> str:
     methods = []
     for method in sweep.localizers:
         lag = {"lag": Shared.lag} if "lag" in (parameters(method.name) or ()) else {}
-        methods.append({"name": method.name, "params": {**lag, **method.params}})
+        methods.append(method.json() | {"params": {**lag, **method.params}})
     top = {"title": sweep.title, "scenario": sweep.scenario, "lag": sweep.lag}
     top |= {"seed": sweep.seed, "trials": sweep.trials, "baseline": sweep.baseline}
     tables = {"world": sweep.world, "assumed": sweep.assumed}
@@ -223,7 +227,7 @@ def replay(
     *,
     localizers: Sequence[str | Factory] = ("mcl", "amcl"),
     settings: Mapping[str, Any] = NOTHING,
-    nav2: str | Path | None = None,
+    nav2: str | Path | Sequence[str | Path] = (),
     node: str | None = None,
     out: str | Path | None = None,
     jobs: int | None = None,
@@ -240,14 +244,15 @@ def replay(
         localizers: names, classes or functions that make one; the first is the baseline.
         settings: single values by dotted name, as ``--set`` has them: world.…, assumed.…, params.….
         nav2: Nav2's parameter file, with the ``node`` in it: sets all of ``amcl``, and for the
-            others what is not set.
+            others what is not set; of several each has a row, ``amcl (FILE)``.
         out: folder that keeps runs, tracks, tables and page; None: nothing is kept.
         jobs, timeout: see ``Where``.
         command: the words that started it, for the folder.
         how: reference, start, particles, seeds, seed, fit_beams: see ``planned``.
     """
     names, factories = named_localizers(localizers)
-    amcl = None if nav2 is None else read_nav2(Path(nav2), node)
+    files = [nav2] if isinstance(nav2, str | Path) else nav2
+    amcl = [read_nav2(Path(file), node) for file in files]
     options = Options(where=Where(jobs=jobs, timeout=timeout))
     with knowing(factories), ExitStack() as stack:
         folder = Path(out or f"{stack.enter_context(TemporaryDirectory())}/replay")
@@ -268,7 +273,7 @@ def run_replay(
     with begun(sweep, out, options, command=command) as running:
         shown = [
             *warnings,
-            *warn([played.sideways, disagreement(played.scenario), touches(played)]),
+            *warn([played.sideways, *doubts_of(played.scenario), touches(played)]),
         ]
         results = running.results()
         runs = _runs(played, sweep, results)
@@ -292,35 +297,6 @@ def run_replay(
     return ReplayResults(runs, results, "\n\n".join(texts), "\n\n".join(written))
 
 
-def misfit_words(share: float, where: str, scanner: Scanner) -> str | None:
-    """Return the warning for a share of beams that agree with the map; None if they are enough."""
-    if math.isnan(share):
-        return (
-            "no beam has a measurement: every range is beyond max_range or not a number; check "
-            "that ranges and max_range are in m."
-        )
-    if share >= FEW:
-        return None
-    first, last = np.degrees(scanner.bearings[[0, -1]])
-    return (
-        f"log and map do not fit: seen {where}, only {percent(share)} of the beams are within "
-        f"{AGREE[1]} m of what the map says; check that they are of the same place and floor, the "
-        f"map's resolution and origin, and the angles of the beams, {first:.0f}° to {last:.0f}°."
-    )
-
-
-def disagreement(played: LogScenario) -> str | None:
-    """Return the warning that log and map do not fit, by the reference; None if they do."""
-    log, floor_plan = played.recording()
-    at = log.referenced
-    if not at.size:
-        return None
-    part = log.of_records(at[np.unique(np.linspace(0, at.size - 1, _LOOKED_AT).astype(int))])
-    assert part.reference is not None
-    share = agreement(part, floor_plan, part.reference)[1]
-    return misfit_words(share, "from the reference poses", log.scanner)
-
-
 def touches(replay: Replay) -> str | None:
     """Return the warning that the reference itself touches walls; None if it does not."""
     log, floor_plan = replay.scenario.recording()
@@ -339,13 +315,13 @@ def touches(replay: Replay) -> str | None:
 
 def _runs(replay: Replay, sweep: Sweep, results: Results) -> pd.DataFrame:
     """Return the runs of each localizer, in the order in which they were named."""
-    names = [method.name for method in sweep.localizers]
+    failed = [failure.trial.method for failure in results.failures]
     records = {
-        name: [record for record in results.records if record.trial.localizer == name]
-        for name in names
+        method.shown: [record for record in results.records if record.trial.method == method]
+        for method in sweep.localizers
     }
-    failed = [failure.trial.localizer for failure in results.failures]
-    return runs_frame(records, {name: failed.count(name) for name in names}, replay.log)
+    counts = {method.shown: failed.count(method) for method in sweep.localizers}
+    return runs_frame(records, counts, replay.log)
 
 
 def _contents(
@@ -394,15 +370,26 @@ def methods_of(
     localizers: Sequence[str],
     particles: int | None,
     own: Mapping[str, Mapping[str, Any]],
-    shared: Mapping[str, Mapping[str, Any]] = NOTHING,
+    nav2: Sequence[Amcl] = (),
 ) -> tuple[Method, ...]:
-    """Return localizers with ``own`` parameters, else those ``shared``, else so many particles."""
+    """Return localizers with ``own`` parameters, else of ``nav2``, else so many particles."""
     check_localizers(localizers)
-    params = {
-        name: {**(shared.get(name) or particles_by_name(name, particles)), **own.get(name, {})}
-        for name in localizers
-    }
-    return tuple(Method(name, Overrides(given)) for name, given in params.items())
+    if len(nav2) > 1 and "amcl" not in localizers:
+        raise InputError(f"--nav2 is given {len(nav2)} times without amcl: add it to --localizers.")
+    files = {str(file.file.with_suffix("")): file for file in nav2}
+    if len(files) < len(nav2):
+        raise InputError(f"--nav2 names a file twice, of {', '.join(files)}: give each once.")
+    words, methods = short_names(files), list[Method]()
+    for name in localizers:
+        sets: dict[Overrides, list[str]] = {}  # files of one and the same parameters are one row
+        for path, file in files.items() if name == "amcl" else ():
+            sets.setdefault(Overrides(file.params) | own.get(name, {}), []).append(words[path])
+        if not sets:
+            sets[Overrides(particles_by_name(name, particles)) | own.get(name, {})] = []
+        for params, sources in sets.items():
+            label = f"{name} ({' = '.join(sources)})" if sources and len(files) > 1 else ""
+            methods.append(Method(name, params, label=label))
+    return tuple(methods)
 
 
 def particles_by_name(name: str, particles: int | None) -> Mapping[str, Any]:

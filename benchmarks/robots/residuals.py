@@ -2,9 +2,12 @@
 
 Residuals of a robot that knows where it is concentrate on places of the map and repeat from other
 poses; those of a lost one are everywhere. So a place counts only where beams from several poses
-contradict the map, and more of them than agree with it. Unknown cells say nothing.
+contradict the map, and more of them than agree with it. Unknown cells say nothing. Places are
+ranked by evidence: how much likelier a share s of their beams is from the poses there than p, that
+of all cells, as of a map that is right: poses · KL(s ‖ p) nats.
 """
 
+import math
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -42,6 +45,10 @@ _LEAST_POSES, _LEAST_BEAMS, _LEAST_CELLS = 3, 2, 2
 _LEAST_SHARE = 0.5  # of the beams that reach a cell, those that contradict the map
 _EXPLAINED = 0.75  # of the returns of a scan and most scans around it: the robot is not lost
 _AROUND = 10  # scans before and after
+_CELL = 0.05  # m, of a map without cells
+_BLURRED = 0.7  # of a cell: half of what fits is nearer to walls on a sharp map
+_GATHERED = 0.1  # of what does not fit, the share at places that says that things have moved
+_USUAL = 0.01, 0.3  # least and most share of the beams that contradict a map that is right
 _LISTED = 12  # places in the page; so many have their number in the picture
 _LOOKS = {HIT: ("C3", "s"), THROUGH: ("C0", "D")}
 _WIDTH = 6.4  # inches
@@ -59,6 +66,7 @@ class Place(NamedTuple):
     beams: int  # that contradict the map there
     poses: int  # from where they do, at least 0.5 m apart
     share: float  # of the beams that reach its cells
+    evidence: float  # nats, against a map that is right there
     at: Indices  # its cells
 
 
@@ -93,7 +101,7 @@ class Residuals:
 
     @cached_property
     def places(self) -> list[Place]:
-        """Where the map is wrong, the place with the most cells first."""
+        """Where the map is wrong, the place of the most evidence first."""
         used, fit, length = self.used, self._fit, metre(self.floor_plan.unit)
         rays = Rays.of(self.lattice, self.lidar, self.poses[used])
         ranges, expected = self.ranges[used].astype(np.float64), fit.expected[used]
@@ -115,7 +123,7 @@ class Residuals:
         for kind, (cells, against, agreed) in seen.items():
             poses = numbers[np.nonzero(against)[0]]
             places += self._places(kind, cells[against], poses, agreed)
-        return sorted(places, key=lambda place: -place.cells)
+        return sorted(places, key=lambda place: -place.evidence)
 
     def _places(
         self, kind: str, cells: Indices, poses: Indices, agreed: Indices
@@ -123,6 +131,7 @@ class Residuals:
         """Yield places by the cell and the pose of each beam against the map, and what agrees."""
         against = count(cells, self.lattice)
         share = against / np.maximum(against + agreed, 1)
+        usual = float(np.clip(against.sum() / max(against.sum() + agreed.sum(), 1), *_USUAL))
         labels = self.lattice.groups((against >= _LEAST_BEAMS) & (share >= _LEAST_SHARE))
         inside = cells >= 0
         pairs = np.unique(np.column_stack([labels[cells[inside]], poses[inside]]), axis=0)
@@ -136,7 +145,10 @@ class Residuals:
             width, height = (np.ptp(centres, axis=0) + self.lattice.cell).tolist()
             beams, others = int(against[at].sum()), int(agreed[at].sum())
             part = beams / (beams + others)
-            yield Place(kind, x, y, width, height, at.size, beams, apart, part, at)
+            other = max(1 - part, 1e-9)
+            evidence = part * math.log(part / usual) + other * math.log(other / (1 - usual))
+            evidence *= apart
+            yield Place(kind, x, y, width, height, at.size, beams, apart, part, evidence, at)
 
     @property
     def said(self) -> str:
@@ -147,7 +159,31 @@ class Residuals:
             f"Where the map is wrong: {hit} {'place' if hit == 1 else 'places'} {HIT}, "
             f"{kinds.count(THROUGH)} {THROUGH}, by {int(self.used.sum()):,} of "
             f"{len(self.used):,} scans of {self.whose}, the run whose scans agree best with the "
-            "map."
+            f"map. {self.spread}"
+        )
+
+    @property
+    def spread(self) -> str:
+        """Whether residuals are at walls everywhere, or of things that moved, in words."""
+        fit, ranges, unit = self._fit, self.ranges[self.used], self.floor_plan.unit
+        short, long = fit.short[self.used], fit.long[self.used]
+        fits = fit.returned[self.used] & ~short & ~long
+        if not fits.any():
+            return ""
+        rays = Rays.of(self.lattice, self.lidar, self.poses[self.used])
+        x, y = rays.points(ranges)
+        off = known_part(self.floor_plan).distance(np.column_stack([x[fits], y[fits]]))
+        cell = getattr(self.floor_plan, "resolution", _CELL * metre(unit))
+        blur, against = float(np.median(off)), int((short | long).sum())
+        things = sum(place.beams for place in self.places) / max(against, 1)
+        words = "what does not fit is scattered, as people and edges are"
+        if blur > _BLURRED * cell:
+            words = "residuals are at walls everywhere, so the map is blurred or the poses are off"
+        elif things > _GATHERED:
+            words = "what does not fit is gathered, so things have moved"
+        return (
+            f"Half of the returns that fit are within {blur:.3f} {unit} of a wall, and "
+            f"{percent(things)} of the {against:,} that do not are at these places: {words}."
         )
 
     def csv(self) -> str:
@@ -161,7 +197,7 @@ class Residuals:
         return frame.rename(columns=named).to_csv(index=False, lineterminator="\n")
 
     def table(self) -> Table:
-        """Return the largest places."""
+        """Return the first places."""
         unit = self.floor_plan.unit
         header = ["place", "kind", f"x, {unit}", f"y, {unit}", f"extent, {unit}"]
         lines = [
@@ -193,7 +229,7 @@ class Residuals:
             )
         axes.figure.legend(loc="outside lower center", ncols=3, frameon=False)
         listed = min(len(self.places), _LISTED)
-        caption = f"Numbers: the {listed} largest places, as in the table."
+        caption = f"Numbers: the first {listed} places, as in the table."
         return Chart(
             "residuals", HEADING, caption if listed else "No place was found.", axes.figure
         )

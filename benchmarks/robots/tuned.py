@@ -1,4 +1,4 @@
-"""What ``deqmcl tune`` writes: the best parameters, the held-out gain, what mattered, a picture."""
+"""What ``deqmcl tune`` writes: the best parameters, the held-out gain, what mattered."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,6 @@ import yaml
 
 from benchmarks.files import write_files
 from benchmarks.report.tables import Table
-from benchmarks.report.writing import load, no_report
 from benchmarks.robots.nav2 import nav2_document
 from benchmarks.robots.replaying import sweep_file
 from benchmarks.robots.search import RUNS, Candidate, Task, Tuning
@@ -33,7 +32,6 @@ _BINS = 4  # of a range
 _FEW = 20  # candidates below which importance says nothing
 _LEAST = 6  # segments: of fewer, a sign test could not tell any difference from chance (p < 0.05)
 _COVERAGE = "coverage_95"
-_KINDS = ("dropped on fewer segments", "on all training segments", "default", "winner")
 _SURE, _FALLEN = 0.9, 0.05  # share inside the 95 % region below which, and fall that, is told
 _UNITS = {"share": (100, ".1f", " %"), "nats": (1, ",.2f", " nats"), "m": (1, ".3f", " m")}
 
@@ -62,13 +60,9 @@ def write_tuned(
     }
     if best is not None:
         contents[NAV2] = utf8(best)
-    if (why := no_report()) is None:
-        load()
-        contents["trade-off.png"] = _trade_off(tuning)
     files = write_files(out, contents)
     texts = [*parts.values(), why_not]
     texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
-    texts.append("" if why is None else f"No picture: {why}")
     return "\n\n".join(filter(None, texts))
 
 
@@ -298,33 +292,3 @@ def _nav2(
     except InputError as error:
         return None, f"No {NAV2}: {error}"
     return yaml.safe_dump(document, sort_keys=False), ""
-
-
-def _trade_off(tuning: Tuning) -> bytes:
-    """Return the picture of score and time of all candidates on all training segments."""
-    from matplotlib.ticker import LogLocator, NullLocator
-
-    from benchmarks.pictures import styled
-    from benchmarks.report.charts import STYLE, Chart, canvas, line
-
-    goal, frame = tuning.task.goal, pd.DataFrame(map(vars, tuning.tried))
-    factor, _, unit = _UNITS[goal.unit]
-    kinds = [_KINDS[segments == len(tuning.task.training)] for segments in frame["segments"]]
-    kinds[tuning.tried.index(tuning.best)] = _KINDS[3]
-    kinds[0] = _KINDS[2]
-    frame = frame.assign(value=factor * frame["value"], label=pd.Categorical(kinds, _KINDS))
-    frame = frame[np.isfinite(frame["value"]) & (frame["ms_per_step"] > 0)]
-    with styled(STYLE):
-        axes = line(frame, "ms_per_step", "value", axes=canvas(6.4, 3.8), ls="")
-        words = goal.words.replace("share of records ", "")
-        axes.set(xlabel="ms per step", ylabel=f"{words},{unit}", xscale="log")
-        if goal.unit == "nats":  # those of a filter that is lost and sure are huge
-            axes.set_yscale("symlog", linthresh=10)
-        elif goal.unit == "m" and (frame["value"] > 0).all():
-            axes.set_yscale("log")
-        for axis in (axes.xaxis, axes.yaxis)[: 1 + (axes.get_yscale() == "log")]:
-            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-            axis.set_minor_locator(NullLocator())
-            axis.set_major_formatter("{x:g}")
-        caption = "Score and time of the candidates, on training segments."
-        return Chart("trade-off", caption, caption, axes.figure).drawn("png", dpi=200)

@@ -120,10 +120,13 @@ class Sweep:
                 integer("lag", value)
         for name in self.names:
             self.takes(_label("localizer", name))
+        labels = [_label("label", method.label) for method in self.localizers if method.label]
+        if twice := [label for label in labels if labels.count(label) > 1]:
+            raise InputError(f"the label {twice[0]!r} is of several localizers: give each its own.")
         if not self.baseline:
             object.__setattr__(self, "baseline", self._usual_baseline)
         if self.baseline not in (BASELINE, self._usual_baseline):
-            known = [method.name for method in self.localizers]
+            known = [name for one in self.localizers for name in (one.name, one.label) if name]
             one_of("baseline", self.baseline, [*known, *self.agents])
         self._refuse_twice()
         if self.combinations > MOST_TRIALS:
@@ -176,6 +179,13 @@ class Sweep:
     @property
     def _usual_baseline(self) -> str:
         return self.agents[0] if len(self.agents) > 1 else BASELINE
+
+    @property
+    def labelled(self) -> list[Method]:
+        """The methods with labels as their trials have them."""
+        cells = replace(self, trials=1, filter_seeds=1).listed()
+        methods = zip(cells, itertools.cycle(self.localizers), strict=False)
+        return [replace(cell.method, label=own.label) for cell, own in methods if own.label]
 
     def listed(self) -> Iterator[Trial]:
         """Yield all combinations: by setting, then method, world, filter seed."""

@@ -56,6 +56,7 @@ class Results:
     verified: list[str] = field(default_factory=list)  #: other code with the same results
     left_out: dict[str, str] = field(default_factory=dict)  #: why a file is in no table
     rule: Rule | None = None  #: when comparisons are decided; None if the worlds were fixed
+    labelled: Sequence[Method] = ()  #: methods with labels
 
     def __repr__(self) -> str:
         return f"<Results of {self.title!r}: {self.progress}>"
@@ -76,7 +77,7 @@ class Results:
     @cached_property
     def _compared(self) -> list[Panel]:
         failed = [failure.trial for failure in self.failures]
-        return panels(self.records, self.baseline, failed, self.rule)
+        return panels(self.records, self.baseline, failed, self.rule, self.labelled)
 
     @cached_property
     def table(self) -> pd.DataFrame:
@@ -134,6 +135,7 @@ def collected(sweep: Sweep, trials: Mapping[str, Trial], store: Store, made: Man
         left_out=store.rejected | dict(store.left_out(trials.keys(), asked)),
         baseline=sweep.baseline,
         rule=rule_of(sweep),
+        labelled=sweep.labelled,
     )
 
 
@@ -187,7 +189,8 @@ def due(
 
 
 def _groups(sweep: Sweep) -> list[MethodGroup]:
-    return groups((first.setting, first.method) for first in sweep.cells())
+    cells = ((first.setting, first.method) for first in sweep.cells())
+    return groups(cells, sweep.labelled)
 
 
 def results_in(folder: Path | str) -> Results:

@@ -326,9 +326,16 @@ class _Names:
         return given if self.folder is None else given.beside(self.folder, OF_LOCALIZERS)
 
     def method(self, entry: Any, what: str = "an entry of localizers") -> Method:
+        label = ""
+        if isinstance(entry, Mapping):
+            for key in entry:
+                one_of(f"key of {what}", key, ("name", "params", "label"))
+            if "label" in entry:
+                label = documents.as_text("label of a localizer", entry["label"])
+            entry = {key: value for key, value in entry.items() if key != "label"}
         named = Named.told(what, entry)
         name = self.localizer("name of a localizer", named.name)
-        return Method(name=name, params=self.params(named.params))
+        return Method(name=name, params=self.params(named.params), label=label)
 
     def axis(self, table: Any) -> Axis:
         values = Overrides.told("vary", documents.as_table("vary", table, "a [[vary]] table"))

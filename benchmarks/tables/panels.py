@@ -198,15 +198,18 @@ class MethodGroup(NamedTuple):
         return [(method, reference) for method, reference in pairs if method != reference]
 
 
-def groups(cells: Iterable[tuple[Setting, Method]]) -> list[MethodGroup]:
+def groups(
+    cells: Iterable[tuple[Setting, Method]], labelled: Iterable[Method] = ()
+) -> list[MethodGroup]:
     """Split methods of settings into what is compared, in their order.
 
-    A setting has a group for every value of the numbers of which one localizer has several; a
-    method without such a parameter is in each of them.
+    A setting has a group for every value of the numbers of which one localizer, or one label, has
+    several; a method without such a parameter is in each of them.
     """
+    called = {method: method for method in labelled}
     settings: dict[Setting, dict[Method, None]] = {}
     for setting, method in cells:
-        settings.setdefault(setting, {})[method] = None
+        settings.setdefault(setting, {})[called.get(method, method)] = None
     made = []
     for setting, methods in settings.items():
         named = list(dict.fromkeys(method.name for method in methods))
@@ -223,6 +226,7 @@ def panels(
     baseline: str = BASELINE,
     failures: Iterable[Trial] = (),
     rule: Rule | None = None,
+    labelled: Iterable[Method] = (),
 ) -> list[Panel]:
     """Split finished trials into panels, in their order; see ``baseline_of`` and ``Panel.rule``."""
     failed = list(failures)
@@ -230,7 +234,7 @@ def panels(
     for record in records:
         ended.setdefault((record.trial.setting, record.trial.method), []).append(record)
     titles = _titles(list(dict.fromkeys(setting for setting, _ in ended)))
-    every = groups(ended)
+    every = groups(ended, labelled)
     names = [_labels(methods) for _, _, methods in every]
     categories = list(dict.fromkeys(label for labels in names for label in labels.values()))
     made = []
@@ -262,11 +266,14 @@ def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
     """Return what a method is compared with: the localizer or the agent of that name.
 
     A localizer with the same agent, an agent with the same localizer; else the first method. Of
-    several variants it is the one whose parameters agree with the method's, else the first.
+    several variants it is the one whose parameters agree with the method's, else the first; of
+    those with labels the one that is named, else the first.
     """
     listed = list(methods)
-    variants = [one for one in listed if name in (one.name, one.agent and one.agent.name)]
-    variants = variants or listed[:1]
+    names = [(one.label, one.name, one.agent and one.agent.name) for one in listed]
+    variants = [one for one, own in zip(listed, names, strict=True) if name in own] or listed[:1]
+    if variants[0].label:
+        return variants[0]
     if variants[0].name == name:
         same = [one for one in variants if one.agent == method.agent]
     else:
@@ -302,13 +309,13 @@ def disturbance_words(wrapper: Overrides) -> str:
 
 
 def _swept(methods: Sequence[Method]) -> list[Overrides]:
-    """Values of the numbers of which one localizer has several; a word makes variants of it."""
+    """Values of the numbers of which one localizer has several; words, labels make variants."""
     seen: dict[tuple[str, str], set[Any]] = {}
     for method in methods:
         for name, value in method.values.items():
             if is_number(value):
                 agent = method.agent if name.startswith("agent.") else None
-                owner = agent.name if agent else method.name
+                owner = agent.name if agent else method.label or method.name
                 seen.setdefault((owner, name), set()).add(spelt(value))
     names = {name for (_, name), values in seen.items() if len(values) > 1}
     taken = dict.fromkeys(
@@ -330,7 +337,7 @@ def _labels(methods: Sequence[Method]) -> dict[Method, str]:
     several = len({method.agent for method in methods}) > 1
     labels = {}
     for method in methods:
-        localizer = " ".join([names[method.name], *_variant(method, methods)])
+        localizer = method.label or " ".join([names[method.name], *_variant(method, methods)])
         own = Method(method.agent.name, method.agent.params) if method.agent else None
         agent = "the scenario's agent"
         if own is not None:

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -33,6 +33,12 @@ class Method(Named):
     """What is compared: a localizer by name, with its parameters, and who drives (None: usual)."""
 
     agent: Named | None = None
+    label: str = field(default="", compare=False)  # what it is called, if not by these
+
+    @property
+    def shown(self) -> str:
+        """What a row of runs on a log is called."""
+        return self.label or self.name
 
     @property
     def values(self) -> Overrides:
@@ -48,6 +54,10 @@ class Method(Named):
     def __str__(self) -> str:
         own = super().__str__()
         return f"{self.agent} with {own}" if self.agent else own
+
+    def json(self) -> dict[str, Any]:
+        """Return it as JSON-able values, without the agent."""
+        return super().json() | ({"label": self.label} if self.label else {})
 
 
 @dataclass(frozen=True, kw_only=True)

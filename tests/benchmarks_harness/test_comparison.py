@@ -1,6 +1,7 @@
 """results.csv: panels, pairing, baselines, intervals and tests, on made-up records."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -108,6 +109,19 @@ def test_a_method_without_the_swept_parameter_is_in_each_panel_with_its_baseline
         assert panel.baselines[method("ekf")] == method("mcl-map", particles=n)
         rows = told.table[told.table["panel"] == panel.number].set_index("label")
         assert rows.loc["ekf", "diff"] == difference
+
+
+@pytest.mark.parametrize("baseline", ["few", "mcl-map"])
+def test_methods_with_labels_are_compared_in_one_panel_with_the_first_or_the_one_named(baseline):
+    labelled = [
+        replace(method("mcl-map", particles=n), label=label)
+        for n, label in ((100, "few"), (300, "many"))
+    ]
+    told = replace(results(swept(localizer="mcl-map"), baseline=baseline), labelled=labelled)
+    (panel,) = told.panels
+    assert list(panel.labels.values()) == ["few", "many", "ekf"]
+    rows = told.table.set_index("label")
+    assert dict(rows["diff"].dropna()) == {"many": -4.0, "ekf": -7.0}
 
 
 def test_what_one_method_lacks_leaves_it_in_every_panel_and_infinity_is_a_number():

@@ -173,6 +173,11 @@ BAD = [  # a file, and what the sentence must name
     ('localizers = ["mcl"', ["not valid TOML", "Unclosed"]),
     ('localizers = "mcl"', ["localizers", "'mcl'", "list"]),
     ("localizers = [{ nam = 'mcl' }]", ["'nam'", "did you mean 'name'?"]),
+    ("localizers = [{ name = 'mcl', lable = 'a' }]", ["'lable'", "did you mean 'label'?"]),
+    (
+        "localizers = [{ name = 'mcl', label = 'a' }, { name = 'ekf', label = 'a' }]",
+        ["the label 'a' is of several localizers"],
+    ),
     ('localizers = ["mcl"]\ntrials = 1.5', ["trials", "1.5", "whole"]),
     ('localizers = ["mcl"]\nscenario = "papr"', ["'papr'", "did you mean 'paper'?"]),
     ('localizers = ["mcl"]\nworld = 3', ["world", "3", "table"]),

@@ -1,12 +1,14 @@
 """``replay --nav2``: all of a user's AMCL parameters are accounted for."""
 
 import csv
+import json
 import os
 import re
 import tomllib
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 from hypothesis import given, settings
@@ -345,7 +347,7 @@ def test_the_sweep_file_runs_as_it_is_printed_with_a_log_in_it(params, recorded,
         "x.csv",
         "room.yaml",
         ("amcl", "mcl-smoother"),
-        nav2=read_nav2(params()),
+        nav2=[read_nav2(params())],
         settings={"params.amcl.max_particles": 400},
         seeds=1,
     )
@@ -369,6 +371,42 @@ def test_replay_takes_the_same_file_and_says_what_it_leaves_out(params, recorded
     with open("out/results.csv", newline="") as file:
         assert [row["localizer"] for row in csv.DictReader(file)] == ["amcl", "dead-reckoning"]
     assert main([*command, "--node", "nobody", "--out", "other"]) == 2
+
+
+def test_several_files_are_rows_of_one_table_compared_with_the_first(recorded, capsys):
+    for name, sigma, beams in (("a", 0.1, 30), ("b", 0.3, 20), ("same", 0.1, 30)):
+        of_amcl(Path(f"{name}.yaml"), f"sigma_hit: {sigma}", f"max_beams: {beams}")
+    command = ["replay", "x.csv", "--map", "room.yaml", "--reference", "x.tum", "--seeds", "2"]
+    several = [
+        *command,
+        *(word for name in ("a", "b", "same") for word in ("--nav2", f"{name}.yaml")),
+    ]
+    told = [*several, "--set", "params.amcl.pf_err=0.2", "--jobs", "1", "--out", "out"]
+    assert main(told) == 0
+    said = capsys.readouterr().out
+    table = pd.read_csv("out/results.csv", index_col="localizer")
+    assert [*table.index] == ["mcl", "amcl (a = same)", "amcl (b)"]
+    assert table["position_median_diff"].notna().tolist() == [True, False, True]
+    assert "20 beams" not in said
+    assert "30 beams" in said
+    with (Path("out/manifest.json")).open() as file:
+        methods = json.load(file)["identity"]["sweep"]["localizers"]
+    assert [one["params"].get("pf_err") for one in methods] == [None, 0.2, 0.2]
+    assert main(["score", "x.tum", "--beside", "out", "--out", "beside"]) == 0
+    assert [*pd.read_csv("beside/results.csv")["localizer"]] == [*table.index, "x"]
+    capsys.readouterr()
+    assert main([*told, "--dry-run"]) == 0  # a sweep file keeps the names
+    Path("both.toml").write_text(capsys.readouterr().out)
+    assert [one.label for one in read_sweep(Path("both.toml")).localizers] == ["", *table.index[1:]]
+    assert main([*told, "--fail-if", "amcl (b).position_p95 > 0"]) == 4
+    refusals = {
+        "add it to --localizers": ["--localizers", "mcl"],
+        "names a file twice": ["--nav2", "b.yaml"],
+        "did you mean 'amcl (b)'?": ["--fail-if", "amcl b.position_p95 > 0.2"],
+    }
+    for sentence, words in refusals.items():
+        assert main([*several, *words]) == 2
+        assert sentence in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

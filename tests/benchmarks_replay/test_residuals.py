@@ -59,6 +59,20 @@ def test_a_missing_wall_is_hit_in_free_space_and_a_wall_too_many_is_seen_through
         assert place.at.size == place.cells
 
 
+def test_places_are_ranked_by_evidence_and_a_blurred_map_is_told_from_things_that_moved(lap, wrong):
+    _, log = lap
+    found = residuals_of(wrong, log)
+    evidence = [place.evidence for place in found.places]
+    assert evidence == sorted(evidence, reverse=True)
+    assert min(evidence) > 0
+    half = residuals_of(wrong, log.of_records(slice(0, 30)))
+    assert max(evidence) > max(place.evidence for place in half.places)  # fewer poses tell less
+    assert "gathered, so things have moved" in found.said
+    assert "scattered" in residuals_of(*lap).said
+    poses = log.reference + np.random.default_rng(0).normal(0, [0.08, 0.08, 0], log.reference.shape)
+    assert "at walls everywhere" in residuals_of(lap[0], log, poses).said
+
+
 def test_one_pose_is_no_evidence_however_often_it_looks(lap, wrong):
     _, log = lap
     assert residuals_of(wrong, log).places

@@ -165,6 +165,7 @@ def test_a_covariance_gives_the_columns_of_calibration(here, tmp_path):
         (("mcl=lap.tum", "--beside", "mcl"), "mcl is a localizer of the replay"),
         (("a=lap.tum", "lap.tum", "--reference", "lap.tum", "--covariance", "x"), "one estimate"),
         (("lap.tum:/amcl_pose", "--reference", "lap.tum"), "no topic /amcl_pose"),
+        (("lap.tum", "--reference", "lap.tum", "--fail-if", "p95 > 1"), "unknown column"),
     ],
 )
 def test_what_cannot_be_scored_is_refused_and_nothing_is_written(
@@ -177,6 +178,15 @@ def test_what_cannot_be_scored_is_refused_and_nothing_is_written(
     assert said in sentence
     assert sentence.endswith(".")
     assert not (tmp_path / "s").exists()
+
+
+def test_limits_end_the_command_with_exit_code_4_after_all_is_written(here, tmp_path, capsys):
+    words = ("score", "lap.tum", "--reference", "lap.tum", "--out", tmp_path / "s")
+    assert exit_code(*words, "--fail-if", "position_p95 > 0.01") == 0
+    assert exit_code(*words, "--fail-if", "nees > 5", "--fail-if", "lap.position_p95 >= 0") == 4
+    said = capsys.readouterr()
+    assert "lap has nan (nees > 5); lap has 0 (lap.position_p95 >= 0)." in said.err
+    assert f"Written to {tmp_path / 's'}" in said.out
 
 
 def test_records_that_an_estimate_misses_are_told(here, tmp_path, capsys):
