@@ -1,8 +1,7 @@
-"""What ``deqmcl tune`` writes: the best parameters, the held-out gain, what mattered."""
+"""What ``deqmcl tune`` writes: the best parameters, the held-out gain, a picture."""
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +11,10 @@ import yaml
 
 from benchmarks.files import write_files
 from benchmarks.report.tables import Table
+from benchmarks.report.writing import load, no_report
 from benchmarks.robots.nav2 import nav2_document
 from benchmarks.robots.replaying import sweep_file
 from benchmarks.robots.search import RUNS, Candidate, Task, Tuning
-from benchmarks.robots.space import Space
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
 from benchmarks.tables.frames import by_world, csv_of
@@ -23,15 +22,13 @@ from benchmarks.tables.stats import Interval, estimate
 from benchmarks.tables.text import estimated, fixed, percent, significant
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import command_line, utf8
-from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import InputError
 
 NAV2 = "nav2.yaml"
 _SHUFFLES = 1000  # of the ranks, for what chance would give
-_BINS = 4  # of a range
-_FEW = 20  # candidates below which importance says nothing
 _LEAST = 6  # segments: of fewer, a sign test could not tell any difference from chance (p < 0.05)
 _COVERAGE = "coverage_95"
+_KINDS = ("dropped on fewer segments", "on all training segments", "default", "winner")
 _SURE, _FALLEN = 0.9, 0.05  # share inside the 95 % region below which, and fall that, is told
 _UNITS = {"share": (100, ".1f", " %"), "nats": (1, ",.2f", " nats"), "m": (1, ".3f", " m")}
 
@@ -49,7 +46,6 @@ def write_tuned(
         f"# {tuning.task.localizer}, tuned": f"{gain(tuning, table)}{_too_sure(tuning)}\n\n"
         f"{_scores(tuning)}",
         "## Best parameters": _changed(tuning),
-        "## Which parameters mattered": _importance(tuning),
     }
     page = {**parts, "## How this was made": _made(tuning, words)}
     contents = {
@@ -60,9 +56,13 @@ def write_tuned(
     }
     if best is not None:
         contents[NAV2] = utf8(best)
+    if (why := no_report()) is None:
+        load()
+        contents["trade-off.png"] = _trade_off(tuning)
     files = write_files(out, contents)
     texts = [*parts.values(), why_not]
     texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
+    texts.append("" if why is None else f"No picture: {why}")
     return "\n\n".join(filter(None, texts))
 
 
@@ -178,68 +178,6 @@ def _word(value: Any) -> str:
     return significant(value) if isinstance(value, float) else str(value)
 
 
-def importance(space: Space, tried: Sequence[Candidate]) -> pd.DataFrame:
-    """Return which parameters explain ranks of candidates alone, the most important first.
-
-    Of candidates drawn from the whole space, in the first rung of their round. A range is cut at
-    the quartiles of what was drawn, or into its values if they are four or fewer. ``share`` is ε²,
-    the correlation ratio η² less what as many groups explain by chance (Kelley 1935): the main
-    effects of a functional ANOVA; ``chance`` is its 95 % quantile over shuffled ranks.
-    """
-    whole = [candidate for candidate in tried if candidate.whole_space]
-    ranks = np.array([candidate.rank for candidate in whole])
-    shuffled = np.random.default_rng(0).permuted(np.tile(ranks, (_SHUFFLES, 1)), axis=1)
-    rows = []
-    for name in space:
-        groups: Any = pd.Series([candidate.values[name] for candidate in whole])
-        if pd.api.types.is_numeric_dtype(groups) and groups.nunique() > _BINS:
-            groups, ends = pd.qcut(groups, _BINS, labels=False, retbins=True, duplicates="drop")
-            words = [f"{significant(a)} to {significant(b)}" for a, b in pairwise(ends)]
-            groups = groups.map(dict(enumerate(words)))
-        best = str(pd.Series(ranks).groupby(groups, sort=False).mean().idxmin())
-        share, *chance = _explained(np.vstack([ranks, shuffled]), pd.factorize(groups)[0])
-        rows.append((name, share, np.quantile(chance, 0.95), best))
-    table = pd.DataFrame(rows, columns=["parameter", "share", "chance", "best"])
-    return table.sort_values("share", ascending=False, kind="stable")
-
-
-def _explained(ranks: Floats, codes: Any) -> Floats:
-    """Return ε² of rows of ranks, (m, n), in groups of these numbers, (n,)."""
-    n, k = len(codes), int(codes.max()) + 1
-    if n <= k:
-        return np.zeros(len(ranks))
-    inside = np.eye(k)[codes]
-    off = ranks - ranks.mean(axis=1, keepdims=True)
-    whole = (off**2).sum(axis=1)
-    between = ((off @ inside) ** 2 / inside.sum(axis=0)).sum(axis=1)
-    return np.asarray(1 - ((whole - between) / (n - k)) / (whole / (n - 1)))
-
-
-def _importance(tuning: Tuning) -> str:
-    count = sum(candidate.whole_space for candidate in tuning.tried)
-    if count < _FEW:
-        return (
-            f"{count} candidates do not tell which parameters matter: {_FEW} of the whole space do."
-        )
-    table = importance(tuning.task.space, tuning.tried)
-    table["parameter"] = table["parameter"].map("`{}`".format)
-    more = table["share"] > table["chance"]
-    clear, rest = table[more], table.loc[~more, "parameter"]
-    columns = {
-        "parameter": list(clear["parameter"]),
-        "explains": [percent(share) for share in clear["share"]],
-        "best": list(clear["best"]),
-    }
-    texts = [
-        f"Share of the variance of ranks among {count} candidates drawn from the whole space that "
-        "a parameter explains alone (ε² over four parts of its range, or over its values if it has "
-        "four or fewer).",
-        _markdown(columns) if len(clear) else "",
-        f"Not more than chance: {', '.join(rest)}." if len(rest) else "",
-    ]
-    return "\n\n".join(filter(None, texts))
-
-
 def _made(tuning: Tuning, words: Sequence[str]) -> str:
     task, count = tuning.task, len(tuning.tried)
     metres = float(np.mean([segment.metres for segment in (*task.training, *task.held_out)]))
@@ -292,3 +230,33 @@ def _nav2(
     except InputError as error:
         return None, f"No {NAV2}: {error}"
     return yaml.safe_dump(document, sort_keys=False), ""
+
+
+def _trade_off(tuning: Tuning) -> bytes:
+    """Return the picture of score and time of all candidates on all training segments."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    from benchmarks.pictures import styled
+    from benchmarks.report.charts import STYLE, Chart, canvas, line
+
+    goal, frame = tuning.task.goal, pd.DataFrame(map(vars, tuning.tried))
+    factor, _, unit = _UNITS[goal.unit]
+    kinds = [_KINDS[segments == len(tuning.task.training)] for segments in frame["segments"]]
+    kinds[tuning.tried.index(tuning.best)] = _KINDS[3]
+    kinds[0] = _KINDS[2]
+    frame = frame.assign(value=factor * frame["value"], label=pd.Categorical(kinds, _KINDS))
+    frame = frame[np.isfinite(frame["value"]) & (frame["ms_per_step"] > 0)]
+    with styled(STYLE):
+        axes = line(frame, "ms_per_step", "value", axes=canvas(6.4, 3.8), ls="")
+        words = goal.words.replace("share of records ", "")
+        axes.set(xlabel="ms per step", ylabel=f"{words},{unit}", xscale="log")
+        if goal.unit == "nats":  # those of a filter that is lost and sure are huge
+            axes.set_yscale("symlog", linthresh=10)
+        elif goal.unit == "m" and (frame["value"] > 0).all():
+            axes.set_yscale("log")
+        for axis in (axes.xaxis, axes.yaxis)[: 1 + (axes.get_yscale() == "log")]:
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.set_minor_locator(NullLocator())
+            axis.set_major_formatter("{x:g}")
+        caption = "Score and time of the candidates, on training segments."
+        return Chart("trade-off", caption, caption, axes.figure).drawn("png", dpi=200)

@@ -23,7 +23,7 @@ from benchmarks.robots.space import (
     neighbour,
     read_space,
 )
-from benchmarks.robots.tuned import gain, importance, segments_table
+from benchmarks.robots.tuned import gain, segments_table
 from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.tables.frames import RUN
@@ -445,25 +445,6 @@ def test_the_least_and_the_most_particles_keep_to_those_of_a_nav2_file(given, mo
     found = built_in("amcl", [], given)
     for name, ends in {"max_particles": most, "min_particles": least}.items():
         assert (None if name not in found else (found[name].low, found[name].high)) == ends
-
-
-def test_importance_is_the_share_of_variance_between_groups_beyond_chance():
-    rng = np.random.default_rng(5)
-    space = {"x": Range(low=0.0, high=1.0), "c": Choice((1, 2)), "idle": Range(low=0.0, high=1.0)}
-    drawn = latin_hypercube(space, 80, rng)
-    worth = [one["x"] + 0.3 * (one["c"] == 2) for one in drawn]
-    ranks = np.argsort(np.argsort(worth)) / 79
-    tried = [candidate(one, rank=rank) for one, rank in zip(drawn, ranks.tolist(), strict=True)]
-    table = importance(space, [*tried, candidate({})])
-    found = {name: own for name, *own in table.to_numpy()}
-    groups = [ranks[[one["c"] == kind for one in drawn]] for kind in (1, 2)]
-    within = sum(np.var(own) * own.size for own in groups)
-    assert found["c"][0] == pytest.approx(1 - (within / 78) / (np.var(ranks) * 80 / 79))
-    assert found["c"][2] == "1"
-    assert found["x"][0] > 0.6
-    assert found["x"][2].startswith("0.00")
-    # a fixed draw: chance would tell of an idle parameter once in 20
-    assert found["idle"][0] <= found["idle"][1]
 
 
 @pytest.mark.parametrize(

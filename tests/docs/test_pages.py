@@ -193,7 +193,8 @@ def test_the_commands_that_tune_work_as_the_page_says(lap, capsys):
     for command in (first, *others, f"{first}-again --space space.toml"):
         assert exit_code(*shlex.split(command)[1:]) == 0, capsys.readouterr().err
     files = re.findall(r"^\| `([\w-]+\.\w+)` \|", TUNE, re.MULTILINE)
-    assert files == ["tuned.md", "best.toml", "nav2.yaml", "tuned.csv", "candidates.csv"]
+    assert files == ["tuned.md", "best.toml", "nav2.yaml", "tuned.csv", "candidates.csv",
+                     "trade-off.png"]  # fmt: skip
     assert all(Path("results/tuned", name).is_file() for name in files)
 
 
