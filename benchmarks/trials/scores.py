@@ -33,7 +33,9 @@ from benchmarks.trials.tracks import (
     ScoredTrack,
 )
 from deqmcl_gym.maps import Map
+from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Floats
+from localizers import Calibration
 
 LEVELS = (50, 80, 95)  # of the credible regions, per cent
 _FAR_WORDS = "weight far from the truth, common states"
@@ -241,7 +243,7 @@ def _inside(level: int) -> Score:
     words = f"share inside the {level} % region"
 
     def of(run: ScoredTrack) -> float:
-        return mean((run.known(0) <= level / 100).astype(np.float64))
+        return mean((run.fits[:, 0] <= level / 100).astype(np.float64))
 
     return Score(f"coverage_{level}", "share", "", words, of)
 
@@ -263,6 +265,19 @@ def _median(what: str, unit: str, errors: str, *, stamps: bool = False) -> Score
     return Score(name, unit, "low", words, of)
 
 
+CALIBRATION = {"scale": "", "position": "m", "heading": "rad"}  # its numbers, and their units
+
+
+def _number_of_calibration(name: str, unit: str) -> Score:
+    def of(run: ScoredTrack) -> float:
+        if run.calibration is None:
+            return math.nan
+        size = metre(run.track.log.unit) if unit == "m" else 1.0
+        return float(getattr(run.calibration, name)) / size
+
+    return Score(f"calibration_{name}", unit, "", f"{name} of the calibration", of)
+
+
 _OF_TRACKS: tuple[Score, ...] = (
     *map(_within, NEAR),
     _median("position", "m", "translation"),
@@ -272,8 +287,9 @@ _OF_TRACKS: tuple[Score, ...] = (
     _median("heading", "rad", "rotation", stamps=True),
     Score("lost", "share", "low", "lost at the end", lambda it: it.lost),
     *map(_inside, LEVELS),
-    Score("nees", "", "", "NEES; 3 if consistent", lambda it: mean(it.known(1))),
+    Score("nees", "", "", "NEES; 3 if consistent", lambda it: mean(it.fits[:, 1])),
     Score("log_score", "nats", "low", "log score of the reference pose", lambda it: it.log_score),
+    *(_number_of_calibration(name, unit) for name, unit in CALIBRATION.items()),
     Score("ape_rmse", "m", "low", "APE, RMSE", lambda it: it.track.errors.rmse),
     Score("rpe_rmse", "m", "low", "RPE, RMSE", lambda it: it.track.relative.rmse),
     Score(AGREEMENTS[0], "share", "high", "beams within 0.1 m", lambda it: it.agreement[0]),
@@ -282,14 +298,30 @@ _OF_TRACKS: tuple[Score, ...] = (
 TRACK_SCORES = {score.name: score for score in _OF_TRACKS}
 
 
+PUBLISHED = (*(f"coverage_{level}" for level in LEVELS), "nees", "log_score")
+
+
+def published_scores(
+    track: EstimatedTrack, calibration: Calibration, judged: int = 0
+) -> dict[str, float]:
+    """Return the scores of the covariances that a calibration publishes, from a record on."""
+    run = ScoredTrack(track, judged, calibration)
+    return {name: TRACK_SCORES[name].of(run) for name in PUBLISHED}
+
+
 def track_scores(
     track: EstimatedTrack,
-    calibrated: Floats,
     thresholds: Thresholds,
     floor_plan: Map | None,
     *,
     judged: int = 0,
+    calibrated: bool = True,
 ) -> dict[str, float]:
-    """Return the scores of a track by records; NaN is not available."""
-    run = ScoredTrack(track, calibrated, thresholds, floor_plan, judged)
+    """Return the scores of a track by records; NaN is not available.
+
+    Covariances are judged from the record ``judged`` on: if ``calibrated``, as published by what
+    fits the records before.
+    """
+    calibration = track.calibration(judged) if calibrated else None
+    run = ScoredTrack(track, judged, calibration, thresholds, floor_plan)
     return {name: score.of(run) for name, score in TRACK_SCORES.items()}
