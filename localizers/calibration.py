@@ -79,7 +79,7 @@ class Calibration:
         scores = np.empty((len(off), 3))
 
         def at(place: Floats) -> Calibration:
-            scale, *floor = np.exp2(np.maximum(place, _NARROWEST))
+            scale, *floor = arrays.exp(math.log(2) * np.maximum(place, _NARROWEST))
             return Calibration(float(scale) if spread else 1.0, *map(float, floor * sizes))
 
         def cost(place: Floats) -> float:
@@ -92,11 +92,13 @@ class Calibration:
 
 def spread_about(pose: ArrayLike, poses: ArrayLike, weights: ArrayLike) -> Floats:
     """Return the second moments of a cloud (n, 3) about a pose, (3, 3); NaN of a single point."""
-    cloud, own = np.asarray(poses, np.float64), np.asarray(weights, np.float64)
-    moments = np.full((3, 3), math.nan)
-    if len(own) > 1:
-        arrays.second_moments(cloud, own, np.asarray(pose, np.float64), moments)
-    return moments
+    off = np.asarray(poses, np.float64) - np.asarray(pose, np.float64)
+    if len(off) == 1:
+        return np.full((3, 3), math.nan)
+    off[:, 2] = arrays.wrapped(off[:, 2])
+    own = np.asarray(weights, np.float64)[:, None]
+    # sums one pose after another: the same bits on every processor
+    return np.asarray(((own * off)[:, :, None] * off[:, None, :]).sum(axis=0))
 
 
 def _least(cost: Callable[[Floats], float], place: Floats) -> Floats:

@@ -301,20 +301,22 @@ def accuracy(runs: pd.DataFrame) -> list[str]:
 
 
 def published(runs: pd.DataFrame) -> list[str]:
-    """Say what each localizer's covariance is published as, to be pasted; nothing if as believed.
-
-    Each run has its own, fitted to its own errors: these are their medians.
-    """
+    """Say as what each localizer's covariance is published, to be pasted: medians over runs."""
     done = ended(runs)
-    if done.empty or done[_CALIBRATION].isna().all(axis=None):
+    if done[_CALIBRATION].isna().all(axis=None):
         return []
-    unit = metre(done["track"].iloc[0].log.unit)
-    lines = []
-    for label, row in done.groupby("label", sort=False)[_CALIBRATION].median().dropna().iterrows():
-        scale, position, heading = row
-        told = f"scale={scale:.3g}, position={position * unit:.3g}, heading={heading:.3g}"
-        lines.append(f"{label} Calibration({told})")
-    return [f"To publish, localizers.Tracker(…, calibration=…): {'; '.join(lines)}."]
+    size = metre(done["track"].iloc[0].log.unit)
+    middle = done.groupby("label", sort=False)[_CALIBRATION].median().dropna()
+    lines = [
+        f"{label} Calibration(scale={scale:.3g}, position={position * size:.3g}, "
+        f"heading={heading:.3g})"
+        for label, scale, position, heading in middle.itertuples()
+    ]
+    return [
+        "Coverage, NEES and log score are of published covariances, scale · P + floor, in the "
+        "records after those that each run's calibration is fitted to. For localizers.Tracker(…, "
+        f"calibration=…), medians over runs: {'; '.join(lines)}."
+    ]
 
 
 def _whose(run: pd.Series, runs: pd.DataFrame) -> str:

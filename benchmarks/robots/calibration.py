@@ -87,10 +87,8 @@ def with_fitted_beams(replay: Replay) -> Replay:
 def with_fitted_power(replay: Replay) -> Replay:
     """Return what is played with the power that is fitted to its first part, if one can be.
 
-    Of those with which ``mcl`` follows the robot, the one of the least log score of what is
-    published after a calibration: the most exact one, as a region that is too narrow or too wide
-    costs nothing there. There is none without a reference at enough of the first records, or where
-    ``mcl`` follows the robot with no power.
+    That of the least log score of what ``mcl`` publishes, calibrated, of those with which it
+    follows the robot: a region too narrow or too wide costs nothing there, only errors do.
     """
     count = fitted_part(replay.log)
     if count is None:
@@ -120,26 +118,10 @@ def with_fitted_power(replay: Replay) -> Replay:
     )
 
 
-def first_judged(log: Log) -> int | None:
-    """Return the first record after those fitted to; None if too few of them have a reference."""
-    count = fitted_part(log)
-    return None if count is None else int(log.referenced[0]) + count
-
-
 def judged_after_part(replay: Replay) -> Replay:
     """Return what is played, its covariances judged by the records after those fitted to."""
     judged = first_judged(replay.log)
-    if judged is None:
-        return replace(
-            replay,
-            calibration=f"Covariances are judged as believed: a calibration needs {_NEEDED}.",
-        )
-    return replace(
-        replay,
-        world=replay.world | {"judged": judged},
-        calibration=f"Coverage, NEES and log score are of the published covariance, scale · P + "
-        f"floor, in the records from {judged + 1:,} on; it is fitted to those before, run by run.",
-    )
+    return replay if judged is None else replace(replay, world=replay.world | {"judged": judged})
 
 
 def uses_scan(name: str, params: Mapping[str, Any]) -> bool:
@@ -155,6 +137,12 @@ def fitted_part(log: Log) -> int | None:
     count = math.ceil(PART * (len(log) - first))
     known = np.count_nonzero(log.referenced < first + count)
     return count if count > 1 and known >= _LEAST else None
+
+
+def first_judged(log: Log) -> int | None:
+    """Return the first record after those fitted to; None if there are none."""
+    count = fitted_part(log)
+    return None if count is None else int(log.referenced[0]) + count
 
 
 def _first(replay: Replay) -> int:

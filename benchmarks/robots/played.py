@@ -54,7 +54,6 @@ class Replay:
     reference: str  # where the true poses are from, in words; "" without any
     beams: str = ""  # how the beam model was fitted, in words; "" if it was not
     power: str = ""  # how the power of the scan model was fitted, in words; "" if it was not
-    calibration: str = ""  # what covariances are judged, in words; "" if that was not asked
 
     @property
     def scenario(self) -> ReplayScenario:
@@ -101,7 +100,6 @@ class Replay:
             f"{RobotModel.beta:g} times the power of the scan model.",
             self.beams,
             self.power,
-            self.calibration,
             f"Unknown cells of the map: {_UNKNOWN[self.world['unknown']]}.",
             f"The map's walls are changed on purpose ({walls})." if walls else "",
             self._start,

@@ -262,25 +262,26 @@ def _log_of(world: Overrides) -> Log:
     return replayed(world).recording()[0]
 
 
-def _tracks(records: Sequence[Finished | None]) -> list[EstimatedTrack | None]:
-    """Return the tracks of runs; None of one that failed."""
-    return [
-        None if run is None or run.track is None else run.track.on(_log_of(run.trial.world))
-        for run in records
-    ]
+def _tracks(runs: Sequence[Finished | None]) -> list[EstimatedTrack | None]:
+    """Return the tracks of runs on segments; None of one that failed."""
+    return [run.track.on(_log_of(run.trial.world)) if run and run.track else None for run in runs]
 
 
-def _calibration(records: Sequence[Finished | None]) -> Calibration:
+def _calibration(runs: Sequence[Finished | None]) -> Calibration:
     """Return what fits the errors of runs together; as believed if none is known."""
-    each = [track.deviations() for track in _tracks(records) if track is not None]
+    each = [track.deviations() for track in _tracks(runs) if track]
     if not sum(len(off) for off, _ in each):
         return Calibration()
     return Calibration.fitted(*map(np.concatenate, zip(*each, strict=True)))
 
 
-def _published(records: Sequence[Finished | None], by: Calibration) -> list[dict[str, float]]:
-    """Return the scores of runs that are of covariances, as published by a calibration."""
-    return [{} if track is None else published_scores(track, by) for track in _tracks(records)]
+def _scored(runs: Sequence[Finished | None], by: Calibration) -> list[dict[str, float]]:
+    """Return the scores of runs, those of covariances as published by a calibration."""
+    rows = []
+    for own, track in zip(map(_scores, runs), _tracks(runs), strict=True):
+        published = {} if track is None else published_scores(track, by)
+        rows.append(own | {BELIEVED: own.get("coverage_95", math.nan)} | published)
+    return rows
 
 
 @dataclass(frozen=True)
@@ -311,22 +312,23 @@ class Search:
         last += [tried[0]] * (tried[0] not in last)
         self._measure(last, self.task.training, _FINAL_RUNS)
         best = min(last, key=self._key)
-        records = [*chain(*self._runs([NOTHING, best.values], self.task.held_out, RUNS))]
-        names = [["default", "tuned"], range(len(self.task.held_out)), range(RUNS)]
-        index = pd.MultiIndex.from_product(names, names=["which", *RUN])
-        columns = [*(TRACK_SCORES | JOURNEY_SCORES)]
-        held_out = pd.DataFrame([_scores(record) for record in records], index, columns, float)
-        held_out["ms_per_step"] = [milliseconds_per_step([run] if run else []) for run in records]
-        held_out[BELIEVED] = held_out["coverage_95"]
-        trained = self._runs([NOTHING, best.values], self.task.training, _FINAL_RUNS)
-        calibrations = dict(zip(("default", "tuned"), map(_calibration, trained), strict=True))
-        half = len(records) // 2
-        told = [*_published(records[:half], calibrations["default"])]
-        told += _published(records[half:], calibrations["tuned"])
-        published = pd.DataFrame(told, index, dtype=float)
-        held_out[published.columns] = published
+        both, which = [NOTHING, best.values], ("default", "tuned")
+        trained = self._runs(both, self.task.training, _FINAL_RUNS)
+        calibrations = dict(zip(which, map(_calibration, trained), strict=True))
+        held = self._runs(both, self.task.held_out, RUNS)
+        rows = chain(*map(_scored, held, calibrations.values()))
+        index = pd.MultiIndex.from_product(
+            [which, range(len(self.task.held_out)), range(RUNS)], names=["which", *RUN]
+        )
+        columns = [*(TRACK_SCORES | JOURNEY_SCORES), BELIEVED]
+        held_out = pd.DataFrame([*rows], index, columns, float)
+        times = [milliseconds_per_step([run] if run else []) for run in chain(*held)]
         return Tuning(
-            task=self.task, tried=tried, best=best, held_out=held_out, calibrations=calibrations
+            task=self.task,
+            tried=tried,
+            best=best,
+            held_out=held_out.assign(ms_per_step=times),
+            calibrations=calibrations,
         )
 
     def _drawn(self, number: int, count: int, tried: Sequence[Candidate]) -> list[Candidate]:
@@ -375,9 +377,9 @@ class Search:
         """Set the scores of candidates on segments; refuse a default that has none."""
         each = self._runs([candidate.values for candidate in candidates], segments, runs)
         for candidate, records in zip(candidates, each, strict=True):
-            rows = list(map(_scores, records))
+            rows = [*map(_scores, records)]
             if self.task.goal.name in PUBLISHED:
-                rows = _published(records, _calibration(records))
+                rows = _scored(records, _calibration(records))
             values = [row.get(self.task.goal.name, math.nan) for row in rows]
             candidate.segments = len(segments)
             candidate.value = math.inf if np.isnan(values).any() else float(np.mean(values))

@@ -268,12 +268,10 @@ def _median(what: str, unit: str, errors: str, *, stamps: bool = False) -> Score
 CALIBRATION = {"scale": "", "position": "m", "heading": "rad"}  # its numbers, and their units
 
 
-def _number_of_calibration(name: str, unit: str) -> Score:
+def _calibrated(name: str, unit: str) -> Score:
     def of(run: ScoredTrack) -> float:
-        if run.calibration is None:
-            return math.nan
         size = metre(run.track.log.unit) if unit == "m" else 1.0
-        return float(getattr(run.calibration, name)) / size
+        return float(getattr(run.calibration, name, math.nan)) / size
 
     return Score(f"calibration_{name}", unit, "", f"{name} of the calibration", of)
 
@@ -289,7 +287,7 @@ _OF_TRACKS: tuple[Score, ...] = (
     *map(_inside, LEVELS),
     Score("nees", "", "", "NEES; 3 if consistent", lambda it: mean(it.fits[:, 1])),
     Score("log_score", "nats", "low", "log score of the reference pose", lambda it: it.log_score),
-    *(_number_of_calibration(name, unit) for name, unit in CALIBRATION.items()),
+    *(_calibrated(*number) for number in CALIBRATION.items()),
     Score("ape_rmse", "m", "low", "APE, RMSE", lambda it: it.track.errors.rmse),
     Score("rpe_rmse", "m", "low", "RPE, RMSE", lambda it: it.track.relative.rmse),
     Score(AGREEMENTS[0], "share", "high", "beams within 0.1 m", lambda it: it.agreement[0]),

@@ -121,22 +121,3 @@ def fits(offsets: Floats, covariances: Floats, out: Floats) -> None:
     """Fill in the ``fit`` of each offset (n, 3) to N(0, P) of its own covariance, (n, 3)."""
     for i in range(len(offsets)):
         out[i, 0], out[i, 1], out[i, 2] = fit(cholesky(covariances[i]), offsets[i])
-
-
-@compiled
-def second_moments(poses: Floats, weights: Floats, about: Floats, out: Floats) -> None:
-    """Fill in Σ w d dᵀ of poses (n, 3), d = pose - ``about`` with a wrapped heading, (3, 3)."""
-    out[:] = 0.0
-    for i in range(len(weights)):
-        x, y = poses[i, 0] - about[0], poses[i, 1] - about[1]
-        heading = elementary.wrapped64(poses[i, 2] - about[2])
-        wx, wy, wt = weights[i] * x, weights[i] * y, weights[i] * heading
-        out[0, 0] += wx * x
-        out[0, 1] += wx * y
-        out[0, 2] += wx * heading
-        out[1, 1] += wy * y
-        out[1, 2] += wy * heading
-        out[2, 2] += wt * heading
-    for i in range(3):
-        for j in range(i):
-            out[i, j] = out[j, i]
