@@ -31,8 +31,9 @@ from benchmarks.setup.names import scenario
 from benchmarks.sweeps.results import results_in
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import percent
+from benchmarks.trials.collecting import calibration_of
 from benchmarks.trials.scores import track_scores
-from benchmarks.trials.tracks import EstimatedTrack
+from benchmarks.trials.tracks import EstimatedTrack, ScoredTrack
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Log, Scanner, Trajectory, referenced
@@ -43,7 +44,6 @@ from deqmcl_gym.numerics import Floats, Indices
 from deqmcl_gym.validation import InputError
 
 _ALL = 0.99  # share of the records that an estimate need not cover without being told
-CALIBRATED = ", calibrated"  # behind the name of an estimate: as it could publish its covariances
 _BLIND = Scanner(angles=(0.0,), max_range=1.0)
 
 
@@ -129,15 +129,13 @@ def runs_of(label: str, estimate: Trajectory, by: Played | Trajectory) -> pd.Dat
     track = by.track(estimate) if isinstance(by, Played) else at_own_times(estimate, by)
     setup, floor_plan = (by.setup, by.floor_plan) if isinstance(by, Played) else (REPLAY, None)
     judged = setup.judged or first_judged(track.log) or 0
-    fitted = () if track.calibration(judged) is None else (True,)
-    return pd.concat(
-        run_of_track(
-            f"{label}{CALIBRATED * calibrated}",
-            track,
-            track_scores(track, setup.thresholds, floor_plan, judged=judged, calibrated=calibrated),
-        )
-        for calibrated in (False, *fitted)
-    )
+    runs = {label: None, f"{label}, calibrated": calibration_of(track, judged)}
+    scored = {
+        name: ScoredTrack(track, judged, calibration, setup.thresholds, floor_plan)
+        for name, calibration in runs.items()
+        if name == label or calibration is not None
+    }
+    return pd.concat(run_of_track(name, track, track_scores(run)) for name, run in scored.items())
 
 
 def _spread(estimate: Trajectory, at: Indices) -> Floats | None:

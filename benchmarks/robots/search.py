@@ -35,12 +35,12 @@ from benchmarks.trials.scores import (
     PUBLISHED,
     TRACK_SCORES,
     Score,
-    published_scores,
+    track_scores,
 )
 from benchmarks.trials.scoring import Finished, TrialRecord
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage, check_trials
-from benchmarks.trials.tracks import EstimatedTrack
+from benchmarks.trials.tracks import EstimatedTrack, ScoredTrack
 from deqmcl_gym.files import UnreadableError, content_of, json_of, write_bytes
 from deqmcl_gym.logs import Log
 from deqmcl_gym.validation import InputError
@@ -279,7 +279,7 @@ def _scored(runs: Sequence[Finished | None], by: Calibration) -> list[dict[str, 
     """Return the scores of runs, those of covariances as published by a calibration."""
     rows = []
     for own, track in zip(map(_scores, runs), _tracks(runs), strict=True):
-        published = {} if track is None else published_scores(track, by)
+        published = track_scores(ScoredTrack(track, 0, by), PUBLISHED) if track else {}
         rows.append(own | {BELIEVED: own.get("coverage_95", math.nan)} | published)
     return rows
 

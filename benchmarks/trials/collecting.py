@@ -21,6 +21,7 @@ from benchmarks.trials.tracks import (
     EstimatedTrack,
     Fixes,
     Journey,
+    ScoredTrack,
     half_turned,
     way_driven,
     weight_near,
@@ -30,7 +31,7 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Floats, Reals, arrays
 from deqmcl_gym.validation import InputError
-from localizers import best_cluster, quality_of
+from localizers import Calibration, best_cluster, quality_of
 from localizers.calibration import spread_about
 
 Number = Annotated[float, Meta(ge=-1e100, le=1e100)]  # of a record: squares are finite
@@ -69,6 +70,14 @@ class RecordedTrack(Struct, frozen=True, kw_only=True):
             return EstimatedTrack(log, best)
         rows = np.array(self.spread, np.float64).T[:, _ENTRIES]
         return EstimatedTrack(log, best, rows)
+
+
+def calibration_of(track: EstimatedTrack, judged: int) -> Calibration | None:
+    """Return the calibration that fits the records before one; None if there are none."""
+    if not judged or track.spread is None:
+        return None
+    off, spread = track.deviations(0, judged)
+    return Calibration.fitted(off, spread) if len(off) else None
 
 
 def if_finite(scores: Mapping[str, float]) -> dict[str, float | None]:
@@ -190,7 +199,9 @@ class TrackLog:
 
     def scores(self) -> dict[str, float]:
         """Return the scores by records that no journey has; NaN is not available."""
-        return track_scores(self.track, self._thresholds, self._map, judged=self._judged)
+        track, judged = self.track, self._judged
+        calibration = calibration_of(track, judged)
+        return track_scores(ScoredTrack(track, judged, calibration, self._thresholds, self._map))
 
     def kept(self) -> tuple[WholeRun | None, RecordedTrack]:
         """Return the parts of a record about this run: a journey, with a reference, and a track."""

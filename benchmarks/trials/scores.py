@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import Clouds, Surroundings
 from benchmarks.trials.metrics import (
     Estimates,
@@ -28,14 +27,11 @@ from benchmarks.trials.tracks import (
     NEAR,
     RECOVERED,
     RECOVERED_STEPS,
-    EstimatedTrack,
     Journey,
     ScoredTrack,
 )
-from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Floats
-from localizers import Calibration
 
 LEVELS = (50, 80, 95)  # of the credible regions, per cent
 _FAR_WORDS = "weight far from the truth, common states"
@@ -296,30 +292,9 @@ _OF_TRACKS: tuple[Score, ...] = (
 TRACK_SCORES = {score.name: score for score in _OF_TRACKS}
 
 
-PUBLISHED = (*(f"coverage_{level}" for level in LEVELS), "nees", "log_score")
+PUBLISHED = (*(f"coverage_{level}" for level in LEVELS), "nees", "log_score")  # by covariances
 
 
-def published_scores(
-    track: EstimatedTrack, calibration: Calibration, judged: int = 0
-) -> dict[str, float]:
-    """Return the scores of the covariances that a calibration publishes, from a record on."""
-    run = ScoredTrack(track, judged, calibration)
-    return {name: TRACK_SCORES[name].of(run) for name in PUBLISHED}
-
-
-def track_scores(
-    track: EstimatedTrack,
-    thresholds: Thresholds,
-    floor_plan: Map | None,
-    *,
-    judged: int = 0,
-    calibrated: bool = True,
-) -> dict[str, float]:
-    """Return the scores of a track by records; NaN is not available.
-
-    Covariances are judged from the record ``judged`` on: if ``calibrated``, as published by what
-    fits the records before.
-    """
-    calibration = track.calibration(judged) if calibrated else None
-    run = ScoredTrack(track, judged, calibration, thresholds, floor_plan)
-    return {name: score.of(run) for name, score in TRACK_SCORES.items()}
+def track_scores(run: ScoredTrack, names: Collection[str] = TRACK_SCORES) -> dict[str, float]:
+    """Return scores of a track by records; NaN is not available."""
+    return {name: TRACK_SCORES[name].of(run) for name in names}

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +21,6 @@ from deqmcl_gym.maps.clusters import Near
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Indices, Reals, arrays
 from deqmcl_gym.numerics.arrays import fits
-from localizers import Calibration
 
 NEAR = {"05m": Near(0.5, math.radians(10)), "1m": Near(1.0, math.radians(30))}
 FOUND = "1m"  # of NEAR: the one for metres to localize
@@ -269,13 +269,6 @@ class EstimatedTrack:
         off[:, 2] = arrays.wrapped(off[:, 2])
         return off, np.full((at.size, 3, 3), np.nan) if self.spread is None else self.spread[at]
 
-    def calibration(self, judged: int) -> Calibration | None:
-        """Return the calibration that fits the records before one; None if there are none."""
-        if not judged or self.spread is None:
-            return None
-        off, spread = self.deviations(0, judged)
-        return Calibration.fitted(off, spread) if len(off) else None
-
     def fixes(self, quality: Floats | None = None) -> Fixes:
         """Where the best cluster is, at the records with a reference; ``quality`` of all, (n,)."""
         unrated = np.full(len(self.best), math.nan)
@@ -323,7 +316,7 @@ class ScoredTrack:
 
     track: EstimatedTrack
     judged: int = 0  # first record by which beliefs are judged: those before are fitted to
-    calibration: Calibration | None = None  # of what is published; None: as believed
+    calibration: Any = None  # ``localizers.Calibration`` of what is published; None: as believed
     thresholds: Thresholds = _METRE
     floor_plan: Map | None = None  # the map; None: agreement is not available
 

@@ -15,7 +15,9 @@ import pandas as pd
 from benchmarks.report.tracks import tracked
 from benchmarks.setup.overrides import file_names
 from benchmarks.sweeps.results import results_in
-from benchmarks.trials.scores import CALIBRATION, published_scores
+from benchmarks.trials.collecting import calibration_of
+from benchmarks.trials.scores import CALIBRATION, PUBLISHED, track_scores
+from benchmarks.trials.tracks import ScoredTrack
 from localizers import Calibration
 
 
@@ -40,8 +42,8 @@ def rows_of(name: str, folder: str) -> list[dict[str, object]]:
     for which in ("believed", "published"):
         each = []
         for track in tracks:
-            by = Calibration() if which == "believed" else track.calibration(judged)
-            each.append(published_scores(track, by, judged) | vars(by))
+            by = Calibration() if which == "believed" else calibration_of(track, judged)
+            each.append(track_scores(ScoredTrack(track, judged, by), PUBLISHED) | vars(by))
         frame = pd.DataFrame(each)
         numbers = {"covariance": which, **frame.drop(columns=list(CALIBRATION)).mean()}
         numbers |= {f"calibration_{part}": frame[part].median() for part in CALIBRATION}
