@@ -16,6 +16,7 @@ from localizers.api import (
     mean_pose,
     quality_of,
 )
+from localizers.calibration import Calibration
 from localizers.inference.hedge import hedged
 from localizers.kinds import absolute_name
 from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform, LatentShare
@@ -48,6 +49,7 @@ __all__ = [
     "AnnulusRegion",
     "BeamModel",
     "Belief",
+    "Calibration",
     "CensoredGaussianUniform",
     "Cluster",
     "DifferentialMotion",

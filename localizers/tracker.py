@@ -17,14 +17,16 @@ from deqmcl_gym.logs.odometry import FASTEST, Odometry, Taken, frame_of
 from deqmcl_gym.logs.scans import resampled
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import PIXELS, pixel
-from deqmcl_gym.numerics import Floats, Pose, Reals, arrays
+from deqmcl_gym.numerics import Floats, Pose, Reals
 from deqmcl_gym.validation import InputError, number, one_of
 from localizers.api import Belief, Localizer, Prior, best_cluster, quality_of
+from localizers.calibration import Calibration, spread_about
 
 _EVERY = 10.0, math.radians(5)  # px (0.2 m), rad
 _WAITING = 10  # scans that may wait for their odometry
 _MOST = 10_000  # updates that are remembered
 _NO_PLAN = np.empty((0, 3))
+_AS_BELIEVED = Calibration()
 
 
 @dataclass
@@ -55,6 +57,7 @@ class Estimate:
     quality: float | None  #: confidence that it is not lost, in [0, 1]; None if not given
     odometry: Pose  #: the pose by odometry at that time
     unit: str  #: of lengths
+    calibration: Calibration = _AS_BELIEVED  #: of what is published
 
     @cached_property
     def pose(self) -> Pose:
@@ -63,16 +66,11 @@ class Estimate:
 
     @cached_property
     def covariance(self) -> Floats:
-        """Second moments of the whole cloud about ``pose``, (3, 3); NaN of a single point.
+        """What is published of the cloud's second moments about ``pose``, (3, 3).
 
-        So a second place far away makes it large.
+        So a second place far away makes it large. NaN of a single point without a floor.
         """
-        if len(self.weights) == 1:
-            return np.full((3, 3), math.nan)
-        off = self.poses - np.array(self.pose)
-        off[:, 2] = arrays.wrapped(off[:, 2])
-        second: Floats = (off.T * self.weights) @ off
-        return second
+        return self.calibration.published(spread_about(self.pose, self.poses, self.weights))
 
     @property
     def map_to_odom(self) -> Pose:
@@ -108,6 +106,7 @@ class Tracker:
     fastest: tuple[float, float] | None = None
     memory: float = 10.0  #: s of odometry and beliefs that ``at`` can look back
     lidar: Lidar | None = None  #: of the localizer, for scans that vary; None is ``robot.lidar``
+    calibration: Calibration = _AS_BELIEVED  #: of ``Estimate.covariance``
     counts: Counts = field(default_factory=Counts, init=False)
 
     def __post_init__(self) -> None:
@@ -196,7 +195,8 @@ class Tracker:
         poses = composed(np.asarray(points[0], np.float64), moved)
         frame = self._odometry.stretch.frame_at(when)
         by = here if frame is None else one_pose(relative(np.array([frame]), np.array([here])))
-        return Estimate(when, poses, points[1], quality_of(update.belief), by, self.unit)
+        quality = quality_of(update.belief)
+        return Estimate(when, poses, points[1], quality, by, self.unit, self.calibration)
 
     def _begun(self) -> bool:
         """Begin the belief if its odometry is there."""

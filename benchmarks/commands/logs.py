@@ -317,7 +317,7 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
 
 def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "list[Replay]":
     """Return the logs as the default would play them."""
-    from benchmarks.robots.calibration import calibrated
+    from benchmarks.robots.calibration import with_fitted_power
     from benchmarks.robots.doubts import doubts_of
     from benchmarks.robots.played import replay_of
     from deqmcl_gym.validation import InputError
@@ -351,7 +351,7 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
         raise InputError("a log is in px, but tune takes logs in m: give another one.")
     if name != "amcl" and "scan.power" not in replays[0].assumed:
         with doing("fitting the power of the scan model to the first part of the log"):
-            replays = [calibrated(replay) for replay in replays]
+            replays = [with_fitted_power(replay) for replay in replays]
     return replays
 
 

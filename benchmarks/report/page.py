@@ -57,7 +57,7 @@ def parts_of(panel: Panel, *, pictured: bool = True) -> list[Part]:
         return tracks
     journeys = [(_HEADINGS[group.name], tables.journey_table(panel, group)) for group in GROUPS]
     below = [
-        ("Calibration", tables.calibration_table(panel)),
+        ("Calibration, as believed" if tracks else "Calibration", tables.calibration_table(panel)),
         ("Does the quality detect large errors?", tables.detection_table(panel)),
     ]
     return [

@@ -27,11 +27,18 @@ from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA, sample_sd, wilson, worlds_to_see
 from benchmarks.tables.text import p_value, percent
 from benchmarks.trials.metrics import middle
-from benchmarks.trials.scores import JOURNEY_SCORES, LEVELS, TRACK_GROUPS, journey_scores
+from benchmarks.trials.scores import (
+    CALIBRATION,
+    JOURNEY_SCORES,
+    LEVELS,
+    TRACK_GROUPS,
+    journey_scores,
+)
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.tracks import FOUND, NEAR, EstimatedTrack
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
+from deqmcl_gym.maps.map import metre
 from deqmcl_gym.validation import InputError
 from deqmcl_gym.world.drawing import PALE, Drawing, View
 
@@ -42,10 +49,12 @@ _SUMMARY = (
     "position_median", "position_p95", "heading_median", "position_median_stamps",
     "heading_median_stamps", "success_1m", "success_1m_low", "success_1m_high", "success_05m",
     "within_1m", "within_05m", "metres_to_localize", "lost", "coverage_50", "coverage_80",
-    "coverage_95", "nees", "log_score", "ape_rmse", "rpe_rmse", "agreement_01", "agreement_03",
+    "coverage_95", "nees", "log_score", "calibration_scale", "calibration_position",
+    "calibration_heading", "ape_rmse", "rpe_rmse", "agreement_01", "agreement_03",
     "ms_per_step",
 )  # fmt: skip
 _SCORES = tuple(name for name in _SUMMARY if not name.endswith(("_low", "_high")))
+_CALIBRATION = [f"calibration_{name}" for name in CALIBRATION]
 _OF_RUNS = [score for name, score in JOURNEY_SCORES.items() if name in _SCORES]
 COMPARISONS = tuple(
     f"{score}_{end}"
@@ -67,7 +76,7 @@ def runs_frame(
             scores = dict.fromkeys(_SCORES, math.nan)  # of a record made before a score was added
             scores |= {name: v for name, v in record.track.scores.items() if v is not None}
             scores |= {score.name: value_in(record, score) for score in _OF_RUNS}
-            track = EstimatedTrack(log, np.array(record.track.best).T)
+            track = record.track.on(log)
             rows.append(
                 {"label": label, "seed": record.trial.trial, "track": track, **scores}
                 | {"ms_per_step": milliseconds_per_step([record])}
@@ -289,6 +298,25 @@ def accuracy(runs: pd.DataFrame) -> list[str]:
     if farthest["track"] is not worst["track"]:
         said += f" The largest error is {_largest(farthest):.2f} m, of {_whose(farthest, runs)}."
     return [f"Position error, median over all records: {errors}. {said}"]
+
+
+def published(runs: pd.DataFrame) -> list[str]:
+    """Say as what each localizer's covariance is published, to be pasted: medians over runs."""
+    done = ended(runs)
+    if done[_CALIBRATION].isna().all(axis=None):
+        return []
+    size = metre(done["track"].iloc[0].log.unit)
+    middle = done.groupby("label", sort=False)[_CALIBRATION].median().dropna()
+    lines = [
+        f"{label} Calibration(scale={scale:.3g}, position={position * size:.3g}, "
+        f"heading={heading:.3g})"
+        for label, scale, position, heading in middle.itertuples()
+    ]
+    return [
+        "Coverage, NEES and log score are of published covariances, scale · P + floor, in the "
+        "records after those that each run's calibration is fitted to. For localizers.Tracker(…, "
+        f"calibration=…), medians over runs: {'; '.join(lines)}."
+    ]
 
 
 def _whose(run: pd.Series, runs: pd.DataFrame) -> str:

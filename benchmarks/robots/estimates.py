@@ -17,12 +17,14 @@ import pandas as pd
 from benchmarks.files import own_folder, write_files
 from benchmarks.report.tracks import (
     accuracy,
+    published,
     run_of_track,
     tables_of,
     tracked,
     tracks_table,
     tracks_trials,
 )
+from benchmarks.robots.calibration import first_judged
 from benchmarks.robots.doubts import late_words
 from benchmarks.robots.played import EVERY, NO_ERROR, first_referenced
 from benchmarks.setup.logs import REPLAY, ReplayScenario, check_inside
@@ -30,15 +32,16 @@ from benchmarks.setup.names import scenario
 from benchmarks.sweeps.results import results_in
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.text import percent
+from benchmarks.trials.collecting import calibration_of
 from benchmarks.trials.scores import track_scores
-from benchmarks.trials.tracks import EstimatedTrack, calibration_of_gaussians
+from benchmarks.trials.tracks import EstimatedTrack, ScoredTrack
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Log, Scanner, Trajectory, referenced
 from deqmcl_gym.logs.estimates import read_estimate, with_covariances
 from deqmcl_gym.logs.motion import between, composed, relative
 from deqmcl_gym.maps import Map
-from deqmcl_gym.numerics import Indices
+from deqmcl_gym.numerics import Floats, Indices
 from deqmcl_gym.validation import InputError
 
 _ALL = 0.99  # share of the records that an estimate need not cover without being told
@@ -55,8 +58,8 @@ class Played:
     setup: ReplayScenario = REPLAY
     runs: pd.DataFrame | None = None
 
-    def track(self, estimate: Trajectory) -> tuple[EstimatedTrack, Indices]:
-        """Return an estimate at the records that it covers, and which of its poses each has."""
+    def track(self, estimate: Trajectory) -> EstimatedTrack:
+        """Return an estimate at the records that it covers."""
         log, times = self.log, estimate.times
         inside = (log.times >= times[0]) & (log.times <= times[-1])
         if not inside.any():
@@ -69,7 +72,7 @@ class Played:
         then = between(self.whole.times, self.whole.odometry, times[at])
         best = composed(estimate.poses[at], relative(then, log.odometry))
         best[~inside] = np.nan
-        return EstimatedTrack(log, best), at
+        return EstimatedTrack(log, best, _spread(estimate, at))
 
 
 def played_before(folder: Path) -> Played:
@@ -106,8 +109,8 @@ def played_by_replay(
     return Played(played, whole, ground)
 
 
-def at_own_times(estimate: Trajectory, reference: Trajectory) -> tuple[EstimatedTrack, Indices]:
-    """Return an estimate at its times with a reference, its odometry there; and which they are."""
+def at_own_times(estimate: Trajectory, reference: Trajectory) -> EstimatedTrack:
+    """Return an estimate at its times with a reference, its odometry there."""
     n = estimate.times.size
     nothing = np.full((n, 1), math.inf)
     still = Log(_BLIND, estimate.times, np.zeros((n, 3)), nothing, source=estimate.source)
@@ -115,21 +118,30 @@ def at_own_times(estimate: Trajectory, reference: Trajectory) -> tuple[Estimated
     at, poses = known.referenced, known.reference
     assert poses is not None
     log = replace(known.of_records(at), odometry=poses[at])
-    return EstimatedTrack(log, estimate.poses[at]), at
+    return EstimatedTrack(log, estimate.poses[at], _spread(estimate, at))
 
 
-def run_of(label: str, estimate: Trajectory, by: Played | Trajectory) -> pd.DataFrame:
-    """Return an estimate as a run, scored on a log or by a reference alone."""
-    track, at = by.track(estimate) if isinstance(by, Played) else at_own_times(estimate, by)
+def runs_of(label: str, estimate: Trajectory, by: Played | Trajectory) -> pd.DataFrame:
+    """Return an estimate as a run, scored on a log or by a reference alone.
+
+    Its covariances are judged as published; with enough of a reference there is a second run, with
+    those that a calibration to the first part would publish.
+    """
+    track = by.track(estimate) if isinstance(by, Played) else at_own_times(estimate, by)
     setup, floor_plan = (by.setup, by.floor_plan) if isinstance(by, Played) else (REPLAY, None)
-    unknown = np.full((len(at), 3, 3), np.nan)
-    spread = unknown if estimate.covariances is None else estimate.covariances[at]
-    truth = track.log.reference
-    truth = np.full_like(track.best, np.nan) if truth is None else truth
-    calibrated = calibration_of_gaussians(track.best, spread, truth, track.log.unit)
-    judged = setup.judged
-    scores = track_scores(track, calibrated, setup.thresholds, floor_plan, judged=judged)
-    return run_of_track(label, track, scores)
+    judged = setup.judged or first_judged(track.log) or 0
+    runs = {label: None, f"{label}, calibrated": calibration_of(track, judged)}
+    scored = {
+        name: ScoredTrack(track, judged, calibration, setup.thresholds, floor_plan)
+        for name, calibration in runs.items()
+        if name == label or calibration is not None
+    }
+    return pd.concat(run_of_track(name, track, track_scores(run)) for name, run in scored.items())
+
+
+def _spread(estimate: Trajectory, at: Indices) -> Floats | None:
+    """Return the covariances of the poses that the records have, NaN unknown; None: of none."""
+    return None if estimate.covariances is None else estimate.covariances[at]
 
 
 def estimates_of(words: Sequence[str], covariance: str | None) -> dict[str, Trajectory]:
@@ -156,7 +168,8 @@ def score(
     for label in estimates:
         if ours is not None and label in set(ours["label"]):
             raise InputError(f"{label} is a localizer of the replay: write NAME=FILE for yours.")
-    theirs = pd.concat(run_of(label, estimate, by) for label, estimate in estimates.items())
+    theirs = pd.concat(runs_of(label, estimate, by) for label, estimate in estimates.items())
+    plain = theirs["label"].isin(estimates)
     runs = theirs if ours is None else pd.concat([ours, theirs])
     table = tracks_table(runs, None)
     contents = {
@@ -166,7 +179,7 @@ def score(
     files = write_files(own_folder(out, "results.csv"), contents)
     covered = {
         label: np.isfinite(track.best[:, 0])
-        for label, track in theirs[["label", "track"]].to_numpy()
+        for label, track in theirs.loc[plain, ["label", "track"]].to_numpy()
     }
     if isinstance(by, Played):
         how = (
@@ -189,7 +202,12 @@ def score(
     ]
     clock = (by.whole.times, by.whole.odometry) if isinstance(by, Played) else (by.times, by.poses)
     late = [late_words(label, *clock, one.times, one.poses) for label, one in estimates.items()]
-    texts = [*accuracy(runs), *(table.text() for table in tables_of(runs)), how]
+    texts = [
+        *accuracy(theirs[plain] if ours is None else pd.concat([ours, theirs[plain]])),
+        *(table.text() for table in tables_of(runs)),
+        how,
+        *published(runs),
+    ]
     texts.append(f"Written to {out}: {', '.join(path.name for path in files)}.")
     return [*uncovered, *filter(None, late)], "\n\n".join(texts), table
 

@@ -53,12 +53,12 @@ class Replay:
     noise: str  # where that of the motion is from
     reference: str  # where the true poses are from, in words; "" without any
     beams: str = ""  # how the beam model was fitted, in words; "" if it was not
-    calibration: str = ""  # how the power of the scan model was fitted, in words; "" if it was not
+    power: str = ""  # how the power of the scan model was fitted, in words; "" if it was not
 
     @property
     def scenario(self) -> ReplayScenario:
         """The scenario with the changes."""
-        return _replayed(self.world, self.assumed)
+        return replayed(self.world, self.assumed)
 
     @property
     def log(self) -> Log:
@@ -99,7 +99,7 @@ class Replay:
             f"A step that collides is charged β = {setup.beta:g} by methods that are given no β: "
             f"{RobotModel.beta:g} times the power of the scan model.",
             self.beams,
-            self.calibration,
+            self.power,
             f"Unknown cells of the map: {_UNKNOWN[self.world['unknown']]}.",
             f"The map's walls are changed on purpose ({walls})." if walls else "",
             self._start,
@@ -171,7 +171,7 @@ def replay_of(
         **({} if reference is None else {"reference": os.path.abspath(reference)}),
         **given,
     }
-    whole = _replayed(world).whole
+    whole = replayed(world).whole
     if start is None:
         start = "reference" if whole.reference is not None else otherwise
     if start is None and not any(name.startswith("prior.") for name in asked):
@@ -182,7 +182,7 @@ def replay_of(
         if not whole.referenced.size:
             raise InputError(f"--start is reference, but {named} has none: give --reference.")
         world.setdefault("start", first_referenced(whole))
-    played, ground = _replayed(world).recording()
+    played, ground = replayed(world).recording()
     check_inside(played, ground)
     if start == "reference" and (at := played[0].reference) is not None:
         _check_free(ground, at, "the reference begins at", "--start=x,y,θ")
@@ -243,7 +243,7 @@ def _with_noise(
     world: Mapping[str, Any], assumed: Mapping[str, Any], played: Log
 ) -> tuple[dict[str, Any], str]:
     """Return what is assumed, with the noise of the motion that is not given, and its origin."""
-    noise = _replayed(world, assumed).motion
+    noise = replayed(world, assumed).motion
     names = {f"motion.{name}" for name in vars(noise)}
     told = [name.partition(".")[2] for name in assumed if name in names]
     if names - {"motion.still"} <= assumed.keys():
@@ -276,7 +276,8 @@ def length_and_angle(option: str, text: str) -> tuple[float, float]:
     return length, angle
 
 
-def _replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) -> ReplayScenario:
+def replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) -> ReplayScenario:
+    """Return the scenario ``replay`` with some values changed."""
     found = scenario(REPLAY_SCENARIO).changed(world, assumed)
     assert isinstance(found, ReplayScenario)
     return found

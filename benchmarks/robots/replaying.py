@@ -20,6 +20,7 @@ from benchmarks.report.tracks import (
     accuracy,
     differences_table,
     ended,
+    published,
     runs_frame,
     tables_of,
     tracks_table,
@@ -27,7 +28,12 @@ from benchmarks.report.tracks import (
 )
 from benchmarks.report.verdict import conclusion
 from benchmarks.report.writing import load, no_report
-from benchmarks.robots.calibration import calibrated, judged_alike, uses_scan, with_fitted_beams
+from benchmarks.robots.calibration import (
+    judged_after_part,
+    uses_scan,
+    with_fitted_beams,
+    with_fitted_power,
+)
 from benchmarks.robots.doubts import doubts_of, misfit_words
 from benchmarks.robots.nav2 import Amcl, read_nav2
 from benchmarks.robots.played import EVERY, OFTEN, REPLAY_SCENARIO, Replay, params_among, replay_of
@@ -106,12 +112,11 @@ def planned(
         with doing("fitting the beam model to the first part of the log"):
             replay = with_fitted_beams(replay)
     params = params_by_localizer(params_among(settings), localizers)
-    if "scan.power" not in replay.assumed:
-        if any(uses_scan(name, values) for name, values in params.items()):
-            with doing("fitting the power of the scan model to the first part of the log"):
-                replay = calibrated(replay)
-        else:
-            replay = judged_alike(replay)
+    replay = judged_after_part(replay)
+    uses = any(uses_scan(name, values) for name, values in params.items())
+    if uses and "scan.power" not in replay.assumed:
+        with doing("fitting the power of the scan model to the first part of the log"):
+            replay = with_fitted_power(replay)
     sweep = replay_sweep(
         replay, localizers, particles=particles, seeds=seeds, root=seed, nav2=nav2, own=params
     )
@@ -289,7 +294,8 @@ def run_replay(
     first, *others = tables_of(runs)
     texts = [conclusion(results), *accuracy(runs), played.overview]
     texts += [] if wrong is None else [wrong.said]
-    texts += [*(table.text() for table in (first, *differences, *others)), *played.facts]
+    texts += [*(table.text() for table in (first, *differences, *others))]
+    texts += [*played.facts, *published(runs)]
     names = ", ".join(path.name for path in files if path.parent == out)
     written = [f"Written to {out}: {names} and {_TRACKS}/."]
     if (why := no_report()) is not None:
@@ -345,9 +351,8 @@ def _contents(
 
         notes = [*accuracy(runs), replay.overview, _RUNS]
         more = [] if wrong is None else [Part(*wrong.part)]
-        page = page_files(
-            results, Path(), notes=notes, warnings=warnings, facts=replay.facts, more=more
-        )
+        facts = [*replay.facts, *published(runs)]
+        page = page_files(results, Path(), notes=notes, warnings=warnings, facts=facts, more=more)
         contents["report.html"] = page["report.html"]
     return contents
 

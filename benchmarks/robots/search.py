@@ -2,15 +2,17 @@
 
 A round measures candidates on a ninth of the training segments, a third of them goes on to a third,
 and a third of these to all (Jamieson & Talwalkar 2016, η = 3); half of each later round is near the
-two best. The default and the winner run on the held-out segments, once.
+two best. The default and the winner run on the held-out segments, once. What beliefs are worth is
+judged by the published covariance, calibrated to each candidate's errors on training segments.
 """
 
 import math
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import chain
 from pathlib import Path
 
@@ -19,7 +21,7 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.files import is_empty
-from benchmarks.robots.played import REPLAY_SCENARIO, Replay
+from benchmarks.robots.played import REPLAY_SCENARIO, Replay, replayed
 from benchmarks.robots.space import ASSUMED, Space, latin_hypercube, neighbour
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.sweeps.manifest import differences
@@ -28,13 +30,23 @@ from benchmarks.sweeps.store import Store, writing
 from benchmarks.tables.frames import RUN, milliseconds_per_step
 from benchmarks.trials.attempt import attempt, key_of, provenance_of
 from benchmarks.trials.provenance import Provenance
-from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_SCORES, Score
+from benchmarks.trials.scores import (
+    JOURNEY_SCORES,
+    PUBLISHED,
+    TRACK_SCORES,
+    Score,
+    track_scores,
+)
 from benchmarks.trials.scoring import Finished, TrialRecord
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage, check_trials
+from benchmarks.trials.tracks import EstimatedTrack, ScoredTrack
 from deqmcl_gym.files import UnreadableError, content_of, json_of, write_bytes
+from deqmcl_gym.logs import Log
 from deqmcl_gym.validation import InputError
+from localizers import Calibration
 
+BELIEVED = "believed_95"  # share inside the 95 % region of a belief itself
 STATE = "tune.json"
 ROUND = 18  # candidates
 ETA = 3  # of candidates, one of so many goes on
@@ -231,6 +243,7 @@ class Tuning:
     best: Candidate  # the winner; the default if nothing was better on the training segments
     # held-out runs by ``which`` ("default", "tuned") and ``RUN``: scores, ms_per_step; NaN: failed
     held_out: pd.DataFrame
+    calibrations: Mapping[str, Calibration]  # by ``which``, fitted on the training segments
 
 
 def _scores(record: TrialRecord | None) -> dict[str, float]:
@@ -241,6 +254,34 @@ def _scores(record: TrialRecord | None) -> dict[str, float]:
     track = {} if record.track is None else record.track.scores
     each = (*journey.items(), *track.items())  # of one name the track's counts
     return {name: float(value) for name, value in each if value is not None}
+
+
+@lru_cache(maxsize=2 * _MOST)
+def _log_of(world: Overrides) -> Log:
+    """Return the records of a segment."""
+    return replayed(world).recording()[0]
+
+
+def _tracks(runs: Sequence[Finished | None]) -> list[EstimatedTrack | None]:
+    """Return the tracks of runs on segments; None of one that failed."""
+    return [run.track.on(_log_of(run.trial.world)) if run and run.track else None for run in runs]
+
+
+def _calibration(runs: Sequence[Finished | None]) -> Calibration:
+    """Return what fits the errors of runs together; as believed if none is known."""
+    each = [track.deviations() for track in _tracks(runs) if track]
+    if not sum(len(off) for off, _ in each):
+        return Calibration()
+    return Calibration.fitted(*map(np.concatenate, zip(*each, strict=True)))
+
+
+def _scored(runs: Sequence[Finished | None], by: Calibration) -> list[dict[str, float]]:
+    """Return the scores of runs, those of covariances as published by a calibration."""
+    rows = []
+    for own, track in zip(map(_scores, runs), _tracks(runs), strict=True):
+        published = track_scores(ScoredTrack(track, 0, by), PUBLISHED) if track else {}
+        rows.append(own | {BELIEVED: own.get("coverage_95", math.nan)} | published)
+    return rows
 
 
 @dataclass(frozen=True)
@@ -271,13 +312,24 @@ class Search:
         last += [tried[0]] * (tried[0] not in last)
         self._measure(last, self.task.training, _FINAL_RUNS)
         best = min(last, key=self._key)
-        records = [*chain(*self._runs([NOTHING, best.values], self.task.held_out, RUNS))]
-        names = [["default", "tuned"], range(len(self.task.held_out)), range(RUNS)]
-        index = pd.MultiIndex.from_product(names, names=["which", *RUN])
-        columns = [*(TRACK_SCORES | JOURNEY_SCORES)]
-        held_out = pd.DataFrame([_scores(record) for record in records], index, columns, float)
-        held_out["ms_per_step"] = [milliseconds_per_step([run] if run else []) for run in records]
-        return Tuning(task=self.task, tried=tried, best=best, held_out=held_out)
+        both, which = [NOTHING, best.values], ("default", "tuned")
+        trained = self._runs(both, self.task.training, _FINAL_RUNS)
+        calibrations = dict(zip(which, map(_calibration, trained), strict=True))
+        held = self._runs(both, self.task.held_out, RUNS)
+        rows = chain(*map(_scored, held, calibrations.values()))
+        index = pd.MultiIndex.from_product(
+            [which, range(len(self.task.held_out)), range(RUNS)], names=["which", *RUN]
+        )
+        columns = [*(TRACK_SCORES | JOURNEY_SCORES), BELIEVED]
+        held_out = pd.DataFrame([*rows], index, columns, float)
+        times = [milliseconds_per_step([run] if run else []) for run in chain(*held)]
+        return Tuning(
+            task=self.task,
+            tried=tried,
+            best=best,
+            held_out=held_out.assign(ms_per_step=times),
+            calibrations=calibrations,
+        )
 
     def _drawn(self, number: int, count: int, tried: Sequence[Candidate]) -> list[Candidate]:
         """Return the candidates of a round; after the first, fewer are some of ``ROUND``."""
@@ -325,7 +377,10 @@ class Search:
         """Set the scores of candidates on segments; refuse a default that has none."""
         each = self._runs([candidate.values for candidate in candidates], segments, runs)
         for candidate, records in zip(candidates, each, strict=True):
-            values = [_scores(record).get(self.task.goal.name, math.nan) for record in records]
+            rows = [*map(_scores, records)]
+            if self.task.goal.name in PUBLISHED:
+                rows = _scored(records, _calibration(records))
+            values = [row.get(self.task.goal.name, math.nan) for row in rows]
             candidate.segments = len(segments)
             candidate.value = math.inf if np.isnan(values).any() else float(np.mean(values))
             candidate.ms_per_step = milliseconds_per_step([*filter(None, records)])

@@ -14,7 +14,7 @@ from benchmarks.report.tables import Table
 from benchmarks.report.writing import load, no_report
 from benchmarks.robots.nav2 import nav2_document
 from benchmarks.robots.replaying import sweep_file
-from benchmarks.robots.search import RUNS, Candidate, Task, Tuning
+from benchmarks.robots.search import BELIEVED, RUNS, Candidate, Task, Tuning
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
 from benchmarks.tables.frames import by_world, csv_of
@@ -25,9 +25,7 @@ from deqmcl_gym.files import command_line, utf8
 from deqmcl_gym.validation import InputError
 
 NAV2 = "nav2.yaml"
-_SHUFFLES = 1000  # of the ranks, for what chance would give
 _LEAST = 6  # segments: of fewer, a sign test could not tell any difference from chance (p < 0.05)
-_COVERAGE = "coverage_95"
 _KINDS = ("dropped on fewer segments", "on all training segments", "default", "winner")
 _SURE, _FALLEN = 0.9, 0.05  # share inside the 95 % region below which, and fall that, is told
 _UNITS = {"share": (100, ".1f", " %"), "nats": (1, ",.2f", " nats"), "m": (1, ".3f", " m")}
@@ -44,7 +42,7 @@ def write_tuned(
     best, why_not = _nav2(tuning.task, tuning.best, nav2, node)
     parts = {
         f"# {tuning.task.localizer}, tuned": f"{gain(tuning, table)}{_too_sure(tuning)}\n\n"
-        f"{_scores(tuning)}",
+        f"{_scores(tuning)}\n\n{_published(tuning)}",
         "## Best parameters": _changed(tuning),
     }
     page = {**parts, "## How this was made": _made(tuning, words)}
@@ -130,13 +128,22 @@ def _conclusion(tuning: Tuning, change: Interval) -> str:
 
 def _too_sure(tuning: Tuning) -> str:
     """Warn that the winner's region holds less of the reference than the default's."""
-    before, after = tuning.held_out.groupby("which")[_COVERAGE].mean()
+    before, after = tuning.held_out.groupby("which")[BELIEVED].mean()
     if not (after < _SURE and after < before - _FALLEN):
         return ""
     return (
-        f" Warning: the 95 % region of the tuned parameters holds {percent(after, 1)} of the "
-        f"reference, that of the default {percent(before, 1)}: do not trust their covariance, or "
-        "tune by --score log-score, which looks at it, too."
+        f" Warning: the 95 % region that the tuned filter believes holds {percent(after, 1)} of "
+        f"the reference, that of the default {percent(before, 1)}: do not trust its covariance as "
+        "it is, publish it by the calibration."
+    )
+
+
+def _published(tuning: Tuning) -> str:
+    """Say by which calibration the winner's covariance is to be published."""
+    tuned, default = tuning.calibrations["tuned"], tuning.calibrations["default"]
+    return (
+        f"Publish its covariance by localizers.{tuned} (the default's by {default}), fitted to the "
+        "training segments."
     )
 
 
@@ -149,7 +156,8 @@ def _scores(tuning: Tuning) -> str:
         "median error, m": mean["position_median"].map("{:.3f}".format),
         "95 %, m": mean["position_p95"].map("{:.3f}".format),
         "within 1 m, 30°": [percent(share, 1) for share in mean["within_1m"]],
-        "inside 95 % region": [percent(share, 1) for share in mean[_COVERAGE]],
+        "inside 95 % region": [percent(share, 1) for share in mean["coverage_95"]],
+        "as believed": [percent(share, 1) for share in mean[BELIEVED]],
         "ms per step": runs["ms_per_step"].median().map(fixed),
         "segments with a failed run": failed,
     }
@@ -216,7 +224,8 @@ def _sweep_file(tuning: Tuning, words: Sequence[str]) -> str:
         baseline=task.localizer,
         takes=lambda _: (),
     )
-    return sweep_file(sweep, [" ".join(command_line(words).split())])
+    published = f"publish its covariance by localizers.{tuning.calibrations['tuned']}"
+    return sweep_file(sweep, [" ".join(command_line(words).split()), published])
 
 
 def _nav2(

@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Meta, Struct
 
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.clouds import Surroundings, belief_scores, cloud_of, joined
+from benchmarks.trials.clouds import Surroundings
 from benchmarks.trials.episode import Step
 from benchmarks.trials.scores import (
     JOURNEY_SCORES,
@@ -21,6 +21,7 @@ from benchmarks.trials.tracks import (
     EstimatedTrack,
     Fixes,
     Journey,
+    ScoredTrack,
     half_turned,
     way_driven,
     weight_near,
@@ -28,11 +29,16 @@ from benchmarks.trials.tracks import (
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics import Reals, arrays
+from deqmcl_gym.numerics import Floats, Reals, arrays
 from deqmcl_gym.validation import InputError
-from localizers import best_cluster, quality_of
+from localizers import Calibration, best_cluster, quality_of
+from localizers.calibration import spread_about
 
 Number = Annotated[float, Meta(ge=-1e100, le=1e100)]  # of a record: squares are finite
+
+
+_ENTRIES = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])  # of a symmetric matrix, in its upper half
+_UPPER = np.triu_indices(3)
 
 
 class WholeRun(Struct, frozen=True, kw_only=True):
@@ -54,6 +60,24 @@ class RecordedTrack(Struct, frozen=True, kw_only=True):
 
     best: tuple[list[Number], list[Number], list[Number]]
     scores: dict[str, Number | None]
+    # second moments of the belief about them: xx, xy, xθ, yy, yθ, θθ; None unknown
+    spread: list[list[Number | None]] | None = None
+
+    def on(self, log: Log) -> EstimatedTrack:
+        """Return the track on the log that it is of."""
+        best = np.array(self.best).T
+        if self.spread is None:
+            return EstimatedTrack(log, best)
+        rows = np.array(self.spread, np.float64).T[:, _ENTRIES]
+        return EstimatedTrack(log, best, rows)
+
+
+def calibration_of(track: EstimatedTrack, judged: int) -> Calibration | None:
+    """Return the calibration that fits the records before one; None if there are none."""
+    if not judged or track.spread is None:
+        return None
+    off, spread = track.deviations(0, judged)
+    return Calibration.fitted(off, spread) if len(off) else None
 
 
 def if_finite(scores: Mapping[str, float]) -> dict[str, float | None]:
@@ -154,39 +178,40 @@ class TrackLog:
     def __init__(self, log: Log, floor_plan: Map, thresholds: Thresholds, judged: int) -> None:
         self._log, self._map, self._thresholds, self._judged = log, floor_plan, thresholds, judged
         self._best: list[tuple[float, float, float]] = []
-        self._rows: list[tuple[float, ...]] = []  # rank, NEES, log score, quality
+        self._spread: list[Floats] = []
+        self._quality: list[float] = []
 
     def see(self, moment: Step) -> None:
         """Take in a record."""
         points = moment.belief.points()
         if points is None:
             raise InputError(f"its belief of state {moment.t} holds no points of the present.")
-        clouds = joined([cloud_of(moment.t, 0, points)], [moment.truth])
-        calibrated = belief_scores(clouds, self._log.unit)[0, 9:12].tolist()
-        if not np.isfinite(moment.truth).all():
-            calibrated = [math.nan] * 3
+        best = best_cluster(*points, unit=self._log.unit).mean
         quality = quality_of(moment.belief)
-        self._rows.append((*calibrated, math.nan if quality is None else quality))
-        self._best.append(best_cluster(*points, unit=self._log.unit).mean)
+        self._best.append(best)
+        self._spread.append(spread_about(best, *points))
+        self._quality.append(math.nan if quality is None else quality)
 
     @property
     def track(self) -> EstimatedTrack:
         """The track so far."""
-        return EstimatedTrack(self._log, np.array(self._best, np.float64))
+        return EstimatedTrack(self._log, np.array(self._best, np.float64), np.array(self._spread))
 
     def scores(self) -> dict[str, float]:
         """Return the scores by records that no journey has; NaN is not available."""
-        calibrated = np.array(self._rows)[:, :3]
-        return track_scores(
-            self.track, calibrated, self._thresholds, self._map, judged=self._judged
-        )
+        track, judged = self.track, self._judged
+        calibration = calibration_of(track, judged)
+        return track_scores(ScoredTrack(track, judged, calibration, self._thresholds, self._map))
 
     def kept(self) -> tuple[WholeRun | None, RecordedTrack]:
         """Return the parts of a record about this run: a journey, with a reference, and a track."""
         track = self.track
         x, y, heading = track.best.T.tolist()
-        recorded = RecordedTrack(best=(x, y, heading), scores=if_finite(self.scores()))
+        entries = np.array(self._spread)[:, *_UPPER].T
+        spread = [unless_nan(float(f"{v:.8g}") for v in row) for row in entries]
+        scores = if_finite(self.scores())
+        recorded = RecordedTrack(best=(x, y, heading), scores=scores, spread=spread)
         if not track.known.size:
             return None, recorded
-        run = track.journey(np.array(self._rows)[:, 3])
+        run = track.journey(np.array(self._quality))
         return whole_run(run, TRACK_GROUPS), recorded

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import Clouds, Surroundings
 from benchmarks.trials.metrics import (
     Estimates,
@@ -28,11 +27,10 @@ from benchmarks.trials.tracks import (
     NEAR,
     RECOVERED,
     RECOVERED_STEPS,
-    EstimatedTrack,
     Journey,
     ScoredTrack,
 )
-from deqmcl_gym.maps import Map
+from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Floats
 
 LEVELS = (50, 80, 95)  # of the credible regions, per cent
@@ -238,7 +236,7 @@ def _inside(level: int) -> Score:
     words = f"share inside the {level} % region"
 
     def of(run: ScoredTrack) -> float:
-        return mean((run.known(0) <= level / 100).astype(np.float64))
+        return mean((run.fits[:, 0] <= level / 100).astype(np.float64))
 
     return Score(f"coverage_{level}", "share", "", words, of)
 
@@ -260,6 +258,17 @@ def _median(what: str, unit: str, errors: str, *, stamps: bool = False) -> Score
     return Score(name, unit, "low", words, of)
 
 
+CALIBRATION = {"scale": "", "position": "m", "heading": "rad"}  # its numbers, and their units
+
+
+def _calibrated(name: str, unit: str) -> Score:
+    def of(run: ScoredTrack) -> float:
+        size = metre(run.track.log.unit) if unit == "m" else 1.0
+        return float(getattr(run.calibration, name, math.nan)) / size
+
+    return Score(f"calibration_{name}", unit, "", f"{name} of the calibration", of)
+
+
 _OF_TRACKS: tuple[Score, ...] = (
     *map(_within, NEAR),
     _median("position", "m", "translation"),
@@ -269,8 +278,9 @@ _OF_TRACKS: tuple[Score, ...] = (
     _median("heading", "rad", "rotation", stamps=True),
     Score("lost", "share", "low", "lost at the end", lambda it: it.lost),
     *map(_inside, LEVELS),
-    Score("nees", "", "", "NEES; 3 if consistent", lambda it: mean(it.known(1))),
+    Score("nees", "", "", "NEES; 3 if consistent", lambda it: mean(it.fits[:, 1])),
     Score("log_score", "nats", "low", "log score of the reference pose", lambda it: it.log_score),
+    *(_calibrated(*number) for number in CALIBRATION.items()),
     Score("ape_rmse", "m", "low", "APE, RMSE", lambda it: it.track.errors.rmse),
     Score("rpe_rmse", "m", "low", "RPE, RMSE", lambda it: it.track.relative.rmse),
     Score(AGREEMENTS[0], "share", "high", "beams within 0.1 m", lambda it: it.agreement[0]),
@@ -279,14 +289,9 @@ _OF_TRACKS: tuple[Score, ...] = (
 TRACK_SCORES = {score.name: score for score in _OF_TRACKS}
 
 
-def track_scores(
-    track: EstimatedTrack,
-    calibrated: Floats,
-    thresholds: Thresholds,
-    floor_plan: Map | None,
-    *,
-    judged: int = 0,
-) -> dict[str, float]:
-    """Return the scores of a track by records; NaN is not available."""
-    run = ScoredTrack(track, calibrated, thresholds, floor_plan, judged)
-    return {name: score.of(run) for name, score in TRACK_SCORES.items()}
+PUBLISHED = (*(f"coverage_{level}" for level in LEVELS), "nees", "log_score")  # by covariances
+
+
+def track_scores(run: ScoredTrack, names: Collection[str] = TRACK_SCORES) -> dict[str, float]:
+    """Return scores of a track by records; NaN is not available."""
+    return {name: TRACK_SCORES[name].of(run) for name in names}

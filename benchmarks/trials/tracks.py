@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,7 @@ LAST = 0.25  # share of a run's steps in which a success is localized throughout
 COMMITTED, FAR = 0.5, 2.0  # a belief of a larger quality commits itself; m: off by more, falsely
 RECOVERED, RECOVERED_STEPS = 0.45, 20  # m; 10 s, of two scans each (Fox, Burgard & Thrun 1999)
 ARRIVED = 0.5  # m from the goal
+_METRE = Thresholds(far=1.0, lost=1.0)
 _SAMPLE = 4096  # points at which a map is compared with itself
 _ALIKE = 0.998  # of them: a point on a line between cells may fall to either side
 
@@ -219,6 +221,7 @@ class EstimatedTrack:
 
     log: Log
     best: Floats
+    spread: Floats | None = None  # covariances as believed, (n, 3, 3), NaN unknown; None: of all
 
     @cached_property
     def referenced(self) -> Indices:
@@ -252,6 +255,19 @@ class EstimatedTrack:
         between = self.log.interpolated
         own = np.ones(self.known.size, bool) if between is None else ~between[self.known]
         return np.flatnonzero(own)
+
+    def deviations(self, first: int = 0, last: int | None = None) -> tuple[Floats, Floats]:
+        """Offsets of the reference (k, 3), and covariances, NaN unknown, from record to record.
+
+        At records with an estimate: those at the reference's own times, if there are any.
+        """
+        at = self.known[(self.known >= first) & (self.known < (last or len(self.best)))]
+        own = np.intersect1d(at, self.known[self.at_stamps])
+        at = own if own.size else at
+        truth = np.empty((0, 3)) if self.log.reference is None else self.log.reference[at]
+        off = truth - self.best[at]
+        off[:, 2] = arrays.wrapped(off[:, 2])
+        return off, np.full((at.size, 3, 3), np.nan) if self.spread is None else self.spread[at]
 
     def fixes(self, quality: Floats | None = None) -> Fixes:
         """Where the best cluster is, at the records with a reference; ``quality`` of all, (n,)."""
@@ -299,20 +315,18 @@ class ScoredTrack:
     """What the scores of a track by records are of."""
 
     track: EstimatedTrack
-    # rank of the reference, NEES and log score at each record, (n, 3), NaN unknown: all, or those
-    # at the reference's own times if any of them is known, count
-    calibrated: Floats
-    thresholds: Thresholds
-    floor_plan: Map | None  # the map; None: agreement is not available
-    judged: int  # first record by which beliefs are judged
+    judged: int = 0  # first record by which beliefs are judged: those before are fitted to
+    calibration: Any = None  # ``localizers.Calibration`` of what is published; None: as believed
+    thresholds: Thresholds = _METRE
+    floor_plan: Map | None = None  # the map; None: agreement is not available
 
-    def known(self, column: int) -> Floats:
-        """Return what is known of a column of ``calibrated``, at the records that count."""
-        at = self.track.known[self.track.at_stamps]
-        stamped = self.calibrated[at[at >= self.judged]]
-        beliefs = stamped if np.isfinite(stamped).any() else self.calibrated[self.judged :]
-        values = beliefs[:, column]
-        return values[np.isfinite(values)]
+    @cached_property
+    def fits(self) -> Floats:
+        """Rank, NEES and log score of the reference at each judged record, (k, 3)."""
+        off, spread = self.track.deviations(self.judged)
+        published = spread if self.calibration is None else self.calibration.published(spread)
+        fitted = calibration_of_gaussians(off, published, self.track.log.unit)
+        return fitted[np.isfinite(fitted).all(axis=1)]
 
     @property
     def lost(self) -> float:
@@ -324,7 +338,7 @@ class ScoredTrack:
     @property
     def log_score(self) -> float:
         """Mean log score, of a density per m² rad."""
-        return mean(self.known(2)) - 2 * math.log(metre(self.track.log.unit))
+        return mean(self.fits[:, 2]) - 2 * math.log(metre(self.track.log.unit))
 
     @cached_property
     def agreement(self) -> tuple[float, ...]:
@@ -335,18 +349,14 @@ class ScoredTrack:
         return agreement(self.track.log.of_records(seen), self.floor_plan, self.track.best[seen])
 
 
-def calibration_of_gaussians(
-    poses: Floats, covariances: Floats, truth: Floats, unit: str
-) -> Floats:
-    """Rank of the truth, NEES and log score of N(pose, P), as ``clouds.belief_scores``, (n, 3).
+def calibration_of_gaussians(off: Floats, covariances: Floats, unit: str) -> Floats:
+    """Rank of the truth, NEES and log score of N(pose, P), d = truth - pose, (n, 3) each.
 
     The rank is P(D(X) < D(z)) in (x, y), 1 - exp(-D²/2); NEES is dᵀ P⁻¹ d in (x, y, θ), the log
-    score ½ (NEES + log det 2πP). NaN where pose, covariance or truth is.
+    score ½ (NEES + log det 2πP). NaN where d or P is.
     """
-    off = truth - poses
     known = np.isfinite(off).all(axis=1) & np.isfinite(covariances).all(axis=(1, 2))
-    off[:, 2] = arrays.wrapped(off[:, 2])
-    found = np.full((len(poses), 3), math.nan)
+    found = np.full((len(off), 3), math.nan)
     fitted = np.empty((int(known.sum()), 3))
     floor = covariance_floor(unit)
     fits(off[known], covariances[known] + np.diag(floor), fitted)

@@ -124,15 +124,21 @@ def runs_of(*errors):
 
 
 def test_coverage_and_nees_are_of_the_records_that_are_judged_and_stamps_leave_others_out():
+    """All moments are about the best cluster, which is where the robot was said to be."""
     between = np.array([False, True, True, False, False])
-    # of 20 points 12 are nearer to the mean than the truth: rank 0.6
-    cloud = np.concatenate([SIDES, -SIDES])
-    scores = kept_at([0, 0, 6.5, 6.5, -6.5], cloud, 2, between).scores()
-    assert [scores[f"coverage_{level}"] for level in (50, 80, 95)] == [0, 1, 1]
-    halved = kept_at([0, 6.5], cloud).scores()
-    assert [halved[f"coverage_{level}"] for level in (50, 80)] == [0.5, 1]
-    off = 6.5**2 / np.square(SIDES).mean()
-    assert scores["nees"] == pytest.approx(off, rel=1e-3)
+    cloud = 0.01 * np.concatenate([SIDES, -SIDES])
+    believed = kept_at([0.06] * 5, cloud).scores()  # 1 SD: χ² of two has 39 % below 1
+    sd = np.sqrt(np.square(0.01 * SIDES).mean())
+    assert [believed[f"coverage_{level}"] for level in (50, 80, 95)] == [1, 1, 1]
+    assert believed["nees"] == pytest.approx((0.06 / sd) ** 2, rel=1e-2)
+    assert math.isnan(believed["calibration_scale"])
+    # fitted to the first record, which is off by 0.06, by none in between; judged by the last two
+    published = kept_at([0.06, 0, 0, 0.06, -0.06], cloud, 2, between).scores()
+    assert published["coverage_95"] == 1
+    assert published["nees"] == pytest.approx(3, abs=2.1)
+    assert published["calibration_scale"] != 1
+    worse = kept_at([0.06, 9, 9, 0.6, -0.6], cloud, 2, between).scores()
+    assert worse["nees"] == pytest.approx(100 * published["nees"], rel=1e-3)
     record = record_of([0.1, 0.9, 0.9, 0.2, 0.3], interpolated=between)
     (row,) = scores_by_localizer(runs_frame({"mcl": [record]}, {}, drive(5, between))).itertuples()
     assert row.position_median == pytest.approx(0.3)
@@ -410,7 +416,7 @@ def test_the_power_of_scans_is_fitted_only_where_a_localizer_uses_it(
 ):
     fitted = []
     monkeypatch.setattr(
-        "benchmarks.robots.replaying.calibrated", lambda replay: fitted.append(1) or replay
+        "benchmarks.robots.replaying.with_fitted_power", lambda replay: fitted.append(1) or replay
     )
     assert replay(*KNOWN, "--seeds", "1", *words, "--out", "o") == 0
     assert bool(fitted) is fits

@@ -46,9 +46,9 @@ def test_our_own_tracks_have_the_numbers_of_the_replay_but_for_time_and_beliefs(
     assert exit_code("score", *tracks, "--beside", "mcl", "--out", tmp_path / "s") == 0
     ours = {f"mcl-{row['seed']}": row for row in lines(here / "mcl")}
     theirs = table(tmp_path / "s", "trials.csv")
-    unknown = {"localizer", "seed", "ms_per_step", "nees", "log_score"} | {
-        f"coverage_{p}" for p in (50, 80, 95)
-    }
+    unknown = {"localizer", "seed", "ms_per_step", "nees", "log_score"}
+    unknown |= {f"coverage_{p}" for p in (50, 80, 95)}
+    unknown |= {name for name in ours["mcl-0"] if name.startswith("calibration_")}
     for label, row in ours.items():
         known = row.keys() - unknown
         assert {name: theirs[label][name] for name in known} == {name: row[name] for name in known}
@@ -62,7 +62,7 @@ def test_between_its_poses_an_estimate_is_carried_on_by_the_odometry(here):
     at = np.arange(0, len(log), 7)
     estimate = logs.Trajectory(log.times[at] + 1e-4, rng.uniform(1, 2, (at.size, 3)))
     played = played_by_replay("lap.csv", "lap.tum", {}, None, "0m,0deg")
-    track, _ = played.track(estimate)
+    track = played.track(estimate)
     told = (log.times >= estimate.times[0]) & (log.times <= estimate.times[-1])
     np.testing.assert_array_equal(np.isfinite(track.best).all(axis=1), told)
     x, y, heading = log.odometry.T
@@ -115,9 +115,9 @@ def test_gaussians_are_calibrated_by_the_chi_squared_distribution():
     spread = roots @ roots.transpose(0, 2, 1) + 0.01 * np.eye(3)
     poses = rng.uniform(-3, 3, (n, 3))
     truth = poses + (np.linalg.cholesky(spread) @ rng.normal(size=(n, 3, 1)))[:, :, 0]
-    rank, nees, log_score = calibration_of_gaussians(poses, spread, truth, "m").T
     off = truth - poses
     off[:, 2] = (off[:, 2] + math.pi) % (2 * math.pi) - math.pi
+    rank, nees, log_score = calibration_of_gaussians(off, spread, "m").T
     floored = spread + np.diag([4e-6, 4e-6, 1e-6])  # (0.1 px)², 1e-6
     by_numpy = np.einsum("ni,nij,nj->n", off, np.linalg.inv(floored), off)
     np.testing.assert_allclose(nees, by_numpy, rtol=1e-9)
@@ -151,6 +151,31 @@ def test_a_covariance_gives_the_columns_of_calibration(here, tmp_path):
     assert [float(row[f"coverage_{p}"]) for p in (50, 80, 95)] == [1, 1, 1]
     assert float(row["position_median"]) == pytest.approx(0.2)
     assert 0 < float(row["agreement_03"]) <= 1
+
+
+def test_beside_what_a_stack_published_stands_what_a_calibration_of_it_would_have(tmp_path, capsys):
+    """Fitted to the first 30 %, judged by the rest: a tenth of the SD that it should have."""
+    n, rng, spread = 1000, np.random.default_rng(5), np.diag([0.01, 0.01, 0.0025])
+    reference = logs.Trajectory(np.arange(float(n)), np.zeros((n, 3)))
+    reference.write(tmp_path / "reference.tum")
+    poses = rng.normal(size=(n, 3)) * np.sqrt(np.diag(spread))
+    logs.Trajectory(reference.times, poses).write(tmp_path / "slam.tum")
+    told = np.hstack([reference.times[:, None], np.tile(spread.ravel() / 100, (n, 1))])
+    np.savetxt(tmp_path / "told.txt", told)
+    words = ("score", tmp_path / "slam.tum", "--reference", tmp_path / "reference.tum")
+    words += ("--covariance", tmp_path / "told.txt", "--out", tmp_path / "s")
+    assert exit_code(*words) == 0
+    rows = table(tmp_path / "s", "results.csv")
+    assert list(rows) == ["slam", "slam, calibrated"]
+    plain, calibrated = rows.values()
+    assert float(plain["nees"]) == pytest.approx(300, rel=0.2)
+    assert plain["calibration_scale"] == ""
+    assert plain["position_median"] == calibrated["position_median"]
+    # 3 numbers of 900 deviates move NEES by 4 %, its mean over 700 records has SD 0.09
+    assert float(calibrated["nees"]) == pytest.approx(3, abs=0.6)
+    sd = math.sqrt(0.95 * 0.05 / (0.7 * n))
+    assert float(calibrated["coverage_95"]) == pytest.approx(0.95, abs=4 * sd + 0.02)
+    assert "slam, calibrated Calibration(scale=" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

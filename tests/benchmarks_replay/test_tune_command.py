@@ -1,6 +1,7 @@
 """``deqmcl tune``: what it searches, on what, and that it tells no more than was measured."""
 
 import math
+import re
 from itertools import chain, pairwise
 from types import SimpleNamespace
 
@@ -206,10 +207,10 @@ def among_two_kinds(folder, score, *more, name="Stated"):
     [
         ("median", "near and sure"),
         ("false-commitment", "far and honest"),
-        ("log-score", "far and honest"),
+        ("log-score", "near and sure"),  # as its covariance is calibrated
     ],
 )
-def test_a_score_of_honesty_prefers_an_honest_belief_to_a_nearer_one_that_is_too_sure(
+def test_a_belief_is_judged_by_its_own_quality_but_by_a_covariance_that_is_calibrated(
     before, tmp_path, score, winner
 ):
     assert among_two_kinds(tmp_path, score) == 0
@@ -221,7 +222,12 @@ def test_a_winner_whose_region_holds_less_than_that_of_the_default_is_warned_of(
     words = ("--set", "params.kind=far and honest")
     assert among_two_kinds(tmp_path, "median", *words) == 0
     told = (tmp_path / "out" / "tuned.md").read_text()
-    assert "Warning: the 95 % region of the tuned parameters holds 0.0 % of the reference" in told
+    assert "Warning: the 95 % region that the tuned filter believes holds 0.0 % of the ref" in told
+    best = (tmp_path / "out" / "best.toml").read_text()
+    (calibration,) = re.findall(
+        r"# publish its covariance by localizers\.(Calibration\(.*\))", best
+    )
+    assert f"Publish its covariance by localizers.{calibration}" in told
 
 
 @pytest.mark.parametrize(
@@ -257,7 +263,7 @@ def held_out(default, tuned, *, max_ms=None, best_ms=1.0, default_ms=1.0):
     index = pd.MultiIndex.from_product(runs, names=["which", *RUN])
     errors = np.repeat(np.array([default, tuned], float), RUNS)
     runs = pd.DataFrame({"position_median": errors}, index)
-    return Tuning(task=task, tried=tried, best=tried[1], held_out=runs)
+    return Tuning(task=task, tried=tried, best=tried[1], held_out=runs, calibrations={})
 
 
 def candidate(values, **come):
