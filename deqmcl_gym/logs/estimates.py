@@ -33,8 +33,8 @@ from deqmcl_gym.logs.transforms import MAP_FRAME, ODOMETRY, PoseRows, Transforms
 from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import InputError
 
-_POSE = ("time", "x", "y", "heading")
-_UPPER = ("var_x", "cov_xy", "cov_x_heading", "var_y", "cov_y_heading", "var_heading")
+COLUMNS = ("time", "x", "y", "heading")
+UPPER = ("var_x", "cov_xy", "cov_x_heading", "var_y", "cov_y_heading", "var_heading")
 _AT = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])  # of a 3 x 3 matrix in its upper triangle
 _BAGS = ("", ".bag", ".mcap", ".db3")
 _ESTIMATE = "/amcl_pose"  # of Nav2's AMCL
@@ -105,14 +105,14 @@ def _read_csv(path: Path) -> tuple[Floats, Floats | None]:
     """Return rows t, x, y, θ and covariances; None without these columns."""
     header, *lines = text_of(path).splitlines() or [""]
     columns = [cell.strip() for cell in header.split(",")]
-    spread = [name for name in _UPPER if name in columns]
-    for name in (*_POSE, *(_UPPER if spread else ())):
+    spread = [name for name in UPPER if name in columns]
+    for name in (*COLUMNS, *(UPPER if spread else ())):
         if columns.count(name) != 1:
             raise InputError(
                 f"{path} has the column {name!r} {columns.count(name)} times, but a CSV of "
-                f"estimates has {','.join(_POSE)} and all or none of {','.join(_UPPER)} once."
+                f"estimates has {','.join(COLUMNS)} and all or none of {','.join(UPPER)} once."
             )
-    at = [columns.index(name) for name in (*_POSE, *spread)]
+    at = [columns.index(name) for name in (*COLUMNS, *spread)]
     table = np.full((len(lines), len(at)), math.nan)
     kept = 0
     for number, line in enumerate(lines, 2):

@@ -1,0 +1,111 @@
+"""Whole paths of p(x_{0:T} | u_{1:T}, o_{0:T}, m): a particle filter forward, then draws backward.
+
+Godsill, Doucet & West 2004, "Monte Carlo smoothing for nonlinear time series": x_T is drawn by
+weight from the last cloud, then x_t from its cloud with probability ∝ w_t p(x_{t+1} | x_t, u_{t+1}).
+A path is not tied to the ancestors of its end, of which after some steps all particles share one.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from deqmcl_gym.numerics import Floats, Indices
+from deqmcl_gym.numerics.compiling import compiled
+from localizers.api import Motion
+from localizers.inference.particles import (
+    Initial,
+    States,
+    Weights,
+    normalized_with_log_sum,
+    pointed_at,
+)
+from localizers.models.scan import Scan, ScanModel
+
+SPREAD = 10  # times the particles, while a cloud is wide
+
+
+class Transition(Motion, Protocol):
+    """p(x_t | x_{t-1}, u_t), to draw from and in numbers."""
+
+    def density(self, before: States, after: States, action: Floats) -> Floats:
+        """Density of each of m states after each of n, (m, n)."""
+
+
+@dataclass(frozen=True)
+class Clouds:
+    """A filter's states and weights after each scan o_0 … o_T, and log p(o_{0:T})."""
+
+    states: list[States]
+    weights: list[Weights]  # of sum 1
+    log_evidence: float
+
+
+def forward(
+    prior: Initial,
+    motion: Motion,
+    scan_model: ScanModel,
+    scans: Sequence[Scan],
+    actions: Floats,
+    particles: int,
+    rng: np.random.Generator,
+    *,
+    wide: float = np.inf,
+    dtype: Any = np.float32,
+) -> Clouds:
+    """Filter the scans (T + 1) and the actions between them, (T, k), resampling at every step.
+
+    A cloud with a standard deviation of x or y above ``wide`` has ten times the particles.
+    """
+    states = np.ascontiguousarray(prior.sample(SPREAD * particles, rng).T, dtype=dtype)
+    if states[:2].std(axis=1).max() <= wide:
+        states = np.ascontiguousarray(states[:, :particles])
+    kept, weighed, evidence = list[States](), list[Weights](), 0.0
+    for t, scan in enumerate(scans):
+        if t > 0:
+            states = motion.sample(states, actions[t - 1], rng)
+        log_weights = scan_model.log_likelihood(states, scan)
+        weights, log_sum = normalized_with_log_sum(log_weights)
+        if not log_sum > -np.inf:  # no particle explains it
+            weights[:] = 1 / weights.size
+        evidence += log_sum - np.log(weights.size)
+        kept.append(states)
+        weighed.append(weights)
+        mean = (states[:2] * weights).sum(axis=1, keepdims=True)
+        spread = np.sqrt((np.square(states[:2] - mean) * weights).sum(axis=1).max())
+        count = particles if spread <= wide else SPREAD * particles
+        ancestors = pointed_at(weights, (np.arange(count) + rng.random()) / count)
+        states = states.take(ancestors, axis=1)
+    return Clouds(kept, weighed, evidence)
+
+
+def backward(
+    clouds: Clouds, motion: Transition, actions: Floats, count: int, rng: np.random.Generator
+) -> States:
+    """Draw so many whole paths, (T + 1, d, count)."""
+    states = clouds.states
+    steps = len(states)
+    paths = np.empty((steps, states[0].shape[0], count), states[0].dtype)
+    pick = np.empty(count, np.intp)
+    for t in range(steps - 1, -1, -1):
+        if t == steps - 1:
+            densities = np.ones((count, states[t].shape[1]))
+        else:
+            densities = motion.density(states[t], paths[t + 1], actions[t])
+        _fill_picks(clouds.weights[t], densities, rng.random(count), pick)
+        paths[t] = states[t].take(pick, axis=1)
+    return paths
+
+
+@compiled
+def _fill_picks(weights: Floats, densities: Floats, uniforms: Floats, out: Indices) -> None:
+    """Fill in a particle for each row of densities (m, n), drawn with probability ∝ w p."""
+    n = weights.size
+    cumulative = np.empty(n)
+    for j in range(out.size):
+        total = 0.0
+        for i in range(n):
+            total += weights[i] * densities[j, i]
+            cumulative[i] = total
+        out[j] = min(np.searchsorted(cumulative, uniforms[j] * total, side="right"), n - 1)
