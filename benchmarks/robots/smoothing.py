@@ -1,6 +1,5 @@
 """``deqmcl smooth``: a reference from the log itself, and whether it may serve as one."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,7 +10,7 @@ import numpy as np
 
 from benchmarks.console import doing, log_warnings, warn
 from benchmarks.files import own_folder, write_files
-from benchmarks.robots.played import Replay, replay_of
+from benchmarks.robots.played import Replay, params_among, replay_of
 from benchmarks.robots.replaying import FEW
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.tables.text import percent
@@ -19,11 +18,10 @@ from benchmarks.trials.tracks import AGREE
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Log, Trajectory
 from deqmcl_gym.logs.estimates import COLUMNS, UPPER
-from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Singles, arrays
-from deqmcl_gym.validation import InputError, integer
-from localizers.inference.backward import Clouds, backward, forward
+from deqmcl_gym.validation import integer, one_of
+from localizers.inference.backward import backward, forward
 from localizers.models.gaussian_motion import GaussianMotion
 from localizers.models.scan import Scan
 
@@ -43,11 +41,15 @@ _MOST = 0.05  # share of doubtful records up to which the rest may serve
 class Smoothed:
     """Poses of a log by smoothing on its map, how sure they are, and where they are doubtful."""
 
-    log: Log  # the records that have a pose
-    floor_plan: Map
+    replay: Replay  # what was played
     runs: Floats  # mean poses of the runs that count, (R, n, 3)
     within: Floats  # mean of their covariances, (n, 3, 3)
     elsewhere: int  # runs that ended at another place, with less evidence
+
+    @property
+    def log(self) -> Log:
+        """The records that have a pose."""
+        return self.replay.log
 
     @cached_property
     def poses(self) -> Floats:
@@ -56,20 +58,31 @@ class Smoothed:
 
     @cached_property
     def covariances(self) -> Floats:
-        """Covariance of each pose, that within runs and that between them, (n, 3, 3)."""
-        runs = len(self.runs)
-        return self.within + (covariances(self.runs, self.poses) * runs / max(runs - 1, 1))
+        """Covariance of each pose, (n, 3, 3): within runs, between them, and the map's.
+
+        Half a cell of a map of cells is an error that all paths share.
+        """
+        runs, cell = len(self.runs), getattr(self.replay.scenario.recording()[1], "resolution", 0.0)
+        between = covariances(self.runs, self.poses) * runs / max(runs - 1, 1)
+        total: Floats = self.within + between + np.diag(np.square([cell / 2, cell / 2, 0.0]))
+        return total
 
     @cached_property
     def explained(self) -> Floats:
-        """Share of a scan's beams within 0.3 m of the map, median over five records, (n,)."""
-        expected = self.log.scanner.ranges(self.floor_plan, self.poses.T)
+        """Share of the returns within 0.3 m of the map's, median over five records, (n,).
+
+        A scan without a return, as in a large hall, contradicts nothing: 1.
+        """
+        floor_plan = self.replay.scenario.recording()[1]
+        expected = self.log.scanner.ranges(floor_plan, self.poses.T)
         seen = np.isfinite(self.log.ranges)
         with np.errstate(invalid="ignore"):
             near = np.abs(expected - self.log.ranges) <= AGREE[1] * metre(self.log.unit)
-        shares = (near & seen).sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
+        returns = seen.sum(axis=1)
+        shares = np.where(returns > 0, (near & seen).sum(axis=1) / np.maximum(returns, 1), 1.0)
         padded = np.pad(shares, _WINDOW // 2, mode="edge")
-        return np.median(np.lib.stride_tricks.sliding_window_view(padded, _WINDOW), axis=1)
+        windows = np.lib.stride_tricks.sliding_window_view(padded, _WINDOW)
+        return np.asarray(np.median(windows, axis=1))
 
     @cached_property
     def spread(self) -> Floats:
@@ -82,78 +95,70 @@ class Smoothed:
         """Which poses are not to be relied on, (n,)."""
         return (self.explained < FEW) | (self.spread > _UNSURE)
 
+    def __str__(self) -> str:
+        return self.verdict
+
     @property
     def verdict(self) -> str:
         """Whether the poses may serve as a reference, in a paragraph."""
-        apart = np.hypot(*(self.runs - self.poses)[..., :2].transpose(2, 0, 1))
-        apart = apart.max(axis=0) / metre(self.log.unit)
-        share, count = self.doubtful.mean(), len(self.runs)
-        if count < 2:
-            judged = "One run tells nothing of its own errors: give more --seeds."
-        elif share <= _MOST:
-            judged = "It may serve as a reference."
-        else:
+        apart = np.hypot(*(self.runs - self.poses)[..., :2].transpose(2, 0, 1)).max(axis=0)
+        apart, share = apart / metre(self.log.unit), float(self.doubtful.mean())
+        judged = "It may serve as a reference."
+        if share > _MOST:
             judged = f"It should not serve as a reference: {percent(share)} of it is doubtful."
-        texts = [
-            f"{judged} {count} runs are within {np.quantile(apart, 0.95):.3f} m of their mean at "
-            f"95 % of {apart.size:,} records, and {apart.max():.2f} m at most; a position's own "
-            f"standard deviation is {np.median(self.spread):.3f} m (median), "
-            f"{np.quantile(self.spread, 0.95):.3f} m (95 %). Seen from the poses, "
-            f"{percent(np.mean(self.explained))} of a scan's beams are within {AGREE[1]} m of the "
-            "map."
-        ]
-        if self.elsewhere:
-            texts.append(
-                f"{self.elsewhere} more runs ended elsewhere, explain the scans worse, and do not "
-                "count: a known --start is safer."
-            )
-        if where := self._stretches:
-            texts.append(
-                f"Left out of {FILES[0]}, as fewer than half of the beams agree or a position is "
-                f"known to more than {_UNSURE} m only: {'; '.join(where)}."
-            )
-        texts.append(
-            "Errors that all runs share, of the map or of a place that looks alike, do not show."
+        if len(self.runs) < 2:
+            judged = "One run tells nothing of its own errors: give more --seeds."
+        elsewhere = (
+            f" {self.elsewhere} more ended elsewhere, explain the scans worse, and do not count: a "
+            "known --start is safer."
         )
-        return " ".join(texts)
+        left_out = (
+            f" Left out of {FILES[0]}, as fewer than half of the returns agree with the map, or a "
+            f"position's standard deviation is above {_UNSURE} m: {self._stretches}."
+        )
+        agreed, away = float(self.explained.mean()), np.quantile(apart, 0.95)
+        return (
+            f"{judged} {len(self.runs)} runs are within {away:.3f} m of their mean at 95 % of "
+            f"{apart.size:,} records, and {apart.max():.2f} m at most; a position's own standard "
+            f"deviation is {np.median(self.spread):.3f} m (median), "
+            f"{np.quantile(self.spread, 0.95):.3f} m (95 %). At the poses {percent(agreed)} of the "
+            f"returns are within {AGREE[1]} m of what the map says."
+            f"{elsewhere if self.elsewhere else ''}{left_out if share else ''} Errors that all "
+            "runs share, of the map or of a place that looks alike, do not show."
+        )
 
     @property
-    def _stretches(self) -> list[str]:
+    def _stretches(self) -> str:
         """The longest stretches of doubtful records, in words."""
         edges = np.flatnonzero(np.diff(np.pad(self.doubtful, 1).astype(np.int8))).reshape(-1, 2)
         way, times = self.log.driven / metre(self.log.unit), self.log.times
-        ends = edges - [0, 1]
-        longest = sorted(ends.tolist(), key=lambda pair: way[pair[0]] - way[pair[1]])[:_TOLD]
+        longest = sorted((edges - [0, 1]).tolist(), key=lambda ends: way[ends[0]] - way[ends[1]])
         words = [
             f"{way[first]:,.0f} to {way[last]:,.0f} m ({times[first]:.1f} to {times[last]:.1f} s)"
-            for first, last in sorted(longest)
+            for first, last in sorted(longest[:_TOLD])
         ]
         more = len(edges) - len(words)
-        return [*words, f"{more} shorter stretches"] if more else words
+        return "; ".join([*words, f"{more} shorter ones"] if more else words)
 
     def write(self, folder: str | Path) -> list[Path]:
         """Write smoothed.tum, the poses to rely on, and smoothed.csv, all with covariances."""
         kept = ~self.doubtful
-        rows = np.column_stack(
-            [self.log.times, self.poses, self.covariances[:, *np.triu_indices(3)]]
-        )
+        upper = self.covariances[:, *np.triu_indices(3)]
+        rows = np.column_stack([self.log.times, self.poses, upper])
         lines = [",".join((*COLUMNS, *UPPER)), *(",".join(map(repr, r)) for r in rows.tolist())]
-        return write_files(
-            own_folder(Path(folder), *FILES),
-            {
-                FILES[0]: Trajectory(self.log.times[kept], self.poses[kept]).tum,
-                FILES[1]: utf8("\n".join(lines) + "\n"),
-            },
-        )
+        contents = {FILES[1]: utf8("\n".join(lines) + "\n")}
+        if kept.any():
+            contents[FILES[0]] = Trajectory(self.log.times[kept], self.poses[kept]).tum
+        return write_files(own_folder(Path(folder), *FILES), contents)
 
 
 def smooth(
     log: str | Path | Sequence[str | Path],
     map: str | Path,  # noqa: A002 - as LogEnv has it
     *,
-    start: str | Sequence[float] | None = None,
+    start: str | Sequence[float],
     settings: Mapping[str, Any] = NOTHING,
-    particles: int = 2000,
+    particles: int = 1000,
     seeds: int = 5,
     seed: int = 0,
 ) -> Smoothed:
@@ -165,6 +170,8 @@ def smooth(
     """
     integer("--particles", particles, low=2)
     integer("--seeds", seeds, low=1, high=1000)
+    for name in params_among(settings):
+        one_of("name of a setting of smooth", f"params.{name}", ["world.…", "assumed.…"])
     with doing("reading the log and the map"), log_warnings() as warnings:
         replay = replay_of(log, map, start=start, settings=settings)
     warn([*warnings, replay.sideways])
@@ -182,9 +189,8 @@ def smooth(
     poses = np.stack(runs)
     off = np.hypot(*(poses - poses[np.argmax(evidence)])[..., :2].transpose(2, 0, 1))
     counts = np.median(off, axis=1) <= _APART * metre(replay.log.unit)
-    played, floor_plan = replay.scenario.recording()
     within = np.stack(spreads)[counts].mean(axis=0)
-    return Smoothed(played, floor_plan, poses[counts], within, int((~counts).sum()))
+    return Smoothed(replay, poses[counts], within, int((~counts).sum()))
 
 
 def _run(replay: Replay, particles: int, rng: np.random.Generator) -> tuple[Singles, float]:
@@ -195,7 +201,7 @@ def _run(replay: Replay, particles: int, rng: np.random.Generator) -> tuple[Sing
     ranges = log.ranges.astype(np.float64)
     scans = [Scan.of(scan, log.scanner.max_range) for scan in ranges]
     motion = GaussianMotion(motion=robot.motion, length=_SLIP * metre(log.unit))
-    clouds: Clouds = forward(
+    clouds = forward(
         setup.prior_in(room, rng), motion, robot.scan_model(), scans, log.increments, particles,
         rng, wide=_WIDE * metre(log.unit),
     )  # fmt: skip

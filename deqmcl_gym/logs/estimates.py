@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from deqmcl_gym.files import numbers_of, text_of
+from deqmcl_gym.files import text_of
 from deqmcl_gym.logs.bags import (
     POSE_TYPES,
     TRANSFORMS,
@@ -63,42 +63,6 @@ def read_estimate(path: str | PathLike[str], topic: str | None = None) -> Trajec
         return sound_poses(stamped(rows), str(file), Counter(), covariances)
     rows, source, damage = tum_rows(file)
     return sound_poses(stamped(rows), source, damage)
-
-
-def with_covariances(estimate: Trajectory, path: str | PathLike[str]) -> Trajectory:
-    """Return an estimate with the covariances of a file, a line at the time of each of its poses.
-
-    A line is the time, then the 6 numbers of the upper triangle of (x, y, θ), or the 9 or, as in
-    ROS, the 36 of a whole matrix, row by row; ``#`` begins a comment.
-    """
-    rows: list[list[float]] = []
-    for number, line in enumerate(text_of(Path(path)).splitlines(), 1):
-        words = line.replace(",", " ").split()
-        if not words or words[0].startswith("#"):
-            continue
-        try:
-            row = numbers_of(words)
-        except ValueError:
-            row = []
-        if len(row) not in (7, 10, 37) or (rows and len(row) != len(rows[0])):
-            raise InputError(
-                f"line {number} of {path} must be a time and 6, 9 or 36 numbers of a covariance, "
-                "as many in every line."
-            )
-        rows.append(row)
-    table = np.array(rows or [[math.nan]])
-    if not np.array_equal(table[:, 0], estimate.times):
-        raise InputError(
-            f"{path} has {len(rows):,} lines of covariances, but must have one at each time of the "
-            f"{estimate.times.size:,} poses of {estimate.source}."
-        )
-    values = table[:, 1:]
-    if values.shape[1] == 6:
-        values = values[:, _AT]
-    if values.shape[1] == 36:
-        values = values.reshape(-1, 6, 6)[:, [[0], [1], [5]], [0, 1, 5]]
-    covariances = values.reshape(-1, 3, 3)
-    return Trajectory(estimate.times, estimate.poses, estimate.source, covariances)
 
 
 def _read_csv(path: Path) -> tuple[Floats, Floats | None]:

@@ -1,7 +1,7 @@
 """Whole paths of p(x_{0:T} | u_{1:T}, o_{0:T}, m): a particle filter forward, then draws backward.
 
 Godsill, Doucet & West 2004, "Monte Carlo smoothing for nonlinear time series": x_T is drawn by
-weight from the last cloud, then x_t from its cloud with probability ∝ w_t p(x_{t+1} | x_t, u_{t+1}).
+weight from the last cloud, then x_t from its own, with probability ∝ w_t p(x_{t+1} | x_t, u_{t+1}).
 A path is not tied to the ancestors of its end, of which after some steps all particles share one.
 """
 
@@ -35,10 +35,9 @@ class Transition(Motion, Protocol):
 
 @dataclass(frozen=True)
 class Clouds:
-    """A filter's states and weights after each scan o_0 … o_T, and log p(o_{0:T})."""
+    """What a filter believes after each scan o_0 … o_T, and log p(o_{0:T})."""
 
-    states: list[States]
-    weights: list[Weights]  # of sum 1
+    weighted: list[tuple[States, Weights]]
     log_evidence: float
 
 
@@ -58,44 +57,37 @@ def forward(
 
     A cloud with a standard deviation of x or y above ``wide`` has ten times the particles.
     """
-    states = np.ascontiguousarray(prior.sample(SPREAD * particles, rng).T, dtype=dtype)
-    if states[:2].std(axis=1).max() <= wide:
-        states = np.ascontiguousarray(states[:, :particles])
-    kept, weighed, evidence = list[States](), list[Weights](), 0.0
+    most, clouds, evidence = SPREAD * particles, list[tuple[States, Weights]](), 0.0
+    pointers = np.arange(most) / most
+    states = prior.sample(most, rng).T.astype(dtype)
     for t, scan in enumerate(scans):
+        if states[:2].std(axis=1).max() <= wide:
+            states = states[:, rng.integers(SPREAD) :: SPREAD]
+        states = np.ascontiguousarray(states)
         if t > 0:
             states = motion.sample(states, actions[t - 1], rng)
-        log_weights = scan_model.log_likelihood(states, scan)
-        weights, log_sum = normalized_with_log_sum(log_weights)
+        weights, log_sum = normalized_with_log_sum(scan_model.log_likelihood(states, scan))
         if not log_sum > -np.inf:  # no particle explains it
             weights[:] = 1 / weights.size
         evidence += log_sum - np.log(weights.size)
-        kept.append(states)
-        weighed.append(weights)
-        mean = (states[:2] * weights).sum(axis=1, keepdims=True)
-        spread = np.sqrt((np.square(states[:2] - mean) * weights).sum(axis=1).max())
-        count = particles if spread <= wide else SPREAD * particles
-        ancestors = pointed_at(weights, (np.arange(count) + rng.random()) / count)
-        states = states.take(ancestors, axis=1)
-    return Clouds(kept, weighed, evidence)
+        clouds.append((states, weights))
+        states = states.take(pointed_at(weights, pointers + rng.random() / most), axis=1)
+    return Clouds(clouds, evidence)
 
 
 def backward(
     clouds: Clouds, motion: Transition, actions: Floats, count: int, rng: np.random.Generator
 ) -> States:
     """Draw so many whole paths, (T + 1, d, count)."""
-    states = clouds.states
-    steps = len(states)
-    paths = np.empty((steps, states[0].shape[0], count), states[0].dtype)
+    paths = list[States]()
     pick = np.empty(count, np.intp)
-    for t in range(steps - 1, -1, -1):
-        if t == steps - 1:
-            densities = np.ones((count, states[t].shape[1]))
-        else:
-            densities = motion.density(states[t], paths[t + 1], actions[t])
-        _fill_picks(clouds.weights[t], densities, rng.random(count), pick)
-        paths[t] = states[t].take(pick, axis=1)
-    return paths
+    for t, (states, weights) in reversed(list(enumerate(clouds.weighted))):
+        densities = np.ones((count, weights.size))
+        if paths:
+            densities = motion.density(states, paths[-1], actions[t])
+        _fill_picks(weights, densities, rng.random(count), pick)
+        paths.append(states.take(pick, axis=1))
+    return np.stack(paths[::-1])
 
 
 @compiled
