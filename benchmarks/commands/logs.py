@@ -223,7 +223,7 @@ def smooth_command(options: argparse.Namespace) -> str:
         seed=options.seed,
     )
     files = ", ".join(path.name for path in smoothed.write(options.out))
-    return f"{smoothed}\n\n{smoothed.replay.overview}\n\nWritten to {options.out}: {files}."
+    return f"{smoothed}\n\nWritten to {options.out}: {files}."
 
 
 @command(

@@ -18,10 +18,11 @@ from benchmarks.trials.tracks import AGREE
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Log, Trajectory
 from deqmcl_gym.logs.estimates import COLUMNS, UPPER
+from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Singles, arrays
 from deqmcl_gym.validation import integer, one_of
-from localizers.inference.backward import backward, forward
+from localizers.inference.backward import Clouds, backward, forward
 from localizers.models.gaussian_motion import GaussianMotion
 from localizers.models.scan import Scan
 
@@ -41,48 +42,14 @@ _MOST = 0.05  # share of doubtful records up to which the rest may serve
 class Smoothed:
     """Poses of a log by smoothing on its map, how sure they are, and where they are doubtful."""
 
-    replay: Replay  # what was played
+    log: Log  # the records that have a pose
+    words: str  # what was played
     runs: Floats  # mean poses of the runs that count, (R, n, 3)
-    within: Floats  # mean of their covariances, (n, 3, 3)
     elsewhere: int  # runs that ended at another place, with less evidence
-
-    @property
-    def log(self) -> Log:
-        """The records that have a pose."""
-        return self.replay.log
-
-    @cached_property
-    def poses(self) -> Floats:
-        """Mean pose of each record, over the paths of all runs that count, (n, 3)."""
-        return mean_poses(self.runs)
-
-    @cached_property
-    def covariances(self) -> Floats:
-        """Covariance of each pose, (n, 3, 3): within runs, between them, and the map's.
-
-        Half a cell of a map of cells is an error that all paths share.
-        """
-        runs, cell = len(self.runs), getattr(self.replay.scenario.recording()[1], "resolution", 0.0)
-        between = covariances(self.runs, self.poses) * runs / max(runs - 1, 1)
-        total: Floats = self.within + between + np.diag(np.square([cell / 2, cell / 2, 0.0]))
-        return total
-
-    @cached_property
-    def explained(self) -> Floats:
-        """Share of the returns within 0.3 m of the map's, median over five records, (n,).
-
-        A scan without a return, as in a large hall, contradicts nothing: 1.
-        """
-        floor_plan = self.replay.scenario.recording()[1]
-        expected = self.log.scanner.ranges(floor_plan, self.poses.T)
-        seen = np.isfinite(self.log.ranges)
-        with np.errstate(invalid="ignore"):
-            near = np.abs(expected - self.log.ranges) <= AGREE[1] * metre(self.log.unit)
-        returns = seen.sum(axis=1)
-        shares = np.where(returns > 0, (near & seen).sum(axis=1) / np.maximum(returns, 1), 1.0)
-        padded = np.pad(shares, _WINDOW // 2, mode="edge")
-        windows = np.lib.stride_tricks.sliding_window_view(padded, _WINDOW)
-        return np.asarray(np.median(windows, axis=1))
+    poses: Floats  # means over the paths of all runs that count, (n, 3)
+    # within runs, between them, and of half a cell of the map, which all paths share, (n, 3, 3)
+    covariances: Floats
+    explained: Floats  # share of the returns that agree with the map, median over five records
 
     @cached_property
     def spread(self) -> Floats:
@@ -96,7 +63,7 @@ class Smoothed:
         return (self.explained < FEW) | (self.spread > _UNSURE)
 
     def __str__(self) -> str:
-        return self.verdict
+        return f"{self.verdict}\n\n{self.words}"
 
     @property
     def verdict(self) -> str:
@@ -178,35 +145,52 @@ def smooth(
     if "scan.power" not in replay.assumed:
         power = min(1.0, _INDEPENDENT / replay.log.scanner.beams)
         replay = replace(replay, assumed=replay.assumed | Overrides({"scan.power": power}))
-    runs, spreads, evidence = [], [], []
+    paths, evidence = list[Singles](), list[float]()
     for number, rng in enumerate(np.random.default_rng(seed).spawn(seeds), 1):
         with doing(f"run {number} of {seeds}"):
-            paths, log_evidence = _run(replay, particles, rng)
-        mean = mean_poses(paths)
-        runs.append(mean)
-        spreads.append(covariances(paths, mean))
-        evidence.append(log_evidence)
-    poses = np.stack(runs)
-    off = np.hypot(*(poses - poses[np.argmax(evidence)])[..., :2].transpose(2, 0, 1))
-    counts = np.median(off, axis=1) <= _APART * metre(replay.log.unit)
-    within = np.stack(spreads)[counts].mean(axis=0)
-    return Smoothed(replay, poses[counts], within, int((~counts).sum()))
+            clouds, motion = _filtered(replay, particles, rng)
+            drawn = backward(clouds, motion, replay.log.increments, PATHS, rng)
+        paths.append(drawn.transpose(2, 0, 1))
+        evidence.append(clouds.log_evidence)
+    means = np.stack([mean_poses(run) for run in paths])
+    off = np.hypot(*(means - means[np.argmax(evidence)])[..., :2].transpose(2, 0, 1))
+    counts = np.flatnonzero(np.median(off, axis=1) <= _APART * metre(replay.log.unit))
+    runs, (played, floor_plan) = means[counts], replay.scenario.recording()
+    poses, cell = mean_poses(runs), getattr(floor_plan, "resolution", 0.0)
+    spread = sum(covariances(paths[k], means[k]) for k in counts) / counts.size
+    spread = spread + covariances(runs, poses) * counts.size / max(counts.size - 1, 1)
+    spread = spread + np.diag(np.square([cell / 2, cell / 2, 0.0]))
+    elsewhere, explained = seeds - counts.size, _explained(played, floor_plan, poses)
+    return Smoothed(played, replay.overview, runs, elsewhere, poses, spread, explained)
 
 
-def _run(replay: Replay, particles: int, rng: np.random.Generator) -> tuple[Singles, float]:
-    """Return paths of one run, (paths, n, 3), and log p(o_{0:T})."""
+def _filtered(
+    replay: Replay, particles: int, rng: np.random.Generator
+) -> tuple[Clouds, GaussianMotion]:
+    """Return the clouds of a filter over the log, and its motion."""
     setup, log = replay.scenario, replay.log
     room = setup.room()
     robot = setup.robot_model(room)
-    ranges = log.ranges.astype(np.float64)
-    scans = [Scan.of(scan, log.scanner.max_range) for scan in ranges]
+    scans = [Scan.of(ranges, log.scanner.max_range) for ranges in log.ranges.astype(np.float64)]
     motion = GaussianMotion(motion=robot.motion, length=_SLIP * metre(log.unit))
-    clouds = forward(
-        setup.prior_in(room, rng), motion, robot.scan_model(), scans, log.increments, particles,
-        rng, wide=_WIDE * metre(log.unit),
-    )  # fmt: skip
-    paths = backward(clouds, motion, log.increments, PATHS, rng)
-    return paths.transpose(2, 0, 1), clouds.log_evidence
+    prior, wide = setup.prior_in(room, rng), _WIDE * metre(log.unit)
+    of_log = robot.scan_model(), scans, log.increments
+    return forward(prior, motion, *of_log, particles, rng, wide=wide), motion
+
+
+def _explained(log: Log, floor_plan: Map, poses: Floats) -> Floats:
+    """Share of the returns of each scan within 0.3 m of the map's, median of five scans, (n,).
+
+    A scan without a return, as in a large hall, contradicts nothing: 1.
+    """
+    expected, seen = log.scanner.ranges(floor_plan, poses.T), np.isfinite(log.ranges)
+    with np.errstate(invalid="ignore"):
+        near = seen & (np.abs(expected - log.ranges) <= AGREE[1] * metre(log.unit))
+    returns = seen.sum(axis=1)
+    shares = np.where(returns > 0, near.sum(axis=1) / np.maximum(returns, 1), 1.0)
+    padded = np.pad(shares, _WINDOW // 2, mode="edge")
+    windows = np.lib.stride_tricks.sliding_window_view(padded, _WINDOW)
+    return np.asarray(np.median(windows, axis=1))
 
 
 def mean_poses(paths: Floats | Singles) -> Floats:

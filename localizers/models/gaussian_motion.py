@@ -36,7 +36,7 @@ class GaussianMotion:
 
     def sample(self, states: Singles, action: Floats, rng: np.random.Generator) -> Singles:
         """Draw one successor of each pose (3, n)."""
-        mean, root = self._moments(action)
+        mean, root = _moments(self, tuple(increments(action).tolist()))
         z = rng.standard_normal(states.shape)
         z[0, rng.random(states.shape[1]) < _SLIPS] *= _FARTHER
         offsets = [mean[i] + sum(root[i, j] * z[j] for j in range(i + 1)) for i in range(3)]
@@ -45,12 +45,10 @@ class GaussianMotion:
 
     def density(self, before: Singles, after: Singles, action: Floats) -> Floats:
         """Density of each of m poses after each of n, (m, n)."""
+        mean, root = _moments(self, tuple(increments(action).tolist()))
         out = np.empty((after.shape[1], before.shape[1]))
-        _fill_densities(before, after, *self._moments(action), out)
+        _fill_densities(before, after, mean, root, out)
         return out
-
-    def _moments(self, action: Floats) -> tuple[Floats, Floats]:
-        return _moments(self, tuple(increments(action).tolist()))
 
 
 @lru_cache(maxsize=100_000)  # steps of a log, for each of its runs, forward and backward

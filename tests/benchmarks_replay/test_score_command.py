@@ -163,7 +163,6 @@ def test_a_covariance_gives_the_columns_of_calibration(here, tmp_path):
         (("late.tum", *WHOLE), "with the same clock"),
         (("lap.tum", "lap.tum", "--reference", "lap.tum"), "two estimates are called lap"),
         (("mcl=lap.tum", "--beside", "mcl"), "mcl is a localizer of the replay"),
-        (("a=lap.tum", "lap.tum", "--reference", "lap.tum", "--covariance", "x"), "one estimate"),
         (("lap.tum:/amcl_pose", "--reference", "lap.tum"), "no topic /amcl_pose"),
     ],
 )
