@@ -22,7 +22,7 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Singles, arrays
 from deqmcl_gym.validation import integer, one_of
-from localizers.inference.backward import Clouds, backward, forward
+from localizers.inference.backward import backward, forward
 from localizers.models.gaussian_motion import GaussianMotion
 from localizers.models.scan import Scan
 
@@ -148,10 +148,9 @@ def smooth(
     paths, evidence = list[Singles](), list[float]()
     for number, rng in enumerate(np.random.default_rng(seed).spawn(seeds), 1):
         with doing(f"run {number} of {seeds}"):
-            clouds, motion = _filtered(replay, particles, rng)
-            drawn = backward(clouds, motion, replay.log.increments, PATHS, rng)
-        paths.append(drawn.transpose(2, 0, 1))
-        evidence.append(clouds.log_evidence)
+            run, log_evidence = _run(replay, particles, rng)
+        paths.append(run)
+        evidence.append(log_evidence)
     means = np.stack([mean_poses(run) for run in paths])
     off = np.hypot(*(means - means[np.argmax(evidence)])[..., :2].transpose(2, 0, 1))
     counts = np.flatnonzero(np.median(off, axis=1) <= _APART * metre(replay.log.unit))
@@ -164,18 +163,16 @@ def smooth(
     return Smoothed(played, replay.overview, runs, elsewhere, poses, spread, explained)
 
 
-def _filtered(
-    replay: Replay, particles: int, rng: np.random.Generator
-) -> tuple[Clouds, GaussianMotion]:
-    """Return the clouds of a filter over the log, and its motion."""
-    setup, log = replay.scenario, replay.log
+def _run(replay: Replay, particles: int, rng: np.random.Generator) -> tuple[Singles, float]:
+    """Return paths of one run, (paths, n, 3), and log p(o_{0:T})."""
+    setup, log, length = replay.scenario, replay.log, metre(replay.log.unit)
     room = setup.room()
-    robot = setup.robot_model(room)
+    robot, prior = setup.robot_model(room), setup.prior_in(room, rng)
     scans = [Scan.of(ranges, log.scanner.max_range) for ranges in log.ranges.astype(np.float64)]
-    motion = GaussianMotion(motion=robot.motion, length=_SLIP * metre(log.unit))
-    prior, wide = setup.prior_in(room, rng), _WIDE * metre(log.unit)
+    motion = GaussianMotion(motion=robot.motion, length=_SLIP * length)
     of_log = robot.scan_model(), scans, log.increments
-    return forward(prior, motion, *of_log, particles, rng, wide=wide), motion
+    clouds, evidence = forward(prior, motion, *of_log, particles, rng, wide=_WIDE * length)
+    return backward(clouds, motion, log.increments, PATHS, rng).transpose(2, 0, 1), evidence
 
 
 def _explained(log: Log, floor_plan: Map, poses: Floats) -> Floats:

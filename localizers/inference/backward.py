@@ -6,7 +6,6 @@ A path is not tied to the ancestors of its end, of which after some steps all pa
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -33,12 +32,7 @@ class Transition(Motion, Protocol):
         """Density of each of m states after each of n, (m, n)."""
 
 
-@dataclass(frozen=True)
-class Clouds:
-    """What a filter believes after each scan o_0 … o_T, and log p(o_{0:T})."""
-
-    weighted: list[tuple[States, Weights]]
-    log_evidence: float
+Clouds = list[tuple[States, Weights]]  # what a filter believes after each scan o_0 … o_T
 
 
 def forward(
@@ -52,12 +46,12 @@ def forward(
     *,
     wide: float = np.inf,
     dtype: Any = np.float32,
-) -> Clouds:
-    """Filter the scans (T + 1) and the actions between them, (T, k), resampling at every step.
+) -> tuple[Clouds, float]:
+    """Filter T + 1 scans and the actions between them, (T, k); return clouds and log p(o_{0:T}).
 
     A cloud with a standard deviation of x or y above ``wide`` has ten times the particles.
     """
-    most, clouds, evidence = SPREAD * particles, list[tuple[States, Weights]](), 0.0
+    most, clouds, evidence = SPREAD * particles, Clouds(), 0.0
     pointers = np.arange(most) / most
     states = prior.sample(most, rng).T.astype(dtype)
     for t, scan in enumerate(scans):
@@ -72,7 +66,7 @@ def forward(
         evidence += log_sum - np.log(weights.size)
         clouds.append((states, weights))
         states = states.take(pointed_at(weights, pointers + rng.random() / most), axis=1)
-    return Clouds(clouds, evidence)
+    return clouds, evidence
 
 
 def backward(
@@ -81,7 +75,7 @@ def backward(
     """Draw so many whole paths, (T + 1, d, count)."""
     paths = list[States]()
     pick = np.empty(count, np.intp)
-    for t, (states, weights) in reversed(list(enumerate(clouds.weighted))):
+    for t, (states, weights) in reversed(list(enumerate(clouds))):
         densities = np.ones((count, weights.size))
         if paths:
             densities = motion.density(states, paths[-1], actions[t])
