@@ -2,12 +2,10 @@
 
 ``python docs/reports/buildings/smoothed.py DATA OUT`` writes smoothed.csv beside it. DATA holds the
 logs, maps and references of two buildings, OUT keeps what was run. All is at the references' own
-times; the 95 % intervals are of 20 stretches of a log, drawn with replacement; seconds are of one
-processor. smoothed-tuned.csv has what a ``tune`` by smoothed poses is worth, commands in it.
+times; the 95 % intervals are of 20 stretches of a log, drawn with replacement.
 """
 
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -28,8 +26,7 @@ STRETCHES, DRAWS = 20, 2000
 
 
 def smoothed(files: dict[str, str], start: str, out: Path) -> dict[str, object]:
-    """Smoothed poses against the reference, with seconds of the processor if they were made now."""
-    began = time.process_time()
+    """Smoothed poses against the reference."""
     if not (out / "smoothed.csv").exists():
         main(["smooth", files["log"], "--map", files["map"], f"--start={start}", "--out", str(out)])
     estimate, reference = read_estimate(out / "smoothed.csv"), read_tum(files["reference"])
@@ -54,7 +51,7 @@ def smoothed(files: dict[str, str], start: str, out: Path) -> dict[str, object]:
     for name, of in figures.items():
         low, high = np.quantile([of(k) for k in drawn], (0.025, 0.975))
         row |= {name: of(every), f"{name}_low": low, f"{name}_high": high}
-    return row | {"seconds": time.process_time() - began}
+    return row
 
 
 def measure(data: Path, out: Path) -> None:
