@@ -116,7 +116,9 @@ class Smoothed:
         contents = {FILES[1]: utf8("\n".join(lines) + "\n")}
         if kept.any():
             contents[FILES[0]] = Trajectory(self.log.times[kept], self.poses[kept]).tum
-        return write_files(own_folder(Path(folder), *FILES), contents)
+        out = own_folder(Path(folder), *FILES)
+        (out / FILES[0]).unlink(missing_ok=True)  # of a run that had poses to rely on
+        return write_files(out, contents)
 
 
 def smooth(
