@@ -27,7 +27,7 @@ from localizers.models.gaussian_motion import GaussianMotion
 from localizers.models.scan import Scan
 
 PATHS = 100  # backward, of a run
-FILES = "smoothed.tum", "smoothed.csv"
+SMOOTHED = "smoothed.tum", "smoothed.csv"
 _INDEPENDENT = 6  # beams that a scan counts as
 _SLIP = 0.01  # m
 _WIDE = 1.0  # m: a cloud wider than this gets more particles
@@ -80,7 +80,7 @@ class Smoothed:
             "known --start is safer."
         )
         left_out = (
-            f" Left out of {FILES[0]}, as fewer than half of the returns agree with the map, or a "
+            f" Left out of {SMOOTHED[0]}, as fewer than half of the returns agree with the map, or a "
             f"position's standard deviation is above {_UNSURE} m: {self._stretches}."
         )
         agreed, away = float(self.explained.mean()), np.quantile(apart, 0.95)
@@ -113,11 +113,11 @@ class Smoothed:
         upper = self.covariances[:, *np.triu_indices(3)]
         rows = np.column_stack([self.log.times, self.poses, upper])
         lines = [",".join((*COLUMNS, *UPPER)), *(",".join(map(repr, r)) for r in rows.tolist())]
-        contents = {FILES[1]: utf8("\n".join(lines) + "\n")}
+        contents = {SMOOTHED[1]: utf8("\n".join(lines) + "\n")}
         if kept.any():
-            contents[FILES[0]] = Trajectory(self.log.times[kept], self.poses[kept]).tum
-        out = own_folder(Path(folder), *FILES)
-        (out / FILES[0]).unlink(missing_ok=True)  # of a run that had poses to rely on
+            contents[SMOOTHED[0]] = Trajectory(self.log.times[kept], self.poses[kept]).tum
+        out = own_folder(Path(folder), *SMOOTHED)
+        (out / SMOOTHED[0]).unlink(missing_ok=True)  # of a run that had poses to rely on
         return write_files(out, contents)
 
 

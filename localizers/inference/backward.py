@@ -32,7 +32,7 @@ class Transition(Motion, Protocol):
         """Density of each of m states after each of n, (m, n)."""
 
 
-Clouds = list[tuple[States, Weights]]  # what a filter believes after each scan o_0 … o_T
+Filtered = list[tuple[States, Weights]]  # what a filter believes after each scan o_0 … o_T
 
 
 def forward(
@@ -46,12 +46,12 @@ def forward(
     *,
     wide: float = np.inf,
     dtype: Any = np.float32,
-) -> tuple[Clouds, float]:
+) -> tuple[Filtered, float]:
     """Filter T + 1 scans and the actions between them, (T, k); return clouds and log p(o_{0:T}).
 
     A cloud with a standard deviation of x or y above ``wide`` has ten times the particles.
     """
-    most, clouds, evidence = SPREAD * particles, Clouds(), 0.0
+    most, clouds, evidence = SPREAD * particles, Filtered(), 0.0
     pointers = np.arange(most) / most
     states = prior.sample(most, rng).T.astype(dtype)
     for t, scan in enumerate(scans):
@@ -70,7 +70,7 @@ def forward(
 
 
 def backward(
-    clouds: Clouds, motion: Transition, actions: Floats, count: int, rng: np.random.Generator
+    clouds: Filtered, motion: Transition, actions: Floats, count: int, rng: np.random.Generator
 ) -> States:
     """Draw so many whole paths, (T + 1, d, count)."""
     paths = list[States]()
