@@ -80,8 +80,8 @@ class Smoothed:
             "known --start is safer."
         )
         left_out = (
-            f" Left out of {SMOOTHED[0]}, as fewer than half of the returns agree with the map, or a "
-            f"position's standard deviation is above {_UNSURE} m: {self._stretches}."
+            f" Left out of {SMOOTHED[0]}, as fewer than half of the returns agree with the map, or "
+            f"a position's standard deviation is above {_UNSURE} m: {self._stretches}."
         )
         agreed, away = float(self.explained.mean()), np.quantile(apart, 0.95)
         return (
