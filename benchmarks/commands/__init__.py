@@ -24,6 +24,7 @@ GROUPS = {  # of the commands
     "for robots": {
         "replay": "play a recorded log to localizers, and compare them",
         "score": "score what another stack has estimated, with the columns of replay",
+        "smooth": "make a reference of a log that has none, and judge it",
         "tune": "search the parameters of a localizer on your logs",
     },
     "for authors": {
@@ -34,7 +35,7 @@ GROUPS = {  # of the commands
 COMMANDS = {name: words for group in GROUPS.values() for name, words in group.items()}
 MODULES = {  # that they are in
     "experiments": ("paper", "run", "sweep", "report", "verify"),
-    "logs": ("replay", "score", "tune"),
+    "logs": ("replay", "score", "smooth", "tune"),
     "plug_ins": ("check", "list", "new"),
 }
 GONE = {  # said to whoever still types them

@@ -34,6 +34,11 @@ _NODE = option(
     "--node", metavar="NAME", help="the node in that file, as in /robot1/amcl (the only amcl)"
 )
 
+_LOG = option(
+    "log", nargs="+", metavar="LOG", help="a CARMEN log or ROS bag, or its parts; CSV or npz"
+)
+_MAP = option("--map", required=True, metavar="MAP.yaml", help="the map, as for ROS' map_server")
+
 
 _FAIL_IF = option("--fail-if", action="append", default=[], metavar="'COLUMN > X'", help="end "
     "with exit code 4 if this is so of a row of results.csv, or its value unknown, as in "
@@ -53,9 +58,8 @@ def _nav2(words: str) -> Option:
 
 
 @command(
-    option("log", nargs="+", metavar="LOG", help="a CARMEN log or ROS bag, or its parts; CSV or "
-        "npz"),
-    option("--map", required=True, metavar="MAP.yaml", help="the map, as for ROS' map_server"),
+    _LOG,
+    _MAP,
     option("--reference", metavar="REF.tum", help="true poses in the map's frame (the log's own)"),
     option("--localizers", default="mcl,amcl", metavar="A,B,…", help="methods (mcl,amcl)"),
     option("--start", metavar="S", help="where the robot starts: reference, global, x,y,θ in m and "
@@ -160,8 +164,6 @@ def _settings(options: argparse.Namespace) -> dict[str, Any]:
     settings("world.reading.base_frame=base", "world.reading.…"),
     option("--every", metavar="D,A", help="score a record each time the robot has moved this far "
         "(0.2m,5deg)"),
-    option("--covariance", metavar="FILE", help="covariances of the only estimate, lines of a time "
-        "and 6, 9 or 36 numbers"),
     _FAIL_IF,
     out(),
 )  # fmt: skip
@@ -201,10 +203,43 @@ def score_command(options: argparse.Namespace) -> str:
             by = played_by_replay(log, reference, reading, options.map, options.every)
         else:
             by = read_tum(reference)
-        estimates = estimates_of(options.estimates, options.covariance)
+        estimates = estimates_of(options.estimates)
         uncovered, text, table = score(by, estimates, options.out)
     warn([*warnings, *uncovered])
     return within(text, table, options.fail_if)
+
+
+@command(
+    _LOG,
+    _MAP,
+    option("--start", required=True, metavar="S", help="where the robot starts, as for replay: "
+        "x,y,θ, global, …"),
+    _every("0.2m,5deg"),
+    settings("assumed.scan.power=0.1", "world.… and assumed.… (docs/your-map-your-log.md)"),
+    option("--seeds", type=int, default=5, metavar="K", help="runs (5)"),
+    option("--particles", type=int, default=1000, metavar="N", help="particles (1000)"),
+    seed(),
+    out(),
+)  # fmt: skip
+def smooth_command(options: argparse.Namespace) -> str:
+    """Estimate all poses of a log from its scans, odometry and map, and say how good they are.
+
+    Writes smoothed.tum, a --reference for replay, score and tune, and smoothed.csv, with
+    covariances: docs/your-map-your-log.md.
+    """
+    from benchmarks.robots.smoothing import smooth
+
+    smoothed = smooth(
+        options.log,
+        options.map,
+        start=options.start,
+        settings=_settings(options),
+        particles=options.particles,
+        seeds=options.seeds,
+        seed=options.seed,
+    )
+    files = ", ".join(path.name for path in smoothed.write(options.out))
+    return f"{smoothed}\n\nWritten to {options.out}: {files}."
 
 
 @command(

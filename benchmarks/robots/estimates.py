@@ -38,7 +38,7 @@ from benchmarks.trials.tracks import EstimatedTrack, ScoredTrack
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Log, Scanner, Trajectory, referenced
-from deqmcl_gym.logs.estimates import read_estimate, with_covariances
+from deqmcl_gym.logs.estimates import read_estimate
 from deqmcl_gym.logs.motion import between, composed, relative
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import Floats, Indices
@@ -144,19 +144,13 @@ def _spread(estimate: Trajectory, at: Indices) -> Floats | None:
     return None if estimate.covariances is None else estimate.covariances[at]
 
 
-def estimates_of(words: Sequence[str], covariance: str | None) -> dict[str, Trajectory]:
-    """Return estimates ``[NAME=]FILE[:TOPIC]`` by name; the only one may have a ``covariance``."""
-    if covariance is not None and len(words) > 1:
-        raise InputError(
-            f"--covariance is for one estimate, but {len(words)} are given: score one at a time, "
-            "or put the covariances into columns of CSV."
-        )
+def estimates_of(words: Sequence[str]) -> dict[str, Trajectory]:
+    """Return estimates ``[NAME=]FILE[:TOPIC]`` by name."""
     estimates: dict[str, Trajectory] = {}
     for label, path, topic in map(_named, words):
         if label in estimates:
             raise InputError(f"two estimates are called {label}: write NAME=FILE for one of them.")
-        read = read_estimate(path, topic)
-        estimates[label] = read if covariance is None else with_covariances(read, covariance)
+        estimates[label] = read_estimate(path, topic)
     return estimates
 
 

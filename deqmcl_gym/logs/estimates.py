@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from deqmcl_gym.files import numbers_of, text_of
+from deqmcl_gym.files import text_of
 from deqmcl_gym.logs.bags import (
     POSE_TYPES,
     TRANSFORMS,
@@ -33,8 +33,8 @@ from deqmcl_gym.logs.transforms import MAP_FRAME, ODOMETRY, PoseRows, Transforms
 from deqmcl_gym.numerics import Floats
 from deqmcl_gym.validation import InputError
 
-_POSE = ("time", "x", "y", "heading")
-_UPPER = ("var_x", "cov_xy", "cov_x_heading", "var_y", "cov_y_heading", "var_heading")
+COLUMNS = ("time", "x", "y", "heading")
+UPPER = ("var_x", "cov_xy", "cov_x_heading", "var_y", "cov_y_heading", "var_heading")
 _AT = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])  # of a 3 x 3 matrix in its upper triangle
 _BAGS = ("", ".bag", ".mcap", ".db3")
 _ESTIMATE = "/amcl_pose"  # of Nav2's AMCL
@@ -65,54 +65,18 @@ def read_estimate(path: str | PathLike[str], topic: str | None = None) -> Trajec
     return sound_poses(stamped(rows), source, damage)
 
 
-def with_covariances(estimate: Trajectory, path: str | PathLike[str]) -> Trajectory:
-    """Return an estimate with the covariances of a file, a line at the time of each of its poses.
-
-    A line is the time, then the 6 numbers of the upper triangle of (x, y, θ), or the 9 or, as in
-    ROS, the 36 of a whole matrix, row by row; ``#`` begins a comment.
-    """
-    rows: list[list[float]] = []
-    for number, line in enumerate(text_of(Path(path)).splitlines(), 1):
-        words = line.replace(",", " ").split()
-        if not words or words[0].startswith("#"):
-            continue
-        try:
-            row = numbers_of(words)
-        except ValueError:
-            row = []
-        if len(row) not in (7, 10, 37) or (rows and len(row) != len(rows[0])):
-            raise InputError(
-                f"line {number} of {path} must be a time and 6, 9 or 36 numbers of a covariance, "
-                "as many in every line."
-            )
-        rows.append(row)
-    table = np.array(rows or [[math.nan]])
-    if not np.array_equal(table[:, 0], estimate.times):
-        raise InputError(
-            f"{path} has {len(rows):,} lines of covariances, but must have one at each time of the "
-            f"{estimate.times.size:,} poses of {estimate.source}."
-        )
-    values = table[:, 1:]
-    if values.shape[1] == 6:
-        values = values[:, _AT]
-    if values.shape[1] == 36:
-        values = values.reshape(-1, 6, 6)[:, [[0], [1], [5]], [0, 1, 5]]
-    covariances = values.reshape(-1, 3, 3)
-    return Trajectory(estimate.times, estimate.poses, estimate.source, covariances)
-
-
 def _read_csv(path: Path) -> tuple[Floats, Floats | None]:
     """Return rows t, x, y, θ and covariances; None without these columns."""
     header, *lines = text_of(path).splitlines() or [""]
     columns = [cell.strip() for cell in header.split(",")]
-    spread = [name for name in _UPPER if name in columns]
-    for name in (*_POSE, *(_UPPER if spread else ())):
+    spread = [name for name in UPPER if name in columns]
+    for name in (*COLUMNS, *(UPPER if spread else ())):
         if columns.count(name) != 1:
             raise InputError(
                 f"{path} has the column {name!r} {columns.count(name)} times, but a CSV of "
-                f"estimates has {','.join(_POSE)} and all or none of {','.join(_UPPER)} once."
+                f"estimates has {','.join(COLUMNS)} and all or none of {','.join(UPPER)} once."
             )
-    at = [columns.index(name) for name in (*_POSE, *spread)]
+    at = [columns.index(name) for name in (*COLUMNS, *spread)]
     table = np.full((len(lines), len(at)), math.nan)
     kept = 0
     for number, line in enumerate(lines, 2):

@@ -75,7 +75,7 @@ def replay(folder):
 def published(replay):
     """The scores of a run of mcl, of the records after those fitted to."""
     own = {"mcl": {"particles": 1000}}
-    sweep = replay_sweep(replay, ["mcl"], particles=None, seeds=1, root=1, nav2=None, own=own)
+    sweep = replay_sweep(replay, ["mcl"], particles=None, seeds=1, root=1, nav2=(), own=own)
     (trial,) = sweep.distinct()
     return attempt(trial, key_of(trial)).record.track.scores
 
@@ -152,7 +152,7 @@ def largest_errors(tmp_path, cells, name, power, **params):
     told = EVERY | {"assumed.scan.power": power}
     replay = replay_of(tmp_path / "log.npz", tmp_path / "hall.yaml", settings=told)
     own = {name: params}
-    sweep = replay_sweep(replay, [name], particles=1000, seeds=2, root=1, nav2=None, own=own)
+    sweep = replay_sweep(replay, [name], particles=1000, seeds=2, root=1, nav2=(), own=own)
     found = []
     for trial in sweep.distinct():
         stage = Stage.of(trial)

@@ -188,7 +188,6 @@ def test_beside_what_a_stack_published_stands_what_a_calibration_of_it_would_hav
         (("late.tum", *WHOLE), "with the same clock"),
         (("lap.tum", "lap.tum", "--reference", "lap.tum"), "two estimates are called lap"),
         (("mcl=lap.tum", "--beside", "mcl"), "mcl is a localizer of the replay"),
-        (("a=lap.tum", "lap.tum", "--reference", "lap.tum", "--covariance", "x"), "one estimate"),
         (("lap.tum:/amcl_pose", "--reference", "lap.tum"), "no topic /amcl_pose"),
         (("lap.tum", "--reference", "lap.tum", "--fail-if", "p95 > 1"), "unknown column"),
     ],

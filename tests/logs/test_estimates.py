@@ -11,7 +11,7 @@ from deqmcl_command import exit_code
 from refusals import refused
 
 from deqmcl_gym import logs
-from deqmcl_gym.logs.estimates import read_estimate, with_covariances
+from deqmcl_gym.logs.estimates import read_estimate
 from deqmcl_gym.validation import LogWarning
 
 POSE, COVARIANT = (f"geometry_msgs/msg/Pose{word}Stamped" for word in ("", "WithCovariance"))
@@ -51,17 +51,13 @@ def test_a_bag_a_csv_and_a_tum_file_say_the_same(tmp_path):
     lines = [",".join(map(repr, row)) for row in table.tolist()]
     (tmp_path / "x.csv").write_text("\n".join([header_, *lines]) + "\n")
     logs.Trajectory(TIMES, POSES).write(tmp_path / "x.tum")
-    tum = read_estimate(tmp_path / "x.tum")
-    whole = np.zeros((3, 6, 6))
-    whole[:, [[0], [1], [5]], [0, 1, 5]] = given
-    found = [read_estimate(amcl_pose(tmp_path / "x", given)), read_estimate(tmp_path / "x.csv")]
-    for form in (upper, given.reshape(3, 9), whole.reshape(3, 36)):
-        np.savetxt(tmp_path / "c.txt", np.column_stack([TIMES, form]), fmt="%.17g")
-        found.append(with_covariances(tum, tmp_path / "c.txt"))
-    for one in found:
-        np.testing.assert_array_equal(one.times, TIMES)
-        np.testing.assert_allclose(one.poses, POSES, rtol=0, atol=1e-12)
-        np.testing.assert_allclose(one.covariances, given, rtol=1e-14)
+    paths = amcl_pose(tmp_path / "x", given), tmp_path / "x.csv", tmp_path / "x.tum"
+    for estimate in map(read_estimate, paths):
+        np.testing.assert_array_equal(estimate.times, TIMES)
+        np.testing.assert_allclose(estimate.poses, POSES, rtol=0, atol=1e-12)
+        if estimate.covariances is not None:
+            np.testing.assert_allclose(estimate.covariances, given, rtol=1e-14)
+    assert estimate.covariances is None
 
 
 def test_a_topic_is_asked_for_by_name_and_zeros_are_no_covariance(tmp_path):
@@ -104,24 +100,18 @@ def test_poses_that_are_not_finite_are_left_out_and_counted(tmp_path):
         assert read_estimate(tmp_path / "x.tum").times.tolist() == [1.0]
 
 
-TWO = logs.Trajectory([1.0, 2.0], np.zeros((2, 3)))
-POSED, SPREAD = read_estimate, lambda path: with_covariances(TWO, path)
 REFUSED = [
-    (POSED, "x.tum", "# nothing\n", "has no usable pose"),
-    (POSED, "x.csv", "time,x,y\n1,2,3\n", "'heading' 0 times"),
-    (POSED, "x.csv", "time,x,y,heading,var_x\n", "'cov_xy' 0 times"),
-    (POSED, "x.csv", "time,x,y,heading\n1,2,3,4\n1,2\n", "line 3 of"),
-    (POSED, "x.csv", "time,x,y,heading\n1,2,3,left\n", "line 2 of"),
+    (read_estimate, "x.tum", "# nothing\n", "has no usable pose"),
+    (read_estimate, "x.csv", "time,x,y\n1,2,3\n", "'heading' 0 times"),
+    (read_estimate, "x.csv", "time,x,y,heading,var_x\n", "'cov_xy' 0 times"),
+    (read_estimate, "x.csv", "time,x,y,heading\n1,2,3,4\n1,2\n", "line 3 of"),
+    (read_estimate, "x.csv", "time,x,y,heading\n1,2,3,left\n", "line 2 of"),
     (lambda path: read_estimate(path, "/amcl_pose"), "x.tum", "", "no topic /amcl_pose"),
-    (SPREAD, "c.txt", "1 1 0 0\n", "line 1 of"),
-    (SPREAD, "c.txt", "1 1 0 0 1 0 1\n2 1 0 0 0 1 0 0 0 1\n", "line 2 of"),
-    (SPREAD, "c.txt", "1 1 0 0 1 0 1\n", "1 lines of covariances"),
-    (SPREAD, "c.txt", "", "0 lines of covariances"),
 ]
 
 
 @pytest.mark.parametrize(("read", "name", "text", "words"), REFUSED)
-def test_what_is_no_estimate_or_no_covariance_of_it_is_refused(tmp_path, read, name, text, words):
+def test_what_is_no_estimate_is_refused(tmp_path, read, name, text, words):
     (tmp_path / name).write_text(text)
     with refused(name, words):
         read(tmp_path / name)
