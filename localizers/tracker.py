@@ -6,7 +6,7 @@ increment since the last one. What is remembered is bounded, so a tracker runs f
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -324,7 +324,7 @@ class Tracker:
         if self._updates:
             known, begin = self._updates[-1], self._odometry.stretch.times[0]
             self._updates.clear()
-            self._updates.append(_Update(begin, known.odometry, known.belief))
+            self._updates.append(replace(known, time=begin))
 
 
 def _pair(what: str, given: tuple[float, float]) -> tuple[float, float]:

@@ -186,7 +186,9 @@ def cases(log: Log, robot: RobotModel, chosen: list[str]) -> Iterator[tuple[str,
         "another place": lambda: [
             stretch(log, at, start=elsewhere(k)) for k, at in enumerate(some)
         ],
-        "blackout": lambda: [stretch(log, at, scan=blind) for at in places(log, PLACES, 60.0)],
+        "blackout": lambda: [
+            stretch(log, at, 2 * AFTER, scan=blind) for at in places(log, PLACES, 2 * AFTER)
+        ],
         "frozen": lambda: [stretch(log, at, scan=frozen(at)) for at in some],
         "late": lambda: [whole(log, late=LATE)],
     }
