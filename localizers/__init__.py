@@ -32,6 +32,7 @@ from localizers.models.prior import (
 )
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
+from localizers.recovery import Relocalization
 from localizers.registry import (
     ScanPlugIn,
     describe,
@@ -66,6 +67,7 @@ __all__ = [
     "PolygonRegion",
     "PoseBelief",
     "Prior",
+    "Relocalization",
     "RobotModel",
     "Scan",
     "ScanPlugIn",

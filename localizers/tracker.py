@@ -6,7 +6,7 @@ increment since the last one. What is remembered is bounded, so a tracker runs f
 
 import math
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,10 +21,13 @@ from deqmcl_gym.numerics import Floats, Pose, Reals
 from deqmcl_gym.validation import InputError, number, one_of
 from localizers.api import Belief, Localizer, Prior, best_cluster, quality_of
 from localizers.calibration import Calibration, spread_about
+from localizers.models.robot import RobotModel
+from localizers.recovery import Lookout, Relocalization
 
 _EVERY = 10.0, math.radians(5)  # px (0.2 m), rad
 _WAITING = 10  # scans that may wait for their odometry
 _MOST = 10_000  # updates that are remembered
+_LATE = 0.2  # s by which stamps of scans are late before they are counted
 _NO_PLAN = np.empty((0, 3))
 _AS_BELIEVED = Calibration()
 
@@ -45,6 +48,9 @@ class Counts:
     scans_without_odometry: int = 0  # before the first, or in a gap of over 1 s and 3 usual periods
     scans_before_start: int = 0  # not newer than the start, or no start was told
     unusable: int = 0  # odometry or stamps that are not finite: left out
+    frozen_scans: int = 0  # the same as before though the robot has moved: taken as blind
+    misdated_scans: int = 0  # used, though ``stamps_late_by`` says 0.2 s or more
+    recoveries: int = 0  # beliefs that were replaced, as the robot was found elsewhere
 
 
 @dataclass(frozen=True)
@@ -57,6 +63,10 @@ class Estimate:
     quality: float | None  #: confidence that it is not lost, in [0, 1]; None if not given
     odometry: Pose  #: the pose by odometry at that time
     unit: str  #: of lengths
+    #: share of a scan's returns within 0.15 m of a wall of the map, the scan moved a little to fit;
+    #: median of five scans 0.2 m or 5° apart; None before them, and of a map that is not known
+    agreement: float | None = None
+    lost: bool = False  #: whether that is below ``lost_below``
     calibration: Calibration = _AS_BELIEVED  #: of what is published
 
     @cached_property
@@ -85,6 +95,7 @@ class _Update:
     time: float
     odometry: Pose
     belief: Belief
+    agreement: float | None = None
 
 
 @dataclass
@@ -107,6 +118,8 @@ class Tracker:
     memory: float = 10.0  #: s of odometry and beliefs that ``at`` can look back
     lidar: Lidar | None = None  #: of the localizer, for scans that vary; None is ``robot.lidar``
     calibration: Calibration = _AS_BELIEVED  #: of ``Estimate.covariance``
+    lost_below: float = 0.7  #: agreement with the map below which an estimate is ``lost``
+    recovery: Relocalization | None = None  #: how it finds itself when it is lost; None: it doesn't
     counts: Counts = field(default_factory=Counts, init=False)
 
     def __post_init__(self) -> None:
@@ -118,7 +131,18 @@ class Tracker:
         number("memory", self.memory, low=0, above=True)
         if self.lidar is None:
             self.lidar = getattr(getattr(self.localizer, "robot", None), "lidar", None)
+        number("lost_below", self.lost_below, low=0, high=1)
+        robot = getattr(self.localizer, "robot", None)
+        self._lookout = Lookout(robot, self.recovery) if isinstance(robot, RobotModel) else None
+        if self.recovery is not None and self._lookout is None:
+            raise InputError(
+                "recovery is given, but the localizer does not say for which robot it was made: "
+                "give it an attribute robot, the RobotModel."
+            )
         self._odometry = Odometry(self.unit, self.fastest)
+        self._scanned: tuple[bytes, Pose] | None = (
+            None  # a scan, and the odometry at the first like it
+        )
         self._waiting: dict[float, Reals] = {}  # by stamp, in the order in which they came
         self._updates: deque[_Update] = deque(maxlen=_MOST)
         self._looked_at = -math.inf  # stamp of the last scan that waited no longer
@@ -132,6 +156,8 @@ class Tracker:
         """
         self._start = prior, time
         self._updates.clear()
+        if self._lookout is not None:
+            self._lookout.begin()
         return self._begun()
 
     def odometry(self, time: float, pose: ArrayLike) -> bool:
@@ -195,8 +221,16 @@ class Tracker:
         poses = composed(np.asarray(points[0], np.float64), moved)
         frame = self._odometry.stretch.frame_at(when)
         by = here if frame is None else one_pose(relative(np.array([frame]), np.array([here])))
-        quality = quality_of(update.belief)
-        return Estimate(when, poses, points[1], quality, by, self.unit, self.calibration)
+        quality, agreed = quality_of(update.belief), update.agreement
+        lost = agreed is not None and agreed < self.lost_below
+        return Estimate(
+            when, poses, points[1], quality, by, self.unit, agreed, lost, self.calibration
+        )
+
+    @property
+    def stamps_late_by(self) -> float:
+        """How much later scans are stamped than measured, s, by their turns on the map; up to 1."""
+        return 0.0 if self._lookout is None else self._lookout.delay.seconds
 
     def _begun(self) -> bool:
         """Begin the belief if its odometry is there."""
@@ -236,12 +270,38 @@ class Tracker:
             self.counts.still += 1
             return False
         (moved,) = increments_of(np.array([last, here])).astype(np.float32)
+        if frozen := self._is_frozen(ranges, here):
+            self.counts.frozen_scans += 1
+            ranges = np.full(np.shape(ranges), np.nan, np.float32)
         belief = self.localizer.update(ranges, moved, _NO_PLAN)
         self.counts.updates += 1
-        self._updates.append(_Update(time, here, belief))
+        agreement = None
+        if (lookout := self._lookout) is not None:
+            if not frozen and lookout.look(time, self._odometry.stretch, ranges, belief):
+                belief = self._recovered(belief, lookout)
+            agreement = lookout.share
+            self.counts.misdated_scans += lookout.delay.seconds >= _LATE
+        self._updates.append(_Update(time, here, belief, agreement))
         while len(self._updates) > 1 and self._updates[1].time <= time - self.memory:
             self._updates.popleft()  # the one before that time is what was believed then
         return True
+
+    def _recovered(self, belief: Belief, lookout: Lookout) -> Belief:
+        """Return the belief, or one that begins where a lost robot is found."""
+        prior = lookout.found(self.rng)
+        if prior is None:
+            return belief
+        self.counts.recoveries += 1
+        return self.localizer.reset(prior, _NO_PLAN, self.rng)
+
+    def _is_frozen(self, ranges: Reals, here: Pose) -> bool:
+        """Whether a scan with returns is the same as at a place that the robot has left."""
+        content = ranges.tobytes()
+        if self._scanned is None or self._scanned[0] != content:
+            self._scanned = content, here
+            return False
+        far = _EVERY[0] * pixel(self.unit), _EVERY[1]
+        return has_moved(self._scanned[1], here, *far) and bool(np.isfinite(ranges).any())
 
     def _seen(self, ranges: Reals, bearings: ArrayLike | None) -> Reals:
         """Return a scan at the bearings of the localizer's lidar."""
@@ -265,7 +325,7 @@ class Tracker:
         if self._updates:
             known, begin = self._updates[-1], self._odometry.stretch.times[0]
             self._updates.clear()
-            self._updates.append(_Update(begin, known.odometry, known.belief))
+            self._updates.append(replace(known, time=begin))
 
 
 def _pair(what: str, given: tuple[float, float]) -> tuple[float, float]:

@@ -159,11 +159,13 @@ def test_beside_what_a_stack_published_stands_what_a_calibration_of_it_would_hav
     reference = logs.Trajectory(np.arange(float(n)), np.zeros((n, 3)))
     reference.write(tmp_path / "reference.tum")
     poses = rng.normal(size=(n, 3)) * np.sqrt(np.diag(spread))
-    logs.Trajectory(reference.times, poses).write(tmp_path / "slam.tum")
-    told = np.hstack([reference.times[:, None], np.tile(spread.ravel() / 100, (n, 1))])
-    np.savetxt(tmp_path / "told.txt", told)
-    words = ("score", tmp_path / "slam.tum", "--reference", tmp_path / "reference.tum")
-    words += ("--covariance", tmp_path / "told.txt", "--out", tmp_path / "s")
+    told = (spread[np.triu_indices(3)] / 100).tolist()
+    rows = [(t, *pose, *told) for t, pose in enumerate(poses.tolist())]
+    names = "time,x,y,heading,var_x,cov_xy,cov_x_heading,var_y,cov_y_heading,var_heading"
+    texts = [names, *(",".join(map(repr, row)) for row in rows)]
+    (tmp_path / "slam.csv").write_text("\n".join(texts))
+    words = ("score", tmp_path / "slam.csv", "--reference", tmp_path / "reference.tum")
+    words += ("--out", tmp_path / "s")
     assert exit_code(*words) == 0
     rows = table(tmp_path / "s", "results.csv")
     assert list(rows) == ["slam", "slam, calibrated"]

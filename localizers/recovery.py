@@ -1,0 +1,276 @@
+"""Lost, and found again: how well scans agree with the map, and where on it they agree better.
+
+A belief that may be right is not given up for a place that looks alike: places that are found run
+on beside it, and one of them takes over only if it explains the scans to come clearly better.
+"""
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+
+import numpy as np
+
+from deqmcl_gym.logs.motion import composed, has_moved, relative
+from deqmcl_gym.logs.odometry import Stretch
+from deqmcl_gym.maps.map import metre
+from deqmcl_gym.numerics import Floats, Singles, arrays
+from deqmcl_gym.validation import integer, number
+from localizers.api import Belief, best_cluster
+from localizers.models.nav2_scan import DistanceTable
+from localizers.models.prior import GaussianPrior, random_poses
+from localizers.models.robot import RobotModel
+from localizers.models.scan import Scan
+from localizers.models.scan_field import add_at_ends
+
+_NEAR = 0.15  # m from a wall: where a beam ends that agrees with the map
+_SIGMA = 0.2  # m, of what is climbed when scans are matched
+_CELL = 0.05  # m, of the table on a map of polygons
+_APART = 0.2, math.radians(5)  # m, rad between two scans that are compared
+_MEDIAN = 5  # scans
+_KEPT = 10  # scans that places are searched by
+_RANKED = 3  # of them: by which all poses are ranked
+_MATCHED = 50  # of all poses: the best
+_PLACES = 5  # of these: that run on
+_DISTINCT = 0.5, 0.3  # m, rad
+_SAME = 1.3, math.radians(40)  # m, rad: a place so near to the belief does not replace it
+_FINE = 0.1, 0.05, 3  # first steps of a matcher, m and rad, and how often they are halved
+_WIDE = 0.5, 0.2, 4
+_MOST = 30  # its steps
+_SPREAD = 0.25, 0.1  # m, rad: SD of the belief that begins where the robot is found
+# Ahead, left and turn of a pose's neighbours, in steps.
+_AROUND = np.vstack([np.eye(3), -np.eye(3)])
+_SURE = 0.8  # agreement from which on a scan shows the heading
+_DELAYS = 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0  # s
+_TELLS = 0.05  # rad between turns by the odometry, earlier and later, that tell a delay
+_FARTHEST_OFF = 0.2  # rad: more is a wrong match
+_TURNS, _FADING = 20, 0.98  # turns that are needed, and how fast they are forgotten
+_CLEAR = 1.5
+_NOWHERE = np.empty((0, 3))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Relocalization:
+    """When a lost robot's belief is replaced, and by what: for ``Tracker(…, recovery=…)``."""
+
+    doubt: float = 0.85  #: agreement of the belief below which better places are looked for
+    poses: int = 50_000  #: drawn in free space at each search
+    #: m that a place runs on beside the belief before it may replace it; 1 rad of turning is 1 m
+    way: float = 3.0
+    least: float = 0.8  #: agreement that it must have on this way
+    margin: float = 0.15  #: by which it must agree better than the belief
+
+    def __post_init__(self) -> None:
+        number("recovery.doubt", self.doubt, low=0, high=1)
+        integer("recovery.poses", self.poses, low=_MATCHED)
+        number("recovery.way", self.way, low=0)
+        number("recovery.least", self.least, low=0, high=1)
+        number("recovery.margin", self.margin, low=0, high=1)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A scan and the odometry's pose at it."""
+
+    odometry: Floats  # (3,)
+    scan: Scan
+
+
+class MapAgreement:
+    """The share of a scan's returns that end within 0.15 m of a wall; and poses matched to it."""
+
+    def __init__(self, robot: RobotModel) -> None:
+        """Make the tables of a robot's map."""
+        self.metre = metre(robot.floor_plan.unit)
+        self._lidar = robot.lidar
+        squares, self._frame = DistanceTable.of(
+            robot.floor_plan, 2 * _SIGMA * self.metre, _CELL * self.metre
+        )
+        away = np.append(squares, np.inf) * (self._frame[-1] / self.metre) ** 2  # m²
+        self._shape = squares.shape
+        self._near = (away <= _NEAR**2 + 1e-9).astype(np.float32)
+        self._climbed = arrays.exp(-0.5 * away / _SIGMA**2).astype(np.float32)
+
+    def returns(self, ranges: Singles) -> Scan:
+        """Return a scan whose usable beams have a return."""
+        scan = Scan.of(np.array(ranges, np.float64), self._lidar.max_range)
+        return scan.without(scan.ranges >= self._lidar.max_range)
+
+    def __call__(self, poses: Floats, seen: Seen) -> tuple[Floats, Floats]:
+        """Share of a scan's returns that agree near each pose (n, 3), (n,); and where, (n, 3)."""
+        matched, _ = self.matched(poses, [seen], *_FINE)
+        return self._mean(self._near, matched, [seen]), matched
+
+    def ranked(self, poses: Floats, seen: Sequence[Seen]) -> Floats:
+        """How well scans, the last of them from these poses (n, 3), fit the map, (n,)."""
+        return self._mean(self._climbed, poses, seen)
+
+    def matched(
+        self, poses: Floats, seen: Sequence[Seen], step: float, turn: float, halvings: int
+    ) -> tuple[Floats, Floats]:
+        """Return poses (n, 3), each climbed up ``ranked`` by a compass search, and that, (n,)."""
+        best, height = poses.copy(), self.ranked(poses, seen)
+        steps = _AROUND * np.array([step * self.metre, step * self.metre, turn])
+        size = np.ones(len(best))
+        for _ in range(_MOST):
+            going = np.flatnonzero(size >= 0.5**halvings)
+            if not going.size:
+                break
+            offsets = (steps * size[going][:, None, None]).reshape(-1, 3)
+            tried = composed(best[going].repeat(len(steps), axis=0), offsets)
+            heights = self.ranked(tried, seen).reshape(going.size, -1)
+            chosen = heights.argmax(axis=1)
+            highest = heights[np.arange(going.size), chosen]
+            better = highest > height[going]
+            tried = tried.reshape(going.size, -1, 3)[np.arange(going.size), chosen]
+            best[going[better]], height[going[better]] = tried[better], highest[better]
+            size[going[~better]] /= 2
+        return best, height
+
+    def _mean(self, table: Singles, poses: Floats, seen: Sequence[Seen]) -> Floats:
+        """Mean of a table where the beams of scans end, (n,)."""
+        out, beams = np.zeros(len(poses)), 0
+        for one in seen:
+            back = relative(seen[-1].odometry[None], one.odometry[None])[0]
+            states = np.ascontiguousarray(composed(poses, back).T, np.float32)
+            ranges, used = one.scan.ranges[one.scan.usable], one.scan.usable
+            for origins, rows in self._lidar.fans(states, used):
+                starts = np.ascontiguousarray(origins, np.float32)
+                own = ranges[rows], self._lidar.bearings[used][rows]
+                add_at_ends(starts, *own, table, self._shape, self._frame, out)
+            beams += one.scan.beams
+        return out / beams
+
+
+class ScanDelay:
+    """By how much stamps of scans are late: the odometry has turned as they have, but before."""
+
+    def __init__(self) -> None:
+        """Begin without a turn."""
+        self._last: tuple[float, float] | None = None  # time and heading of the scan before
+        self._errors, self._turns = np.zeros(len(_DELAYS)), 0
+
+    @property
+    def seconds(self) -> float:
+        """The delay that explains the latest turns clearly better than none, s; 0 if none does."""
+        best = int(self._errors.argmin())
+        clear = self._errors[0] > _CLEAR * self._errors[best]
+        return _DELAYS[best] if self._turns >= _TURNS and clear else 0.0
+
+    def add(self, time: float, heading: float | None, odometry: Stretch) -> None:
+        """Take the heading on the map that a scan of this stamp shows, rad; None if it does not."""
+        last, self._last = self._last, None if heading is None else (time, heading)
+        if last is None or heading is None:
+            return
+        turned = []
+        for delay in _DELAYS:
+            before, here = odometry.at(last[0] - delay), odometry.at(time - delay)
+            if before is None or here is None:
+                return
+            turned.append(here[2] - before[2])
+        by = arrays.wrapped(np.array(turned))
+        if np.ptp(by) >= _TELLS:
+            off = np.minimum(np.abs(arrays.wrapped(heading - last[1] - by)), _FARTHEST_OFF)
+            self._errors, self._turns = _FADING * self._errors + off, self._turns + 1
+
+
+@dataclass
+class Lookout:
+    """What a tracker knows of how well its scans agree with the map."""
+
+    robot: RobotModel
+    recovery: Relocalization | None
+    seen: deque[Seen] = field(default_factory=lambda: deque(maxlen=_KEPT))
+    shares: deque[float] = field(default_factory=lambda: deque(maxlen=_MEDIAN))
+    pose: Floats = field(default_factory=partial(np.zeros, 3))  # the belief's
+    places: Floats = field(default_factory=_NOWHERE.copy)  # that run on, (k, 3)
+    #: how well they and the belief agreed since, a row a scan, (1 + k,)
+    compared: list[Floats] = field(default_factory=list)
+    way: float = 0.0  # m since they were found
+    delay: ScanDelay = field(default_factory=ScanDelay)
+
+    @cached_property
+    def agreement(self) -> MapAgreement:
+        """That of the robot's map, whose tables are made when they are needed."""
+        return MapAgreement(self.robot)
+
+    @property
+    def share(self) -> float | None:
+        """Median of the shares of the latest five scans that agree; None before there are five."""
+        return float(np.median(self.shares)) if len(self.shares) == _MEDIAN else None
+
+    def begin(self) -> None:
+        """Begin with a new belief."""
+        self.shares.clear()
+        self._drop()
+
+    def _drop(self) -> None:
+        self.places, self.compared, self.way = _NOWHERE, [], 0.0
+
+    def look(self, time: float, stretch: Stretch, ranges: Singles, belief: Belief) -> bool:
+        """Compare a scan with the map; return whether one was due and says something."""
+        here, metre = np.array(stretch.at(time)), self.agreement.metre
+        last = self.seen[-1].odometry if self.seen else None
+        if last is not None and not _apart(last, here, _APART[0] * metre, _APART[1]):
+            return False
+        scan = self.agreement.returns(ranges)
+        points = belief.points()
+        if scan.beams == 0 or points is None:
+            return False
+        self.pose = np.array(best_cluster(*points, unit=self.robot.floor_plan.unit).mean)
+        self.seen.append(Seen(here, scan))
+        share, matched = self.agreement(self.pose[None], self.seen[-1])
+        self.delay.add(time, float(matched[0, 2]) if share[0] >= _SURE else None, stretch)
+        self.shares.append(float(share[0]))
+        if len(self.places) and last is not None:
+            moved = relative(last[None], here[None])[0]
+            self.places = self.agreement.matched(
+                composed(self.places, moved), list(self.seen), *_FINE
+            )[0]
+            shares, _ = self.agreement(self.places, self.seen[-1])
+            self.compared.append(np.concatenate([share, shares]))
+            self.way += math.hypot(*moved[:2]) / metre + abs(float(moved[2]))
+        return True
+
+    def found(self, rng: np.random.Generator) -> GaussianPrior | None:
+        """Return where the robot is found, after a scan; search if the belief is in doubt."""
+        if self.recovery is None or self.share is None or self.share >= self.recovery.doubt:
+            self._drop()
+            return None
+        if self.compared and self.way >= self.recovery.way:
+            belief, *places = np.mean(self.compared, axis=0).tolist()
+            best = int(np.argmax(places))
+            mean, metre = self.places[best], self.agreement.metre
+            clear = places[best] >= max(
+                self.recovery.least, belief + self.recovery.margin
+            ) and _apart(self.pose, mean, _SAME[0] * metre, _SAME[1])
+            self._drop()
+            if clear:
+                spread = _SPREAD[0] * self.agreement.metre
+                self.shares.clear()
+                x, y, heading = mean.tolist()
+                return GaussianPrior(
+                    mean=(x, y, heading), sd_position=spread, sd_heading=_SPREAD[1]
+                )
+        if not len(self.places):
+            self._search(self.recovery.poses, rng.spawn(1)[0])
+        return None
+
+    def _search(self, poses: int, rng: np.random.Generator) -> None:
+        """Find places where the latest scans fit the map, after that of the belief."""
+        drawn = random_poses(self.robot.floor_plan, poses, rng, self.robot.radius)
+        tried, seen = np.vstack([self.pose, drawn.T]), list(self.seen)
+        some = [seen[k] for k in np.linspace(0, len(seen) - 1, _RANKED).astype(int)]
+        order = np.argsort(-self.agreement.ranked(tried[1:], some), kind="stable")[:_MATCHED]
+        matched, height = self.agreement.matched(tried[[0, *(1 + order)]], seen, *_WIDE)
+        places, far = [matched[0]], (_DISTINCT[0] * self.agreement.metre, _DISTINCT[1])
+        for pose in matched[np.argsort(-height, kind="stable")]:
+            if all(_apart(one, pose, *far) for one in places):
+                places.append(pose)
+        self.places = np.array(places[: 1 + _PLACES])
+
+
+def _apart(one: Floats, other: Floats, distance: float, angle: float) -> bool:
+    """Whether two poses are at least so far from each other."""
+    return has_moved(one.tolist(), other.tolist(), distance, angle)
