@@ -25,10 +25,10 @@ from msgspec.structs import replace
 
 from benchmarks.commands.experiments import asked, paper_command, sweep_command
 from benchmarks.execution.engines import Where
-from benchmarks.sweeps import suites
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.running import compare_again, record_parts, sample
+from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import csv_of
 from benchmarks.trials.attempt import Outcome, provenance_of
@@ -114,7 +114,7 @@ def sweep_of(command: str) -> Sweep | None:
         paper_command.arguments(parser)
         given = parser.parse_args(rest)
         names = ("scenario", "trials", "seed", "lag", "particles")
-        return suites.paper_sweep(**{name: getattr(given, name) for name in names})
+        return paper_sweep(**{name: getattr(given, name) for name in names})
     return None
 
 
