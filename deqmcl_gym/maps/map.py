@@ -122,11 +122,6 @@ class Map:
         """All walls as segments (x0, y0, x1, y1), free space to their left, (S, 4)."""
         raise NotImplementedError
 
-    @property
-    def caster(self) -> Caster:
-        """The ray caster of this map: ``cast``."""
-        return self.cast
-
     def cast(self, poses: Singles, bearings: Singles, out: Singles) -> None:
         """Fill in the distance of each beam to the nearest wall, (B, n); ∞ if none, NaN outside.
 

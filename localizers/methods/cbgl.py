@@ -47,7 +47,7 @@ class AbsoluteError:
         for start in range(0, n, _BLOCK):
             some = np.ascontiguousarray(states[:, start : start + _BLOCK])
             expected = np.empty((scan.beams, some.shape[1]), np.float32)
-            self.lidar.cast(self.floor_plan.caster, some, expected, scan.usable)
+            self.lidar.cast(self.floor_plan.cast, some, expected, scan.usable)
             seen = np.minimum(expected, self.lidar.max_range)
             error = np.abs(measured - seen).sum(axis=0)
             fits = self.floor_plan.free(some.T, self.radius) & ~np.isnan(error)

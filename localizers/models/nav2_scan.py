@@ -325,7 +325,7 @@ class BeamCubes:
         for start in range(0, out.size if told.size else 0, _BLOCK):
             some = states[:, start : start + _BLOCK]
             expected = np.empty((told.size, some.shape[1]), np.float32)
-            self.lidar.cast(self._stopping.caster, some, expected, counted)
+            self.lidar.cast(self._stopping.cast, some, expected, counted)
             beams_cubed(told * metres, expected, metres, shares, model, out[start : start + _BLOCK])
         return out
 

@@ -113,7 +113,7 @@ class LidarScan:
         if scan.beams < measured.size:
             measured, used = measured[scan.usable], scan.usable
         expected = np.empty((measured.size, states.shape[1]), np.float32)
-        self.lidar.cast(self.floor_plan.caster, states, expected, used)
+        self.lidar.cast(self.floor_plan.cast, states, expected, used)
         if len(self.lidar.places) > 1:
             _leave_out(expected)
         return measured, expected

@@ -164,10 +164,6 @@ def test_zero_and_the_maximum_range_are_measurements(scan, limit):
 class Hall:
     """A map of one's own: all walls are 80 px away."""
 
-    @property
-    def caster(self):
-        return self
-
     def cast(self, poses, bearings, out):
         out[:] = 80.0
 
