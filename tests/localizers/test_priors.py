@@ -109,7 +109,10 @@ def test_filters_start_from_what_a_person_knows(name):
     ("made", "words"),
     [
         (lambda: PolygonRegion(corners=((0, 0), (1, 0))), "2 corners"),
-        (lambda: PolygonRegion(corners=((0, 0), (2, 2), (2, 0), (0, 2))), "crosses or touches itself"),
+        (
+            lambda: PolygonRegion(corners=((0, 0), (2, 2), (2, 0), (0, 2))),
+            "crosses or touches itself",
+        ),
         (lambda: PolygonRegion(corners=((0, 0), (1, 0), (1, 1), (0, 0))), "zero length"),
         (lambda: AnnulusRegion(centre=(0, 0), within=1, beyond=1), "prior.within"),
         (lambda: AnnulusRegion(centre=(0,), within=1), "prior's centre"),
