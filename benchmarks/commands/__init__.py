@@ -54,6 +54,7 @@ GONE_OPTIONS = {
     "--agent": "--set agent=NAME",
     "--agents": "--set vary.agent=[A,B]",
     "--changed-walls": "--set world.changed_walls.share=0.3",
+    "--covariance": "columns var_x, cov_xy, … in a CSV of the estimate",
     "--executor": "--dask",
     "--max-beams": "--set world.max_beams=60",
     "--motion": "--set assumed.motion.alpha1=0.1, and so on for each",
@@ -63,6 +64,7 @@ GONE_OPTIONS = {
     "--read": "--set world.reading.NAME=VALUE",
     "--scan": "--set assumed.scan.sigma=0.1, and so on for each",
     "--scheduler": "--dask ADDRESS",
+    "--smooth": "deqmcl smooth LOG --map MAP.yaml --start S --out DIR",
     "--suites": "deqmcl list suites",
     "--unknown": "--set world.unknown=free",
 }

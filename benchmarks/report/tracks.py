@@ -295,7 +295,7 @@ def accuracy(runs: pd.DataFrame) -> list[str]:
     worst = worst_run(known)
     said = f"Worst run: {_whose(worst, runs)}: {run_words(worst)}"
     farthest = max((run for _, run in known.iterrows()), key=_largest)
-    if farthest["track"] is not worst["track"]:
+    if f"{_largest(farthest):.2f}" != f"{_largest(worst):.2f}":
         said += f" The largest error is {_largest(farthest):.2f} m, of {_whose(farthest, runs)}."
     return [f"Position error, median over all records: {errors}. {said}"]
 
@@ -308,7 +308,7 @@ def published(runs: pd.DataFrame) -> list[str]:
     size = metre(done["track"].iloc[0].log.unit)
     middle = done.groupby("label", sort=False)[_CALIBRATION].median().dropna()
     lines = [
-        f"{label} Calibration(scale={scale:.3g}, position={position * size:.3g}, "
+        f"{label}: Calibration(scale={scale:.3g}, position={position * size:.3g}, "
         f"heading={heading:.3g})"
         for label, scale, position, heading in middle.itertuples()
     ]

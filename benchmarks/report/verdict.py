@@ -30,7 +30,11 @@ def verdict_on(panel: Panel) -> str:
     """Return the verdict on a panel; where the plan alone is best, on its filters, too."""
     ranked = panel.ranked
     if ranked["score"].isna().all():
-        return "No error is known." if any(panel.records.values()) else "No trial is finished."
+        return (
+            "Whether anything is localized is not known."
+            if any(panel.records.values())
+            else "No trial is finished."
+        )
     winner = _winner(ranked)
     said = [_sentence(panel, ranked)]
     if winner.relation != "better":

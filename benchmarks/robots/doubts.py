@@ -42,11 +42,16 @@ def doubts_of(played: LogScenario) -> list[str]:
         return []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", LogWarning)  # told when it was read
-        stamps, poses = whole.times[_own(whole)], whole.reference[_own(whole)]
+        stamps, poses = whole.times[own_records(whole)], whole.reference[own_records(whole)]
         if (file := played.env.get("reference")) is not None:
             stamps, poses = (read := read_tum(located(file))).times, read.poses
     if late := late_words("the reference", whole.times, whole.odometry, stamps, poses):
         return [late]
+    return doubts_by(log, floor_plan)
+
+
+def doubts_by(log: Log, floor_plan: Map) -> list[str]:
+    """Return warnings about the lidar's mounting and the wheels, by a log's reference poses."""
     at = log.referenced[np.unique(np.linspace(0, log.referenced.size - 1, _LOOKED_AT).astype(int))]
     return [*filter(None, [_mounting_words(log.of_records(at), floor_plan), _wheels_words(log)])]
 
@@ -136,8 +141,10 @@ def _mounting_words(log: Log, floor_plan: Map) -> str | None:
 
 def _wheels_words(log: Log) -> str | None:
     """Say how the odometry is off by the reference, in distance and turns; None if it hardly is."""
-    size = metre(log.unit)
-    own = log.of_records(_own(log)).spaced(_APART * size, _APART)
+    size, at = metre(log.unit), own_records(log)
+    if at.size < _LEAST:
+        return None
+    own = log.of_records(at).spaced(_APART * size, _APART)
     assert own.reference is not None
     told, true = increments_of(own.odometry), increments_of(own.reference)
     near = lengths_of(told) < 4 * _APART * size
@@ -157,14 +164,15 @@ def _wheels_words(log: Log) -> str | None:
         return None
     return (
         f"the odometry is off: the reference goes {1 + ahead:.3f} (± {sd[0]:.3f}) times as far, "
-        f"turns {1 + more:.3f} (± {sd[1]:.3f}) times as much and veers {math.degrees(aside):.1f}° "
-        f"(± {math.degrees(sd[2]):.1f}°) per m to the left of it; calibrate the radii and the "
+        f"turns {1 + more:.3f} (± {sd[1]:.3f}) times as much and veers "
+        f"{math.degrees(abs(aside)):.1f}° (± {math.degrees(sd[2]):.1f}°) per m to the "
+        f"{'left' if aside > 0 else 'right'} of it; calibrate the radii and the "
         "separation of the wheels in the driver. The motion noise that is fitted to the log "
         "includes it."
     )
 
 
-def _own(log: Log) -> Indices:
+def own_records(log: Log) -> Indices:
     """Return the records with a reference pose of their own time."""
     at = log.referenced
     return at if log.interpolated is None else at[~log.interpolated[at]]

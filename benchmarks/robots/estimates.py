@@ -25,7 +25,7 @@ from benchmarks.report.tracks import (
     tracks_trials,
 )
 from benchmarks.robots.calibration import first_judged
-from benchmarks.robots.doubts import late_words
+from benchmarks.robots.doubts import late_words, own_records
 from benchmarks.robots.played import EVERY, NO_ERROR, first_referenced
 from benchmarks.setup.logs import REPLAY, ReplayScenario, check_inside
 from benchmarks.setup.names import scenario
@@ -195,7 +195,11 @@ def score(
         if poses.sum() < _ALL * poses.size
     ]
     clock = (by.whole.times, by.whole.odometry) if isinstance(by, Played) else (by.times, by.poses)
-    late = [late_words(label, *clock, one.times, one.poses) for label, one in estimates.items()]
+    late = []
+    if isinstance(by, Played) and (true := by.whole.reference) is not None:
+        own = own_records(by.whole)
+        late = [late_words("the reference", *clock, by.whole.times[own], true[own])]
+    late += [late_words(label, *clock, one.times, one.poses) for label, one in estimates.items()]
     texts = [
         *accuracy(theirs[plain] if ours is None else pd.concat([ours, theirs[plain]])),
         *(table.text() for table in tables_of(runs)),

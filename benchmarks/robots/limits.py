@@ -1,5 +1,6 @@
 """``--fail-if 'position_p95 > 0.2'``: limits on columns of results.csv, as a gate for CI."""
 
+import math
 import operator
 import re
 from collections.abc import Collection, Sequence
@@ -37,7 +38,11 @@ class Limit(NamedTuple):
         elif self.column in COMPARISONS:  # the baseline is compared with nothing
             values = values.drop(baseline, errors="ignore")
         beyond = values[values.isna() | _COMPARE[self.compare](values, self.value)]
-        return [f"{name} has {value:.4g} ({self.words})" for name, value in beyond.items()]
+        return [
+            f"{name} has {'an unknown value' if math.isnan(value) else f'{value:.4g}'} "
+            f"({self.words})"
+            for name, value in beyond.items()
+        ]
 
 
 def limits_of(texts: Sequence[str], rows: Collection[str] | None = None) -> list[Limit]:
@@ -63,5 +68,5 @@ def within(text: str, table: pd.DataFrame, limits: Sequence[str], baseline: str 
     given = limits_of(limits, [*table["localizer"]])
     if broken := [words for limit in given for words in limit.broken(table, baseline)]:
         print(text)
-        raise LimitError(f"beyond --fail-if, or unknown: {'; '.join(broken)}.")
+        raise LimitError(f"beyond --fail-if: {'; '.join(broken)}.")
     return text

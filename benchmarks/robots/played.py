@@ -163,6 +163,8 @@ def replay_of(
     for name in ("log", "map", "reference"):
         if name in given:
             raise InputError(f"world.{name} is set beside the log that is given: leave one out.")
+    if "segment" in given:
+        raise InputError("world.segment is for sweeps over a log: here the whole log is played.")
     parts = [log] if isinstance(log, str | Path) else log
     named = ", ".join(map(str, parts))
     world: dict[str, Any] = {

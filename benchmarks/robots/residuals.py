@@ -144,7 +144,7 @@ class Residuals:
             x, y = centres.mean(axis=0).tolist()
             width, height = (np.ptp(centres, axis=0) + self.lattice.cell).tolist()
             beams, others = int(against[at].sum()), int(agreed[at].sum())
-            part = beams / (beams + others)
+            part = float(beams / (beams + others))
             other = max(1 - part, 1e-9)
             evidence = part * math.log(part / usual) + other * math.log(other / (1 - usual))
             evidence *= apart
@@ -181,6 +181,8 @@ class Residuals:
             words = "residuals are at walls everywhere, so the map is blurred or the poses are off"
         elif things > _GATHERED:
             words = "what does not fit is gathered, so things have moved"
+        if not against:
+            return "All returns fit the map."
         return (
             f"Half of the returns that fit are within {blur:.3f} {unit} of a wall, and "
             f"{percent(things)} of the {against:,} that do not are at these places: {words}."

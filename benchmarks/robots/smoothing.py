@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.console import doing, log_warnings, warn
 from benchmarks.files import own_folder, write_files
-from benchmarks.robots.doubts import FEW
+from benchmarks.robots.doubts import FEW, doubts_by
 from benchmarks.robots.played import Replay, params_among, replay_of
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.tables.text import percent
@@ -18,6 +18,7 @@ from benchmarks.trials.tracks import AGREE
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Log, Trajectory
 from deqmcl_gym.logs.estimates import COLUMNS, UPPER
+from deqmcl_gym.logs.motion import increments_of, lengths_of
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Singles, arrays
@@ -35,7 +36,8 @@ _APART = 0.5  # m: the median distance from which on a run is of another place
 _UNSURE = 0.25  # m: a pose with a larger standard deviation is doubtful
 _WINDOW = 5  # scans: the median of their shares tells whether the place is right
 _TOLD = 5  # stretches
-_MOST = 0.05  # share of doubtful records up to which the rest may serve
+_LONGER, _SLACK = 1.5, 1.0  # times the way by the odometry, m, that is doubtful
+_MOST, _TOO_MANY = 0.05, 1 / 3  # share of doubtful records told, and that no rest is relied on
 
 
 @dataclass(frozen=True)
@@ -65,15 +67,34 @@ class Smoothed:
     def __str__(self) -> str:
         return f"{self.verdict}\n\n{self.words}"
 
+    @cached_property
+    def objection(self) -> str:
+        """Why the poses should not serve as a reference, in words; "" if nothing speaks against."""
+        share, size = float(self.doubtful.mean()), metre(self.log.unit)
+        way, driven = (
+            float(lengths_of(increments_of(poses)).sum()) / size
+            for poses in (self.poses, self.log.odometry)
+        )
+        if self.elsewhere >= len(self.runs):
+            return f"{self.elsewhere} of {self.elsewhere + len(self.runs)} runs ended elsewhere"
+        if not 1 / _LONGER < (way + _SLACK) / (driven + _SLACK) < _LONGER:
+            return f"they go {way:.0f} m, the odometry {driven:.0f} m"
+        return f"{percent(share)} of them are doubtful" if share > _TOO_MANY else ""
+
     @property
     def verdict(self) -> str:
         """Whether the poses may serve as a reference, in a paragraph."""
         apart = np.hypot(*(self.runs - self.poses)[..., :2].transpose(2, 0, 1)).max(axis=0)
         apart, share = apart / metre(self.log.unit), float(self.doubtful.mean())
-        judged = "It may serve as a reference."
-        if share > _MOST:
-            judged = f"It should not serve as a reference: {percent(share)} of it is doubtful."
-        if len(self.runs) < 2:
+        judged = "They may serve as a reference."
+        if self.objection:
+            judged = (
+                f"They should not serve as a reference: {self.objection}. So {SMOOTHED[0]} is not "
+                "written."
+            )
+        elif share > _MOST:
+            judged = f"Only parts may serve as a reference: {percent(share)} of it is doubtful."
+        elif len(self.runs) < 2:
             judged = "One run tells nothing of its own errors: give more --seeds."
         elsewhere = (
             f" {self.elsewhere} more ended elsewhere, explain the scans worse, and do not count: a "
@@ -108,13 +129,16 @@ class Smoothed:
         return "; ".join([*words, f"{more} shorter ones"] if more else words)
 
     def write(self, folder: str | Path) -> list[Path]:
-        """Write smoothed.tum, the poses to rely on, and smoothed.csv, all with covariances."""
+        """Write smoothed.csv, all poses with covariances, and smoothed.tum, those to rely on.
+
+        The latter only without an ``objection``.
+        """
         kept = ~self.doubtful
         upper = self.covariances[:, *np.triu_indices(3)]
         rows = np.column_stack([self.log.times, self.poses, upper])
         lines = [",".join((*COLUMNS, *UPPER)), *(",".join(map(repr, r)) for r in rows.tolist())]
         contents = {SMOOTHED[1]: utf8("\n".join(lines) + "\n")}
-        if kept.any():
+        if kept.any() and not self.objection:
             contents[SMOOTHED[0]] = Trajectory(self.log.times[kept], self.poses[kept]).tum
         out = own_folder(Path(folder), *SMOOTHED)
         (out / SMOOTHED[0]).unlink(missing_ok=True)  # of a run that had poses to rely on
@@ -162,6 +186,7 @@ def smooth(
     spread = spread + covariances(runs, poses) * counts.size / max(counts.size - 1, 1)
     spread = spread + np.diag(np.square([cell / 2, cell / 2, 0.0]))
     elsewhere, explained = seeds - counts.size, _explained(played, floor_plan, poses)
+    warn(doubts_by(replace(played, reference=poses, interpolated=None), floor_plan))
     return Smoothed(played, replay.overview, runs, elsewhere, poses, spread, explained)
 
 
@@ -169,6 +194,7 @@ def _run(replay: Replay, particles: int, rng: np.random.Generator) -> tuple[Sing
     """Return paths of one run, (paths, n, 3), and log p(o_{0:T})."""
     setup, log, length = replay.scenario, replay.log, metre(replay.log.unit)
     room = setup.room()
+    room.reset(seed=0)
     robot, prior = setup.robot_model(room), setup.prior_in(room, rng)
     scans = [Scan.of(ranges, log.scanner.max_range) for ranges in log.ranges.astype(np.float64)]
     motion = GaussianMotion(motion=robot.motion, length=_SLIP * length)

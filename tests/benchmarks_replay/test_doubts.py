@@ -69,6 +69,13 @@ def test_a_planted_fault_is_told_with_its_size_and_nothing_else(
     assert [word for word in words if word not in told[0]] == []
 
 
+def test_a_reference_whose_stamps_are_no_records_tells_of_no_wheels(lap, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_lap(lap, tmp_path)
+    logs.Trajectory(lap[1].times[::5] + 0.1, lap[1].reference[::5]).write("lap.tum")
+    assert doubts_of(replay_of("lap.csv", "hall.yaml", reference="lap.tum").scenario) == []
+
+
 def test_score_tells_of_an_estimate_that_is_late(lap, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     write_lap(lap, tmp_path)

@@ -177,7 +177,7 @@ def test_beside_what_a_stack_published_stands_what_a_calibration_of_it_would_hav
     assert float(calibrated["nees"]) == pytest.approx(3, abs=0.6)
     sd = math.sqrt(0.95 * 0.05 / (0.7 * n))
     assert float(calibrated["coverage_95"]) == pytest.approx(0.95, abs=4 * sd + 0.02)
-    assert "slam, calibrated Calibration(scale=" in capsys.readouterr().out
+    assert "slam, calibrated: Calibration(scale=" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -211,7 +211,7 @@ def test_limits_end_the_command_with_exit_code_4_after_all_is_written(here, tmp_
     assert exit_code(*words, "--fail-if", "position_p95 > 0.01") == 0
     assert exit_code(*words, "--fail-if", "nees > 5", "--fail-if", "lap.position_p95 >= 0") == 4
     said = capsys.readouterr()
-    assert "lap has nan (nees > 5); lap has 0 (lap.position_p95 >= 0)." in said.err
+    assert "lap has an unknown value (nees > 5); lap has 0 (lap.position_p95 >= 0)." in said.err
     assert f"Written to {tmp_path / 's'}" in said.out
 
 

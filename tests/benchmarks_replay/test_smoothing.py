@@ -69,6 +69,11 @@ def test_the_command_writes_what_score_and_replay_read(here, lap):
     assert (here / "smooth" / "smoothed.csv").read_bytes() == first
 
 
+def test_it_may_start_at_the_reference_of_the_log(here, lap):
+    logs.write(lap[1], "lap.csv")
+    assert exit_code(*COMMAND, "--start", "reference", "--out", "smooth") == 0
+
+
 def test_a_stretch_that_the_map_does_not_explain_is_named_and_left_out(here, lap):
     _, log = lap
     ranges = log.ranges.copy()
@@ -82,6 +87,26 @@ def test_a_stretch_that_the_map_does_not_explain_is_named_and_left_out(here, lap
     kept = logs.read_tum("smooth/smoothed.tum").times
     assert not np.isin(log.times[33:42], kept).any()
     assert np.isin(smoothed.log.times, kept).mean() > 0.6
+
+
+def frozen(log):
+    """The log with the scans of a driver that repeats its first."""
+    return np.broadcast_to(log.ranges[0], log.ranges.shape)
+
+
+def shuffled(log):
+    return np.random.default_rng(0).permuted(log.ranges, axis=1)
+
+
+@pytest.mark.parametrize(("scans", "words"), [(frozen, "the odometry"), (shuffled, "doubtful")])
+def test_poses_that_the_log_speaks_against_are_no_reference(here, lap, scans, words):
+    _, log = lap
+    logs.write(logs.Log(log.scanner, log.times, log.odometry, scans(log), None, "m"), "lap.csv")
+    smoothed = benchmarks.smooth(
+        "lap.csv", "hall.yaml", start=start(log), settings=SETTINGS, particles=200, seeds=2
+    )
+    assert words in smoothed.objection
+    assert {path.name for path in smoothed.write("smooth")} == {"smoothed.csv"}
 
 
 def test_means_and_covariances_of_headings_go_round_the_circle():
