@@ -181,7 +181,7 @@ class Residuals:
             words = "residuals are at walls everywhere, so the map is blurred or the poses are off"
         elif things > _GATHERED:
             words = "what does not fit is gathered, so things have moved"
-        if not against:
+        if not against and blur <= _BLURRED * cell:
             return "All returns fit the map."
         return (
             f"Half of the returns that fit are within {blur:.3f} {unit} of a wall, and "
