@@ -131,7 +131,8 @@ class Residuals:
         """Yield places by the cell and the pose of each beam against the map, and what agrees."""
         against = count(cells, self.lattice)
         share = against / np.maximum(against + agreed, 1)
-        usual = float(np.clip(against.sum() / max(against.sum() + agreed.sum(), 1), *_USUAL))
+        total = max(int(against.sum() + agreed.sum()), 1)
+        usual = float(np.clip(int(against.sum()) / total, *_USUAL))
         labels = self.lattice.groups((against >= _LEAST_BEAMS) & (share >= _LEAST_SHARE))
         inside = cells >= 0
         pairs = np.unique(np.column_stack([labels[cells[inside]], poses[inside]]), axis=0)
