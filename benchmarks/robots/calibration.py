@@ -92,7 +92,11 @@ def with_fitted_power(replay: Replay) -> Replay:
     """
     count = fitted_part(replay.log)
     if count is None:
-        return replace(replay, power=f"The power is 1: not fitted, which needs {_NEEDED}.")
+        words = (
+            f"The power is 1: not fitted, which needs {_NEEDED}; a smaller --every gives more. Nor "
+            "are covariances calibrated: coverage, NEES and log score are of what is believed."
+        )
+        return replace(replay, power=words)
     count = min(count, _MOST)
     assumed = {name: v for name, v in replay.assumed.items() if not name.startswith("prior.")}
     world = {name: v for name, v in replay.world.items() if name != "judged"}
