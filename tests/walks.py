@@ -31,7 +31,7 @@ LIMITS = {  # the most files that each may enter
 }
 MOST_CALLS = 17_500  # of functions of ours, in a trial of mcl
 MOST_FILES = 180  # of source
-MOST_LINES = {"source": 41_230, "tests": 28_160}
+MOST_LINES = {"source": 41_240, "tests": 28_160}
 
 COMMANDS = {
     "deqmcl paper": "paper --trials 1 --jobs 1 --localizers mcl --out {out}",

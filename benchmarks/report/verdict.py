@@ -37,10 +37,14 @@ def verdict_on(panel: Panel) -> str:
         )
     winner = _winner(ranked)
     said = [_sentence(panel, ranked)]
-    if winner.relation != "better":
+    worse = ranked.loc[ranked["relation"] == "worse", "label"]
+    if winner.relation == "better":
+        if winner.method == BLIND and len(filters := ranked[ranked["method"] != BLIND]):
+            said.append(f"Of the methods that use scans: {_sentence(panel, filters)}")
+    elif worse.empty:
         said = [_on_a_log(panel) or said[0]]
-    elif winner.method == BLIND and len(filters := ranked[ranked["method"] != BLIND]):
-        said.append(f"Of the methods that use scans: {_sentence(panel, filters)}")
+    elif "position_median" in panel.present:  # on a log
+        said.append(f"Worse: {', '.join(worse)}.")
     said += [
         f"{label} has Nav2's defaults, while the motion noise and the power of the scans that the "
         "others assume are fitted to this log: deqmcl tune fits it, too."

@@ -214,6 +214,9 @@ def test_on_a_log_successes_then_errors_then_coverage_decide_and_who_is_not_fitt
     told = on_a_log((0.2, 0.1), (0.9, 0.9), (0.0, 1.0))
     assert told.startswith("amcl is best: localized to the end in 100 % of runs")
     assert unfitted in told
+    told = on_a_log((0.1, 0.2), (0.9, 0.9), (1.0, 0.0))
+    assert told.startswith("No method is better than the baseline, mcl: localized to the end in")
+    assert "Worse: amcl." in told
     told = on_a_log((0.2, 0.1), (0.9, 0.5))
     assert told.startswith("amcl is nearest to the reference: median position error of a run, mean")
     assert "amcl 0.100 m, mcl 0.200 m; amcl - mcl: -0.100 m (95 %: −0.100 to −0.100)" in told
