@@ -140,9 +140,8 @@ class Tracker:
                 "give it an attribute robot, the RobotModel."
             )
         self._odometry = Odometry(self.unit, self.fastest)
-        self._scanned: tuple[bytes, Pose] | None = (
-            None  # a scan, and the odometry at the first like it
-        )
+        # a scan, and the odometry at the first of those in a row that are the same
+        self._scanned: tuple[bytes, Pose] | None = None
         self._waiting: dict[float, Reals] = {}  # by stamp, in the order in which they came
         self._updates: deque[_Update] = deque(maxlen=_MOST)
         self._looked_at = -math.inf  # stamp of the last scan that waited no longer

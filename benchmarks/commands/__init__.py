@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # --help loads nothing heavy
 GROUPS = {  # of the commands
     "for everybody": {
         "paper": "run the paper's experiment: Table 1, figures, report",
-        "run": "run one lap: animation, error curve, trace",
+        "run": "run one lap: animation, errors, trajectories",
         "sweep": "run a suite, a scenario or a sweep file; resumable, on one or many machines",
         "report": "rewrite the report of a folder of results, or write one of several",
         "check": "check that a localizer obeys the laws the benchmarks rely on",

@@ -116,7 +116,7 @@ def _paper_table(sweep: "Sweep", results: "Results", style: str) -> str:
 def run_command(options: argparse.Namespace) -> str:
     """Run one lap of one localizer.
 
-    Writes its animation, its error curve, and its trace as npz and as TUM files (for evo).
+    Writes its animation, its errors as CSV, and its trajectories as TUM files (for evo).
     """
     from benchmarks.pictures.figures import run_lap
     from benchmarks.sweeps.running import check

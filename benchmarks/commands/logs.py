@@ -35,7 +35,7 @@ _NODE = option(
 )
 
 _LOG = option(
-    "log", nargs="+", metavar="LOG", help="a CARMEN log or ROS bag, or its parts; CSV or npz"
+    "log", nargs="+", metavar="LOG", help="a ROS bag, or its parts; a CARMEN log, CSV or npz"
 )
 _MAP = option("--map", required=True, metavar="MAP.yaml", help="the map, as for ROS' map_server")
 
@@ -224,8 +224,8 @@ def score_command(options: argparse.Namespace) -> str:
 def smooth_command(options: argparse.Namespace) -> str:
     """Estimate all poses of a log from its scans, odometry and map, and say how good they are.
 
-    Writes smoothed.tum, a --reference for replay, score and tune, and smoothed.csv, with
-    covariances: docs/your-map-your-log.md.
+    Writes smoothed.csv, with covariances, and smoothed.tum, a --reference for replay, score and
+    tune, but not if the log itself speaks against the poses: docs/your-map-your-log.md.
     """
     from benchmarks.robots.smoothing import smooth
 

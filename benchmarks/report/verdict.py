@@ -30,11 +30,12 @@ def verdict_on(panel: Panel) -> str:
     """Return the verdict on a panel; where the plan alone is best, on its filters, too."""
     ranked = panel.ranked
     if ranked["score"].isna().all():
-        return (
-            "Whether anything is localized is not known."
-            if any(panel.records.values())
-            else "No trial is finished."
+        if not any(panel.records.values()):
+            return "No trial is finished."
+        known = (
+            "position_median" in panel.present and panel.present["position_median"].notna().any()
         )
+        return "Whether runs end localized is not known." if known else "No error is known."
     winner = _winner(ranked)
     said = [_sentence(panel, ranked)]
     worse = ranked.loc[ranked["relation"] == "worse", "label"]
