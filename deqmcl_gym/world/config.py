@@ -10,6 +10,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -330,3 +331,29 @@ def _optional(name: str, given: Any, default: Any) -> Any:
         f"{name} is {given!r}, but must be a {type(default).__name__}, a mapping of changes to it, "
         f'or "none" for no {name}.'
     )
+
+
+PAPER_ROOM = PolygonMap(
+    outer=((0, 0), (350, 0), (350, 300), (0, 300)),
+    obstacles=(((100, 100), (250, 100), (250, 200), (100, 200)),),
+)
+#: the worlds of presets, by name
+WORLDS = MappingProxyType(
+    {
+        # one noisy beam ahead, little motion noise, exact start
+        "paper": World(floor_plan=PAPER_ROOM),
+        # the same, but the start is drawn from the filter's prior
+        "matched": World(floor_plan=PAPER_ROOM, start=Start(sd_position=10.0, sd_heading=0.1)),
+        # a sharp fan of nine beams
+        "sharp": World(
+            floor_plan=PAPER_ROOM, lidar=Lidar(beams=9, field_of_view=math.pi / 2, sigma=5.0)
+        ),
+        # strong motion noise, and a driver that corrects for it from the true pose
+        "guided": World(
+            floor_plan=PAPER_ROOM,
+            noise=MotionNoise(drive=0.2, turn=0.2, drift=0.02),
+            start=Start(sd_position=5.0, sd_heading=0.05),
+            driver=Driver(),
+        ),
+    }
+)
