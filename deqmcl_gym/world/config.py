@@ -1,10 +1,15 @@
-"""The parts of a world that can be configured, as frozen dataclasses, and the named worlds.
+"""What defines an episode: the parts of a world, frozen dataclasses, named worlds, random streams.
 
 Lengths are in the map's unit, angles in rad. The defaults are those of the paper's room, in px: 350
 × 300 with a solid inner rectangle. The paper publishes only the room; see docs/equations.md for the
 other choices. What filters assume about a world is part of a benchmark's scenario.
+
+Stream k of episode i after ``reset(seed=s)`` is SeedSequence(s, spawn_key=(i, k)), so that draws
+from one source do not change those from another. The j-th further source of the same kind, such as
+a second wrapper, has the key (i, k, j).
 """
 
+import enum
 import math
 import os
 from collections.abc import Mapping
@@ -20,6 +25,32 @@ from deqmcl_gym.maps.map import LENGTH, PER_LENGTH, POSE, pixel, scaled
 from deqmcl_gym.validation import InputError, array, keep_plain, number, one_of, part, pose, shown
 from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
 from deqmcl_gym.world.people import People
+
+
+class Stream(enum.IntEnum):
+    """Sources of randomness. Never change the numbers: results of a seed depend on them."""
+
+    MOTION = 0
+    SENSOR = 1
+    START = 2
+    DROPOUT = 3
+    KIDNAP = 4
+    ROUTE = 5
+    CLUTTER = 6
+    CHANGED_WALLS = 7
+    PEOPLE = 8
+    GLASS = 9  # which walls are glass
+    THROUGH_GLASS = 10  # which beams it does not reflect
+    BUILDING = 11  # which office it is, where each episode has another
+
+
+def episode_stream(seed: int, episode: int, stream: Stream, twin: int = 0) -> np.random.Generator:
+    """Return the generator of one source in the ``episode``-th episode (from 0) after seeding.
+
+    ``twin`` is the number of sources of this kind before it.
+    """
+    key = (episode, int(stream), twin) if twin else (episode, int(stream))
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
 def floor_plan_of(given: Any) -> Map:

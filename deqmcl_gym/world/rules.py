@@ -15,12 +15,19 @@ from deqmcl_gym import validation
 from deqmcl_gym.maps import Box, Lidar, Offices, PolygonMap
 from deqmcl_gym.numerics import Bools, Floats, Pose, RoomActions, Singles, arrays
 from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of, shown
-from deqmcl_gym.world.config import WORLDS, Robot, World, extent_of, offices_of
+from deqmcl_gym.world.config import (
+    WORLDS,
+    Robot,
+    Stream,
+    World,
+    episode_stream,
+    extent_of,
+    offices_of,
+)
 from deqmcl_gym.world.course import MAX_STEPS, Course, centred_heading
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan
 from deqmcl_gym.world.path_kernels import COLLISION_PENALTY, GOAL_BONUS, once_round
 from deqmcl_gym.world.route import Journeys
-from deqmcl_gym.world.sensor import Stream, episode_stream
 
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing, View
