@@ -51,6 +51,8 @@ class RawRecord(NamedTuple):
     fan: Fan | None = None
     frame: str = ""  # of the scan, "" for none
     reference: Sequence[float] = ()
+    number: int = 0  # of its message, as those of the odometry are counted
+    lag: float = 0.0  # of the receipt of its message behind its stamp, s
 
 
 @dataclass
@@ -67,14 +69,11 @@ class RawRecords:
         """The time of each record, s."""
         return [record.time for record in self.records]
 
-    def with_odometry(self, numbers: Sequence[int], odometry: JudgedOdometry) -> "RawRecords":
-        """Return the records with the odometry at their times, of those that have one.
-
-        ``numbers`` are those of the scans' messages, as those of the odometry are counted.
-        """
+    def with_odometry(self, odometry: JudgedOdometry) -> "RawRecords":
+        """Return the records with the odometry at their times, of those that have one."""
         known, last = [], None
-        for number, record in zip(numbers, self.records, strict=True):
-            placed = odometry.at(number, record.time)
+        for record in self.records:
+            placed = odometry.at(record.number, record.time)
             if placed is None:
                 self.damage[NO_ODOMETRY] += 1
             elif record.time == last:
