@@ -52,7 +52,6 @@ class RawRecord(NamedTuple):
     frame: str = ""  # of the scan, "" for none
     reference: Sequence[float] = ()
     number: int = 0  # of its message, as those of the odometry are counted
-    lag: float = 0.0  # of the receipt of its message behind its stamp, s
 
 
 @dataclass

@@ -47,7 +47,6 @@ from deqmcl_gym.validation import InputError, integer, like, number, one_of, sho
 UNIT_TOPIC, REFERENCE_TOPIC = "/deqmcl_unit", "/reference"
 _ROBOT = "base_link"
 _SHORTEST = 1e-12  # square of the length of a quaternion
-_APART, _PARTS = 0.2, 4  # s between stamps of one time that is told, and parts of a log
 _ALIKE = 0.05  # share of an increment
 _RECORD = "record an Odometry topic or /tf with the stamps and the clock of the scans"
 
@@ -165,8 +164,7 @@ class _Messages:
             step = self._increment(message, start, step)
             fan = Fan(start, step, *(0.0 if np.isnan(one) else one for one in limits))
             stamp, frame = seconds_of(message.header.stamp), frame_of_header(message)
-            lag, ranges = sent.received - stamp, message.ranges
-            record = RawRecord(stamp, (0, 0, 0), ranges, fan, frame, number=sent.number, lag=lag)
+            record = RawRecord(stamp, (0, 0, 0), message.ranges, fan, frame, number=sent.number)
             scans.records.append(record)
         else:
             row = row_of(sent, message)
@@ -248,7 +246,6 @@ class _Messages:
             if flaw is None and (doubt is None or not frames.has_odometry):
                 if doubt is not None:
                     self._tell(f"{doubt}: taken as odometry, as there is no other")
-                self._compare_clocks(rows, str(self.odometry))
                 return base, self._judged(rows, str(self.odometry), publisher)
             flaw = flaw or doubt
         elif self.odometry is not None:
@@ -263,7 +260,6 @@ class _Messages:
             raise InputError(f"{self.name} has no usable odometry: {flaw or worse}; {_RECORD}.")
         if flaw is not None:
             self._tell(f"{flaw}: the odometry is taken from transforms")
-        self._compare_clocks(rows, "the transforms")
         return base, self._judged(rows, "the transforms", publisher)
 
     def _tell(self, remark: str) -> None:
@@ -284,24 +280,6 @@ class _Messages:
         if gone == 0 and turned > 1:
             return f"the positions of {self.odometry} are all the same"
         return None
-
-    def _compare_clocks(self, moved: PoseRows, where: str) -> None:
-        """Warn if scans and odometry that are received together have other stamps."""
-        table, (topic, scans) = moved.table, next(iter(self.scanned.items()))
-        if not len(table) or not scans.records:
-            return
-        if np.ptp(table[:, 1]) < np.ptp(table[:, 3]) / 2:  # receipt tells nothing
-            return
-        numbers, lags = np.array([(record.number, record.lag) for record in scans.records]).T
-        theirs = np.interp(numbers, table[:, 0], table[:, 1] - table[:, 3])
-        parts = np.array_split(lags - theirs, _PARTS)
-        apart = max((float(np.median(part)) for part in parts if part.size), key=abs)
-        if _APART < abs(apart) < np.inf:
-            order = "older" if apart > 0 else "newer"
-            self._tell(
-                f"scans of {topic} are stamped {abs(apart):.2f} s {order} than what {where} says "
-                "when they are received, at least in a part of the log: compare the clocks"
-            )
 
     def _judged(self, moved: PoseRows, where: str, publisher: int | None) -> JudgedOdometry:
         """Return odometry, judged, of one publisher; tell what is not as usual."""

@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from deqmcl_gym.maps import Caster, GridMap, Lidar, Map, PolygonMap
-from deqmcl_gym.maps.altered import altered
 from deqmcl_gym.maps.grid_kernels import first_contact
 from deqmcl_gym.maps.polygons import oriented_edges
 from deqmcl_gym.numerics import Floats, Point, Pose, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.world.config import Route, Stream, World, episode_stream
 from deqmcl_gym.world.course import Course
-from deqmcl_gym.world.differences import Glass, Way
+from deqmcl_gym.world.differences import Glass, Way, altered
 from deqmcl_gym.world.driver import GuidedPlan, Plan, Underway, points_of
 from deqmcl_gym.world.path_kernels import judged_step, noisy_drive
 from deqmcl_gym.world.people import Contacts, Crowd, Crowded, cast_among_people
