@@ -17,8 +17,7 @@ from deqmcl_gym.logs.motion import nearest_in_time, relative
 from deqmcl_gym.logs.odometry import (
     JudgedOdometry,
     clock_shifts,
-    jump_words,
-    reset_words,
+    remarks_of,
     without_jumps,
 )
 from deqmcl_gym.logs.scans import (
@@ -92,7 +91,7 @@ class RawRecords:
         records = self.records
         times = np.array(self.times)
         poses = np.array([record.odometry for record in records]).reshape(-1, 3)
-        kept, remarks = np.arange(times.size), []
+        kept, resets, remarks = np.arange(times.size), 0, list[str | None]()
         if kept.size:
             ((frame, _), *_) = Counter(record.frame for record in records).most_common(1)
             framed = np.array([record.frame == frame for record in records])
@@ -105,7 +104,7 @@ class RawRecords:
             if not self.judged:
                 shifts = clock_shifts(times[kept])
                 times[kept] += shifts
-                remarks.append(reset_words(int(np.count_nonzero(np.diff(shifts)))))
+                resets = int(np.count_nonzero(np.diff(shifts)))
             kept = kept[ascending(times[kept], self.damage)]
         if not kept.size:
             why = f" ({said_of_skipped(self.damage, 0)})" if self.damage else ""
@@ -114,7 +113,7 @@ class RawRecords:
             remarks.append(said_of_skipped(self.damage, kept.size))
         if not self.judged:
             poses[kept], jumps = without_jumps(times[kept], poses[kept], unit)
-            remarks.append(jump_words(jumps))
+            remarks += remarks_of(resets, jumps)
         try:
             scanner, ranges, varying = self._seen(kept, frame, scanner_of)
         except InputError as error:

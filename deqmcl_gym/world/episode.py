@@ -16,7 +16,7 @@ from deqmcl_gym.maps.grid_kernels import first_contact
 from deqmcl_gym.maps.polygons import oriented_edges
 from deqmcl_gym.numerics import Floats, Point, Pose, Singles
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.world.config import Route, Stream, World, episode_stream
+from deqmcl_gym.world.config import Stream, World, episode_stream
 from deqmcl_gym.world.course import Course
 from deqmcl_gym.world.differences import Glass, Way, altered
 from deqmcl_gym.world.driver import GuidedPlan, Plan, Underway, points_of
@@ -391,7 +391,7 @@ class Episode(Body):
         )  # fmt: skip
         self.way += gained
         self.progress += gained
-        if rules.world.route is not None and self._is_at_goal(rules.world.route):
+        if self._is_at_goal():
             reward, self.done = reward + rules.rewards[1], True
         if self._crowd is not None:
             self._crowd.walk(self.pose[:2])
@@ -399,10 +399,10 @@ class Episode(Body):
         self.look()
         return reward, collided
 
-    def _is_at_goal(self, route: Route) -> bool:
+    def _is_at_goal(self) -> bool:
         """Whether the robot is at the end of its route, if that ends the episode."""
-        goal = self.course.goal
-        if goal is None or not self._rules.ends_at_goal:
+        goal, route = self.course.goal, self._rules.world.route
+        if goal is None or route is None or not self._rules.ends_at_goal:
             return False
         dx, dy = self.pose[0] - goal[0], self.pose[1] - goal[1]
         return bool(np.sqrt(dx * dx + dy * dy) <= route.tolerance)

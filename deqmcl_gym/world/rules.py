@@ -297,14 +297,12 @@ class RoomRules:
         goal: ArrayLike | None = None,
         pose: ArrayLike | None = None,
     ) -> Any:
-        """Return an observation of one room or of n, all arrays fresh.
+        """Return an observation "dict" of one room or of n, all arrays fresh.
 
         Scans are (B,) or (n, B), planned actions (h, 2) or (n, h, 2), goals of routes (2,) or
         (n, 2), true poses (3,) or (n, 3). ``covered`` and ``elapsed`` are shares of the path and
         of the plan's steps.
         """
-        if self.observation == "scan":
-            return scan.copy()
         covered = np.clip(covered, -1.0, 1.0)
         parts: dict[str, Any] = {"plan": planned.copy()} if self.shows_plan else {}
         if goal is not None:
