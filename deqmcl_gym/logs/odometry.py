@@ -224,10 +224,8 @@ def remarks_of(resets: int, jumps: int) -> list[str]:
     if resets:
         remarks.append(f"the clock was set back, {times_words(resets)}: later times are shifted")
     if jumps:
-        often = times_words(jumps)
-        remarks.append(
-            f"the odometry jumps farther than a robot drives, {often}: taken as no motion"
-        )
+        fast = f"the odometry jumps farther than a robot drives, {times_words(jumps)}"
+        remarks.append(f"{fast}: taken as no motion")
     return remarks
 
 
