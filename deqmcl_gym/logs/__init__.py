@@ -186,9 +186,7 @@ _READERS: Mapping[str, Callable[..., Log]] = MappingProxyType(
     | {".csv": read_csv, ".npz": read_npz}
     | dict.fromkeys(("", ".bag", ".mcap", ".db3"), ros.read_bag)
 )
-_WRITERS: Mapping[str, Callable[[Log, Path], None]] = MappingProxyType(
-    {".csv": write_csv, ".npz": write_npz}
-)
+_WRITERS = MappingProxyType({".csv": write_csv, ".npz": write_npz})
 
 
 def read(
