@@ -24,10 +24,9 @@ from benchmarks.setup import Agent
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Floats, Point, Pose, Reals
 from deqmcl_gym.validation import InputError, number
-from deqmcl_gym.world.config import Driver, World
+from deqmcl_gym.world.config import WORLDS, Driver, World
 from deqmcl_gym.world.course import Course
 from deqmcl_gym.world.driver import NO_PLAN, GuidedPlan, Underway
-from deqmcl_gym.world.presets import WORLDS
 from deqmcl_gym.world.route import Journeys
 from localizers import Belief, RobotModel, best_cluster, mean_pose
 

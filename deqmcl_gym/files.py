@@ -55,13 +55,6 @@ _BLOCK = 2**20  # bytes
 _UNLIKE = re.compile(r"Expected `(?P<expected>.*)`, got `(?P<given>.*)`")
 _OUTSIDE = re.compile(r"Expected `\w+` ([<>]=?|matching regex) .*|Number out of range")
 _LACKING = re.compile(r"Object missing required field `(.*)`")
-_KINDS = {
-    stat.S_IFDIR: "a folder",
-    stat.S_IFIFO: "a named pipe",
-    stat.S_IFCHR: "a device",
-    stat.S_IFBLK: "a device",
-    stat.S_IFSOCK: "a socket",
-}
 
 
 class UnreadableError(ValueError):
@@ -79,10 +72,11 @@ def opened(path: Path) -> Iterator[io.BufferedReader]:
         raise UnreadableError(f"cannot be read ({error.strerror})") from None
     except ValueError:  # a name with a null character
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path)) from None
-    kind = stat.S_IFMT(os.fstat(handle).st_mode)
-    if kind != stat.S_IFREG:
+    kind = os.fstat(handle).st_mode
+    if not stat.S_ISREG(kind):
         os.close(handle)
-        raise UnreadableError(f"is {_KINDS.get(kind, 'no file')}")
+        what = "a named pipe" if stat.S_ISFIFO(kind) else "a device or a socket"
+        raise UnreadableError(f"is {'a folder' if stat.S_ISDIR(kind) else what}")
     with os.fdopen(handle, "rb") as file:
         try:
             yield file
@@ -293,14 +287,9 @@ def command_line(words: Sequence[str]) -> str:
 
 
 def _escaped(word: str) -> str:
-    quoted = word.replace("\\", "\\\\").replace("'", "\\'")
-    return "".join(c if c.isprintable() else _bytes_of(c) for c in quoted)
-
-
-def _bytes_of(character: str) -> str:
-    of_file_name = "\udc80" <= character <= "\udcff"
-    content = character.encode(errors="surrogateescape" if of_file_name else "replace")
-    return "".join(f"\\x{byte:02x}" for byte in content)
+    plain = set(range(32, 127)) - set(b"'\\")
+    content = word.encode(errors="surrogateescape")
+    return "".join(chr(byte) if byte in plain else f"\\x{byte:02x}" for byte in content)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -100,7 +100,7 @@ def ids() -> Table:
     import gymnasium as gym
 
     from deqmcl_gym import ABOUT
-    from deqmcl_gym.world.presets import WORLDS
+    from deqmcl_gym.world.config import WORLDS
 
     rows = []
     for name, about in ABOUT.items():
@@ -169,7 +169,7 @@ def _words(owner: type) -> dict[str, str]:
 def _part(argument: str) -> tuple[Any, bool]:
     """Return a part of the world with its defaults, and whether a world may be without it."""
     from deqmcl_gym.world import config
-    from deqmcl_gym.world.presets import WORLDS
+    from deqmcl_gym.world.config import WORLDS
 
     if argument in config._OPTIONAL:
         return config._OPTIONAL[argument](), True

@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 from deqmcl_gym.envs import vector_kernels
 from deqmcl_gym.envs.acting import RIGHT
 from deqmcl_gym.envs.vector import checked_mode, checked_seeds, chosen_rooms
-from deqmcl_gym.envs.vector_rooms import Grounds, wide
+from deqmcl_gym.envs.vector_rooms import Grounds, NormalTable, wide
 from deqmcl_gym.maps import GridMap, Offices
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles, arrays
 from deqmcl_gym.validation import integer
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import centred_heading
-from deqmcl_gym.world.sensor import LidarSensor, NormalTable
+from deqmcl_gym.world.episode import LidarSensor
 from localizers.many_kernels import filter_rooms, summarize_rooms
 from localizers.models.prior import random_poses
 from localizers.models.scan_field import FieldOfMap, ScanField

@@ -12,8 +12,7 @@ from typing import Any
 
 from deqmcl_gym.envs.acting import LocalizeEnv, Site, Sites, TrackEnv
 from deqmcl_gym.validation import InputError, one_of, shown
-from deqmcl_gym.world.config import World, extent_of, offices_of
-from deqmcl_gym.world.presets import WORLDS
+from deqmcl_gym.world.config import WORLDS, World, extent_of, offices_of
 from localizers.api import Localizer
 from localizers.models.beams import CensoredGaussianUniform
 from localizers.models.motion import OdometryMotion

@@ -10,7 +10,6 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import composed
-from deqmcl_gym.maps import Mount
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 SCAN, ODOMETRY, TF = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage"
@@ -106,17 +105,12 @@ def carmen(log):
 
 
 def messages(log):
-    """The messages of a log: topic, type, time in ns, message. Several lidars: /scan_1, /scan_2."""
+    """The messages of a log: topic, type, time in ns, message."""
     times = np.round(log.times * 1e9).astype(np.int64).tolist()
     scanner = log.scanner
-    ends = [f"_{number}" for number, _ in enumerate(scanner.mounts, 1)] or [""]
-    mounts = scanner.mounts or (
-        Mount(x=scanner.mounting[0], y=scanner.mounting[1], heading=scanner.turn),
-    )
-    lidars = list(zip(mounts, scanner.rows, ends, strict=True))
-    for mount, _, end in lidars:
-        there = transform("base", f"laser{end}", mount.x, mount.y, yaw=mount.heading)
-        yield "/tf_static", TF, times[0], there
+    angles = np.unwrap(scanner.angles) - scanner.turn
+    there = transform("base", "laser", *scanner.mounting, yaw=scanner.turn)
+    yield "/tf_static", TF, times[0], there
     if log.unit != "m":
         yield "/deqmcl_unit", WORDS, times[0], make(WORDS, log.unit)
     for time, record in zip(times, log, strict=True):
@@ -126,13 +120,9 @@ def messages(log):
             x, y, heading = record.reference
             pose = odometry(0, x, heading, y=y).pose.pose
             yield "/reference", POSE, time, stamped(make(POSE, header(0, "map"), pose), time)
-        for mount, rows, end in lidars:
-            angles = np.unwrap(scanner.angles[rows]) - mount.heading
-            seen = scan(
-                0, f"laser{end}", record.ranges[rows], scanner.max_range, scanner.min_range,
-                angles[0], spacing(angles), angles[-1],
-            )  # fmt: skip
-            yield f"/scan{end}", SCAN, time, stamped(seen, time)
+        limits = scanner.max_range, scanner.min_range
+        seen = scan(0, "laser", record.ranges, *limits, angles[0], spacing(angles), angles[-1])
+        yield "/scan", SCAN, time, stamped(seen, time)
 
 
 def spacing(angles):

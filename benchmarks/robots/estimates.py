@@ -38,8 +38,8 @@ from benchmarks.trials.tracks import EstimatedTrack, ScoredTrack
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Log, Scanner, Trajectory, referenced
-from deqmcl_gym.logs.estimates import read_estimate
 from deqmcl_gym.logs.motion import between, composed, relative
+from deqmcl_gym.logs.trajectory import read_estimate
 from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import Floats, Indices
 from deqmcl_gym.validation import InputError

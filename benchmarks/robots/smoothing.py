@@ -17,8 +17,8 @@ from benchmarks.tables.text import percent
 from benchmarks.trials.tracks import AGREE
 from deqmcl_gym.files import utf8
 from deqmcl_gym.logs import Log, Trajectory
-from deqmcl_gym.logs.estimates import COLUMNS, UPPER
 from deqmcl_gym.logs.motion import increments_of, lengths_of
+from deqmcl_gym.logs.trajectory import COLUMNS, UPPER
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Singles, arrays

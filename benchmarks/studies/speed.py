@@ -40,7 +40,7 @@ from deqmcl_gym import ENV_ID as ROOM
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import Lidar, Map, PolygonMap
 from deqmcl_gym.numerics import Reals, Singles
-from deqmcl_gym.world.presets import PAPER_ROOM
+from deqmcl_gym.world.config import PAPER_ROOM
 from localizers import GaussianPrior, GaussianUniform, OdometryMotion, Prior, RobotModel, make
 
 BEAMS, POSES = 16, 20_000

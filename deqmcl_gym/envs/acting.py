@@ -23,9 +23,8 @@ from deqmcl_gym.validation import InputError, NoEpisodeError, integer, number, o
 from deqmcl_gym.world.config import World
 from deqmcl_gym.world.course import centred_heading
 from deqmcl_gym.world.driver import NO_PLAN
-from deqmcl_gym.world.episode import Body, contacts_of
+from deqmcl_gym.world.episode import Body, LidarSensor, contacts_of
 from deqmcl_gym.world.rules import Commands, StepResult, check_options, scan_space, within
-from deqmcl_gym.world.sensor import LidarSensor
 
 RIGHT = Near(1.0, math.radians(30))  # of the best cluster to the truth
 _GOALS = 10_000  # drawn before a room is refused

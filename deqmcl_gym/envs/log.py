@@ -26,8 +26,8 @@ from deqmcl_gym.validation import (
     one_of,
     shown,
 )  # fmt: skip
+from deqmcl_gym.world.config import WORLDS
 from deqmcl_gym.world.differences import map_changed
-from deqmcl_gym.world.presets import WORLDS
 from deqmcl_gym.world.rules import StepResult, check_options
 
 PLANS = ("odometry", "none")

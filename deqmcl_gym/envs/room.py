@@ -10,14 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics import Pose, Singles
 from deqmcl_gym.validation import InputError, NoEpisodeError, integer, one_of, pose
-from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start, World
+from deqmcl_gym.world.config import Driver, Lap, MotionNoise, Robot, Route, Start, Stream, World
 from deqmcl_gym.world.course import Course, check_free
 from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
 from deqmcl_gym.world.driver import FixedPlan
 from deqmcl_gym.world.episode import Episode, contacts_of
 from deqmcl_gym.world.people import People
 from deqmcl_gym.world.rules import RoomInfo, RoomRules, StepResult, check_options
-from deqmcl_gym.world.sensor import Stream
 
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing, View

@@ -84,7 +84,7 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
     @property
     def floor_plans(self) -> tuple[Map, ...]:
         """The map of each room in its episode."""
-        return tuple(self.floor_plan if b is None else b.reality.mapped for b in self._rooms.begun)
+        return tuple(self.floor_plan if b is None else b.mapped for b in self._rooms.begun)
 
     @property
     def courses(self) -> tuple[Course, ...]:

@@ -10,12 +10,11 @@ from deqmcl_gym.envs import vector_kernels as kernels
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.maps.map import Caster
 from deqmcl_gym.numerics import Bools, Floats, Indices, Singles
-from deqmcl_gym.world.config import World
+from deqmcl_gym.world.config import Stream, World, episode_stream
 from deqmcl_gym.world.course import MAX_STEPS, Course
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan, Underway
 from deqmcl_gym.world.episode import Beginning
 from deqmcl_gym.world.rules import RoomRules
-from deqmcl_gym.world.sensor import NormalTable, Stream, episode_stream
 
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing
@@ -119,7 +118,7 @@ class Rooms:
         """Draw what is in a room, without its robot."""
         begun = self.begun[room]
         assert begun is not None
-        return begun.reality.picture(self._own_rules[room].view, None)
+        return begun.picture(self._own_rules[room].view, None)
 
     def observe(self, rooms: Indices | None = None) -> None:
         """Take a scan in each of ``rooms``; None: in all."""
@@ -184,6 +183,48 @@ def _driver(rules: RoomRules) -> tuple[object, ...] | None:
     own = driver.look_ahead, driver.on_the_spot, lap.step, lap.turn
     near, clearance = (-1.0, -1.0) if route is None else (route.tolerance, route.clearance)
     return own, near, clearance
+
+
+class NormalTable:
+    """Normal numbers for many rooms, each from its own stream, drawn many rows at a time.
+
+    A kernel reads row ``at[i]`` of room i of ``drawn``, (n, rows, width), and adds one to
+    ``at[i]``, without copies.
+    """
+
+    def __init__(self, rooms: int, width: int, lap: int) -> None:
+        """Prepare rows (width,) for each room, of which an episode uses about ``lap``.
+
+        :meth:`renew` sets a room's stream.
+        """
+        self.drawn = np.empty((rooms, self.rows(width, lap), width))
+        self.at = np.zeros(rooms, np.intp)
+        self._sure = 0  # calls of fill() for which every room has rows left
+        self._rngs: list[np.random.Generator | None] = [None] * rooms
+
+    @staticmethod
+    def rows(width: int, lap: int) -> int:
+        """Number of rows drawn at a time: about 32 KB for each room, at least one row."""
+        blocks = -(-lap * width // 4096)  # calls of NumPy for a lap
+        return -(-lap // blocks)
+
+    def renew(self, room: int, rng: np.random.Generator) -> None:
+        """Draw the numbers of a room from another stream from now on."""
+        self._rngs[room] = rng
+        self.at[room] = self.drawn.shape[1]
+        self._sure = 0
+
+    def fill(self) -> None:
+        """Draw new rows for rooms without any left; a room uses one row between two calls."""
+        if self._sure == 0:
+            rows = self.drawn.shape[1]
+            for room in (self.at == rows).nonzero()[0].tolist():
+                rng = self._rngs[room]
+                assert rng is not None  # a room begins before it draws
+                rng.standard_normal(out=self.drawn[room])
+                self.at[room] = 0
+            self._sure = rows - int(self.at.max())
+        self._sure -= 1
 
 
 class Grounds:

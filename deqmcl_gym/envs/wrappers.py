@@ -17,8 +17,8 @@ from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.numerics import Floats, Pose, Singles
 from deqmcl_gym.validation import InputError, NoEpisodeError, boolean, integer, number, shown
+from deqmcl_gym.world.config import Stream
 from deqmcl_gym.world.rules import StepResult, scan_space
-from deqmcl_gym.world.sensor import Stream
 
 
 class _Once(gym.Wrapper[Singles, Singles, Singles, Singles], gym.utils.RecordConstructorArgs):

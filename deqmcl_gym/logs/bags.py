@@ -1,4 +1,8 @@
-"""ROS 1 and ROS 2 bags, opened by ``rosbags`` without ROS: topics, and messages in their order."""
+"""ROS 1 and ROS 2 bags, opened by ``rosbags`` without ROS: topics, messages, poses of a topic.
+
+On /tf a stack says how the map lies to the odometry, from ``map`` to ``odom``: its pose is that,
+composed with the odometry at the same time.
+"""
 
 import heapq
 import os
@@ -10,9 +14,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from deqmcl_gym.files import names_of, opened_log
-from deqmcl_gym.logs.transforms import ODOMETRY, frame_name
-from deqmcl_gym.validation import InputError, like
+from deqmcl_gym.logs.motion import composed
+from deqmcl_gym.logs.odometry import JudgedOdometry
+from deqmcl_gym.logs.transforms import MAP_FRAME, ODOMETRY, PoseRows, Transforms, frame_name
+from deqmcl_gym.numerics import Floats
+from deqmcl_gym.validation import InputError, like, tell
 
 SCAN = "sensor_msgs/msg/LaserScan"
 POSE_TYPES: dict[str, Callable[[Any], Any]] = {
@@ -23,6 +32,7 @@ POSE_TYPES: dict[str, Callable[[Any], Any]] = {
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _REMEDIES = {".mcap": "mcap recover", ".bag": "rosbag reindex"}
 _REINDEX = "ros2 bag reindex"
+_ESTIMATE = "/amcl_pose"  # of Nav2's AMCL
 
 
 class Sent(NamedTuple):
@@ -179,3 +189,94 @@ def frame_of_header(message: Any) -> str:
 def seconds_of(stamp: Any) -> float:
     """Return a stamp in s."""
     return (int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)) / 1e9
+
+
+def warn_of_frames(name: str, topic: str | None, frames: set[str]) -> None:
+    """Warn of poses that are not in the map's frame, as the headers of their messages say."""
+    if other := sorted(frames - {"", MAP_FRAME}):
+        tell(
+            f"the poses of {topic} in {name} are in frame {' and '.join(other)}, but are taken as "
+            f"poses in {MAP_FRAME}: what lies between the frames, such as the drift of odometry, "
+            f"counts as error, so give a topic of poses in {MAP_FRAME}."
+        )
+
+
+def poses_of_topic(path: Path, topic: str | None) -> tuple[Floats, Floats | None]:
+    """Return rows t, x, y, θ that a stack has published in a bag, and covariances if any."""
+    with opened_bag([path]) as bag:
+        chosen = _chosen(bag, topic)
+        if bag.topics.get(chosen) in TRANSFORMS:
+            return _composed(bag, chosen), None
+        poses, spreads, frames = PoseRows(), [], set()
+        for sent in bag.messages({chosen}):
+            message = sent.decoded()
+            poses.rows.append(row_of(sent, message))
+            frames.add(frame_of_header(message))
+            spreads.append(getattr(message.pose, "covariance", np.zeros(36)))
+    warn_of_frames(str(path), chosen, frames)
+    moments = np.array(spreads, np.float64).reshape(-1, 6, 6)[:, [[0], [1], [5]], [0, 1, 5]]
+    moments[(moments == 0).all(axis=(1, 2))] = np.nan
+    known = np.isfinite(moments).all(axis=(1, 2)).any()
+    return poses.poses, moments if known else None
+
+
+def _chosen(bag: Bag, asked: str | None) -> str:
+    """Return the topic of poses asked for, or the one that a stack's pose is on."""
+    if asked is None and _ESTIMATE in bag.topics:
+        return _ESTIMATE
+    kinds: Sequence[str] = (*POSE_TYPES, *TRANSFORMS)
+    if asked is None:
+        estimates = [kind for kind in POSE_TYPES if kind != ODOMETRY]
+        if any(kind in estimates for kind in bag.topics.values()):
+            kinds = estimates
+        else:
+            moving = [topic for topic, kind in bag.topics.items() if kind in TRANSFORMS]
+            for topic in sorted(moving):
+                if _transforms_of(bag, topic)[0]:
+                    return topic
+    chosen = bag.topic(kinds, "the topic in FILE:TOPIC", asked)
+    assert chosen is not None  # as it is needed
+    return chosen
+
+
+def _transforms_of(bag: Bag, topic: str) -> tuple[dict[str, PoseRows], Transforms]:
+    """Return what moves in the map by a topic of transforms, by frame, and all transforms."""
+    moved: dict[str, PoseRows] = {}
+    transforms = Transforms()
+    for sent in bag.messages(set(), TRANSFORMS):
+        for one in sent.decoded().transforms:
+            transforms.add(sent.topic, [*sent.row, seconds_of(one.header.stamp)], one)
+    for (parent, child), rows in transforms.of(topic).edges.items():
+        if parent.rpartition("/")[2] == MAP_FRAME and rows.rows:
+            moved[child] = rows
+    return moved, transforms
+
+
+def _composed(bag: Bag, topic: str) -> Floats:
+    """Return rows t, x, y, θ of the robot in the map, (n, 4), by a topic of transforms."""
+    moved, transforms = _transforms_of(bag, topic)
+    if len(moved) != 1:
+        raise InputError(
+            f"{bag.name}:{topic} has transforms from {MAP_FRAME} to {len(moved)} frames, "
+            "but must have one, as odom: give a topic of poses."
+        )
+    ((child, rows),) = moved.items()
+    there, frames = rows.poses, transforms.of(topic)
+    odometry = PoseRows()
+    if any(parent == child for parent, _ in frames.moving):
+        _, odometry = frames.odometry(bag.name, None, child, "")
+    elif ODOMETRY in bag.topics.values():
+        for sent in bag.messages({bag.topic((ODOMETRY,), "odometry_topic", None, beside=topic)}):
+            message = sent.decoded()
+            if frame_of_header(message) in (child, ""):
+                odometry.rows.append(row_of(sent, message))
+    if not odometry.rows:
+        return there  # the robot itself
+    table = odometry.table
+    judged = JudgedOdometry.of(table[:, 0], table[:, 1], odometry.poses, "m")
+    found = [
+        judged.at(number, time) for number, time in zip(rows.table[:, 0], there[:, 0], strict=True)
+    ]
+    known = np.array([one is not None for one in found])
+    here = np.array([one[1] for one in found if one is not None]).reshape(-1, 3)
+    return np.column_stack([there[known, 0], composed(there[known, 1:], here)])

@@ -49,7 +49,6 @@ class _Messages:
     truth: list[list[float]] = field(default_factory=list)
     mounts: list[list[float]] = field(default_factory=list)  # poses of laser and robot
     odometry: list[list[float]] = field(default_factory=list)  # number of the line, t, x, y, θ
-    raw_lines: list[int] = field(default_factory=list)  # numbers of the lines of RAWLASER1
     lines: int = 0
     unreadable: int = 0
     lasers: Counter[str] = field(default_factory=Counter)  # other scans
@@ -91,11 +90,10 @@ class _Messages:
             raise ValueError("another number of words")
         *poses, stamp = numbers_of(words[9 + n + m : 10 + n + m + more])
         ranges, fan = numbers_of(words[8 : 8 + n]), _fan(words)
-        self.scans[kind].records.append(RawRecord(stamp, poses[3:6] or (0, 0, 0), ranges, fan))
+        record = RawRecord(stamp, poses[3:6] or (0, 0, 0), ranges, fan, number=self.lines)
+        self.scans[kind].records.append(record)
         if poses:
             self.mounts.append(poses[:6])
-        else:
-            self.raw_lines.append(self.lines)
 
     def records(self, kind: str, field_of_view: float | None) -> RawRecords:
         """Return the records of a kind of scan, with all that other messages say of them."""
@@ -110,7 +108,7 @@ class _Messages:
             judged = JudgedOdometry.of(table[:, 0], unknown, table[:, 1:], self.unit)
             for remark in judged.remarks:
                 tell(f"{records.source}: {remark}.")
-            return records.with_odometry(self.raw_lines, judged)
+            return records.with_odometry(judged)
         elif kind == "FLASER":
             told = math.radians(self._param("laser_front_laser_fov", math.nan))
             if field_of_view is None and _NARROWEST <= told <= 2 * math.pi:

@@ -212,28 +212,21 @@ class JudgedOdometry:
     @property
     def remarks(self) -> list[str]:
         """What is to be told of it."""
-        told = [reset_words(len(self.stretches) - 1), jump_words(self.jumps)]
+        remarks = remarks_of(len(self.stretches) - 1, self.jumps)
         if lost := sum(self.counts.get(one, 0) for one in (Taken.LATE, Taken.UNUSABLE)):
-            told.append(f"{lost:,} odometry messages are left out: late, doubled or not finite")
-        return [remark for remark in told if remark]
+            remarks.append(f"{lost:,} odometry messages are left out: late, doubled or not finite")
+        return remarks
 
 
-def jump_words(count: int) -> str | None:
-    """Say that the odometry jumps; None if it does not."""
-    if not count:
-        return None
-    return (
-        f"the odometry jumps farther than a robot drives, {times_words(count)}: taken as no motion"
-    )
-
-
-def reset_words(count: int) -> str | None:
-    """Say that the clock was set back; None if it was not."""
-    if not count:
-        return None
-    return (
-        f"the clock was set back, {times_words(count)}: from there on times are shifted, to go on"
-    )
+def remarks_of(resets: int, jumps: int) -> list[str]:
+    """Return what is to be told of a clock that was set back, and of odometry that jumps."""
+    remarks = []
+    if resets:
+        remarks.append(f"the clock was set back, {times_words(resets)}: later times are shifted")
+    if jumps:
+        fast = f"the odometry jumps farther than a robot drives, {times_words(jumps)}"
+        remarks.append(f"{fast}: taken as no motion")
+    return remarks
 
 
 def times_words(count: int) -> str:

@@ -17,8 +17,7 @@ from deqmcl_gym.logs.motion import nearest_in_time, relative
 from deqmcl_gym.logs.odometry import (
     JudgedOdometry,
     clock_shifts,
-    jump_words,
-    reset_words,
+    remarks_of,
     without_jumps,
 )
 from deqmcl_gym.logs.scans import (
@@ -51,6 +50,7 @@ class RawRecord(NamedTuple):
     fan: Fan | None = None
     frame: str = ""  # of the scan, "" for none
     reference: Sequence[float] = ()
+    number: int = 0  # of its message, as those of the odometry are counted
 
 
 @dataclass
@@ -67,14 +67,11 @@ class RawRecords:
         """The time of each record, s."""
         return [record.time for record in self.records]
 
-    def with_odometry(self, numbers: Sequence[int], odometry: JudgedOdometry) -> "RawRecords":
-        """Return the records with the odometry at their times, of those that have one.
-
-        ``numbers`` are those of the scans' messages, as those of the odometry are counted.
-        """
+    def with_odometry(self, odometry: JudgedOdometry) -> "RawRecords":
+        """Return the records with the odometry at their times, of those that have one."""
         known, last = [], None
-        for number, record in zip(numbers, self.records, strict=True):
-            placed = odometry.at(number, record.time)
+        for record in self.records:
+            placed = odometry.at(record.number, record.time)
             if placed is None:
                 self.damage[NO_ODOMETRY] += 1
             elif record.time == last:
@@ -94,7 +91,7 @@ class RawRecords:
         records = self.records
         times = np.array(self.times)
         poses = np.array([record.odometry for record in records]).reshape(-1, 3)
-        kept, remarks = np.arange(times.size), []
+        kept, resets, remarks = np.arange(times.size), 0, list[str | None]()
         if kept.size:
             ((frame, _), *_) = Counter(record.frame for record in records).most_common(1)
             framed = np.array([record.frame == frame for record in records])
@@ -107,7 +104,7 @@ class RawRecords:
             if not self.judged:
                 shifts = clock_shifts(times[kept])
                 times[kept] += shifts
-                remarks.append(reset_words(int(np.count_nonzero(np.diff(shifts)))))
+                resets = int(np.count_nonzero(np.diff(shifts)))
             kept = kept[ascending(times[kept], self.damage)]
         if not kept.size:
             why = f" ({said_of_skipped(self.damage, 0)})" if self.damage else ""
@@ -116,7 +113,7 @@ class RawRecords:
             remarks.append(said_of_skipped(self.damage, kept.size))
         if not self.judged:
             poses[kept], jumps = without_jumps(times[kept], poses[kept], unit)
-            remarks.append(jump_words(jumps))
+            remarks += remarks_of(resets, jumps)
         try:
             scanner, ranges, varying = self._seen(kept, frame, scanner_of)
         except InputError as error:

@@ -4,7 +4,6 @@ Transforms between the frames of a robot give the scanner's mounting and, if nee
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from deqmcl_gym.logs.bags import (
     opened_bag,
     row_of,
     seconds_of,
+    warn_of_frames,
 )
 from deqmcl_gym.logs.log import Log, Scanner
 from deqmcl_gym.logs.odometry import JudgedOdometry, publisher_words, publishers
@@ -47,7 +47,6 @@ from deqmcl_gym.validation import InputError, integer, like, number, one_of, sho
 UNIT_TOPIC, REFERENCE_TOPIC = "/deqmcl_unit", "/reference"
 _ROBOT = "base_link"
 _SHORTEST = 1e-12  # square of the length of a quaternion
-_APART, _PARTS = 0.2, 4  # s between stamps of one time that is told, and parts of a log
 _ALIKE = 0.05  # share of an increment
 _RECORD = "record an Odometry topic or /tf with the stamps and the clock of the scans"
 
@@ -111,25 +110,6 @@ def _scan_topics(given: str | Sequence[str] | None) -> Sequence[str | None]:
     return given
 
 
-def warn_of_frames(name: str, topic: str | None, frames: set[str]) -> None:
-    """Warn of poses that are not in the map's frame, as the headers of their messages say."""
-    if other := sorted(frames - {"", MAP_FRAME}):
-        tell(
-            f"the poses of {topic} in {name} are in frame {' and '.join(other)}, but are taken as "
-            f"poses in {MAP_FRAME}: what lies between the frames, such as the drift of odometry, "
-            f"counts as error, so give a topic of poses in {MAP_FRAME}."
-        )
-
-
-@dataclass
-class _Scans:
-    """The scans of a topic; numbers are those of their messages."""
-
-    records: RawRecords
-    numbers: list[int] = field(default_factory=list)
-    lags: list[float] = field(default_factory=list)  # of receipt behind the stamp, s
-
-
 class _Messages:
     """The messages of a bag that a log is made of."""
 
@@ -138,8 +118,7 @@ class _Messages:
     ) -> None:
         self.name, self.odometry, self.reference = name, odometry, reference
         self.scanned = {
-            topic: _Scans(RawRecords(name if len(scans) == 1 else f"{name} {topic}"))
-            for topic in scans
+            topic: RawRecords(name if len(scans) == 1 else f"{name} {topic}") for topic in scans
         }
         self.transforms = Transforms()
         self.unit = "m"
@@ -157,11 +136,11 @@ class _Messages:
                 message = sent.decoded()
             except Exception:  # damaged bytes can raise anything
                 first, *_ = self.scanned.values()
-                self.scanned.get(sent.topic, first).records.damage[UNREADABLE] += 1
+                self.scanned.get(sent.topic, first).damage[UNREADABLE] += 1
                 continue
             self._take(sent, message)
         for topic, scans in self.scanned.items():
-            times = scans.records.times
+            times = scans.times
             if len(times) > 1 and not any(times):
                 raise InputError(
                     f"the headers of {topic} in {self.name} have no stamps (all are 0), so its "
@@ -185,10 +164,8 @@ class _Messages:
             step = self._increment(message, start, step)
             fan = Fan(start, step, *(0.0 if np.isnan(one) else one for one in limits))
             stamp, frame = seconds_of(message.header.stamp), frame_of_header(message)
-            record = RawRecord(stamp, (0, 0, 0), message.ranges, fan, frame)
-            scans.records.records.append(record)
-            scans.numbers.append(sent.number)
-            scans.lags.append(sent.received - stamp)
+            record = RawRecord(stamp, (0, 0, 0), message.ranges, fan, frame, number=sent.number)
+            scans.records.append(record)
         else:
             row = row_of(sent, message)
             if sent.topic == self.reference:
@@ -222,7 +199,7 @@ class _Messages:
             if not fan.limited:  # of simulators and some drivers
                 most = max_range
             if most is None:
-                fans = [record.fan for record in self.scanned[topic].records.records]
+                fans = [record.fan for record in self.scanned[topic].records]
                 said = max(one.max_range for one in fans if one)
                 raise InputError(
                     f"range_max of its scans is {said:g}: give max_range{like('max_range', 20)}."
@@ -237,7 +214,7 @@ class _Messages:
             return Scanner(angles=angles, min_range=fan.min_range, max_range=most, **place)
 
         scanned = {
-            topic: scans.records.with_odometry(scans.numbers, odometry).log(
+            topic: scans.with_odometry(odometry).log(
                 lambda *scan, topic=topic: scanner_of(topic, *scan), unit=self.unit
             )
             for topic, scans in self.scanned.items()
@@ -254,8 +231,7 @@ class _Messages:
         (topic, scans), *_ = self.scanned.items()
         frames = self.transforms.of(topic)
         asked = None if base_frame is None else frame_name(base_frame)
-        records = scans.records.records
-        scan_frame = records[0].frame if records else ""
+        scan_frame = scans.records[0].frame if scans.records else ""
         flaw = None
         if self.moved:
             if len(self.moved) > 1:
@@ -265,12 +241,11 @@ class _Messages:
                 (named,) = self.moved  # which may be wrong or missing
             rows = self.moved[named]
             base = asked or named or _ROBOT
-            flaw = _flaw(rows, str(self.odometry), scans.records.times)
+            flaw = _flaw(rows, str(self.odometry), scans.times)
             doubt = self._doubt(rows)
             if flaw is None and (doubt is None or not frames.has_odometry):
                 if doubt is not None:
                     self._tell(f"{doubt}: taken as odometry, as there is no other")
-                self._compare_clocks(rows, str(self.odometry))
                 return base, self._judged(rows, str(self.odometry), publisher)
             flaw = flaw or doubt
         elif self.odometry is not None:
@@ -281,11 +256,10 @@ class _Messages:
             if flaw is None or odometry_frame is not None:
                 raise
             raise InputError(f"{self.name} has no usable odometry: {flaw}; {_RECORD}.") from None
-        if worse := _flaw(rows, "the transforms", scans.records.times):
+        if worse := _flaw(rows, "the transforms", scans.times):
             raise InputError(f"{self.name} has no usable odometry: {flaw or worse}; {_RECORD}.")
         if flaw is not None:
             self._tell(f"{flaw}: the odometry is taken from transforms")
-        self._compare_clocks(rows, "the transforms")
         return base, self._judged(rows, "the transforms", publisher)
 
     def _tell(self, remark: str) -> None:
@@ -306,24 +280,6 @@ class _Messages:
         if gone == 0 and turned > 1:
             return f"the positions of {self.odometry} are all the same"
         return None
-
-    def _compare_clocks(self, moved: PoseRows, where: str) -> None:
-        """Warn if scans and odometry that are received together have other stamps."""
-        table, (topic, scans) = moved.table, next(iter(self.scanned.items()))
-        if not len(table) or not scans.lags:
-            return
-        if np.ptp(table[:, 1]) < np.ptp(table[:, 3]) / 2:  # receipt tells nothing
-            return
-        lags = np.array(scans.lags)
-        theirs = np.interp(scans.numbers, table[:, 0], table[:, 1] - table[:, 3])
-        parts = np.array_split(lags - theirs, _PARTS)
-        apart = max((float(np.median(part)) for part in parts if part.size), key=abs)
-        if _APART < abs(apart) < np.inf:
-            order = "older" if apart > 0 else "newer"
-            self._tell(
-                f"scans of {topic} are stamped {abs(apart):.2f} s {order} than what {where} says "
-                "when they are received, at least in a part of the log: compare the clocks"
-            )
 
     def _judged(self, moved: PoseRows, where: str, publisher: int | None) -> JudgedOdometry:
         """Return odometry, judged, of one publisher; tell what is not as usual."""

@@ -1,4 +1,8 @@
-"""Trajectories in the TUM format, and interpolation of their poses at the times of a log."""
+"""Trajectories, such as references and estimates: read, and interpolated at the times of a log.
+
+CSV: a header with ``time,x,y,heading`` (s, m, rad) and, if known, the covariance of a pose as
+``var_x,cov_xy,cov_x_heading,var_y,cov_y_heading,var_heading``; empty cells are unknown.
+"""
 
 import math
 from collections import Counter
@@ -11,14 +15,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from deqmcl_gym.files import numbers_of, save, text_of
+from deqmcl_gym.logs.bags import poses_of_topic
 from deqmcl_gym.logs.log import Log, ascending_times, said_of_skipped
 from deqmcl_gym.logs.motion import between, composed, heading_of, nearest_in_time, relative
 from deqmcl_gym.logs.odometry import jumps_in, times_words
-from deqmcl_gym.logs.raw_records import NOT_FINITE, UNREADABLE, ascending, usable, warn_of_few
+from deqmcl_gym.logs.raw_records import (
+    NOT_FINITE,
+    UNREADABLE,
+    ascending,
+    stamped,
+    usable,
+    warn_of_few,
+)
 from deqmcl_gym.maps.map import PIXELS
 from deqmcl_gym.numerics import Bools, Floats, Indices, arrays
 from deqmcl_gym.validation import LARGEST, InputError, array, number, real, shown, tell
 
+COLUMNS = ("time", "x", "y", "heading")
+UPPER = ("var_x", "cov_xy", "cov_x_heading", "var_y", "cov_y_heading", "var_heading")
+_AT = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])  # of a 3 x 3 matrix in its upper triangle
+_BAGS = ("", ".bag", ".mcap", ".db3")
 MAX_GAP = 2.0  # m
 TOLERANCE = 0.02  # s, at most, and half the usual time between two records
 _UPRIGHT = 0.99  # cosine of the largest tilt that is not told: 8°
@@ -165,6 +181,58 @@ def sound_poses(
         tell(f"{source}: {said_of_skipped(damage, kept.size)}.")
     spread = None if covariances is None else covariances[kept]
     return Trajectory(rows[kept, 0], rows[kept, 1:], source, spread)
+
+
+def read_estimate(path: str | PathLike[str], topic: str | None = None) -> Trajectory:
+    """Read a trajectory that a stack has estimated; the ending of its name says the format.
+
+    ``.csv``: see above. ``.bag``, ``.mcap``, ``.db3`` or a folder: a topic of a bag, of type
+    PoseWithCovarianceStamped, PoseStamped or Odometry, or of transforms from ``map``; None is
+    ``/amcl_pose``, or the only topic of poses, or /tf if that has such transforms. All else: TUM.
+    ``.gz`` may follow. Lines that are no pose, not finite or out of order are left out, with a
+    warning that counts them, and so are covariances that no distribution has.
+    """
+    file = Path(path)
+    packed = file.suffix.lower() == ".gz"
+    ending = "" if file.is_dir() else (Path(file.stem) if packed else file).suffix.lower()
+    if ending in _BAGS and (file.is_dir() or ending):
+        rows, covariances = poses_of_topic(file, topic)
+        source = f"{file}:{topic}" if topic else str(file)
+        return sound_poses(stamped(rows), source, Counter(), covariances)
+    if topic is not None:
+        raise InputError(f"{file} is no bag, so it has no topic {topic}: leave it out.")
+    if ending == ".csv":
+        rows, covariances = _read_csv(file)
+        return sound_poses(stamped(rows), str(file), Counter(), covariances)
+    rows, source, damage = tum_rows(file)
+    return sound_poses(stamped(rows), source, damage)
+
+
+def _read_csv(path: Path) -> tuple[Floats, Floats | None]:
+    """Return rows t, x, y, θ and covariances; None without these columns."""
+    header, *lines = text_of(path).splitlines() or [""]
+    columns = [cell.strip() for cell in header.split(",")]
+    spread = [name for name in UPPER if name in columns]
+    for name in (*COLUMNS, *(UPPER if spread else ())):
+        if columns.count(name) != 1:
+            raise InputError(
+                f"{path} has the column {name!r} {columns.count(name)} times, but a CSV of "
+                f"estimates has {','.join(COLUMNS)} and all or none of {','.join(UPPER)} once."
+            )
+    at = [columns.index(name) for name in (*COLUMNS, *spread)]
+    rows: list[list[float]] = []
+    for row, line in enumerate(lines, 2):
+        if not line.strip():
+            continue
+        cells = [cell.strip() for cell in line.split(",")]
+        try:
+            rows.append([float(cells[i]) if cells[i] else math.nan for i in at])
+        except (ValueError, IndexError):
+            raise InputError(
+                f"line {row} of {path} must have {len(columns)} numbers or empty cells."
+            ) from None
+    table = np.array(rows).reshape(-1, len(at))
+    return table[:, :4], table[:, 4:][:, _AT].reshape(-1, 3, 3) if spread else None
 
 
 def tolerance_of(log: Log, tolerance: float | None = None) -> float:

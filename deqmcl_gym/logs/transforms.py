@@ -110,24 +110,22 @@ class Frames:
         if odometry_frame is not None:
             parents = {parent for parent, _ in self.edges}
             odometry_frame = one_of("odometry_frame", frame_name(odometry_frame), parents)
-        found = {
-            (parent, child): rows
-            for (parent, child), rows in self.edges.items()
-            if rows.rows and base_frame in (None, child) and odometry_frame in (None, parent)
-        }
-        moving = {edge: rows for edge, rows in found.items() if edge in self.moving}
-        in_odom = {
-            edge: rows
-            for edge, rows in found.items()
-            if odometry_frame is not None or edge[0].rpartition("/")[2] == ODOMETRY_FRAME
-        }
+        edges = [
+            edge
+            for edge, rows in self.edges.items()
+            if rows.rows and base_frame in (None, edge[1]) and odometry_frame in (None, edge[0])
+        ]
+        moving = [edge for edge in edges if edge in self.moving]
+        in_odom = edges
+        if odometry_frame is None:
+            in_odom = [one for one in edges if one[0].rpartition("/")[2] == ODOMETRY_FRAME]
         # a dock may stand in odom, too
-        from_odom = {edge: rows for edge, rows in in_odom.items() if edge in moving} or in_odom
+        from_odom = [edge for edge in in_odom if edge in moving] or in_odom
         above = [edge for edge in self._above(scan_frame) if edge in moving]
-        if len(from_odom) > 1 and (own := [edge for edge in above if edge in from_odom]):
-            from_odom = {own[0]: from_odom[own[0]]}
+        if len(from_odom) > 1:
+            from_odom = [edge for edge in above if edge in from_odom][:1] or from_odom
         if not from_odom and above and above[0][0] != MAP_FRAME:
-            from_odom = {above[0]: moving[above[0]]}
+            from_odom = above[:1]
         if not from_odom:
             listed = ", ".join(f"{one} to {other}" for one, other in moving) or "none"
             raise InputError(
@@ -135,7 +133,7 @@ class Frames:
                 f"{like('odometry_topic', '/odom')}, or by odometry_frame the frame from which "
                 f"transforms move the robot; the moving transforms are {listed}."
             )
-        children = {child: rows for (_, child), rows in from_odom.items()}
+        children = {edge[1]: self.edges[edge] for edge in from_odom}
         base = only_frame(children, f"{ODOMETRY_FRAME} in the transforms of {name}")
         return base, children[base]
 

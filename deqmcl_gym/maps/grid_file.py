@@ -3,7 +3,6 @@
 Source: nav2_map_server, map_io.cpp; wiki.ros.org/map_server.
 """
 
-import io
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -92,7 +91,6 @@ def write_map(
     ``thresholds`` say which cells are free and which occupied.
     """
     import yaml
-    from PIL import Image
 
     yaml_path = _path(path)
     image = yaml_path.with_suffix(".pgm")
@@ -105,10 +103,9 @@ def write_map(
     shares = cells[::-1] / OCCUPIED
     solid, open_ = shares >= occupied, (shares >= 0) & (shares <= free)
     pixels = np.where(solid, _BLACK, np.where(open_, _WHITE, _GREY)).astype(np.uint8)
-    drawn = io.BytesIO()
-    Image.fromarray(pixels).save(drawn, "PPM")
+    rows, columns = pixels.shape
     try:
-        write_bytes(image, drawn.getvalue())
+        write_bytes(image, f"P5\n{columns} {rows}\n255\n".encode() + pixels.tobytes())
         said = yaml.safe_dump(document, sort_keys=False, default_flow_style=None)
         write_bytes(yaml_path, said.encode())
     except OSError as error:

@@ -167,13 +167,6 @@ class GridMap(Map):
         grid_kernels.distances(centres, self._reach, *self._runs, self._frame, out)
         return out
 
-    def first_contact(
-        self, start: tuple[float, float], end: tuple[float, float], radius: float
-    ) -> float | None:
-        """Share of a drive at which a disc that starts clear of the walls touches one, if ever."""
-        share = grid_kernels.first_contact(start, end, self._reach, self._frame, radius)
-        return share if share < math.inf else None
-
     @cached_property
     def digest(self) -> str:
         """SHA-256 of the map's content."""

@@ -79,20 +79,6 @@ def table(what: str, rows: ArrayLike, columns: int) -> NDArray[Any]:
     return given
 
 
-def _checked_beams(poses: NDArray[Any], bearings: ArrayLike) -> Singles:
-    """Return bearings (B,) as float32; refuse another shape, and headings too large for that."""
-    beams = np.asarray(bearings, dtype=np.float32)
-    if beams.ndim != 1:
-        raise InputError(f"bearings have shape {beams.shape}, but must have shape (B,).")
-    farthest = np.abs(poses[:, 2]).max(initial=0.0)
-    if _LARGEST_HEADING < farthest < math.inf:  # with ∞ or NaN, a pose sees nothing
-        raise InputError(
-            f"a heading of poses is {farthest:g} rad, but must be from -{_LARGEST_HEADING:g} to "
-            f"{_LARGEST_HEADING:g}: wrap it to [-π, π]."
-        )
-    return beams
-
-
 _NO_MOVES, _NO_PATH = np.empty((0, 3, 0), np.float32), np.empty((0, 2), np.float32)
 
 
@@ -135,7 +121,15 @@ class Map:
         Rays from inside an obstacle end at its walls. Poses are (n, 3), bearings (B,) rad.
         """
         origins = table("poses", poses, 3)[:, :3]
-        beams = _checked_beams(origins, bearings)
+        beams = np.asarray(bearings, dtype=np.float32)
+        if beams.ndim != 1:
+            raise InputError(f"bearings have shape {beams.shape}, but must have shape (B,).")
+        farthest = np.abs(origins[:, 2]).max(initial=0.0)
+        if _LARGEST_HEADING < farthest < math.inf:  # with ∞ or NaN, a pose sees nothing
+            raise InputError(
+                f"a heading of poses is {farthest:g} rad, but must be from -{_LARGEST_HEADING:g} "
+                f"to {_LARGEST_HEADING:g}: wrap it to [-π, π]."
+            )
         out = np.empty((beams.size, len(origins)), np.float32)
         self.cast(self._rows(origins), beams, out)
         return out.T

@@ -19,8 +19,7 @@ from deqmcl_gym.files import UnreadableError, content_of, json_of
 from deqmcl_gym.maps import drive_kernels, ray_kernels
 from deqmcl_gym.maps.map import Box, Map, pixel
 from deqmcl_gym.maps.ray_kernels import AllWalls
-from deqmcl_gym.numerics import Bools, Floats, Indices, Ints, Singles
-from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.numerics import Bools, Floats, Ints, Singles
 from deqmcl_gym.validation import InputError, array, digits, one_of, shown
 
 Polygon = Sequence[tuple[float, float]]
@@ -38,59 +37,34 @@ NO_BOX: Box = (math.inf, math.inf, math.inf, math.inf)
 KEYS = ("outer", "obstacles", "unit")
 
 
-@compiled
-def _pairs_within(edges: Floats, by_x: Indices, within: float) -> Indices:
-    """Return all pairs of edges (S, 4), sorted by the smaller x, this near or crossing, (k, 2)."""
-    found, count = np.empty((64, 2), np.intp), 0
-    for k in range(by_x.size):
-        i = by_x[k]
-        x0, y0, x1, y1 = edges[i]
-        right, low, high = max(x0, x1) + within, min(y0, y1) - within, max(y0, y1) + within
-        for other in range(k + 1, by_x.size):
-            j = by_x[other]
-            u0, v0, u1, v1 = edges[j]
-            if min(u0, u1) > right:
-                break
-            if min(v0, v1) > high or max(v0, v1) < low:
-                continue
-            if _apart(edges[i], edges[j], within):
-                continue
-            if count == len(found):
-                found = np.vstack((found, found))
-            found[count, 0], found[count, 1] = i, j
-            count += 1
-    return found[:count].copy()
+def _first_touching(edges: Floats, within: float) -> tuple[int, int] | None:
+    """Return the first two edges (S, 4) without a common corner that cross or are this near."""
+    for first, edge in enumerate(edges):
+        others = edges[first + 2 : len(edges) - (first == 0)]
+        sides = [_sides(edge, others[:, :2]) * _sides(edge, others[:, 2:])]
+        sides.append(_sides(others, edge[:2]) * _sides(others, edge[2:]))
+        near = [_squares(edge, others[:, :2]), _squares(edge, others[:, 2:])]
+        near += [_squares(others, edge[:2]), _squares(others, edge[2:])]
+        touching = (np.max(sides, axis=0) < 0.0) | (np.min(near, axis=0) <= within * within)
+        if touching.any():
+            return first, first + 2 + int(touching.argmax())
+    return None
 
 
-@compiled
-def _apart(a: Floats, b: Floats, within: float) -> bool:
-    """Whether two edges neither cross nor come as near as ``within``."""
-    first, second = _side(a, b[0], b[1]), _side(a, b[2], b[3])
-    third, fourth = _side(b, a[0], a[1]), _side(b, a[2], a[3])
-    if first * second < 0.0 and third * fourth < 0.0:
-        return False
-    a_b = min(_square(a, b[0], b[1]), _square(a, b[2], b[3]))
-    b_a = min(_square(b, a[0], a[1]), _square(b, a[2], a[3]))
-    return within == 0.0 or min(a_b, b_a) > within * within
+def _sides(edges: Floats, points: Floats) -> Floats:
+    """Sides of the lines of edges (…, 4) on which points (…, 2) lie: -1, 0 or 1."""
+    x0, y0, x1, y1 = edges.T
+    x, y = points.T
+    sides: Floats = np.sign((x1 - x0) * (y - y0) - (y1 - y0) * (x - x0))
+    return sides  # a product of two areas may underflow
 
 
-@compiled
-def _side(edge: Floats, x: float, y: float) -> float:
-    """Side of an edge's line on which a point lies: -1, 0 or 1."""
-    left = (edge[2] - edge[0]) * (y - edge[1]) - (edge[3] - edge[1]) * (x - edge[0])
-    side: float = np.sign(left)  # a product of two areas may underflow
-    return side
-
-
-@compiled
-def _square(edge: Floats, x: float, y: float) -> float:
-    """Squared distance between a point and an edge."""
-    dx, dy = edge[2] - edge[0], edge[3] - edge[1]
-    px, py = x - edge[0], y - edge[1]
-    share = min(max((px * dx + py * dy) / (dx * dx + dy * dy), 0.0), 1.0)
-    px, py = px - share * dx, py - share * dy
-    square: float = px * px + py * py
-    return square
+def _squares(edges: Floats, points: Floats) -> Floats:
+    """Squared distances between edges (…, 4) and points (…, 2)."""
+    along, off = edges[..., 2:] - edges[..., :2], points - edges[..., :2]
+    share = np.clip((off * along).sum(axis=-1) / (along**2).sum(axis=-1), 0.0, 1.0)
+    squares: Floats = ((off - share[..., None] * along) ** 2).sum(axis=-1)
+    return squares
 
 
 def parse_polygon(
@@ -136,12 +110,8 @@ def _check_simple(name: str, edges: Floats, shortest: float) -> None:
             f"{name} folds back on itself at corner {corner}, {_point(edges[corner, :2])}: leave "
             "that corner out, or give the wall some thickness."
         )
-    by_x = np.argsort(np.minimum(edges[:, 0], edges[:, 2]), kind="stable")
-    pairs = np.sort(_pairs_within(edges, by_x, shortest), axis=1)
-    apart = pairs[:, 1] - pairs[:, 0]
-    strangers = pairs[(apart > 1) & (apart < len(edges) - 1)]  # share no corner
-    if strangers.size:
-        first, second = strangers[np.lexsort(strangers.T[::-1])[0]].tolist()
+    if (touching := _first_touching(edges, shortest)) is not None:
+        first, second = touching
         raise InputError(
             f"{name} crosses or touches itself between edges {first} and {second}, from "
             f"{_point(edges[first, :2])} and {_point(edges[second, :2])}: give its corners in "
@@ -152,13 +122,15 @@ def _check_simple(name: str, edges: Floats, shortest: float) -> None:
 def _has_free_space(walls: Floats, bounds: Box, least: float) -> bool:
     """Whether the walls (S, 4) wind once around a point beside one of them, or of a lattice."""
     along = walls[:, 2:] - walls[:, :2]
-    left = along[:, ::-1] * (-1, 1) / np.sqrt((along**2).sum(axis=1, keepdims=True))
-    beside = walls[:, :2] + along / 2 + least * left
-    x, y = (np.linspace(bounds[i], bounds[i + 2], _LATTICE + 2)[1:-1] for i in (0, 1))
-    for points in (beside, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)):
-        windings = np.empty(len(points), np.int32)
-        drive_kernels.wind(np.ascontiguousarray(points.T), walls, windings)
-        if (windings == 1).any():
+    normal = along[:, ::-1] * (-1, 1) / np.sqrt((along**2).sum(axis=1, keepdims=True))
+    beside = walls[:, :2] + along / 2 + least * normal
+    across, up = (np.linspace(bounds[i], bounds[i + 2], _LATTICE + 2)[1:-1] for i in (0, 1))
+    lattice = np.stack(np.meshgrid(across, up), axis=-1).reshape(-1, 2)
+    x0, y0, x1, y1 = walls.T
+    for x, y in (*beside, *lattice):
+        left = (x1 - x0) * (y - y0) - (x - x0) * (y1 - y0)
+        rises, falls = (y0 <= y) & (y1 > y) & (left > 0.0), (y0 > y) & (y1 <= y) & (left < 0.0)
+        if rises.sum() - falls.sum() == 1:
             return True
     return False
 
@@ -219,8 +191,7 @@ class PolygonMap(Map):
             ) from None
         solid = tuple(parse_polygon(f"obstacle {i}", o, *limits) for i, o in given)
         object.__setattr__(self, "obstacles", solid)
-        # a copy, as kernels are compiled for arrays that can be written
-        if not _has_free_space(self.walls.copy(), self.bounds, limits[0]):
+        if not _has_free_space(self.walls, self.bounds, limits[0]):
             raise InputError(
                 "the floor plan has no free space: its obstacles fill the outer wall; "
                 "give smaller obstacles or a larger outer wall."

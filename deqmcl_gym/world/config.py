@@ -1,15 +1,21 @@
-"""The parts of a world that can be configured, as frozen dataclasses, and the named worlds.
+"""What defines an episode: the parts of a world, frozen dataclasses, named worlds, random streams.
 
 Lengths are in the map's unit, angles in rad. The defaults are those of the paper's room, in px: 350
 × 300 with a solid inner rectangle. The paper publishes only the room; see docs/equations.md for the
 other choices. What filters assume about a world is part of a benchmark's scenario.
+
+Stream k of episode i after ``reset(seed=s)`` is SeedSequence(s, spawn_key=(i, k)), so that draws
+from one source do not change those from another. The j-th further source of the same kind, such as
+a second wrapper, has the key (i, k, j).
 """
 
+import enum
 import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -19,6 +25,32 @@ from deqmcl_gym.maps.map import LENGTH, PER_LENGTH, POSE, pixel, scaled
 from deqmcl_gym.validation import InputError, array, keep_plain, number, one_of, part, pose, shown
 from deqmcl_gym.world.differences import ChangedWalls, Clutter, Glass
 from deqmcl_gym.world.people import People
+
+
+class Stream(enum.IntEnum):
+    """Sources of randomness. Never change the numbers: results of a seed depend on them."""
+
+    MOTION = 0
+    SENSOR = 1
+    START = 2
+    DROPOUT = 3
+    KIDNAP = 4
+    ROUTE = 5
+    CLUTTER = 6
+    CHANGED_WALLS = 7
+    PEOPLE = 8
+    GLASS = 9  # which walls are glass
+    THROUGH_GLASS = 10  # which beams it does not reflect
+    BUILDING = 11  # which office it is, where each episode has another
+
+
+def episode_stream(seed: int, episode: int, stream: Stream, twin: int = 0) -> np.random.Generator:
+    """Return the generator of one source in the ``episode``-th episode (from 0) after seeding.
+
+    ``twin`` is the number of sources of this kind before it.
+    """
+    key = (episode, int(stream), twin) if twin else (episode, int(stream))
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))
 
 
 def floor_plan_of(given: Any) -> Map:
@@ -330,3 +362,29 @@ def _optional(name: str, given: Any, default: Any) -> Any:
         f"{name} is {given!r}, but must be a {type(default).__name__}, a mapping of changes to it, "
         f'or "none" for no {name}.'
     )
+
+
+PAPER_ROOM = PolygonMap(
+    outer=((0, 0), (350, 0), (350, 300), (0, 300)),
+    obstacles=(((100, 100), (250, 100), (250, 200), (100, 200)),),
+)
+#: the worlds of presets, by name
+WORLDS = MappingProxyType(
+    {
+        # one noisy beam ahead, little motion noise, exact start
+        "paper": World(floor_plan=PAPER_ROOM),
+        # the same, but the start is drawn from the filter's prior
+        "matched": World(floor_plan=PAPER_ROOM, start=Start(sd_position=10.0, sd_heading=0.1)),
+        # a sharp fan of nine beams
+        "sharp": World(
+            floor_plan=PAPER_ROOM, lidar=Lidar(beams=9, field_of_view=math.pi / 2, sigma=5.0)
+        ),
+        # strong motion noise, and a driver that corrects for it from the true pose
+        "guided": World(
+            floor_plan=PAPER_ROOM,
+            noise=MotionNoise(drive=0.2, turn=0.2, drift=0.02),
+            start=Start(sd_position=5.0, sd_heading=0.05),
+            driver=Driver(),
+        ),
+    }
+)

@@ -33,7 +33,7 @@ class Path:
     @cached_property
     def length(self) -> float:
         """Length once around, or from end to end."""
-        return float(self._lengths.sum())
+        return float(self.edges[:, 4].sum())
 
     @cached_property
     def period(self) -> float:
@@ -48,11 +48,10 @@ class Path:
     def at(self, arc: float) -> Pose:
         """Pose on the path at an arc length, clipped to an open path, heading along it."""
         arc = arc % self.length if self.closed else min(max(arc, 0.0), self.length)
-        edge = int(np.searchsorted(self._before, arc, side="right")) - 1
-        dx, dy = self._along[edge]
-        share = (arc - self._before[edge]) / self._lengths[edge]
-        x, y = self.corners[edge] + share * self._along[edge]
-        return float(x), float(y), atan2_64(dy, dx)
+        edge = int(np.searchsorted(self.edges[:, 5], arc, side="right")) - 1
+        x, y, dx, dy, length, before = self.edges[edge].tolist()
+        share = (arc - before) / length
+        return x + share * dx, y + share * dy, atan2_64(dy, dx)
 
     def advance(self, before: float, after: float) -> float:
         """Signed distance along the path between two arc lengths, the shorter way round."""
@@ -67,13 +66,13 @@ class Path:
 
     def bottom_centre(self) -> float:
         """Return the arc length of the middle of the lowest edge."""
-        middles = self.corners + self._along / 2
-        return float((self._before + self._lengths / 2)[middles[:, 1].argmin()])
+        _, y, _, dy, length, before = self.edges.T
+        return float((before + length / 2)[(y + dy / 2).argmin()])
 
     def corners_from(self, arc: float) -> Floats:
         """Return the points to drive to from an arc length: once around, or to the end."""
         entry = np.array(self.at(arc)[:2])
-        after = int(np.searchsorted(self._before, arc, side="right"))
+        after = int(np.searchsorted(self.edges[:, 5], arc, side="right"))
         if not self.closed:
             return np.vstack([entry, self.corners[after:]])
         order = np.roll(self.corners, -after, axis=0)
@@ -87,23 +86,10 @@ class Path:
     @cached_property
     def edges(self) -> Floats:
         """Rows (x, y, dx, dy, length, arc length of the corner), one for each edge, (n, 6)."""
-        starts = self.corners[: len(self._along)]
-        return np.column_stack([starts, self._along, self._lengths, self._before])
-
-    @cached_property
-    def _along(self) -> Floats:
-        if not self.closed:
-            return np.diff(self.corners, axis=0)
-        return np.roll(self.corners, -1, axis=0) - self.corners
-
-    @cached_property
-    def _lengths(self) -> Floats:
-        lengths: Floats = np.sqrt((self._along**2).sum(axis=1))
-        return lengths
-
-    @cached_property
-    def _before(self) -> Floats:
-        return np.concatenate([[0.0], np.cumsum(self._lengths)[:-1]])
+        along = np.diff(self.outline, axis=0)
+        lengths = np.sqrt((along**2).sum(axis=1))
+        before = np.concatenate([[0.0], np.cumsum(lengths)[:-1]])
+        return np.column_stack([self.corners[: len(along)], along, lengths, before])
 
 
 MAX_STEPS = 100_000  # in a plan: 0.8 MB in every info

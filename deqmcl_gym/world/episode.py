@@ -1,4 +1,4 @@
-"""Episode: a robot in a world as it is, from reset to the end of its plan.
+"""Episode: a robot in a world as it is, with its lidar, from reset to the end of its plan.
 
 Contact of the driving disc with walls is by pymunk for polygons, exact for cells.
 """
@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from deqmcl_gym.maps import Caster, GridMap, Map, PolygonMap
-from deqmcl_gym.maps.altered import altered
+from deqmcl_gym.maps import Caster, GridMap, Lidar, Map, PolygonMap
+from deqmcl_gym.maps.grid_kernels import first_contact
 from deqmcl_gym.maps.polygons import oriented_edges
 from deqmcl_gym.numerics import Floats, Point, Pose, Singles
-from deqmcl_gym.world.config import Route, World
+from deqmcl_gym.numerics.compiling import compiled
+from deqmcl_gym.world.config import Stream, World, episode_stream
 from deqmcl_gym.world.course import Course
-from deqmcl_gym.world.differences import Way
+from deqmcl_gym.world.differences import Glass, Way, altered
 from deqmcl_gym.world.driver import GuidedPlan, Plan, Underway, points_of
 from deqmcl_gym.world.path_kernels import judged_step, noisy_drive
 from deqmcl_gym.world.people import Contacts, Crowd, Crowded, cast_among_people
 from deqmcl_gym.world.rules import RoomRules
-from deqmcl_gym.world.sensor import LidarSensor, Stream, cast_through_glass, episode_stream
 
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing, View
@@ -33,49 +33,72 @@ _CLOSEST = 0.05  # px: walls nearer than this to each other are one to a beam
 
 
 @dataclass(frozen=True, eq=False)
-class Reality:
-    """A world as it is in one episode."""
+class Beginning:
+    """What is drawn for an episode before its first step."""
 
     mapped: Map
-    world: World  # the world with what is there as its floor plan
-    keeps_route: bool  # whether nothing is on the way planned on the map
+    there: RoomRules  # the rules, in the world with what is there as its floor plan
+    course: Course  # the path, and the actions planned for it on the map
+    plan: Plan
+    start: Pose  # the true pose (x, y, θ)
     glass: Floats  # walls that are glass, (k, 4, 2)
     behind_glass: Map  # what is there without them
+    streams: Streams
 
     @classmethod
-    def drawn(cls, world: World, course: Course, plan: Plan, streams: Streams) -> "Reality":
-        """Draw what differs from the map in an episode, on which its course and plan are made."""
-        ground, clutter, walls = world.floor_plan, world.clutter, world.changed_walls
+    def drawn(cls, rules: RoomRules, seed: int, number: int) -> "Beginning":
+        """Draw the ``number``-th episode after seeding."""
+        course, plan = rules.begun(seed, number)
+        streams = partial(episode_stream, seed, number)
+        world, ground = rules.world, rules.world.floor_plan
+        clutter, walls = world.clutter, world.changed_walls
         cleared, filled = np.empty((0, 4, 2)), list[Floats]()
-        kept = [part.keep_route for part in (clutter, walls) if part is not None]
         if walls is not None:
             way = _way(world, course, plan, walls.keep_route)
             cleared, filled = walls.drawn(ground, way, streams(Stream.CHANGED_WALLS))
         if clutter is not None:
             way = _way(world, course, plan, clutter.keep_route)
             filled = [*filled, *clutter.drawn(ground, way, streams(Stream.CLUTTER))]
-        there = behind = altered(ground, cleared, filled)
+        solid = behind = altered(ground, cleared, filled)
         glass = np.empty((0, 4, 2))
         if world.glass is not None:
             glass = world.glass.drawn(ground, streams(Stream.GLASS))
             behind = altered(ground, np.vstack([cleared, glass]), filled)
-        real = world if there is ground else replace(world, floor_plan=there)
-        return cls(ground, real, all(kept), glass, behind)
+        there = rules
+        if solid is not ground:
+            there = replace(rules, world=replace(world, floor_plan=solid))
+        start = there.start(course, seed, number)
+        if there is not rules and isinstance(plan, GuidedPlan):
+            # he has planned on the map, sees what is there
+            keeps_route = all(part.keep_route for part in (clutter, walls) if part is not None)
+            if keeps_route or there.journeys is None or course.goal is None:
+                plan = replace(plan, world=there.world)
+            else:
+                course = there.journeys.onwards(course.goal, start)
+                plan = there.plan_for(course)
+        return cls(ground, there, course, plan, start, glass, behind, streams)
 
-    def crowd(self, robot: Point, streams: Streams) -> Crowd | None:
-        """Return the people, if there are any, around a robot at its start."""
-        world = self.world
+    @property
+    def arc(self) -> float:
+        """Arc length at which it begins."""
+        course = self.course
+        return course.path.follow(course.start[:2], self.start[:2], course.arc)[0]
+
+    def crowd(self) -> Crowd | None:
+        """Return the people, if there are any, around the robot at its start."""
+        world = self.there.world
         if world.people is None:
             return None
-        rng = streams(Stream.PEOPLE)
-        return Crowd(world.people, world.floor_plan, robot, world.body, rng)
+        rng = self.streams(Stream.PEOPLE)
+        return Crowd(world.people, world.floor_plan, self.start[:2], world.body, rng)
 
-    def caster(self, crowd: Crowd | None, streams: Streams) -> Caster:
+    def caster(self, crowd: Crowd | None) -> Caster:
         """Return what beams meet."""
-        caster: Caster = self.world.floor_plan.cast
-        if (glass := self.world.glass) is not None:
-            behind, closest = self.behind_glass.cast, _CLOSEST * self.world.pixel
-            rng = streams(Stream.THROUGH_GLASS)
+        world = self.there.world
+        caster: Caster = world.floor_plan.cast
+        if (glass := world.glass) is not None:
+            behind, closest = self.behind_glass.cast, _CLOSEST * world.pixel
+            rng = self.streams(Stream.THROUGH_GLASS)
             caster = partial(cast_through_glass, caster, behind, glass, closest, rng)
         return caster if crowd is None else partial(cast_among_people, caster, crowd)
 
@@ -83,48 +106,12 @@ class Reality:
         """Draw what is there: solid, glass in blue; the map in outline; people as discs."""
         from deqmcl_gym.world.drawing import GLASS, MAPPED, PERSON, Drawing
 
-        drawing = Drawing(replace(view, floor_plan=self.world.floor_plan))
-        if self.world.floor_plan is not self.mapped:
+        floor_plan = self.there.world.floor_plan
+        drawing = Drawing(replace(view, floor_plan=floor_plan))
+        if floor_plan is not self.mapped:
             drawing.segments(self.mapped.walls, MAPPED)
         drawing.solids(self.glass, GLASS)
         return drawing if crowd is None else drawing.discs(crowd.places, crowd.radius, PERSON)
-
-
-@dataclass(frozen=True, eq=False)
-class Beginning:
-    """What is drawn for an episode before its first step."""
-
-    there: RoomRules  # the rules, in the world as it is in this episode
-    course: Course  # the path, and the actions planned for it
-    plan: Plan
-    reality: Reality
-    start: Pose  # the true pose (x, y, θ)
-
-    @classmethod
-    def drawn(cls, rules: RoomRules, seed: int, number: int) -> "Beginning":
-        """Draw the ``number``-th episode after seeding."""
-        course, plan = rules.begun(seed, number)
-        streams = partial(episode_stream, seed, number)
-        reality = Reality.drawn(rules.world, course, plan, streams)
-        world = reality.world
-        if world is rules.world:
-            return cls(rules, course, plan, reality, rules.start(course, seed, number))
-        there = replace(rules, world=world)
-        start = there.start(course, seed, number)
-        if isinstance(plan, GuidedPlan):  # he has planned on the map, sees what is there
-            journeys, goal = there.journeys, course.goal
-            if reality.keeps_route or journeys is None or goal is None:
-                plan = replace(plan, world=world)
-            else:
-                course = journeys.onwards(goal, start)
-                plan = there.plan_for(course)
-        return cls(there, course, plan, reality, start)
-
-    @property
-    def arc(self) -> float:
-        """Arc length at which it begins."""
-        course = self.course
-        return course.path.follow(course.start[:2], self.start[:2], course.arc)[0]
 
 
 def _way(world: World, course: Course, plan: Plan, whole: bool) -> Way:
@@ -139,6 +126,62 @@ def _way(world: World, course: Course, plan: Plan, whole: bool) -> Way:
     return Way(np.vstack([way.points for way in found]), found[0].margin)
 
 
+def cast_through_glass(
+    walls: Caster,
+    others: Caster,
+    glass: Glass,
+    closest: float,
+    rng: np.random.Generator,
+    poses: Singles,
+    bearings: Singles,
+    out: Singles,
+) -> None:
+    """Cast among walls, some of them glass, which does not reflect all beams.
+
+    ``others`` are those that are not glass; two walls count as one at a distance of ``closest``.
+    One number per beam says whether it is lost.
+    """
+    beyond = np.empty_like(out)
+    walls(poses, bearings, out)
+    others(poses, bearings, beyond)
+    lost = (beyond > out + closest) & (rng.random(out.shape) < glass.lost)
+    np.copyto(out, beyond, where=lost)
+
+
+class LidarSensor:
+    """The lidar of one robot: o = clip(r + ε, 0, max_range), r exact, ε ~ N(0, σ²).
+
+    Readings that the lidar loses (``Lidar.lose``) are +inf.
+    """
+
+    def __init__(self, caster: Caster, lidar: Lidar, rng: np.random.Generator) -> None:
+        """Mount ``lidar``; one normal number per beam and scan is drawn from ``rng``."""
+        self._lidar, self._caster = lidar, caster
+        self._max_range, self._sigma, self._rng = lidar.max_range, lidar.sigma, rng
+        self._origin = np.empty((3, 1), np.float32)
+        self._exact = np.empty((lidar.beams, 1), np.float32)
+
+    def scan(self, pose: Pose) -> Singles:
+        """Return the ranges seen from a pose as a fresh array, (B,), in [0, max_range] or +inf."""
+        origin, exact = self._origin, self._exact
+        origin[0, 0], origin[1, 0], origin[2, 0] = pose
+        self._lidar.cast(self._caster, origin, exact)
+        seen = np.empty(exact.size, np.float32)
+        normals = self._rng.standard_normal(exact.size)
+        _report(exact, normals, self._sigma, self._max_range, seen)
+        if self._lidar.loses:
+            self._lidar.lose(seen)
+        return seen
+
+
+@compiled
+def _report(exact: Singles, normals: Floats, sigma: float, max_range: float, out: Singles) -> None:
+    """Fill in clip(exact (B, 1) + σ normals (B,), 0, max_range) in one pass: NumPy takes five."""
+    for beam in range(out.size):
+        seen = exact[beam, 0] + sigma * normals[beam]
+        out[beam] = min(max(seen, 0.0), max_range)
+
+
 class CellContacts:
     """The solid cells of a grid; the arithmetic is that of ``GridMap.collides``."""
 
@@ -149,9 +192,10 @@ class CellContacts:
         """See ``Contacts.gap``."""
         return float(self._floor_plan.distance([centre])[0]) - self._radius
 
-    def first_contact(self, start: Point, end: Point) -> float | None:
+    def first_contact(self, start: Point, end: Point) -> float:
         """See ``Contacts.first_contact``."""
-        return self._floor_plan.first_contact(start, end, self._radius)
+        reach, _, _, frame = self._floor_plan.cells
+        return first_contact(start, end, reach, frame, self._radius)
 
 
 class WallContacts:
@@ -185,10 +229,10 @@ class WallContacts:
         assert nearest is not None  # a room has walls
         return nearest.distance
 
-    def first_contact(self, start: Point, end: Point) -> float | None:
+    def first_contact(self, start: Point, end: Point) -> float:
         """See ``Contacts.first_contact``."""
         contact = self.space.segment_query_first(start, end, 0.0, self._all)
-        return None if contact is None else contact.alpha
+        return math.inf if contact is None else contact.alpha
 
 
 def contacts_of(world: World) -> Contacts:
@@ -269,7 +313,7 @@ class Body:
             return end, False
         first = self._walls.first_contact(start, end)
         self._gap = 0.0
-        if first is None:
+        if first == math.inf:
             return end, False
         share = max(first - self._skin / way, 0.0)
         return (x + share * dx, y + share * dy), True
@@ -287,16 +331,16 @@ class Episode(Body):
         self._rules = rules
         self._seed, self._number = seed, number
         begun = Beginning.drawn(rules, seed, number)
-        self.there, self._reality = begun.there, begun.reality
-        self.course, self.plan, self.pose = begun.course, begun.plan, begun.start
+        self._begun, self.there = begun, begun.there
+        self.course, self.plan = begun.course, begun.plan
         world = self.there.world
-        self._crowd = self._reality.crowd(self.pose[:2], self.stream)
-        caster = self._reality.caster(self._crowd, self.stream)
+        self._crowd = begun.crowd()
+        caster = begun.caster(self._crowd)
         sensor = LidarSensor(caster, world.lidar, self.stream(Stream.SENSOR))
         solid = walls if self.there is rules else contacts_of(world)
         if self._crowd is not None:
             solid = Crowded(solid, self._crowd, world.body)
-        super().__init__(self.pose, solid, world, sensor, self.stream(Stream.MOTION))
+        super().__init__(begun.start, solid, world, sensor, self.stream(Stream.MOTION))
         self.arc = begun.arc
         self.way = self.progress = 0.0
         self.step, self.done, self.ended = 0, False, False
@@ -308,7 +352,7 @@ class Episode(Body):
 
     def picture(self, view: "View") -> "Drawing":
         """Draw what is there, without the robot."""
-        return self._reality.picture(view, self._crowd)
+        return self._begun.picture(view, self._crowd)
 
     def stream(self, stream: Stream, twin: int = 0) -> np.random.Generator:
         """Return the random stream of one source in this episode, from its beginning."""
@@ -347,7 +391,7 @@ class Episode(Body):
         )  # fmt: skip
         self.way += gained
         self.progress += gained
-        if rules.world.route is not None and self._is_at_goal(rules.world.route):
+        if self._is_at_goal():
             reward, self.done = reward + rules.rewards[1], True
         if self._crowd is not None:
             self._crowd.walk(self.pose[:2])
@@ -355,10 +399,10 @@ class Episode(Body):
         self.look()
         return reward, collided
 
-    def _is_at_goal(self, route: Route) -> bool:
+    def _is_at_goal(self) -> bool:
         """Whether the robot is at the end of its route, if that ends the episode."""
-        goal = self.course.goal
-        if goal is None or not self._rules.ends_at_goal:
+        goal, route = self.course.goal, self._rules.world.route
+        if goal is None or route is None or not self._rules.ends_at_goal:
             return False
         dx, dy = self.pose[0] - goal[0], self.pose[1] - goal[1]
         return bool(np.sqrt(dx * dx + dy * dy) <= route.tolerance)

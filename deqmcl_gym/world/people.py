@@ -90,8 +90,8 @@ class Contacts(Protocol):
     def gap(self, centre: Point) -> float:
         """Distance of the disc's rim from the nearest of it, negative if they overlap."""
 
-    def first_contact(self, start: Point, end: Point) -> float | None:
-        """Share of a drive at which a disc that starts clear touches something; None: never."""
+    def first_contact(self, start: Point, end: Point) -> float:
+        """Share of a drive at which a disc that starts clear touches something; ∞: never."""
 
 
 class Crowded:
@@ -103,14 +103,15 @@ class Crowded:
 
     def gap(self, centre: Point) -> float:
         """See ``Contacts.gap``."""
-        return min(self._walls.gap(centre), _gap(*centre, self._crowd.places) - self._size)
+        squares = ((self._crowd.places - centre) ** 2).sum(axis=1)
+        return min(self._walls.gap(centre), math.sqrt(squares.min(initial=math.inf)) - self._size)
 
-    def first_contact(self, start: Point, end: Point) -> float | None:
+    def first_contact(self, start: Point, end: Point) -> float:
         """See ``Contacts.first_contact``."""
-        of_walls = self._walls.first_contact(start, end)
-        of_people = _first_contact(*start, *end, self._crowd.places, self._size)
-        first = min(math.inf if of_walls is None else of_walls, of_people)
-        return first if first < math.inf else None
+        (x, y), drive = start, (end[0] - start[0], end[1] - start[1])
+        places = self._crowd.places.tolist()
+        of_people = [enters_circle(x - at[0], y - at[1], *drive, self._size) for at in places]
+        return min([self._walls.first_contact(start, end), *of_people])
 
 
 def cast_among_people(
@@ -203,30 +204,6 @@ def _walk(
             continue
         waits[i] = 0
         arcs[i], places[i, 0], places[i, 1] = arc, x, y
-
-
-@compiled
-def _gap(x: float, y: float, places: Floats) -> float:
-    """Distance of a point to the nearest of ``places`` (n, 2)."""
-    least = np.inf
-    for i in range(len(places)):
-        dx, dy = places[i, 0] - x, places[i, 1] - y
-        least = min(least, dx * dx + dy * dy)
-    distance: float = np.sqrt(least)
-    return distance
-
-
-@compiled
-def _first_contact(
-    x0: float, y0: float, x1: float, y1: float, places: Floats, radius: float
-) -> float:
-    """Share of a line at which it first enters a disc of ``radius`` around a place; or inf."""
-    dx, dy = x1 - x0, y1 - y0
-    first: float = np.float64(np.inf)
-    for i in range(len(places)):
-        x, y = x0 - places[i, 0], y0 - places[i, 1]
-        first = min(first, enters_circle(x, y, dx, dy, radius))
-    return first
 
 
 @compiled

@@ -11,9 +11,8 @@ from deqmcl_gym.maps.map import Map, pixel
 from deqmcl_gym.numerics import Bools, Floats, Indices, Point, Pose
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import Route, World
+from deqmcl_gym.world.config import Route, Stream, World, episode_stream
 from deqmcl_gym.world.course import Course, Path
-from deqmcl_gym.world.sensor import Stream, episode_stream
 
 _CELL = 5.0  # px: 0.1 m
 _IN_SIGHT = 100  # cells ahead that are tried for a straight line

@@ -15,13 +15,19 @@ from deqmcl_gym import validation
 from deqmcl_gym.maps import Box, Lidar, Offices, PolygonMap
 from deqmcl_gym.numerics import Bools, Floats, Pose, RoomActions, Singles, arrays
 from deqmcl_gym.validation import InputError, boolean, check_arguments, integer, one_of, shown
-from deqmcl_gym.world.config import Robot, World, extent_of, offices_of
+from deqmcl_gym.world.config import (
+    WORLDS,
+    Robot,
+    Stream,
+    World,
+    episode_stream,
+    extent_of,
+    offices_of,
+)
 from deqmcl_gym.world.course import MAX_STEPS, Course, centred_heading
 from deqmcl_gym.world.driver import FixedPlan, GuidedPlan, Plan
 from deqmcl_gym.world.path_kernels import COLLISION_PENALTY, GOAL_BONUS, once_round
-from deqmcl_gym.world.presets import WORLDS
 from deqmcl_gym.world.route import Journeys
-from deqmcl_gym.world.sensor import Stream, episode_stream
 
 if TYPE_CHECKING:  # OpenCV is only loaded for pictures
     from deqmcl_gym.world.drawing import Drawing, View
@@ -291,14 +297,12 @@ class RoomRules:
         goal: ArrayLike | None = None,
         pose: ArrayLike | None = None,
     ) -> Any:
-        """Return an observation of one room or of n, all arrays fresh.
+        """Return an observation "dict" of one room or of n, all arrays fresh.
 
         Scans are (B,) or (n, B), planned actions (h, 2) or (n, h, 2), goals of routes (2,) or
         (n, 2), true poses (3,) or (n, 3). ``covered`` and ``elapsed`` are shares of the path and
         of the plan's steps.
         """
-        if self.observation == "scan":
-            return scan.copy()
         covered = np.clip(covered, -1.0, 1.0)
         parts: dict[str, Any] = {"plan": planned.copy()} if self.shows_plan else {}
         if goal is not None:

@@ -13,8 +13,7 @@ from benchmarks import evaluate
 from deqmcl_gym.envs.acting import LocalizeEnv, Site, TrackEnv
 from deqmcl_gym.maps import Office
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import Lidar, World
-from deqmcl_gym.world.presets import PAPER_ROOM
+from deqmcl_gym.world.config import PAPER_ROOM, Lidar, World
 from localizers import GaussianPrior, PointsBelief, UniformPrior
 
 QUICK = {"floor_plan": {"office": SMALL}, "localizer": {"name": "mcl-map", "particles": 3000}}

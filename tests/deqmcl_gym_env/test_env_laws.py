@@ -50,6 +50,7 @@ ENVS = {  # id and arguments
     "other office": (ROOM_ID, WORLDS["office"] | PARTS["office"] | {"horizon": 30}),
     "journey": (JOURNEY, {"route": {"max_length": 15.0}}),
     "journeys": (JOURNEY, {"floor_plan": OFFICES}),
+    "blind": (JOURNEY, {"plan": False, "goal": "relative"}),
     "localize": ("deqmcl_gym/Localize-v0", QUICK | {"particles": 5, "cell": 10.0}),
     "localize in offices": ("deqmcl_gym/Localize-v0", QUICK | {"floor_plan": OFFICES}),
     "track": ("deqmcl_gym/Track-v0", {}),

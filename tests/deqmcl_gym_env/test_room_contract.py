@@ -15,7 +15,7 @@ from deqmcl_gym import PRESETS
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.vector import RoomVectorEnv
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.presets import WORLDS as WORLDS_BY_NAME
+from deqmcl_gym.world.config import WORLDS as WORLDS_BY_NAME
 
 MAKE = 'assert gymnasium.make("deqmcl_gym/Room-v0").reset(seed=1)[1]["planned_count"] == 204'
 FIRST_CALL = "numba.core.typing.cffi_utils"  # which the first call of a kernel loads

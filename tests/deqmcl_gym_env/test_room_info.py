@@ -13,7 +13,7 @@ from room_cases import STILL
 import deqmcl_gym
 from deqmcl_gym.envs.room import RoomEnv, RoomInfo
 from deqmcl_gym.envs.vector import RoomVectorEnv
-from deqmcl_gym.world.presets import WORLDS
+from deqmcl_gym.world.config import WORLDS
 
 ARRAYS = {
     "planned_actions": np.float32, "command": np.float32, "truth": np.float64,

@@ -17,8 +17,7 @@ from deqmcl_gym.envs.wrappers import RecordLog
 from deqmcl_gym.maps import Lidar
 from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import Driver, Lap
-from deqmcl_gym.world.presets import WORLDS
+from deqmcl_gym.world.config import WORLDS, Driver, Lap
 
 M = 0.02  # to the px
 CLOSE = 350 * 1e-5  # of the room's width, px

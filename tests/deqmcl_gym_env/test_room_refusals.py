@@ -119,6 +119,10 @@ MADE = [
     (kidnap, {"pose": (150, 150, 0)}, "the pose"),
     (partial(Kidnap, gym.Env()), {"step": 1}, "needs deqmcl_gym/Room-v0"),
     (dropout, {"probability": 1.1}, "from 0 to 1"),
+    (on_a_route, {"observation": "dict", "horizon": 5, "goal": "left"}, "unknown goal 'left'"),
+    (RoomEnv, {"plan": "no"}, "plan is 'no'"),
+    (RoomEnv, {"plan": False}, 'part of observation="dict" only'),
+    (RoomEnv, {"goal": "relative"}, "take Journey-v1"),
     (RoomVectorEnv, {"num_envs": 0}, "num_envs is 0"),
     (RoomVectorEnv, {"autoreset_mode": "samestep"}, "did you mean 'SameStep'"),
 ]

@@ -3,6 +3,7 @@
 import itertools
 import math
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,6 +12,9 @@ from room_cases import PAPER, SMALL, STILL, WORLD, infos_of
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+import localizers
+from deqmcl_gym import JOURNEY_ENV_ID as JOURNEY
+from deqmcl_gym.envs.belief import BeliefObservation
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.wrappers import Kidnap
 from deqmcl_gym.maps import Office, PolygonMap
@@ -119,6 +123,40 @@ def test_a_driver_plans_from_where_the_robot_was_carried_or_shows_what_was_plann
         rest = other[19 + step]["planned_actions"][: other[19 + step]["planned_count"]]
         np.testing.assert_array_equal(rest, shown[step:])
     assert len(other) == 20 + len(shown)
+
+
+def seen_from(pose, goal):
+    """Distance and bearing of a goal."""
+    dx, dy = goal[0] - pose[0], goal[1] - pose[1]
+    bearing = math.atan2(dy, dx) - pose[2]
+    return [math.hypot(dx, dy), math.atan2(math.sin(bearing), math.cos(bearing))]
+
+
+def test_the_goal_is_seen_from_the_true_pose_and_no_plan_is_seen():
+    env = gym.make(JOURNEY, plan=False, goal="relative")
+    seen, info = env.reset(seed=3)
+    goal = env.unwrapped.course.goal
+    for _ in range(20):
+        assert sorted(seen) == ["clock", "goal", "progress", "scan"]
+        np.testing.assert_allclose(seen["goal"], seen_from(info["truth"], goal), atol=1e-5)
+        assert env.observation_space.contains(seen)
+        seen, *_, info = env.step(info["planned_actions"][0])
+
+
+def test_the_goal_may_be_seen_from_the_belief():
+    env = gym.make(JOURNEY, plan=False, floor_plan={"office": {"seed": 1}})
+    room = env.unwrapped
+    robot = localizers.RobotModel(floor_plan=room.floor_plan, lidar=room.lidar)
+    anywhere = localizers.UniformPrior(floor_plan=room.floor_plan)
+    view = BeliefObservation(
+        env, localizers.make("mcl", robot, particles=50), anywhere, goal="relative"
+    )
+    seen, info = view.reset(seed=0)
+    for _ in range(5):
+        wanted = seen_from(seen["mean"], room.course.goal)
+        np.testing.assert_allclose(seen["goal"], wanted, atol=1e-4)
+        assert view.observation_space.contains(seen)
+        seen, *_, info = view.step(info["planned_actions"][0])
 
 
 def test_a_picture_shows_the_way_and_its_goal():

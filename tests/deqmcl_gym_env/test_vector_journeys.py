@@ -21,6 +21,7 @@ ROUGH = {"noise": {"drive": 0.3, "turn": 0.3, "drift": 0.2}}
 
 WORLDS = [
     {"driver": "none", "observation": "scan"},
+    {"plan": False, "goal": "relative"},
     {"ends_at_goal": False},
     {"lidar": {"mounting": (0.1, 0.05)}},
     {"clutter": {"number": 3}},

@@ -12,7 +12,7 @@ from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import Mount
 from deqmcl_gym.world import config
-from deqmcl_gym.world.presets import WORLDS
+from deqmcl_gym.world.config import WORLDS
 from docs import tables_of_code as tables
 
 

@@ -207,7 +207,7 @@ def test_a_name_that_is_too_long_is_refused_read_or_written(tmp_path, ending):
 def test_no_more_is_unpacked_than_is_allowed_and_only_what_is_needed(tmp_path, monkeypatch, name):
     path, read = tmp_path / name, logs.read_tum if "tum" in name else logs.read
     monkeypatch.setattr("deqmcl_gym.files.MOST_OF_LOGS", 10_000)
-    monkeypatch.setattr("deqmcl_gym.logs.reading.MOST_OF_LOGS", 10_000)
+    monkeypatch.setattr("deqmcl_gym.logs.MOST_OF_LOGS", 10_000)
     if name == "x.npz":
         logs.write(real(), path)
         arrays = dict(np.load(path))

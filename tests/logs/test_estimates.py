@@ -11,7 +11,7 @@ from deqmcl_command import exit_code
 from refusals import refused
 
 from deqmcl_gym import logs
-from deqmcl_gym.logs.estimates import read_estimate
+from deqmcl_gym.logs.trajectory import read_estimate
 from deqmcl_gym.validation import LogWarning
 
 POSE, COVARIANT = (f"geometry_msgs/msg/Pose{word}Stamped" for word in ("", "WithCovariance"))

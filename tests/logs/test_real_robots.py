@@ -15,7 +15,6 @@ from refusals import refused
 
 from deqmcl_gym import logs
 from deqmcl_gym.envs.log import LogEnv
-from deqmcl_gym.logs.estimates import read_estimate
 from deqmcl_gym.logs.motion import composed, dead_reckoned, increments_of
 from deqmcl_gym.logs.odometry import (
     JudgedOdometry,
@@ -25,7 +24,7 @@ from deqmcl_gym.logs.odometry import (
     without_jumps,
 )
 from deqmcl_gym.logs.scans import no_return_codes
-from deqmcl_gym.logs.trajectory import tolerance_of
+from deqmcl_gym.logs.trajectory import read_estimate, tolerance_of
 
 WIDE, DEEP = 6.0, 4.0  # m, of a room with a corner in (0, 0)
 MOUNT = (0.2, -0.1, 0.4)

@@ -167,7 +167,7 @@ def test_each_lidar_has_the_range_floor_and_the_blind_sectors_of_its_own_driver(
     assert (log.scanner.min_range, log.scanner.max_range) == (pytest.approx(0.2), 20.0)
 
 
-@pytest.mark.parametrize("ending", ["", ".mcap", ".bag", ".csv", ".npz"])
+@pytest.mark.parametrize("ending", [".csv", ".npz"])
 def test_a_log_of_two_lidars_is_written_and_read_again(tmp_path, ending):
     scans = [
         sent(topic, one, np.arange(1, 9) / 4)
@@ -175,9 +175,8 @@ def test_a_log_of_two_lidars_is_written_and_read_again(tmp_path, ending):
     ]
     log, _ = read_and_warned(two(tmp_path / "x", *scans), scan_topic=BOTH)
     path = tmp_path / f"again{ending}"
-    written(log, path)
-    topics = {} if ending in (".csv", ".npz") else {"scan_topic": ["/scan_1", "/scan_2"]}
-    same, warned = read_and_warned(path, **topics)
+    logs.write(log, path)
+    same, warned = read_and_warned(path)
     assert warned == ""
     np.testing.assert_array_equal(same.ranges, log.ranges)
     np.testing.assert_allclose(same.scanner.bearings, log.scanner.bearings, atol=1e-5)

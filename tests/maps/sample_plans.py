@@ -3,7 +3,7 @@
 import numpy as np
 
 from deqmcl_gym.maps import PolygonMap
-from deqmcl_gym.world.presets import PAPER_ROOM
+from deqmcl_gym.world.config import PAPER_ROOM
 
 # A U-shaped hall with a C-shaped, a triangular and a tilted obstacle; orientations mixed.
 HALL = PolygonMap(

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from refusals import refused
 
 from deqmcl_gym.maps import GridMap, PolygonMap
-from deqmcl_gym.maps.altered import altered, inner_walls
 from deqmcl_gym.validation import InputError
+from deqmcl_gym.world.differences import altered, inner_walls
 
 # 8 m x 6 m, in cells of 0.1 m: a wall from below to above with a door, and a block in a corner
 CELLS = np.zeros((60, 80), np.int8)

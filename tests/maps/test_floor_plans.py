@@ -8,8 +8,7 @@ from refusals import refused
 
 from deqmcl_gym.maps import GridMap, Office, PolygonMap
 from deqmcl_gym.validation import InputError
-from deqmcl_gym.world.config import offices_of
-from deqmcl_gym.world.presets import WORLDS
+from deqmcl_gym.world.config import WORLDS, offices_of
 
 OFFICE = Office(seed=3, wings=1)
 

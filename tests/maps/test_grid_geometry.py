@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from deqmcl_gym.maps import GridMap
+from deqmcl_gym.maps.grid_kernels import first_contact
 
 SEEDS = st.integers(0, 2**32 - 1)
 # cells: at 6 km from (0, 0), float64 resolves 1e-12 m; single precision does positions in cells of
@@ -76,7 +77,7 @@ def test_beams_pass_transparent_cells_and_the_edge_behind_them_and_robots_do_not
     assert grid.free([(1.5, 0.5), (2.5, 0.5)]).tolist() == [True, False]
     assert grid.collides([(1.5, 0.5)], [(2.5, 0.5)], 0.1)[0]
     assert grid.distance([(1.25, 1.0)])[0] == 0.75
-    contact = grid.first_contact((0.5, 1.0), (3.5, 1.0), 0.25)
+    contact = first_contact((0.5, 1.0), (3.5, 1.0), grid.cells[0], grid.cells[3], 0.25)
     assert contact == pytest.approx(1.25 / 3)
     twice_ahead = np.array([[[1.0], [0.0], [0.0]]] * 2, "f4")
     _, hits = grid.rolled_out(np.array([[0.5], [1.0], [0.0]], "f4"), twice_ahead, 0.1, kept=1)

@@ -12,8 +12,8 @@ from refusals import refused
 from sample_plans import PLANS, anywhere, corners
 
 from deqmcl_gym.maps import GridMap, Map, PolygonMap
+from deqmcl_gym.world.config import WORLDS
 from deqmcl_gym.world.course import Course
-from deqmcl_gym.world.presets import WORLDS
 
 BAND = 1e-3  # px: coordinates of 700 px in float32, and a handful of operations on them
 

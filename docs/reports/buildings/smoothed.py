@@ -22,7 +22,7 @@ from benchmarks.tables.frames import csv_of
 from benchmarks.trials.tracks import calibration_of_gaussians
 from deqmcl_gym.files import write_text
 from deqmcl_gym.logs import read_tum
-from deqmcl_gym.logs.estimates import read_estimate
+from deqmcl_gym.logs.trajectory import read_estimate
 
 REPORT = Path(__file__).resolve().parent
 BUILDINGS = ("freiburg-079", "intel")
