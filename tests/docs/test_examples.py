@@ -17,7 +17,7 @@ from localizers.checks import check_localizer, default_robot
 
 EXAMPLES = ROOT / "docs" / "examples"
 QUICK = ("custom_room.py", "doors.py")
-TRAINING = ("cleanrl_journeys.py", "ppo.py", "ppo_localize.py")
+TRAINING = ("ppo.py", "ppo_localize.py")
 SCRIPTS = [
     path.name if path.name in QUICK else pytest.param(path.name, marks=pytest.mark.slow)
     for path in sorted(EXAMPLES.glob("*.py"))
@@ -94,10 +94,6 @@ FEW = {
         """--steps 1024 --rooms 8 --id Journey-v1 --set {"plan":false,"goal":"relative"}
         --curve curve.svg""",
         ["of 20 episodes finished"],
-    ),
-    "cleanrl_journeys.py": (
-        "--steps 8192 --rooms 32 --seeds 1 --episodes 4 --curve curve.svg",
-        ["| PPO, seed 0 |", "| plan "],
     ),
     "ppo_localize.py": (
         "--decisions 4096 --seeds 0,1 --episodes 2 --against spin --out .",
