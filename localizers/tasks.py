@@ -113,9 +113,9 @@ def _lost(
     world = world_in(floor_plan)
     model = robot_model(world, BEAM_POWER)
     if by_table:
-        model = replace(
-            model, scan=RangeTable(beam=model.scan, cell=_CELL * metre(world.floor_plan.unit))
-        )
+        beam = CensoredGaussianUniform(sigma=world.lidar.sigma, power=BEAM_POWER)
+        cell = _CELL * metre(world.floor_plan.unit)
+        model = replace(model, scan=RangeTable(beam=beam, cell=cell))
     made = _localizer(localizer, model, particles=10_000)
     anywhere = UniformPrior(floor_plan=world.floor_plan, radius=world.body + world.skin)
     extent = extent_of(floor_plan or _LOST["floor_plan"], world.floor_plan)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.map import LENGTH
-from deqmcl_gym.numerics import Floats, Singles
+from deqmcl_gym.numerics import Floats, Reals, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.validation import number
 from localizers.models.beams import BeamDensity
@@ -118,7 +118,7 @@ class TableOfMap(NamedTuple):
             add_from_table(starts, *beams, self.logs, self.table, self.shape, self.frame, out)
         return out
 
-    def codes(self, ranges: Floats) -> Codes:
+    def codes(self, ranges: Reals) -> Codes:
         """Return the codes of usable ranges."""
         steps = np.rint(ranges / self.step)
         return np.where(ranges < self.lidar.max_range, steps, _LAST).astype(np.uint8)
