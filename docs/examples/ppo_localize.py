@@ -377,7 +377,7 @@ def draw(curves: list[Any], file: str, window: int = 1000) -> None:
 def main() -> None:
     """Train, score, draw."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--decisions", type=int, default=1_000_000, help="of a training")
+    parser.add_argument("--decisions", type=int, default=500_000, help="of a training")
     parser.add_argument("--rooms", type=int, default=64)
     parser.add_argument("--seeds", default="0,1,2", help="of the trainings")
     parser.add_argument("--episodes", type=int, default=100, help="in which they are scored")
