@@ -20,7 +20,7 @@ except ModuleNotFoundError as missing:
 
 
 class Rooms(VecEnv):  # type: ignore[misc, unused-ignore]
-    """Environments that run together, with actions in [-1, 1].
+    """Environments that run together, with actions in [-1, 1], or numbers if they are discrete.
 
     Args:
         rooms: of ``gym.make_vec(..., autoreset_mode="SameStep")``. It is the attribute ``rooms``.
@@ -34,10 +34,11 @@ class Rooms(VecEnv):  # type: ignore[misc, unused-ignore]
                 'the step that ends one: give gym.make_vec(..., autoreset_mode="SameStep").'
             )
         self.rooms = rooms
-        box: Any = rooms.single_action_space
-        self._low, self._high, self._span = box.low, box.high, (box.high - box.low) / 2
-        unit = gym.spaces.Box(-1.0, 1.0, box.shape, np.float32)
-        super().__init__(rooms.num_envs, rooms.single_observation_space, unit)
+        space: Any = rooms.single_action_space
+        self._box = space if isinstance(space, gym.spaces.Box) else None
+        if self._box is not None:
+            space = gym.spaces.Box(-1.0, 1.0, space.shape, np.float32)
+        super().__init__(rooms.num_envs, rooms.single_observation_space, space)
 
     def reset(self) -> Any:
         """Begin an episode in all rooms, with the seeds given before, if any."""
@@ -47,13 +48,15 @@ class Rooms(VecEnv):  # type: ignore[misc, unused-ignore]
         return seen
 
     def step_async(self, actions: Any) -> None:
-        """Take actions in [-1, 1], one for each room."""
-        self._actions = self._low + (np.clip(actions, -1, 1) + 1) * self._span
+        """Take actions, one for each room."""
+        if (box := self._box) is not None:
+            actions = box.low + (np.clip(actions, -1, 1) + 1) * ((box.high - box.low) / 2)
+            actions = np.clip(actions, box.low, box.high).astype(np.float32)  # rounding
+        self._actions = actions
 
     def step_wait(self) -> Any:
         """Step all rooms; where an episode ends, the next one begins."""
-        actions = np.clip(self._actions, self._low, self._high).astype(np.float32)  # rounding
-        seen, rewards, terminated, truncated, told = self.rooms.step(actions)
+        seen, rewards, terminated, truncated, told = self.rooms.step(self._actions)
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for room in np.flatnonzero(terminated | truncated):
             infos[room]["terminal_observation"] = told["final_obs"][room]

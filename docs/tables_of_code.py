@@ -113,7 +113,7 @@ def ids() -> Table:
         most = spec.max_episode_steps or arguments.get("max_steps") or "none"
         together = "in kernels" if spec.vector_entry_point else "in a loop"
         if "scan" in arguments:
-            together = '`scan="field"`, `mcl`'
+            together = '`scan="table"`, `mcl`'
         rows.append([f"`{name}`", about, given, str(most), together])
     return (["`deqmcl_gym/…`", "what it is", "set", "most steps", "`make_vec`"], rows)
 

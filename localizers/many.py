@@ -1,6 +1,6 @@
 """``Localize-v0`` many at once, for training: office, robot, scan, filter and summary are compiled.
 
-``gym.make_vec("deqmcl_gym/Localize-v0", num_envs=64, scan="field", localizer={"name": "mcl",
+``gym.make_vec("deqmcl_gym/Localize-v0", num_envs=64, scan="table", localizer={"name": "mcl",
 "particles": 1000})``. The single env is the definition: tests drive both side by side. Rooms are
 shared out to threads, and their numbers do not depend on how.
 """
@@ -31,7 +31,7 @@ from deqmcl_gym.world.course import centred_heading
 from deqmcl_gym.world.episode import LidarSensor
 from localizers.many_kernels import filter_rooms, summarize_rooms
 from localizers.models.prior import random_poses
-from localizers.models.scan_field import FieldOfMap, ScanField
+from localizers.models.range_table import RangeTable, TableOfMap
 from localizers.tasks import Localize
 
 _KEPT = 256  # offices, with their tables
@@ -42,7 +42,7 @@ def localize(
 ) -> VectorEnv[Any, Any, Any]:
     """Return many ``Localize-v0``: compiled if they can be, else Gymnasium's loop over single ones.
 
-    Compiled are those with ``scan="field"`` and the localizer "mcl", in offices of cells, with the
+    Compiled are those with ``scan="table"`` and the localizer "mcl", in offices of cells, with the
     lidar in the robot's centre, that loses no readings, and without pictures.
     """
     rooms, single = integer("num_envs", num_envs, low=1), Localize(**task)
@@ -61,7 +61,7 @@ def _is_native(env: Localize, task: dict[str, Any]) -> bool:
     return (
         params.pop("name", None) == "mcl"
         and not params.keys() - {"particles"}
-        and task.get("scan") == "field"
+        and task.get("scan") == "table"
         and isinstance(env.floor_plan, GridMap)
         and lidar.places == ((0.0, 0.0),)
         and not lidar.loses
@@ -86,7 +86,7 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
         localizer: Any = single._localizer
         self._count = count = int(localizer.filter.particles)
         robot = localizer.robot
-        self._scan = robot.scan
+        self._scan, (_, self._table) = robot.scan, _place(self.world, None, None, robot.scan)
         self._noise = tuple(vars(robot.motion)[name] for name in ("drive", "turn", "drift"))
         # of the robots
         self._grounds = Grounds(self.world, n, own=True)
@@ -106,8 +106,8 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
         self.particles = np.zeros((n, 3, count), np.float32)
         self._log_weights, self.weights = np.zeros((2, n, count))
         self._uniforms = np.zeros((n, count + 1))
-        self._tables, self._shapes = np.zeros((n, 0), np.float32), np.zeros((n, 2), np.intp)
-        self._frames = np.zeros((n, 5))
+        self._tables, self._shapes = np.zeros((n, 0), np.uint8), np.zeros((n, 2), np.intp)
+        self._frames = np.zeros((n, 3))
         self._means, self._best, self._second = np.zeros((3, n, 3))
         self._covariances, self._shares = np.zeros((n, 3, 3)), np.zeros((n, 2))
         # of the episodes
@@ -192,7 +192,7 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
             sites, building = self._single._sites, None
             if sites is not None:
                 building = self.buildings[room] = sites.offices.drawn(rng.spawn(1)[0])
-            world, field = _place(self.world, sites and sites.offices, building, self._scan)
+            world, scan = _place(self.world, sites and sites.offices, building, self._scan)
             radius = world.body + world.skin
             x, y, heading = random_poses(world.floor_plan, 1, start, radius)[:, 0].tolist()
             pose = self._robots.poses[room] = x, y, centred_heading(heading)
@@ -204,10 +204,10 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
             stream = own.spawn(1)[0]
             self.particles[room] = random_poses(world.floor_plan, self._count, stream, radius)
             self._log_weights[room], self._of_filters[room] = 0.0, own
-            size = field.table.size
+            size = scan.table.size
             self._tables = wide(self._tables, size)
-            self._tables[room, :size] = field.table
-            self._shapes[room], self._frames[room] = field.shape, field.frame
+            self._tables[room, :size] = scan.table
+            self._shapes[room], self._frames[room] = scan.shape, scan.frame
         self.steps[rooms] = self._confident[rooms] = self._right[rooms] = 0
         self._ended[rooms], self._begun[rooms] = False, True
         self._summarize(rooms)
@@ -233,8 +233,8 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
             self._of_filters[room].random(out=self._uniforms[room])
         self._each(
             rooms, filter_rooms, self.particles, self._log_weights, self._uniforms,
-            commands.astype(np.float64), self.scans, self.lidar.bearings, self._noise,
-            self._tables, self._shapes, self._frames, self.lidar.max_range,
+            commands.astype(np.float64), self._table.codes(self.scans), self.lidar.bearings,
+            self._noise, self._table.logs, self._tables, self._shapes, self._frames,
         )  # fmt: skip
         self._summarize(rooms)
         collided: Bools = moved[1]
@@ -311,8 +311,8 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
 
 @lru_cache(_KEPT)
 def _place(
-    world: World, offices: Offices | None, building: int | None, scan: ScanField
-) -> tuple[World, FieldOfMap]:
+    world: World, offices: Offices | None, building: int | None, scan: RangeTable
+) -> tuple[World, TableOfMap]:
     """Return the world of a building, and the model of scans there."""
     if offices is not None and building is not None:
         world = replace(world, floor_plan=offices.map(building))

@@ -9,7 +9,7 @@ from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import atan2_64, cos64, sin64, wrapped64
 from localizers.inference.particles import fill_systematic, normalize, shifted
 from localizers.models.motion import noisy_moves
-from localizers.models.scan_field import add_at_ends
+from localizers.models.range_table import Codes, add_from_table
 
 
 @compiled
@@ -19,15 +19,15 @@ def filter_rooms(
     log_weights: Floats,
     uniforms: Floats,
     commands: Floats,
-    scans: Singles,
+    readings: Codes,
     bearings: Floats,
     noise: tuple[float, float, float],
-    tables: Singles,
+    logs: Floats,
+    tables: Codes,
     shapes: Indices,
     frames: Floats,
-    max_range: float,
 ) -> None:
-    """Do in each of ``rooms`` what ``ParticleFilter.step`` does with a ``ScanField``."""
+    """Do in each of ``rooms`` what ``ParticleFilter.step`` does with a ``RangeTable``."""
     n = particles.shape[2]
     weights, likelihood, total = np.empty(n), np.empty(n), np.empty(n)
     ancestors = np.empty(n, np.intp)
@@ -43,22 +43,13 @@ def filter_rooms(
         noisy_moves(uniforms[room : room + 1, 1:], action, noise[0], noise[1], noise[2], moves)
         drive(kept, moves[0], particles[room])
         log_weights[room] = 0.0
-        counted = 0
-        ranges, angles = np.empty(scans.shape[1]), np.empty(scans.shape[1])
-        for beam in range(scans.shape[1]):
-            reading = np.float64(scans[room, beam])
-            if 0.0 <= reading < max_range:
-                ranges[counted], angles[counted] = reading, bearings[beam]
-                counted += 1
-        if counted == 0:
-            continue
         rows, columns = shapes[room]
         shape = rows, columns
-        row = frames[room]
-        frame = row[0], row[1], row[2], row[3], row[4]
+        frame = frames[room, 0], frames[room, 1], frames[room, 2]
         likelihood[:] = 0.0
-        ends = ranges[:counted], angles[:counted]
-        add_at_ends(particles[room], ends[0], ends[1], tables[room], shape, frame, likelihood)
+        add_from_table(
+            particles[room], readings[room], bearings, logs, tables[room], shape, frame, likelihood
+        )
         if np.isfinite(shifted(log_weights[room], likelihood, total)):
             log_weights[room] = total
 

@@ -18,11 +18,10 @@ from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Floats, Singles, arrays
 from deqmcl_gym.validation import integer, number
 from localizers.api import Belief, best_cluster
-from localizers.models.nav2_scan import DistanceTable
+from localizers.models.nav2_scan import DistanceTable, table_at_ends
 from localizers.models.prior import GaussianPrior, random_poses
 from localizers.models.robot import RobotModel
 from localizers.models.scan import Scan
-from localizers.models.scan_field import add_at_ends
 
 _NEAR = 0.15  # m from a wall: where a beam ends that agrees with the map
 _SIGMA = 0.2  # m, of what is climbed when scans are matched
@@ -87,8 +86,7 @@ class MapAgreement:
         squares, self._frame = DistanceTable.of(
             robot.floor_plan, 2 * _SIGMA * self.metre, _CELL * self.metre
         )
-        away = np.append(squares, np.inf) * (self._frame[-1] / self.metre) ** 2  # m²
-        self._shape = squares.shape
+        away = squares * (self._frame[-1] / self.metre) ** 2  # m²
         self._near = (away <= _NEAR**2 + 1e-9).astype(np.float32)
         self._climbed = arrays.exp(-0.5 * away / _SIGMA**2).astype(np.float32)
 
@@ -129,7 +127,7 @@ class MapAgreement:
         return best, height
 
     def _mean(self, table: Singles, poses: Floats, seen: Sequence[Seen]) -> Floats:
-        """Mean of a table where the beams of scans end, (n,)."""
+        """Mean of a table where the beams of scans end, 0 off it, (n,)."""
         out, beams = np.zeros(len(poses)), 0
         for one in seen:
             back = relative(seen[-1].odometry[None], one.odometry[None])[0]
@@ -138,7 +136,9 @@ class MapAgreement:
             for origins, rows in self._lidar.fans(states, used):
                 starts = np.ascontiguousarray(origins, np.float32)
                 own = ranges[rows], self._lidar.bearings[used][rows]
-                add_at_ends(starts, *own, table, self._shape, self._frame, out)
+                values = np.empty((own[0].size, len(poses)), np.float32)
+                table_at_ends(starts, *own, table, self._frame, values)
+                out += values.sum(axis=0, dtype=np.float64, where=np.isfinite(values))
             beams += one.scan.beams
         return out / beams
 

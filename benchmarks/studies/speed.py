@@ -368,7 +368,7 @@ def navground_steps() -> Job:
 def localize_steps(mode: str, size: int = 64) -> Job:
     """Return the job of lost robots, 1,000 particles each, in an env of Gymnasium's ``mode``."""
     few = {"name": "mcl", "particles": 1000}
-    envs = gym.make_vec("deqmcl_gym/Localize-v0", size, mode, scan="field", localizer=few)
+    envs = gym.make_vec("deqmcl_gym/Localize-v0", size, mode, scan="table", localizer=few)
     envs.reset(seed=0)
     actions = np.tile(np.array([0.1, 0.1, 0.0], np.float32), (size, 1))
     return Job(lambda: envs.step(actions), size)

@@ -49,7 +49,7 @@ autodoc_typehints_description_target = "documented_params"  # of dataclasses: as
 GALLERY = (
     "first_localizer", "custom_room", "many_rooms", "plan_sensor", "doors", "theta_phase",
     "lost_in_a_building", "your_map", "your_log", "sweep_and_report", "figures_for_a_paper",
-    "learned_scan_model", "ppo", "ppo_localize", "cleanrl_journeys",
+    "learned_scan_model", "ppo", "ppo_localize",
 )  # fmt: skip
 
 
@@ -69,7 +69,7 @@ class FromFirstSteps:
 sphinx_gallery_conf = {
     "examples_dirs": "docs/examples",
     "gallery_dirs": "docs/gallery",
-    "filename_pattern": r"examples/(?!ppo|cleanrl)",  # run all but those that need PyTorch
+    "filename_pattern": r"examples/(?!ppo)",  # run all but those that need PyTorch
     "ignore_pattern": r"conftest",
     "within_subsection_order": FromFirstSteps,
     "show_memory": False,

@@ -130,9 +130,12 @@ class LidarScan:
 
     @cached_property
     def _outside(self) -> float:
-        """Least of -30 and of a beam's log-density: no scan is likelier outside than inside."""
-        least = self.beam.least_density(self.lidar.max_range)
-        return min(OUTSIDE, float(arrays.log(least)))
+        return log_outside(self.beam, self.lidar.max_range)
+
+
+def log_outside(beam: BeamDensity, max_range: float) -> float:
+    """Least of -30 and of a beam's log-density: no scan is likelier outside than inside."""
+    return min(OUTSIDE, float(arrays.log(beam.least_density(max_range))))
 
 
 def _leave_out(expected: Singles) -> None:

@@ -10,13 +10,14 @@ from refusals import refused
 
 import deqmcl_gym  # noqa: F401
 from localizers.many import LocalizeVectorEnv
+from localizers.models.beams import CensoredGaussianUniform
 from localizers.models.prior import random_poses
-from localizers.models.scan import Scan
-from localizers.models.scan_field import ScanField
+from localizers.models.range_table import RangeTable
+from localizers.models.scan import LidarScan, Scan
 
 ID = "deqmcl_gym/Localize-v0"
 TASK = {
-    "scan": "field",
+    "scan": "table",
     "localizer": {"name": "mcl", "particles": 300},
     "floor_plan": {"office": {"wings": 1, "corridors": 1, "seeds": [20, 60]}},
     "share": 0.3,
@@ -127,10 +128,10 @@ FEW = {"name": "mcl", "particles": 50}
     "task",
     [
         {},
-        {"scan": "field"},
+        {"scan": "table"},
         {"localizer": FEW},
-        {"scan": "field", "localizer": FEW, "floor_plan": SQUARE},
-        {"scan": "field", "localizer": FEW, "lidar": {"min_range": 0.2}},
+        {"scan": "table", "localizer": FEW, "floor_plan": SQUARE},
+        {"scan": "table", "localizer": FEW, "lidar": {"min_range": 0.2}},
     ],
 )
 def test_what_is_not_compiled_runs_one_by_one(task):
@@ -139,31 +140,29 @@ def test_what_is_not_compiled_runs_one_by_one(task):
     assert envs.num_envs == 2
 
 
-def test_a_field_weighs_a_beam_by_the_distance_of_its_end_to_the_nearest_wall():
-    env = gym.make(ID, scan="field", localizer={"name": "mcl", "particles": 10}).unwrapped
+def test_a_table_weighs_scans_as_ray_casts_from_the_cells_centre_do():
+    env = gym.make(ID, localizer={"name": "mcl", "particles": 10}).unwrapped
     env.reset(seed=0)
-    lidar, plan = env.lidar, env.floor_plan
-    field = ScanField(sigma=0.5, power=0.1).made(plan, lidar)
-    poses = random_poses(plan, 40, np.random.default_rng(0), 0.2)
-    ranges = np.random.default_rng(1).uniform(0.5, 6.0, lidar.beams)
-    angles = poses[2][:, None] + lidar.bearings
-    ends = np.stack(
-        [
-            poses[0][:, None] + ranges * np.cos(angles),
-            poses[1][:, None] + ranges * np.sin(angles),
-        ],
-        axis=-1,
-    )
-    away = np.minimum(np.abs(plan.distance(ends.reshape(-1, 2))), 2.0).reshape(ends.shape[:2])
-    inside = plan.free(ends.reshape(-1, 2)).reshape(away.shape)
-    q = 0.5 * np.exp(-0.5 * (away / 0.5) ** 2) + 0.5 / 12.0
-    wanted = 0.1 * np.log(q).sum(axis=1)
-    found = field.log_likelihood(poses, Scan.of(ranges, lidar.max_range))
-    whole = inside.all(axis=1)  # beyond walls distances are to the nearest solid cell, 0
-    assert whole.sum() > 0
-    # distances between centres of cells of 0.1 m are off by at most a diagonal, 0.142 m; the slope
-    # of log q is at most 2.6 / m
-    assert np.abs(found - wanted)[whole].max() < 0.1 * lidar.beams * 2.6 * 0.142
+    lidar, plan, cell = env.lidar, env.floor_plan, 0.2
+    beam = CensoredGaussianUniform(sigma=0.5, power=0.1)
+    table = RangeTable(beam=beam, cell=cell).made(plan, lidar)
+    x0, y0 = plan.bounds[:2]
+    rng = np.random.default_rng(0)
+    poses = random_poses(plan, 400, rng, 0.2)  # 0.2 m from walls: each cell's centre is free
+    corner = np.array([[x0], [y0]])
+    centres = np.floor((poses[:2] - corner) / cell) * cell + cell / 2 + corner
+    direction = 2 * np.pi / 64
+    headings = direction * rng.integers(64, size=400)
+    turned = headings + rng.uniform(-0.49, 0.49, 400) * direction
+    exact = np.vstack([centres, headings]).astype(np.float32)
+    looked_up = np.vstack([poses[:2], turned]).astype(np.float32)
+    ranges = np.append(rng.uniform(0.5, 11.9, lidar.beams - 2), [0.0, lidar.max_range])
+    scan = Scan.of(ranges, lidar.max_range)
+    wanted = LidarScan(floor_plan=plan, lidar=lidar, beam=beam).log_likelihood(exact, scan)
+    off = np.abs(table.log_likelihood(looked_up, scan) - wanted)
+    # A code is a step of 0.059 m, both ranges are off by at most half of one; the slope of log p is
+    # at most |o - ô|/σ², and where that is large the uniform share is flat: below 4.5/σ.
+    assert off.max() < 0.1 * lidar.beams * 4.5 / 0.5 * 0.059
 
 
 def test_bad_actions_are_refused_and_no_room_moves():
