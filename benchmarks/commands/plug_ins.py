@@ -1,7 +1,6 @@
 """What there is to name, how it is begun, and the laws that it must keep."""
 
 import argparse
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -13,7 +12,9 @@ from benchmarks.commands import command, file, folder, option, switch
 from benchmarks.console import doing, say
 
 if TYPE_CHECKING:  # loaded when needed
-    from localizers.checks import LawVerdict, Report
+    from localizers.checks import LawVerdict
+    from localizers.checks.laws import Law
+    from localizers.checks.subject import LocalizerDrive
 
 _KINDS = "suites", "localizers", "scenarios", "agents"
 _FEW = 6  # shown of each kind
@@ -172,13 +173,7 @@ def _map(options: argparse.Namespace) -> str:
 
 
 class LawsBrokenError(RuntimeError):
-    """A localizer, an agent or a scan model breaks laws, which have been printed."""
-
-
-def _kind_of_plug_in(parser: argparse.ArgumentParser) -> None:
-    kinds = parser.add_mutually_exclusive_group()
-    switch("--agent", "NAME is of an agent")(kinds)
-    switch("--scan", "NAME is of a scan model")(kinds)
+    """A localizer breaks laws, which have been printed."""
 
 
 @command(
@@ -186,89 +181,66 @@ def _kind_of_plug_in(parser: argparse.ArgumentParser) -> None:
         "path/to/file.py[:NAME]"),
     option("--map", metavar="MAP.yaml", help="try it on this map, in m, instead of a small room of "
         "polygons"),
-    _kind_of_plug_in,
-    option("--scenario", metavar="NAME", help="where an agent drives (guided; with a goal, "
-        "driving), or whose map and lidar a scan model is for (sharp; if it needs a map of cells, "
-        "lost)"),
     option("--timeout", type=float, default=60.0, metavar="S", help="seconds allowed per law (60)"),
 )  # fmt: skip
 def check_command(options: argparse.Namespace) -> str:
-    """Check a localizer, an agent or a scan model against named laws.
+    """Check a localizer against named laws.
 
     One line per law: ok, FAILED or skipped, with the reason. Exit code 3 if a law fails.
     """
     from benchmarks.execution import prepare
     from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
-    from deqmcl_gym.validation import InputError, number
+    from deqmcl_gym.validation import number
 
     number("--timeout", options.timeout, low=0, high=1e6, above=True)
-    by_scenario = options.agent or options.scan
-    if by_scenario and options.map is not None:
-        raise InputError("--map is for localizers: with --agent or --scan give --scenario.")
-    if options.scenario is not None and not by_scenario:
-        raise InputError(
-            "--scenario is for agents and scan models: give --agent or --scan, or --map for a "
-            "localizer."
-        )
     prepare()  # while this process loads what it needs
-    from localizers.checks import LawVerdict, Report
+    from localizers.checks import LAWS, LawVerdict, Report, law_name
 
-    kind = "agents" if options.agent else "scan models" if options.scan else "localizers"
-    subject = kind, options.name, options.scenario or options.map
+    subject = options.name, options.map, options.timeout
 
-    def attempt(law: str) -> LawVerdict:
+    def attempt(law: "Law") -> LawVerdict:
         try:
-            verdict: LawVerdict = worker.submit(_verdict, law, options.timeout, *subject).result()
+            verdict: LawVerdict = worker.submit(_verdict, law, *subject).result()
             return verdict
         except TimedOutError:
             note = f"no answer within {options.timeout:g} s; --timeout S allows more"
         except WorkerDiedError as error:
             note = str(error)
-        return LawVerdict(law, "FAILED", note)
+        return LawVerdict(law_name(law), "FAILED", note)
 
+    report = Report(options.name, LAWS, attempt)
     with Processes(1, timeout=options.timeout) as worker:
-        with doing(f"loading {options.name}"):
-            needs = worker.submit(_needs, options.timeout, *subject).result()
-        report = Report(options.name, needs, attempt)
-        for law in needs:
-            with doing(f"trying the law {law!r}"):
-                verdict = report.verdict(law)
+        for name in map(law_name, LAWS):
+            with doing(f"trying the law {name!r}"):
+                verdict = report.verdict(name)
             say(str(verdict))
     verdicts, failed = report.verdicts, report.failed
     if failed:
         named = ", ".join(repr(verdict.law) for verdict in failed)
-        at_once = subject[::2] == ("localizers", None) and failed[0] in verdicts[1:3]
+        at_once = options.map is None and failed[0] in verdicts[1:3]
         hint = " If it is for maps of cells alone, give one: --map MAP.yaml." * at_once
         words = f"{len(failed)} of {len(verdicts)} laws failed: {named}.{hint}"
         raise LawsBrokenError(words) from failed[0].error
     skipped = sum(verdict.status == "skipped" for verdict in verdicts)
     more = f" ({skipped} skipped)" if skipped else ""
-    return f"{options.name} keeps all laws of {kind}{more}."
+    return f"{options.name} keeps all laws of localizers{more}."
 
 
 @cache
-def _report(timeout: float, kind: str, name: str, where: str | None) -> "Report":
-    """Load what is under check, in a worker once; an agent and a scan model in a scenario."""
-    if kind != "localizers":
-        from benchmarks.checks import check_agent, check_scan
-
-        return (check_agent if kind == "agents" else check_scan)(name, where, time_limit=timeout)
+def _drive(name: str, map_file: str | None, timeout: float) -> "LocalizerDrive":
+    """Load the localizer under check, in a worker once."""
     from deqmcl_gym.maps import GridMap
-    from localizers.checks import LAWS
     from localizers.checks.subject import localizer_drive, robot_on
-    from localizers.checks.verdicts import report_of
 
-    robot = None if where is None else robot_on(GridMap.load(where))
-    return report_of(replace(localizer_drive(name, robot), time_limit=timeout), LAWS)
-
-
-def _needs(*subject: Any) -> Mapping[str, str | None]:
-    return _report(*subject).needs
+    robot = None if map_file is None else robot_on(GridMap.load(map_file))
+    return replace(localizer_drive(name, robot), time_limit=timeout)
 
 
-def _verdict(law: str, *subject: Any) -> "LawVerdict":
+def _verdict(law: "Law", *subject: Any) -> "LawVerdict":
     """Try a law; an error, whose class another process may lack, is told by its traceback."""
-    verdict = _report(*subject).attempt(law)
+    from localizers.checks import verdict_on
+
+    verdict = verdict_on(_drive(*subject), law)
     if verdict.error is None:
         return verdict
     return replace(verdict, error=RuntimeError("".join(format_exception(verdict.error))))

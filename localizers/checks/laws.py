@@ -1,8 +1,8 @@
 """The laws that every localizer keeps: plain functions, in the order in which they are tried.
 
-A law takes a subject, returns a remark if there is any, and raises ``LawBrokenError`` or
-``LawSkippedError`` with the reason. ``LAWS``, at the end, says which one needs which. Those of a
-``Subject`` are laws of agents and scan models, too.
+A law takes a localizer and its drive, returns a remark if there is any, and raises
+``LawBrokenError`` or ``LawSkippedError`` with the reason. ``LAWS``, at the end, says which one must
+hold before another is tried.
 """
 
 import gc
@@ -11,6 +11,7 @@ import os
 import pickle
 import random
 import time
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
@@ -27,18 +28,19 @@ from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.numerics import Floats
 from deqmcl_gym.numerics.arrays import wrapped
 from deqmcl_gym.validation import InputError
-from localizers.checks.subject import DRIVE_STEPS, LocalizerDrive, Snapshot, snapshot
-from localizers.checks.verdicts import (
+from localizers.checks.subject import (
     ADDED_BY_IMPORTS,
+    DRIVE_STEPS,
     GLOBAL_RNG,
     LawBrokenError,
-    Laws,
     LawSkippedError,
-    Subject,
+    LocalizerDrive,
+    Snapshot,
     changes_since,
     difference,
     process_state,
     running,
+    snapshot,
     state_kept,
 )
 from localizers.kinds import parameters_of, raised
@@ -46,11 +48,13 @@ from localizers.models.beams import GaussianUniform
 from localizers.models.motion import increments
 from localizers.models.prior import UniformPrior
 
+Law = Callable[[LocalizerDrive], str | None]  # it may return a remark
+
 _HALF = DRIVE_STEPS // 2
 _GRACE = 1.0  # s that threads and processes may take to end
 
 
-def answers_in_time(subject: Subject) -> None:
+def answers_in_time(subject: LocalizerDrive) -> None:
     """A drive ends within the time limit, at which ``deqmcl check`` stops it."""
     for _ in ("compiled", "run"):
         began = time.monotonic()
@@ -113,9 +117,11 @@ def half_turn(subject: LocalizerDrive) -> None:
     subject.require_alike(back, "in a world turned by half a turn")
 
 
-def same_rng_same_result(subject: Subject) -> None:
+def same_rng_same_result(subject: LocalizerDrive) -> None:
     """Two that are made anew and given equal generators answer alike, bit by bit."""
-    subject.require_same(subject.history(), f"two runs with equal rng differ: {subject.remedy}")
+    subject.require_same(
+        subject.history(), "two runs with equal rng differ: use the rng given to reset"
+    )
 
 
 def increments_of_three(subject: LocalizerDrive) -> None:
@@ -147,7 +153,7 @@ def other_rng_other_result(subject: LocalizerDrive) -> str | None:
     return "deterministic, it draws nothing"
 
 
-def global_rng_untouched(subject: Subject) -> None:
+def global_rng_untouched(subject: LocalizerDrive) -> None:
     """Neither NumPy's global random state nor that of ``random`` changes."""
     with state_kept():
         np.random.seed(2_718_281)  # noqa: NPY002
@@ -155,7 +161,7 @@ def global_rng_untouched(subject: Subject) -> None:
         before = process_state()
         subject.history()
         if GLOBAL_RNG in changes_since(before):
-            raise LawBrokenError(f"it uses {GLOBAL_RNG}: {subject.remedy}")
+            raise LawBrokenError(f"it uses {GLOBAL_RNG}: use the rng given to reset")
 
 
 def process_state_untouched(subject: LocalizerDrive) -> None:
@@ -188,10 +194,11 @@ def nothing_left_running(subject: LocalizerDrive) -> None:
         time.sleep(0.01)
 
 
-def inputs_not_changed(subject: Subject) -> None:
+def inputs_not_changed(subject: LocalizerDrive) -> None:
     """Whatever it is given is as it was before the call."""
-    if name := subject.written():
-        raise LawBrokenError(f"it wrote into {name}: copy it")
+    for t, (_, given) in enumerate(subject.steps()):
+        if name := difference(subject.inputs(t), given):
+            raise LawBrokenError(f"it wrote into the {name} at step {t}: copy it")
 
 
 def robot_and_prior_not_changed(subject: LocalizerDrive) -> None:
@@ -388,7 +395,7 @@ def _half_turned(poses: Floats) -> Floats:
     return turned
 
 
-LAWS: Laws = {
+LAWS: Mapping[Law, Law | None] = {
     answers_in_time: None,
     makes_a_localizer: answers_in_time,
     answers_with_beliefs: makes_a_localizer,
