@@ -86,7 +86,7 @@ SCAN_MODEL = Kind(
     call="NAME(floor_plan=…, lidar=…, **params)",
     verbs=("log_likelihood(states, scan)",),
 )
-_OF_BEAMS = ("log_likelihood", "density", "least_density", "hit_moments")
+_OF_BEAMS = ("log_likelihood", "least_density", "hit_moments")
 _NOT_NAMED = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
 REQUIRED = inspect.Parameter.empty  # in place of a default
 _BLOCK = 8192  # poses that a model is asked for at once, at most

@@ -41,16 +41,13 @@ class BeamDensity(Protocol):
         """Exponent of the likelihood, in (0, 1]."""
 
     def log_likelihood(self, ranges: Floats, expected: Singles, max_range: float) -> Floats:
-        """Σ_b log p(o_b | ô_b) for each pose, (n,); NaN if a ô_b is. Arguments of ``density``."""
+        """Σ_b log p(o_b | ô_b) for each pose, (n,), of masses at an atom; NaN if a ô_b is.
 
-    def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
-        """Density (at an atom: mass) of each measured range o, (B,) in [0, max_range], (n, B).
-
-        ``expected`` are ô, exact ray-cast ranges, not cut at max_range, (n, B).
+        Measured ranges o, (B,), are in [0, max_range], exact ones ô, (n, B), are not cut at it.
         """
 
     def least_density(self, max_range: float) -> float:
-        """Return what ``density`` is never below, whatever the measured and the exact range."""
+        """Return what density and mass of a beam are never below, whatever o and ô."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,12 +108,6 @@ class GaussianUniform(_HitOrAnything):
 
     _clips = False
 
-    def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
-        """Density of each measured range, (n, B) per unit of length."""
-        hit = normal_pdf((ranges - expected) / self.sigma) / self.sigma
-        density: Floats = (1 - self.uniform) * hit + self.uniform / max_range
-        return density**self.power
-
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean and variance of a beam that hits the expected wall, (n, B) each."""
         return expected, np.full_like(expected, self.sigma**2 / self.power)
@@ -134,16 +125,6 @@ class CensoredGaussianUniform(_HitOrAnything):
     """
 
     _clips = True
-
-    def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
-        """Density of each measured range inside, mass at the two ends, (n, B)."""
-        at_max, at_zero = ranges >= max_range, ranges <= 0
-        hit = normal_pdf((ranges - expected) / self.sigma) / self.sigma
-        hit[:, at_max] = normal_cdf((expected[:, at_max] - max_range) / self.sigma)
-        hit[:, at_zero] = normal_cdf(-expected[:, at_zero] / self.sigma)
-        floor, *_, atom = _anything(self.uniform, max_range, self._clips)
-        density: Floats = (1 - self.uniform) * hit + np.where(at_max | at_zero, atom, floor)
-        return density**self.power
 
     def hit_moments(self, expected: Floats, max_range: float) -> tuple[Floats, Floats]:
         """Mean and variance of a normal variable clipped to [0, max_range], (n, B) each."""
@@ -183,22 +164,6 @@ class BeamModel(_Tempered):
                 f"the shares of the beam model add up to {digits(sum(shares.values()))} "
                 f"({shares}), but must add up to 1."
             )
-
-    def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
-        """Density of each measured range below max_range, mass at it, (n, B)."""
-        seen, sigma = np.minimum(expected, max_range), self._width(max_range)
-        inside = normal_cdf((max_range - seen) / sigma) - normal_cdf(-seen / sigma)
-        hit = normal_pdf((ranges - seen) / sigma) / (sigma * inside)
-        cut = 1 - arrays.exp(-self.decay * np.maximum(seen, _NEAREST * max_range / _STEPS))
-        short = np.where(ranges <= seen, self.decay * arrays.exp(-self.decay * ranges) / cut, 0.0)
-        at_max = ranges >= max_range
-        density: Floats = (
-            self.hit * hit
-            + self.short * short
-            + self.max * at_max
-            + self.rand * ~at_max / max_range
-        )
-        return density**self.power
 
     def least_density(self, max_range: float) -> float:
         """Return the least density or mass of a beam far from its expected range."""
@@ -245,10 +210,6 @@ class LatentShare(_Tempered):
         super().__post_init__()
         _ = self._beam  # which checks sigma and uniform
         number("scan.concentration", self.concentration, low=0, above=True)
-
-    def density(self, ranges: Floats, expected: Floats, max_range: float) -> Floats:
-        """Density of each measured range by itself; a scan's is not their product, (n, B)."""
-        return self._beam.density(ranges, expected, max_range)
 
     def least_density(self, max_range: float) -> float:
         """Return a bound: E[u^B] ≥ E[u]^B, so B beams are never below its B-th power."""

@@ -5,6 +5,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+from following import density
 
 from localizers import CensoredGaussianUniform, LatentShare
 
@@ -15,7 +16,7 @@ SETTINGS = [(0.05, 2.0), (0.5, 0.3), (0.2, 50.0)]
 def parts(model, ranges, expected):
     """p_hit and p_any of each beam, (n, B) each."""
     return [
-        CensoredGaussianUniform(sigma=model.sigma, uniform=share).density(ranges, expected, MAX)
+        density(CensoredGaussianUniform(sigma=model.sigma, uniform=share), ranges, expected, MAX)
         for share in (0.0, 1.0)
     ]
 
@@ -33,7 +34,7 @@ def test_it_is_the_sum_over_which_beams_are_unexplained_weighed_by_the_moments_o
     a, b = concentration * uniform, concentration * (1 - uniform)
     ranges = np.array([50.0, 0.0, MAX, 200.0, 120.0, 119.0])
     expected = np.random.default_rng(0).uniform(0.5, 500, (130, 6)).astype(np.float32)
-    hit, other = parts(model, ranges, expected.astype(np.float64))
+    hit, other = parts(model, ranges, expected)
     total = np.zeros(130)
     for unexplained in product((False, True), repeat=6):
         k = sum(unexplained)
