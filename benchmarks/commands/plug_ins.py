@@ -14,7 +14,7 @@ from benchmarks.console import doing, say
 if TYPE_CHECKING:  # loaded when needed
     from localizers.checks import LawVerdict
     from localizers.checks.laws import Law
-    from localizers.checks.subject import LocalizerDrive
+    from localizers.checks.subject import Subject
 
 _KINDS = "suites", "localizers", "scenarios", "agents"
 _FEW = 6  # shown of each kind
@@ -173,7 +173,13 @@ def _map(options: argparse.Namespace) -> str:
 
 
 class LawsBrokenError(RuntimeError):
-    """A localizer breaks laws, which have been printed."""
+    """A localizer, an agent or a scan model breaks laws, which have been printed."""
+
+
+def _kind_of_plug_in(parser: argparse.ArgumentParser) -> None:
+    kinds = parser.add_mutually_exclusive_group()
+    switch("--agent", "NAME is of an agent")(kinds)
+    switch("--scan", "NAME is of a scan model")(kinds)
 
 
 @command(
@@ -181,25 +187,35 @@ class LawsBrokenError(RuntimeError):
         "path/to/file.py[:NAME]"),
     option("--map", metavar="MAP.yaml", help="try it on this map, in m, instead of a small room of "
         "polygons"),
+    _kind_of_plug_in,
+    option("--scenario", metavar="NAME", help="where an agent drives (guided; with a goal, "
+        "driving), or whose map and lidar a scan model is for (sharp; if it needs a map of cells, "
+        "lost)"),
     option("--timeout", type=float, default=60.0, metavar="S", help="seconds allowed per law (60)"),
 )  # fmt: skip
 def check_command(options: argparse.Namespace) -> str:
-    """Check a localizer against named laws.
+    """Check a localizer, an agent or a scan model against named laws.
 
     One line per law: ok, FAILED or skipped, with the reason. Exit code 3 if a law fails.
     """
     from benchmarks.execution import prepare
     from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
-    from deqmcl_gym.validation import number
+    from deqmcl_gym.validation import InputError, number
 
     number("--timeout", options.timeout, low=0, high=1e6, above=True)
+    kind = "agents" if options.agent else "scan models" if options.scan else "localizers"
+    if (options.map if kind != "localizers" else options.scenario) is not None:
+        raise InputError(
+            "--map is for localizers, --scenario for agents and scan models: give the other one."
+        )
     prepare()  # while this process loads what it needs
-    from localizers.checks import LAWS, LawVerdict, Report, law_name
-
-    subject = options.name, options.map, options.timeout
+    from benchmarks.checks import KINDS
+    from localizers.checks import LawVerdict, Report, law_name
 
     def attempt(law: "Law") -> LawVerdict:
+        where = options.scenario or options.map
         try:
+            subject = kind, options.name, where, options.timeout
             verdict: LawVerdict = worker.submit(_verdict, law, *subject).result()
             return verdict
         except TimedOutError:
@@ -208,39 +224,37 @@ def check_command(options: argparse.Namespace) -> str:
             note = str(error)
         return LawVerdict(law_name(law), "FAILED", note)
 
-    report = Report(options.name, LAWS, attempt)
+    report = Report(options.name, KINDS[kind][1], attempt)
     with Processes(1, timeout=options.timeout) as worker:
-        for name in map(law_name, LAWS):
+        for name in map(law_name, report.laws):
             with doing(f"trying the law {name!r}"):
                 verdict = report.verdict(name)
             say(str(verdict))
     verdicts, failed = report.verdicts, report.failed
     if failed:
         named = ", ".join(repr(verdict.law) for verdict in failed)
-        at_once = options.map is None and failed[0] in verdicts[1:3]
+        at_once = kind == "localizers" and options.map is None and failed[0] in verdicts[1:3]
         hint = " If it is for maps of cells alone, give one: --map MAP.yaml." * at_once
         words = f"{len(failed)} of {len(verdicts)} laws failed: {named}.{hint}"
         raise LawsBrokenError(words) from failed[0].error
     skipped = sum(verdict.status == "skipped" for verdict in verdicts)
     more = f" ({skipped} skipped)" if skipped else ""
-    return f"{options.name} keeps all laws of localizers{more}."
+    return f"{options.name} keeps all laws of {kind}{more}."
 
 
 @cache
-def _drive(name: str, map_file: str | None, timeout: float) -> "LocalizerDrive":
-    """Load the localizer under check, in a worker once."""
-    from deqmcl_gym.maps import GridMap
-    from localizers.checks.subject import localizer_drive, robot_on
+def _subject(kind: str, name: str, where: str | None, timeout: float) -> "Subject":
+    """Load what is under check, in a worker once."""
+    from benchmarks.checks import KINDS
 
-    robot = None if map_file is None else robot_on(GridMap.load(map_file))
-    return replace(localizer_drive(name, robot), time_limit=timeout)
+    return replace(KINDS[kind][0](name, where), time_limit=timeout)
 
 
 def _verdict(law: "Law", *subject: Any) -> "LawVerdict":
     """Try a law; an error, whose class another process may lack, is told by its traceback."""
     from localizers.checks import verdict_on
 
-    verdict = verdict_on(_drive(*subject), law)
+    verdict = verdict_on(_subject(*subject), law)
     if verdict.error is None:
         return verdict
     return replace(verdict, error=RuntimeError("".join(format_exception(verdict.error))))

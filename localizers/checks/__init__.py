@@ -10,11 +10,11 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 from deqmcl_gym.validation import one_of
-from localizers.checks.laws import LAWS, Law
+from localizers.checks.laws import LAWS, Law, Laws
 from localizers.checks.subject import (
     LawBrokenError,
     LawSkippedError,
-    LocalizerDrive,
+    Subject,
     default_robot,
     localizer_drive,
     state_kept,
@@ -55,7 +55,7 @@ class Report:
     """The verdicts on laws; each is tried once, by ``attempt``, when it is asked for."""
 
     name: str
-    laws: Mapping[Law, Law | None]  # each with the one that must hold before it is tried
+    laws: Laws
     attempt: Callable[[Law], LawVerdict]
     _tried: dict[Law, LawVerdict] = field(default_factory=dict, init=False, repr=False)
 
@@ -101,26 +101,25 @@ def law_name(law: Law) -> str:
 def check_localizer(
     localizer: str | Factory, robot: RobotModel | None = None, **params: Any
 ) -> Report:
-    """Return the verdicts of all ``LAWS`` on a localizer; its own exceptions become verdicts.
+    """Return the verdicts of all ``LAWS`` on a localizer, by name or a factory, made for a robot.
 
-    Args:
-        localizer: a name (see ``localizers.resolve``), or a factory itself.
-        robot: to make it for; by default eight beams in a small room.
-        params: given to the factory.
-
-    Raises:
-        InputError: the name cannot be resolved, or a parameter is unknown.
+    By default that has eight beams in a small room. The localizer's own exceptions become verdicts;
+    a name that cannot be resolved or an unknown parameter raises ``InputError``.
     """
-    drive = localizer_drive(localizer, robot, **params)
-    return Report(drive.name, LAWS, partial(verdict_on, drive))
+    return report_of(localizer_drive(localizer, robot, **params), LAWS)
 
 
-def verdict_on(drive: LocalizerDrive, law: Law) -> LawVerdict:
+def report_of(subject: Subject, laws: Laws) -> Report:
+    """Return the verdicts of laws that are tried in this process."""
+    return Report(subject.name, laws, partial(verdict_on, subject))
+
+
+def verdict_on(subject: Subject, law: Law) -> LawVerdict:
     """Try a law in this process, whose state is put back."""
     name = law_name(law)
     try:
         with state_kept():
-            return LawVerdict(name, "ok", law(drive) or "")
+            return LawVerdict(name, "ok", law(subject) or "")
     except LawSkippedError as reason:
         return LawVerdict(name, "skipped", str(reason))
     except LawBrokenError as reason:
@@ -128,7 +127,7 @@ def verdict_on(drive: LocalizerDrive, law: Law) -> LawVerdict:
     except BaseException as error:
         if is_ctrl_c(error):
             raise
-        return LawVerdict(name, "FAILED", f"it raised {raised(error, drive.file)}", error)
+        return LawVerdict(name, "FAILED", f"it raised {raised(error, subject.file)}", error)
 
 
 def parametrize_with_laws(
@@ -142,12 +141,8 @@ def parametrize_with_laws(
 
     ``@parametrize_with_laws(MyLocalizer)`` above ``def test_it_keeps(law): law()``.
 
-    Args:
-        localizer, robot, params: as of ``check_localizer``.
-        expected_failures: reasons by name of the law; a law that is kept after all then fails.
-
-    Raises:
-        InputError: an expected failure is of no law; else as ``check_localizer``.
+    ``expected_failures`` has reasons by name of the law; one that is kept after all then fails, one
+    of no law raises ``InputError``. All else is as of ``check_localizer``.
     """
     import pytest
 

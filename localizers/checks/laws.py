@@ -1,8 +1,8 @@
 """The laws that every localizer keeps: plain functions, in the order in which they are tried.
 
-A law takes a localizer and its drive, returns a remark if there is any, and raises
-``LawBrokenError`` or ``LawSkippedError`` with the reason. ``LAWS``, at the end, says which one must
-hold before another is tried.
+A law takes a subject, returns a remark if there is any, and raises ``LawBrokenError`` or
+``LawSkippedError`` with the reason. ``LAWS``, at the end, says which one needs which. Those of a
+``Subject`` are laws of agents and scan models, too.
 """
 
 import gc
@@ -36,6 +36,7 @@ from localizers.checks.subject import (
     LawSkippedError,
     LocalizerDrive,
     Snapshot,
+    Subject,
     changes_since,
     difference,
     process_state,
@@ -48,13 +49,14 @@ from localizers.models.beams import GaussianUniform
 from localizers.models.motion import increments
 from localizers.models.prior import UniformPrior
 
-Law = Callable[[LocalizerDrive], str | None]  # it may return a remark
+Law = Callable[[Any], str | None]  # of a subject; it may return a remark
+Laws = Mapping[Law, Law | None]  # each with the one that must hold before it is tried
 
 _HALF = DRIVE_STEPS // 2
 _GRACE = 1.0  # s that threads and processes may take to end
 
 
-def answers_in_time(subject: LocalizerDrive) -> None:
+def answers_in_time(subject: Subject) -> None:
     """A drive ends within the time limit, at which ``deqmcl check`` stops it."""
     for _ in ("compiled", "run"):
         began = time.monotonic()
@@ -117,11 +119,9 @@ def half_turn(subject: LocalizerDrive) -> None:
     subject.require_alike(back, "in a world turned by half a turn")
 
 
-def same_rng_same_result(subject: LocalizerDrive) -> None:
+def same_rng_same_result(subject: Subject) -> None:
     """Two that are made anew and given equal generators answer alike, bit by bit."""
-    subject.require_same(
-        subject.history(), "two runs with equal rng differ: use the rng given to reset"
-    )
+    subject.require_same(subject.history(), f"two runs with equal rng differ: {subject.remedy}")
 
 
 def increments_of_three(subject: LocalizerDrive) -> None:
@@ -153,7 +153,7 @@ def other_rng_other_result(subject: LocalizerDrive) -> str | None:
     return "deterministic, it draws nothing"
 
 
-def global_rng_untouched(subject: LocalizerDrive) -> None:
+def global_rng_untouched(subject: Subject) -> None:
     """Neither NumPy's global random state nor that of ``random`` changes."""
     with state_kept():
         np.random.seed(2_718_281)  # noqa: NPY002
@@ -161,7 +161,7 @@ def global_rng_untouched(subject: LocalizerDrive) -> None:
         before = process_state()
         subject.history()
         if GLOBAL_RNG in changes_since(before):
-            raise LawBrokenError(f"it uses {GLOBAL_RNG}: use the rng given to reset")
+            raise LawBrokenError(f"it uses {GLOBAL_RNG}: {subject.remedy}")
 
 
 def process_state_untouched(subject: LocalizerDrive) -> None:
@@ -194,11 +194,10 @@ def nothing_left_running(subject: LocalizerDrive) -> None:
         time.sleep(0.01)
 
 
-def inputs_not_changed(subject: LocalizerDrive) -> None:
+def inputs_not_changed(subject: Subject) -> None:
     """Whatever it is given is as it was before the call."""
-    for t, (_, given) in enumerate(subject.steps()):
-        if name := difference(subject.inputs(t), given):
-            raise LawBrokenError(f"it wrote into the {name} at step {t}: copy it")
+    if name := subject.written():
+        raise LawBrokenError(f"it wrote into {name}: copy it")
 
 
 def robot_and_prior_not_changed(subject: LocalizerDrive) -> None:
@@ -395,7 +394,7 @@ def _half_turned(poses: Floats) -> Floats:
     return turned
 
 
-LAWS: Mapping[Law, Law | None] = {
+LAWS: Laws = {
     answers_in_time: None,
     makes_a_localizer: answers_in_time,
     answers_with_beliefs: makes_a_localizer,

@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -118,7 +118,35 @@ def _free_step(
 
 
 @dataclass(frozen=True, kw_only=True)
-class LocalizerDrive:
+class Subject:
+    """What is under check: a localizer, and in ``benchmarks`` an agent or a scan model."""
+
+    remedy: ClassVar[str]  # what to use instead of global random numbers
+    name: str
+    time_limit: float = 60.0  # s
+
+    @property
+    def file(self) -> str | None:
+        """The file that it is written in; an exception is told as a line of it."""
+        return self.name.rpartition(":")[0]
+
+    def history(self) -> Sequence[Any]:
+        """Return what it, made anew, answers at each step of one and the same drive."""
+        raise NotImplementedError
+
+    def written(self) -> str | None:
+        """Name what it writes into of all that it is given on the drive."""
+        raise NotImplementedError
+
+    def require_same(self, run: Sequence[Any], otherwise: str) -> None:
+        """Raise with ``otherwise`` and from which step on, unless a run is its history, bitwise."""
+        for t, (one, other) in enumerate(zip_longest(run, self.history())):
+            if difference(one, other) is not None:
+                raise LawBrokenError(f"{otherwise} (from step {t} on)")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocalizerDrive(Subject):
     """A localizer along a drive of T steps.
 
     The actions (T, 2) are the first of those planned, the scans (T, B) are taken after them, and
@@ -126,8 +154,7 @@ class LocalizerDrive:
     process finds that; ``imported`` is what its import changed of the state of this process.
     """
 
-    name: str
-    time_limit: float = 60.0  # s
+    remedy = "use the rng given to reset"
     source: str | Factory
     params: Mapping[str, Any]
     robot: RobotModel
@@ -176,11 +203,12 @@ class LocalizerDrive:
         run = replace(self, **changes).steps(localizer, seed)
         return [snapshot(belief, t) for t, (belief, _) in enumerate(run)]
 
-    def require_same(self, run: Sequence[Snapshot], otherwise: str) -> None:
-        """Raise with ``otherwise`` and from which step on, unless a run is its history, bitwise."""
-        for t, (one, other) in enumerate(zip_longest(run, self.history())):
-            if difference(one, other) is not None:
-                raise LawBrokenError(f"{otherwise} (from step {t} on)")
+    def written(self) -> str | None:
+        """Name what it writes into of ranges, action and plan."""
+        for t, (_, given) in enumerate(self.steps()):
+            if name := difference(self.inputs(t), given):
+                return f"the {name} at step {t}"
+        return None
 
     def require_valid(self, *, sums: bool = True, **changes: Any) -> None:
         """Raise unless all of a run is finite and, if ``sums``, weights are 0 or more, of sum 1."""

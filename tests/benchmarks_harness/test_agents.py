@@ -1,4 +1,4 @@
-"""Agents as methods: named with parameters, compared on the same worlds."""
+"""Agents as methods: named with parameters, compared on the same worlds, and their laws."""
 
 from dataclasses import replace
 
@@ -6,6 +6,8 @@ import pytest
 from refusals import refused
 from report_cases import results, trials
 
+from benchmarks.agents import AGENTS
+from benchmarks.checks import check
 from benchmarks.report.verdict import conclusion
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.overrides import Named
@@ -131,3 +133,27 @@ def test_a_sweep_with_a_bad_agent_is_refused(said, named):
 def test_parameters_that_an_agent_does_not_take_are_refused(agent, named):
     with refused(*named):
         make_agent(agent, Stage.of(TRIAL).robot)
+
+
+@pytest.mark.parametrize("name", AGENTS)
+def test_our_agents_keep_all_laws(name):
+    assert check("agents", name).failed == ()
+
+
+BAD = AGENT.replace("        return np.array", "        {}\n        return np.array")
+
+
+@pytest.mark.parametrize(
+    ("law", "code"),
+    [
+        ("answers with actions", "return [0.0], None"),
+        ("same rng same result", "import os; self.by = os.urandom(1)[0] / 1e3"),
+        ("inputs not changed", "info['collided'] = 3"),
+        ("global rng untouched", "np.random.random()"),
+        ("survives an empty belief", "belief.points()[0][0]"),
+    ],
+)
+def test_each_law_is_broken_by_an_agent(tmp_path, law, code):
+    (tmp_path / "mine.py").write_text(BAD.format(code))
+    failed = [verdict.law for verdict in check("agents", f"{tmp_path}/mine.py").failed]
+    assert law in failed

@@ -12,6 +12,7 @@ from test_links import ROOT
 from training_data import recorded
 
 import localizers
+from benchmarks.checks import check
 from benchmarks.setup.names import scenario
 from localizers.registry import ScanPlugIn
 
@@ -65,6 +66,10 @@ def test_a_beam_does_not_depend_on_those_after_it(net):
         found = net.log_density(other, expected)
         assert np.allclose(found[:, : beam + 1], before[:, : beam + 1], rtol=0, atol=1e-5)
         assert not np.allclose(found[:, beam + 1], before[:, beam + 1], rtol=0, atol=0.1)
+
+
+def test_it_keeps_the_laws_of_scan_models():
+    assert check("scan models", MODEL).passed
 
 
 def test_a_map_in_pixels_or_another_lidar_is_refused():

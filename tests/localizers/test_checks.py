@@ -2,7 +2,6 @@
 
 import inspect
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +15,11 @@ from deqmcl_gym.maps.map import scaled
 from localizers import template
 from localizers.checks import (
     LAWS,
-    Report,
     check_localizer,
     default_robot,
     law_name,
     parametrize_with_laws,
-    verdict_on,
+    report_of,
 )
 from localizers.checks import laws as laws_of
 from localizers.checks.subject import (
@@ -46,10 +44,6 @@ def example(law):
     return f"{BROKEN}:{law_name(law).title().replace(' ', '')}"
 
 
-def report_here(drive):
-    return Report(drive.name, HERE, partial(verdict_on, drive))
-
-
 def coarse(name):
     """Parameters without which a localizer is slow."""
     if name == "cbgl":
@@ -59,7 +53,7 @@ def coarse(name):
 
 @pytest.mark.parametrize("name", localizers.names())
 def test_every_built_in_localizer_keeps_all_laws(name):
-    verdicts = report_here(localizer_drive(name, **coarse(name))).verdicts
+    verdicts = report_of(localizer_drive(name, **coarse(name)), HERE).verdicts
     has_particles = "particles" in localizers.parameters(name)
     others = {verdict.law: verdict.status for verdict in verdicts if verdict.status != "ok"}
     assert others == ({} if has_particles else {"one particle": "skipped"})
@@ -78,14 +72,14 @@ WITH_AN_EXAMPLE = [
 @pytest.mark.parametrize("law", WITH_AN_EXAMPLE, ids=law_name)
 def test_each_law_is_broken_by_its_example_which_keeps_all_others_and_the_process_as_it_was(law):
     before = process_state()
-    (failed,) = report_here(localizer_drive(example(law))).failed
+    (failed,) = report_of(localizer_drive(example(law)), HERE).failed
     assert failed.law == law_name(law)
     assert process_state() == before
 
 
 def test_a_drive_that_takes_longer_than_the_limit_breaks_its_law():
     impatient = replace(localizer_drive("dead-reckoning"), time_limit=0.0)
-    report = report_here(impatient)
+    report = report_of(impatient, HERE)
     assert [verdict.law for verdict in report.failed] == ["answers in time"]
     assert "more than 0 s" in report.failed[0].note
     assert report.verdict("picklable").note == "it fails 'answers in time'"
