@@ -95,8 +95,8 @@ def replay_command(options: argparse.Namespace) -> str:
     Writes tables, trajectories (TUM, for evo) and a page: docs/your-map-your-log.md.
     """
     from benchmarks.execution.engines import Where
-    from benchmarks.pictures.messages import shown_again
-    from benchmarks.robots.limits import limits_of, within
+    from benchmarks.report.messages import shown_again
+    from benchmarks.report.runs import limits_of, within
     from benchmarks.robots.replaying import planned, run_replay, sweep_file
     from benchmarks.sweeps.running import Options, complete
 
@@ -173,8 +173,8 @@ def score_command(options: argparse.Namespace) -> str:
     An estimate is a TUM file, a CSV with time,x,y,heading and perhaps covariances, or a topic of
     poses in a bag: docs/tune-on-your-log.md.
     """
+    from benchmarks.report.runs import limits_of, within
     from benchmarks.robots.estimates import estimates_of, played_before, played_by_replay, score
-    from benchmarks.robots.limits import limits_of, within
     from benchmarks.robots.played import reading_among
     from benchmarks.setup import documents
     from deqmcl_gym.logs import read_tum

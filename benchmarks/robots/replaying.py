@@ -16,18 +16,10 @@ from benchmarks.console import doing, log_warnings, warn
 from benchmarks.execution.engines import Where
 from benchmarks.experiment import as_toml, knowing, named_localizers
 from benchmarks.files import write_files
-from benchmarks.report.tracks import (
-    accuracy,
-    differences_table,
-    ended,
-    published,
-    runs_frame,
-    tables_of,
-    tracks_table,
-    tracks_trials,
-)
+from benchmarks.report.page import load, no_report
+from benchmarks.report.runs import ended, runs_frame, tracks_table, tracks_trials
+from benchmarks.report.tracks import accuracy, differences_table, published, tables_of
 from benchmarks.report.verdict import conclusion
-from benchmarks.report.writing import load, no_report
 from benchmarks.robots.calibration import (
     judged_after_part,
     uses_scan,

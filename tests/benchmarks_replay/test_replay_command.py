@@ -11,13 +11,8 @@ from deqmcl_command import exit_code, lines, records, stored
 from hall import recorded_in_a_hall, write_lap
 
 import benchmarks
-from benchmarks.report.tracks import (
-    middle_run,
-    run_words,
-    runs_frame,
-    scores_by_localizer,
-    worst_run,
-)
+from benchmarks.report.runs import middle_run, runs_frame, scores_by_localizer, worst_run
+from benchmarks.report.tracks import run_words
 from benchmarks.robots import replaying as command
 from benchmarks.robots.played import replay_of
 from benchmarks.robots.replaying import methods_of
