@@ -189,7 +189,7 @@ def sweep_command(options: argparse.Namespace) -> str:
 
 def _doubts(sweep: "Sweep") -> list[str]:
     """Read the logs of a sweep; return warnings of them, and what seems wrong with one."""
-    from benchmarks.robots.doubts import doubts_of
+    from benchmarks.robots.calibration import doubts_of
     from benchmarks.setup.logs import LogScenario
     from benchmarks.setup.names import scenario
 

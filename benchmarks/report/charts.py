@@ -173,16 +173,6 @@ def cells(
     return figure
 
 
-def name_ticks(axes: "Axes", values: Sequence[float]) -> None:
-    """Name the few values on the axis across; on a logarithmic one where they are far apart."""
-    known = sorted({value for value in values if math.isfinite(value)})
-    if known and known[0] > 0 and known[-1] / known[0] >= _TICKS:
-        axes.set_xscale("log")
-    if len(known) <= _TICKS:
-        axes.set_xticks(known, [f"{value:g}" for value in known])
-        axes.set_xticks([], minor=True)
-
-
 def _labels(frame: pd.DataFrame) -> list[tuple[str, int, pd.DataFrame]]:
     """Labels, their places among all, and their rows, in the order of the frame."""
     labels = list(frame["label"].unique())
@@ -380,7 +370,12 @@ def _curve(
     numbers = ["score", "score_low", "score_high"]
     rows[numbers] = rows[numbers].astype(float) * scale
     axes = line(rows[rows["score"].notna()], key, *numbers)
-    name_ticks(axes, list(rows[key]))
+    values = sorted(set(rows[key]))
+    if values[0] > 0 and values[-1] / values[0] >= _TICKS:
+        axes.set_xscale("log")
+    if len(values) <= _TICKS:
+        axes.set_xticks(values, [f"{value:g}" for value in values])
+        axes.set_xticks([], minor=True)
     swept, place = name_of(key), f": {where}" if where else ""
     over = swept + (f" (with {', '.join(map(name_of, others))})" if others else "")
     axes.set(xlabel=over, ylabel=unit)
@@ -446,16 +441,12 @@ def _maps(
 def _share_map(frame: pd.DataFrame, x: str, y: str, aim: Score) -> Chart:
     """A map of the share of runs for each method."""
     shares = frame[[aim.name, f"{aim.name}_low", f"{aim.name}_high"]].astype(float)
-    words = [
+    told = (
         estimated(Interval(*one).percent, ".0f", " %").replace(" (", "\n(")
         for one in shares.itertuples(index=False)
-    ]
-    rows = frame.assign(
-        method=frame["label"].astype(str),
-        share=shares[aim.name],
-        words=words,
-        mostly=shares[aim.name] >= _MOSTLY,
     )
+    share, method = shares[aim.name], frame["label"].astype(str)
+    rows = frame.assign(method=method, share=share, words=[*told], mostly=share >= _MOSTLY)
     drawn = cells(rows, x, y, "method", "share", "words", least=1.0, bold="mostly")
     caption = (
         "Share of runs, and Wilson's 95 % interval, with every value of the two numbers; "

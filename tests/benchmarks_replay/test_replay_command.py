@@ -350,7 +350,6 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--set", "assumed.scan.power=0"), "scan.power"),
         (("--set", "world.log=x.csv"), "world.log is set beside the log that is given"),
         (("--set", "world.segment=5"), "here the whole log is played"),
-        (("--fit-beams",), "--fit-beams needs 100 records"),
         (("--seeds", "0"), "--seeds"),
         (("--set", "trials=3"), "unknown name of a setting on a log 'trials'"),
         (("--set", "params.mlc.beta=3"), "did you mean 'mcl'"),
