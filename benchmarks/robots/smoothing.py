@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.console import doing, log_warnings, warn
 from benchmarks.files import own_folder, write_files
-from benchmarks.robots.doubts import FEW, doubts_by
+from benchmarks.robots.calibration import FEW, doubts_by
 from benchmarks.robots.played import Replay, params_among, replay_of
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.tables.text import percent
