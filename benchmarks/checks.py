@@ -252,18 +252,18 @@ def _scan_model(name: str, scenario: str | None) -> Subject:
     return ScanTests.of(kind, scenario)
 
 
+def _in_time(*others: laws.Law) -> laws.Laws:
+    return {laws.answers_in_time: None, **dict.fromkeys(others, laws.answers_in_time)}
+
+
 _SHARED = laws.inputs_not_changed, laws.global_rng_untouched
 _OF_AGENTS = answers_with_actions, laws.same_rng_same_result, *_SHARED, survives_an_empty_belief
-_OF_SCANS = (
-    *(answers_with_numbers, same_input_same_answer, *_SHARED),
-    *(each_pose_by_itself, the_truth_is_likelier),
-)
-_FIRST: laws.Laws = {laws.answers_in_time: None}
+_OF_SCANS = answers_with_numbers, same_input_same_answer, *_SHARED
 # how what is under check is made, of its name and a map or a scenario, and its laws
 KINDS: dict[str, tuple[Callable[[str, str | None], Subject], laws.Laws]] = {
     "localizers": (_localizer, laws.LAWS),
-    "agents": (_agent, _FIRST | dict.fromkeys(_OF_AGENTS, laws.answers_in_time)),
-    "scan models": (_scan_model, _FIRST | dict.fromkeys(_OF_SCANS, laws.answers_in_time)),
+    "agents": (_agent, _in_time(*_OF_AGENTS)),
+    "scan models": (_scan_model, _in_time(*_OF_SCANS, each_pose_by_itself, the_truth_is_likelier)),
 }
 
 

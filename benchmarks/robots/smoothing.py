@@ -23,8 +23,7 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Singles, arrays
 from deqmcl_gym.validation import integer, one_of
-from localizers.inference.backward import backward, forward
-from localizers.models.gaussian_motion import GaussianMotion
+from localizers.inference.backward import GaussianMotion, backward, forward
 from localizers.models.scan import Scan
 
 PATHS = 100  # backward, of a run
