@@ -50,22 +50,6 @@ class Feasibility(Protocol):
         """Log g of each step, (n,)."""
 
 
-Paths = Callable[[Indices], list[States]]
-
-
-class Walk(Protocol):
-    """Several steps of p(x_s | x_{s-1}, u_s), each charged by g."""
-
-    def __call__(
-        self, states: States, actions: Actions, rng: np.random.Generator, *, keep: bool
-    ) -> tuple[Paths, LogWeights]:
-        """Draw one path from each state, (d, n), by the same draws, and bits, as ``StepByStep``.
-
-        Return the states after each step, (d, k) each, of the k paths that are asked for by number
-        (none unless ``keep``), and log Π g of each path, (n,).
-        """
-
-
 @compiled
 def maximum(values: Floats) -> float:
     """Return the maximum, -inf of none, in four strands: one alone would wait at every step."""

@@ -16,7 +16,7 @@ from deqmcl_gym.numerics import Floats, Ints, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.validation import InputError, number
-from localizers.models.motion import ChargedDrives, OdometryMotion, increments
+from localizers.models.motion import increments
 
 
 @final
@@ -39,14 +39,6 @@ class FreeSpace:
         """-β for each step that collides, else 0, (n,)."""
         collides = self.floor_plan.collides(before.T, after.T, self.radius)
         return np.where(collides, -self.beta, 0.0)
-
-    def walk(self, motion: object) -> ChargedDrives | None:
-        """Return whole roll-outs of an ``OdometryMotion`` in one pass; None for other motions."""
-        if not isinstance(motion, OdometryMotion):
-            return None
-        return ChargedDrives(
-            motion=motion, floor_plan=self.floor_plan, radius=self.radius, beta=self.beta
-        )
 
 
 @final
