@@ -150,8 +150,6 @@ def _localizer(path: Path) -> str:
 
 
 def _map(options: argparse.Namespace) -> str:
-    from tempfile import TemporaryDirectory
-
     from deqmcl_gym.files import writable_folder
     from deqmcl_gym.maps import Office
     from deqmcl_gym.validation import InputError
@@ -160,11 +158,7 @@ def _map(options: argparse.Namespace) -> str:
     out: Path = options.out
     if out.is_dir() and any(out.iterdir()):
         raise InputError(f"the output folder {out} is not empty: give a new or an empty one.")
-    with TemporaryDirectory(dir=writable_folder(out)) as folder:
-        unfinished = Path(folder)
-        office.grid.save(unfinished / "office.yaml")
-        for path in unfinished.iterdir():
-            path.replace(out / path.name)
+    office.grid.save(writable_folder(out) / "office.yaml")
     _, _, width, height = office.grid.bounds
     return (
         f"Written to {out}: an office of {width:.1f} x {height:.1f} m, as office.yaml with "
