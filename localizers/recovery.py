@@ -39,8 +39,6 @@ _FINE = 0.1, 0.05, 3  # first steps of a matcher, m and rad, and how often they 
 _WIDE = 0.5, 0.2, 4
 _MOST = 30  # its steps
 _SPREAD = 0.25, 0.1  # m, rad: SD of the belief that begins where the robot is found
-# Ahead, left and turn of a pose's neighbours, in steps.
-_AROUND = np.vstack([np.eye(3), -np.eye(3)])
 _SURE = 0.8  # agreement from which on a scan shows the heading
 _DELAYS = 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0  # s
 _TELLS = 0.05  # rad between turns by the odometry, earlier and later, that tell a delay
@@ -110,23 +108,15 @@ class MapAgreement:
         self, poses: Floats, seen: Sequence[Seen], step: float, turn: float, halvings: int
     ) -> tuple[Floats, Floats]:
         """Return poses (n, 3), each climbed up ``ranked`` by a compass search, and that, (n,)."""
-        best, height = poses.copy(), self.ranked(poses, seen)
-        steps = _AROUND * np.array([step * self.metre, step * self.metre, turn])
-        size = np.ones(len(best))
-        for _ in range(_MOST):
-            going = np.flatnonzero(size >= 0.5**halvings)
-            if not going.size:
-                break
-            offsets = (steps * size[going][:, None, None]).reshape(-1, 3)
-            tried = composed(best[going].repeat(len(steps), axis=0), offsets)
-            heights = self.ranked(tried, seen).reshape(going.size, -1)
-            chosen = heights.argmax(axis=1)
-            highest = heights[np.arange(going.size), chosen]
-            better = highest > height[going]
-            tried = tried.reshape(going.size, -1, 3)[np.arange(going.size), chosen]
-            best[going[better]], height[going[better]] = tried[better], highest[better]
-            size[going[~better]] /= 2
-        return best, height
+        matched, cost = arrays.compass_search(
+            lambda tried: -self.ranked(tried, seen),
+            poses,
+            (step * self.metre, step * self.metre, turn),
+            halvings=halvings,
+            most=_MOST,
+            moved=composed,
+        )
+        return matched, -cost
 
     def _mean(self, table: Singles, poses: Floats, seen: Sequence[Seen]) -> Floats:
         """Mean of a table where the beams of scans end, (n,)."""
