@@ -15,10 +15,10 @@ from deqmcl_gym.validation import InputError, one_of, shown
 from deqmcl_gym.world.config import World, extent_of, offices_of
 from deqmcl_gym.world.presets import WORLDS
 from localizers.api import Localizer
-from localizers.models.beams import CensoredGaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.models.robot import RobotModel
+from localizers.models.scan import CensoredGaussianUniform
 from localizers.models.scan_field import ScanField
 from localizers.registry import make, parameters
 

@@ -45,9 +45,9 @@ from localizers.checks.subject import (
     state_kept,
 )
 from localizers.kinds import parameters_of, raised
-from localizers.models.beams import GaussianUniform
 from localizers.models.motion import increments
 from localizers.models.prior import UniformPrior
+from localizers.models.scan import GaussianUniform
 
 Law = Callable[[Any], str | None]  # of a subject; it may return a remark
 Laws = Mapping[Law, Law | None]  # each with the one that must hold before it is tried

@@ -5,7 +5,7 @@ from refusals import refused
 
 from benchmarks.checks import check
 from benchmarks.cli import main
-from localizers.models.beams import BEAM_MODELS
+from localizers.models.scan import BEAM_MODELS
 
 MODEL = """
 import numpy as np
