@@ -73,15 +73,8 @@ class PlanSensor:
 
 def charges(beta: float, collisions: Ints) -> Floats:
     """Return -β C of each C, (n,); 0 where C is 0, even if β is infinite."""
-    found = np.empty(collisions.size)
-    _charge(beta, collisions, found)
-    return found
-
-
-@compiled
-def _charge(beta: float, collisions: Ints, out: Floats) -> None:
-    for i in range(out.size):
-        out[i] = -beta * collisions[i] if collisions[i] > 0 else 0.0
+    charge = np.zeros(collisions.size)
+    return np.multiply(collisions, -beta, out=charge, where=collisions > 0)
 
 
 def plan_path(plan: Floats) -> Singles:

@@ -289,13 +289,6 @@ class ScanSource(Protocol):
         """Return the model of scans by this lidar on this map."""
 
 
-@compiled
-def fill_where_nan(marks: Singles, value: float, out: Floats) -> None:
-    """Overwrite ``out`` by ``value`` where ``marks`` is NaN, (n,)."""
-    for i in range(out.size):
-        out[i] = value if np.isnan(marks[i]) else out[i]
-
-
 OUTSIDE = -30.0
 _BLOCK = 8192  # poses per block: their exact ranges fit the processor's cache
 _VERBS = ("log_likelihood", "least_density")
@@ -352,7 +345,7 @@ class LidarScan:
             blocks = [expected[:, start : start + _BLOCK].copy() for start in range(0, n, _BLOCK)]
             return np.concatenate([self.weighed(measured, block) for block in blocks])
         out = self.beam.log_likelihood(measured, expected.T, self.lidar.max_range)
-        fill_where_nan(expected[0], measured.size * self._outside, out)
+        out[np.isnan(expected[0])] = measured.size * self._outside
         return out
 
     @cached_property
