@@ -85,12 +85,6 @@ def test_a_drive_that_takes_longer_than_the_limit_breaks_its_law():
     assert report.verdict("picklable").note == "it fails 'answers in time'"
 
 
-@pytest.mark.parametrize("name", localizers.names())
-def test_every_built_in_localizer_takes_increments_with_navs_motion_model_too(name):
-    subject = localizer_drive(name, replace(default_robot(), motion=NAV2), **coarse(name))
-    laws_of.increments_of_three(subject)
-
-
 @pytest.mark.parametrize("name", ["ekf", "grid"])
 def test_estimators_in_closed_form_take_navs_motion_as_the_turn_and_drive_of_its_variances(name):
     runs = (
