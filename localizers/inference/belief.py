@@ -19,8 +19,8 @@ from localizers.inference.particles import (
     Actions,
     LogWeights,
     States,
-    absorbed,
     effective_sample_size,
+    log_evidence,
     log_sum_exp,
     normalize,
     shifted,
@@ -350,13 +350,10 @@ class ParticleBelief(_Cloud):
         The record is taken from at most ``most`` evenly spaced particles and does not depend on
         ``power``, the exponent of the likelihood.
         """
-        total = np.empty(self.log_weights.size)
-        top, evidence = absorbed(self.log_weights, log_likelihood, most, power, total)
-        belief = self if math.isfinite(top) else self._collapsed()
-        return belief._replace(
-            log_weights=total if math.isfinite(top) else self.log_weights,
-            scan_power=power,
-        ).learned(scan, evidence)
+        evidence = log_evidence(self.log_weights, log_likelihood, most)
+        # a likelihood of 0 to the power of 0 is 1
+        factor = power * log_likelihood if power > 0.0 else np.zeros(log_likelihood.size)
+        return self.reweighted(factor)._replace(scan_power=power).learned(scan, evidence)
 
     def learned(self, scan: Scan, log_evidence: float) -> "ParticleBelief":
         """Keep how well a scan was predicted, for the quality and for recovery."""
