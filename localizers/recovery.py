@@ -198,16 +198,23 @@ class Lookout:
     def _drop(self) -> None:
         self.places, self.compared, self.way = _NOWHERE, [], 0.0
 
-    def look(self, time: float, stretch: Stretch, ranges: Singles, belief: Belief) -> bool:
-        """Compare a scan with the map; return whether one was due and says something."""
+    def look(
+        self,
+        time: float,
+        stretch: Stretch,
+        ranges: Singles,
+        belief: Belief,
+        rng: np.random.Generator,
+    ) -> GaussianPrior | None:
+        """Compare a scan with the map, if one is due; return where a lost robot is found."""
         here, metre = np.array(stretch.at(time)), self.agreement.metre
         last = self.seen[-1].odometry if self.seen else None
         if last is not None and not _apart(last, here, _APART[0] * metre, _APART[1]):
-            return False
+            return None
         scan = self.agreement.returns(ranges)
         points = belief.points()
         if scan.beams == 0 or points is None:
-            return False
+            return None
         self.pose = np.array(best_cluster(*points, unit=self.robot.floor_plan.unit).mean)
         self.seen.append(Seen(here, scan))
         share, matched = self.agreement(self.pose[None], self.seen[-1])
@@ -221,10 +228,10 @@ class Lookout:
             shares, _ = self.agreement(self.places, self.seen[-1])
             self.compared.append(np.concatenate([share, shares]))
             self.way += math.hypot(*moved[:2]) / metre + abs(float(moved[2]))
-        return True
+        return self._found(rng)
 
-    def found(self, rng: np.random.Generator) -> GaussianPrior | None:
-        """Return where the robot is found, after a scan; search if the belief is in doubt."""
+    def _found(self, rng: np.random.Generator) -> GaussianPrior | None:
+        """Return where the robot is; search if the belief is in doubt."""
         if self.recovery is None or self.share is None or self.share >= self.recovery.doubt:
             self._drop()
             return None

@@ -105,11 +105,6 @@ class Queue(NamedTuple):
         future = self.future.push(self.pending)
         return Queue(slots, links, None, self.present, self.past, future)
 
-    def renewed(self, states: States) -> "Queue":
-        """Replace the newest states by others, (d, n); only valid before the next resampling."""
-        assert self.pending is None
-        return self._replace(slots=(*self.slots[:-1], states))
-
     def stepped(self, past: int) -> "Queue":
         """Let the next state become the present; keep at most ``past`` states before it."""
         future = self.future.pop()
@@ -333,7 +328,7 @@ class ParticleBelief(_Cloud):
         states[:, chosen] = others.present
         log_weights[chosen] = log_sum_exp(log_weights) - math.log(log_weights.size)
         return self._replace(
-            queue=self.queue.renewed(states),
+            queue=self.queue._replace(slots=(*self.queue.slots[:-1], states)),
             log_weights=log_weights,
             events=self.events.plus(random_poses=others.log_weights.size),
         )
