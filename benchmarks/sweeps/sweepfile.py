@@ -16,6 +16,7 @@ from benchmarks.setup.names import (
     absolute_scenario,
 )
 from benchmarks.setup.overrides import (
+    OF_LOCALIZERS,
     Named,
     Overrides,
     listed,
@@ -271,8 +272,8 @@ def _split(given: Overrides, names: "_Names") -> tuple[Overrides, dict[str, Over
             own.setdefault(names.localizer("params", localizer), {})[key] = value
         else:
             shared[key] = value
-    alone = {localizer: Overrides(values) for localizer, values in own.items()}
-    return Overrides(shared), alone
+    alone = {localizer: names.params(Overrides(values)) for localizer, values in own.items()}
+    return names.params(Overrides(shared)), alone
 
 
 def check_localizers(named: Sequence[str]) -> None:
@@ -321,6 +322,9 @@ class _Names:
     def assumed(self, given: Overrides) -> Overrides:
         return given if self.folder is None else absolute_assumed(given, self.folder)
 
+    def params(self, given: Overrides) -> Overrides:
+        return given if self.folder is None else given.beside(self.folder, OF_LOCALIZERS)
+
     def method(self, entry: Any, what: str = "an entry of localizers") -> Method:
         label = ""
         if isinstance(entry, Mapping):
@@ -331,7 +335,7 @@ class _Names:
             entry = {key: value for key, value in entry.items() if key != "label"}
         named = Named.told(what, entry)
         name = self.localizer("name of a localizer", named.name)
-        return Method(name=name, params=named.params, label=label)
+        return Method(name=name, params=self.params(named.params), label=label)
 
     def axis(self, table: Any) -> Axis:
         values = Overrides.told("vary", documents.as_table("vary", table, "a [[vary]] table"))
@@ -344,7 +348,7 @@ class _Names:
                 return self.scenario(value)
             if name == "agent":
                 return self.agent(value).json()
-            if group not in ("world", "assumed"):
+            if group not in PARTS:
                 return value
             return getattr(self, group)(Overrides({key: value}))[key]
 

@@ -32,7 +32,7 @@ def provenance_of(trials: Iterable[Trial]) -> Provenance:
         parts += [
             (n, SCAN_MODEL.digest(n)) for n in plug_ins_of(None, trial.assumed.get(SCAN_KIND))
         ]
-        parts += [(path, digest_of_file(path)) for path in trial.world.files]
+        parts += [(path, digest_of_file(path)) for path in trial.files]
         for name, digest in parts:
             if digests.setdefault(name, digest) != digest:
                 raise InputError(

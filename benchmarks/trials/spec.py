@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.setup.overrides import NOTHING, Named, Overrides, jsonable
+from benchmarks.setup.overrides import NOTHING, OF_LOCALIZERS, Named, Overrides, jsonable
 
 _WORLD, _FILTER, _START = 0, 1, 2  # children of a trial's seed
 
@@ -101,6 +101,12 @@ class Trial:
         return (0,) if self.lag == 0 else (0, -self.lag, self.lag)
 
     @property
+    def files(self) -> list[str]:
+        """Paths of the files that its world and its localizer read."""
+        own = [self.params[name] for name in OF_LOCALIZERS if name in self.params]
+        return [*self.world.files, *(path for path in own if isinstance(path, str))]
+
+    @property
     def guests(self) -> tuple[str, ...]:
         """Names of its agent, and of a scan model that its filters assume by the place of code."""
         agent = () if self.agent is None else (self.agent.name,)
@@ -110,7 +116,7 @@ class Trial:
     @property
     def named(self) -> tuple[str, ...]:
         """All of it that may have a digest: names of localizer and scenario, files, guests."""
-        return (self.localizer, self.scenario, *self.world.files, *self.guests)
+        return (self.localizer, self.scenario, *self.files, *self.guests)
 
     @property
     def world_seed(self) -> int:

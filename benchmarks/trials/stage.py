@@ -17,6 +17,7 @@ import numpy as np
 from benchmarks.setup import Agent, TrialEnv
 from benchmarks.setup.documents import errors_name
 from benchmarks.setup.names import make_agent, scenario
+from benchmarks.setup.overrides import located
 from benchmarks.setup.scenario import RoomScenario, Scenario
 from benchmarks.trials.clouds import Surroundings
 from benchmarks.trials.collecting import JourneyLog, TrackLog
@@ -152,7 +153,8 @@ class Stage:
             steps = driven.again
             room = _Begun(room.floor_plan, room.lidar, room.radius, driven.start, self.env)
         copies: dict[int, Any] = {}  # the prior's map is the robot's
-        localizer = make(self.trial.localizer, deepcopy(self.robot, copies), **self.trial.params)
+        params = located(self.trial.params)
+        localizer = make(self.trial.localizer, deepcopy(self.robot, copies), **params)
         return followed(steps, localizer, lambda: deepcopy(self.prior(room), copies), self.stream)
 
     def trace(self, driven: Drive | None = None) -> Trace:
@@ -175,7 +177,7 @@ class Stage:
 
     def check_params(self) -> None:
         """Let the localizer look at its parameters, before anything is run or written."""
-        make(self.trial.localizer, self.robot, **self.trial.params)
+        make(self.trial.localizer, self.robot, **located(self.trial.params))
 
 
 def check_trials(trials: Iterable[Trial]) -> None:
