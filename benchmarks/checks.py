@@ -1,5 +1,6 @@
 """The laws of agents, on a short drive, and of scan models, in the form of localizers.checks."""
 
+from collections.abc import Callable
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,11 +16,18 @@ from benchmarks.setup.overrides import Named, Overrides
 from benchmarks.trials.episode import moments
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
+from deqmcl_gym.maps import GridMap
 from deqmcl_gym.numerics import Reals, Singles
 from deqmcl_gym.validation import InputError, array
 from localizers import Belief, UniformPrior, absolute_name, make
-from localizers.checks import Report, laws
-from localizers.checks.verdicts import LawBrokenError, Laws, Subject, difference, report_of
+from localizers.checks import Report, laws, report_of
+from localizers.checks.subject import (
+    LawBrokenError,
+    Subject,
+    difference,
+    localizer_drive,
+    robot_on,
+)
 from localizers.models.scan import Scan, ScanModel
 from localizers.registry import SCAN_MODEL, is_code
 
@@ -37,18 +45,6 @@ _NOWHERE = SimpleNamespace(points=lambda offset=0: (np.empty((0, 3)), np.empty(0
 Answer = tuple[Reals, Reals | None]
 
 
-def check_agent(name: str, scenario: str | None = None, **limit: float) -> Report:
-    """Return the verdicts of all laws on an agent, ``file.py`` being the only one in it."""
-    agent = absolute_agent(Named(name)).name
-    return report_of(AgentDrive.of(agent, scenario, **limit), AGENT_LAWS)
-
-
-def check_scan(name: str, scenario: str | None = None, **limit: float) -> Report:
-    """Return the verdicts of all laws on a scan model."""
-    kind = absolute_name(SCAN_MODEL.complete(name)) if is_code(name) else name
-    return report_of(ScanTests.of(kind, scenario, **limit), SCAN_LAWS)
-
-
 @dataclass(frozen=True, kw_only=True)
 class _InAScenario(Subject):
     """What is made for a scenario, by default for the first of ``worlds`` that it accepts."""
@@ -57,9 +53,9 @@ class _InAScenario(Subject):
     scenario: str
 
     @classmethod
-    def of(cls, name: str, scenario: str | None, **limit: float) -> Self:
+    def of(cls, name: str, scenario: str | None) -> Self:
         for world in cls.worlds if scenario is None else (absolute_scenario(scenario),):
-            subject = cls(name=name, scenario=world, **limit)
+            subject = cls(name=name, scenario=world)
             try:
                 subject.begin()
             except InputError as error:
@@ -133,6 +129,23 @@ class AgentDrive(_InAScenario):
         return agent
 
 
+def answers_with_actions(drive: AgentDrive, *, blind: bool = False) -> None:
+    """At every step an action is two finite numbers; a plan is None or finite rows (h, 2)."""
+    for step, (action, plan) in enumerate(drive.watched(blind=blind).answers):
+        at = f"at step {step}{' on an empty belief' * blind}"
+        try:
+            array(f"its action {at}", action, (2,))
+            if plan is not None:
+                array(f"its plan {at}", plan, (None, 2))
+        except InputError as error:
+            raise LawBrokenError(str(error).rstrip(".")) from None
+
+
+def survives_an_empty_belief(drive: AgentDrive) -> None:
+    """It answers so to a belief without points, too."""
+    answers_with_actions(drive, blind=True)
+
+
 class ScanTests(_InAScenario):
     """A scan model in a world, with poses and scans to try it on."""
 
@@ -184,44 +197,6 @@ class ScanTests(_InAScenario):
         return Stage.of(replace(_TRIAL, scenario=self.scenario, assumed=assumed))
 
 
-def _require(holds: bool, otherwise: str) -> None:
-    if not holds:
-        raise LawBrokenError(otherwise)
-
-
-def answers_with_actions(drive: AgentDrive) -> None:
-    """At every step an action is two finite numbers; a plan is None or finite rows (h, 2)."""
-    for step, (action, plan) in enumerate(drive.history()):
-        _require_finite(f"its action at step {step}", action, (2,))
-        if plan is not None:
-            _require_finite(f"its plan at step {step}", plan, (None, 2))
-
-
-def _require_finite(what: str, numbers: Reals, shape: tuple[int | None, ...]) -> None:
-    try:
-        array(what, numbers, shape)
-    except InputError as error:
-        raise LawBrokenError(str(error).rstrip(".")) from None
-
-
-def survives_an_empty_belief(drive: AgentDrive) -> None:
-    """It answers with finite actions to a belief without points."""
-    for step, (action, _) in enumerate(drive.watched(blind=True).answers):
-        _require_finite(f"its action at step {step} on an empty belief", action, (2,))
-
-
-AGENT_LAWS: Laws = {laws.answers_in_time: None} | dict.fromkeys(
-    (
-        answers_with_actions,
-        laws.same_rng_same_result,
-        laws.inputs_not_changed,
-        laws.global_rng_untouched,
-        survives_an_empty_belief,
-    ),
-    laws.answers_in_time,
-)
-
-
 def answers_with_numbers(scans: ScanTests) -> None:
     """It answers with (n,) numbers, finite or -inf, also where half of the beams are missing."""
     model = scans.begin()
@@ -233,8 +208,10 @@ def answers_with_numbers(scans: ScanTests) -> None:
 def same_input_same_answer(scans: ScanTests) -> None:
     """Two models, made anew, answer alike, and so does one that has seen other scans."""
     first, _, again = scans.history()
-    _require(np.array_equal(first, again), "it answers otherwise after another scan")
-    _require(np.array_equal(first, scans.history()[0]), "made anew, it answers otherwise")
+    if not np.array_equal(first, again):
+        raise LawBrokenError("it answers otherwise after another scan")
+    if not np.array_equal(first, scans.history()[0]):
+        raise LawBrokenError("made anew, it answers otherwise")
 
 
 def each_pose_by_itself(scans: ScanTests) -> None:
@@ -244,8 +221,8 @@ def each_pose_by_itself(scans: ScanTests) -> None:
     for some in (order, order[:7]):
         poses = np.ascontiguousarray(scans.poses[:, some])
         likelihoods = model.log_likelihood(poses, scans.scan(0))
-        alike = np.allclose(likelihoods, whole[some], rtol=_CLOSE, atol=_CLOSE)
-        _require(alike, f"it says otherwise of the same poses in a batch of {some.size}")
+        if not np.allclose(likelihoods, whole[some], rtol=_CLOSE, atol=_CLOSE):
+            raise LawBrokenError(f"it says otherwise of the same poses in a batch of {some.size}")
 
 
 def the_truth_is_likelier(scans: ScanTests) -> None:
@@ -255,21 +232,42 @@ def the_truth_is_likelier(scans: ScanTests) -> None:
         two = np.ascontiguousarray(scans.poses[:, [number, (number + _SCANS) % FREE]])
         truth, other = model.log_likelihood(two, scans.scan(number))
         likelier += bool(truth > other)
-    _require(
-        likelier >= FEWEST,
-        f"the truth is likelier than another free pose in {likelier} of {_SCANS} scans, but must "
-        f"be in {FEWEST}",
-    )
+    if likelier < FEWEST:
+        raise LawBrokenError(
+            f"the truth is likelier than another free pose in {likelier} of {_SCANS} scans, but "
+            f"must be in {FEWEST}"
+        )
 
 
-SCAN_LAWS: Laws = {laws.answers_in_time: None} | dict.fromkeys(
-    (
-        answers_with_numbers,
-        same_input_same_answer,
-        laws.inputs_not_changed,
-        each_pose_by_itself,
-        laws.global_rng_untouched,
-        the_truth_is_likelier,
-    ),
-    laws.answers_in_time,
-)
+def _localizer(name: str, map_file: str | None) -> Subject:
+    return localizer_drive(name, None if map_file is None else robot_on(GridMap.load(map_file)))
+
+
+def _agent(name: str, scenario: str | None) -> Subject:
+    return AgentDrive.of(absolute_agent(Named(name)).name, scenario)
+
+
+def _scan_model(name: str, scenario: str | None) -> Subject:
+    kind = absolute_name(SCAN_MODEL.complete(name)) if is_code(name) else name
+    return ScanTests.of(kind, scenario)
+
+
+def _in_time(*others: laws.Law) -> laws.Laws:
+    return {laws.answers_in_time: None, **dict.fromkeys(others, laws.answers_in_time)}
+
+
+_SHARED = laws.inputs_not_changed, laws.global_rng_untouched
+_OF_AGENTS = answers_with_actions, laws.same_rng_same_result, *_SHARED, survives_an_empty_belief
+_OF_SCANS = answers_with_numbers, same_input_same_answer, *_SHARED
+# how what is under check is made, of its name and a map or a scenario, and its laws
+KINDS: dict[str, tuple[Callable[[str, str | None], Subject], laws.Laws]] = {
+    "localizers": (_localizer, laws.LAWS),
+    "agents": (_agent, _in_time(*_OF_AGENTS)),
+    "scan models": (_scan_model, _in_time(*_OF_SCANS, each_pose_by_itself, the_truth_is_likelier)),
+}
+
+
+def check(kind: str, name: str, where: str | None = None) -> Report:
+    """Return the verdicts of all laws of a kind on what a name leads to, tried in this process."""
+    made, of_kind = KINDS[kind]
+    return report_of(made(name, where), of_kind)

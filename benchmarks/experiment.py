@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from benchmarks.console import checking
 from benchmarks.execution.engines import Where
-from benchmarks.pictures.film import Camera, camera_of
+from benchmarks.report.films import Camera, camera_of
+from benchmarks.report.page import write_report
 from benchmarks.report.verdict import conclusion
-from benchmarks.report.writing import write_report
 from benchmarks.setup.overrides import NOTHING, Named, Overrides
 from benchmarks.sweeps.design import Sweep
 from benchmarks.sweeps.results import Results, incomplete_sentence, summary
@@ -165,8 +165,7 @@ class ExperimentResults:
         Columns are such as "particles" and "error", with error_low and error_high. One that is not
         there, or has no numbers, raises ``InputError``.
         """
-        from benchmarks.pictures import styled
-        from benchmarks.report.charts import STYLE, line
+        from benchmarks.report.charts import line, styled
 
         table = self.table[self.table["offset"] == offset]
         if table.empty:
@@ -182,7 +181,7 @@ class ExperimentResults:
         for name in others:
             labels = labels + f", {name} = " + table[name].map(str)
         known = table.assign(label=labels)[table[over].notna()].sort_values(over, kind="stable")
-        with styled(STYLE):
+        with styled():
             axes = line(known, over, value, f"{value}_low", f"{value}_high")
             axes.set(xlabel=over, ylabel=value)
             return cast("Figure", axes.figure)

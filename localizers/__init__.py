@@ -19,7 +19,6 @@ from localizers.api import (
 from localizers.calibration import Calibration
 from localizers.inference.hedge import hedged
 from localizers.kinds import absolute_name
-from localizers.models.beams import BeamModel, CensoredGaussianUniform, GaussianUniform, LatentShare
 from localizers.models.feasibility import PlanSensor
 from localizers.models.motion import OdometryMotion
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion
@@ -31,7 +30,13 @@ from localizers.models.prior import (
     UniformPrior,
 )
 from localizers.models.robot import RobotModel
-from localizers.models.scan import Scan
+from localizers.models.scan import (
+    BeamModel,
+    CensoredGaussianUniform,
+    GaussianUniform,
+    LatentShare,
+    Scan,
+)
 from localizers.recovery import Relocalization
 from localizers.registry import (
     ScanPlugIn,

@@ -5,7 +5,6 @@ Here the belief stays, and only the covariance that is told of it is changed.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Self
 
@@ -15,9 +14,9 @@ from numpy.typing import ArrayLike
 from deqmcl_gym.numerics import Floats, arrays
 from deqmcl_gym.validation import InputError, number
 
-# in powers of 2, of the scale and of floors in root mean squares of the offsets: steps of the
-# search, the least it tries, and where it begins
-_COARSEST, _FINEST, _NARROWEST = 2.0, 0.005, -10.0
+# in powers of 2, of the scale and of floors in root mean squares of the offsets: first steps of the
+# search, how often they are halved, the least it tries, and where it begins
+_COARSEST, _HALVINGS, _NARROWEST = 2.0, 8, -10.0
 _STARTS = (0.0, -6.0, -6.0), (0.0, -1.0, -1.0), (-6.0, 0.0, 0.0)
 _DIGITS = 3  # of what is fitted
 _TINY = 1e-9
@@ -86,7 +85,14 @@ class Calibration:
             arrays.fits(off, at(place).published(given), scores)
             return float(scores[:, 2].mean())
 
-        best = at(min((_least(cost, np.array(start)) for start in _STARTS), key=cost))
+        places, costs = arrays.compass_search(
+            lambda tried: np.array([cost(place) for place in tried]),
+            np.array(_STARTS),
+            (_COARSEST,) * 3,
+            halvings=_HALVINGS,
+            least=_TINY,
+        )
+        best = at(places[costs.argmin()])
         return cls(**{name: float(f"{v:.{_DIGITS}g}") for name, v in vars(best).items()})
 
 
@@ -99,16 +105,3 @@ def spread_about(pose: ArrayLike, poses: ArrayLike, weights: ArrayLike) -> Float
     own = np.asarray(weights, np.float64)[:, None]
     # sums one pose after another: the same bits on every processor
     return np.asarray(((own * off)[:, :, None] * off[:, None, :]).sum(axis=0))
-
-
-def _least(cost: Callable[[Floats], float], place: Floats) -> Floats:
-    """Return where a cost is least near a place, by ever finer steps along each axis."""
-    least, step = cost(place), _COARSEST
-    while step >= _FINEST:
-        near = [place + step * axis for axis in (*np.eye(3), *-np.eye(3))]
-        costs = [cost(one) for one in near]
-        if min(costs) < least - _TINY:
-            least, place = min(costs), near[int(np.argmin(costs))]
-        else:
-            step /= 2
-    return place

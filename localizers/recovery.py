@@ -38,8 +38,6 @@ _FINE = 0.1, 0.05, 3  # first steps of a matcher, m and rad, and how often they 
 _WIDE = 0.5, 0.2, 4
 _MOST = 30  # its steps
 _SPREAD = 0.25, 0.1  # m, rad: SD of the belief that begins where the robot is found
-# Ahead, left and turn of a pose's neighbours, in steps.
-_AROUND = np.vstack([np.eye(3), -np.eye(3)])
 _SURE = 0.8  # agreement from which on a scan shows the heading
 _DELAYS = 0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0  # s
 _TELLS = 0.05  # rad between turns by the odometry, earlier and later, that tell a delay
@@ -108,23 +106,15 @@ class MapAgreement:
         self, poses: Floats, seen: Sequence[Seen], step: float, turn: float, halvings: int
     ) -> tuple[Floats, Floats]:
         """Return poses (n, 3), each climbed up ``ranked`` by a compass search, and that, (n,)."""
-        best, height = poses.copy(), self.ranked(poses, seen)
-        steps = _AROUND * np.array([step * self.metre, step * self.metre, turn])
-        size = np.ones(len(best))
-        for _ in range(_MOST):
-            going = np.flatnonzero(size >= 0.5**halvings)
-            if not going.size:
-                break
-            offsets = (steps * size[going][:, None, None]).reshape(-1, 3)
-            tried = composed(best[going].repeat(len(steps), axis=0), offsets)
-            heights = self.ranked(tried, seen).reshape(going.size, -1)
-            chosen = heights.argmax(axis=1)
-            highest = heights[np.arange(going.size), chosen]
-            better = highest > height[going]
-            tried = tried.reshape(going.size, -1, 3)[np.arange(going.size), chosen]
-            best[going[better]], height[going[better]] = tried[better], highest[better]
-            size[going[~better]] /= 2
-        return best, height
+        matched, cost = arrays.compass_search(
+            lambda tried: -self.ranked(tried, seen),
+            poses,
+            (step * self.metre, step * self.metre, turn),
+            halvings=halvings,
+            most=_MOST,
+            moved=composed,
+        )
+        return matched, -cost
 
     def _mean(self, table: Singles, poses: Floats, seen: Sequence[Seen]) -> Floats:
         """Mean of a table where the beams of scans end, 0 off it, (n,)."""
@@ -208,16 +198,23 @@ class Lookout:
     def _drop(self) -> None:
         self.places, self.compared, self.way = _NOWHERE, [], 0.0
 
-    def look(self, time: float, stretch: Stretch, ranges: Singles, belief: Belief) -> bool:
-        """Compare a scan with the map; return whether one was due and says something."""
+    def look(
+        self,
+        time: float,
+        stretch: Stretch,
+        ranges: Singles,
+        belief: Belief,
+        rng: np.random.Generator,
+    ) -> GaussianPrior | None:
+        """Compare a scan with the map, if one is due; return where a lost robot is found."""
         here, metre = np.array(stretch.at(time)), self.agreement.metre
         last = self.seen[-1].odometry if self.seen else None
         if last is not None and not _apart(last, here, _APART[0] * metre, _APART[1]):
-            return False
+            return None
         scan = self.agreement.returns(ranges)
         points = belief.points()
         if scan.beams == 0 or points is None:
-            return False
+            return None
         self.pose = np.array(best_cluster(*points, unit=self.robot.floor_plan.unit).mean)
         self.seen.append(Seen(here, scan))
         share, matched = self.agreement(self.pose[None], self.seen[-1])
@@ -231,10 +228,10 @@ class Lookout:
             shares, _ = self.agreement(self.places, self.seen[-1])
             self.compared.append(np.concatenate([share, shares]))
             self.way += math.hypot(*moved[:2]) / metre + abs(float(moved[2]))
-        return True
+        return self._found(rng)
 
-    def found(self, rng: np.random.Generator) -> GaussianPrior | None:
-        """Return where the robot is found, after a scan; search if the belief is in doubt."""
+    def _found(self, rng: np.random.Generator) -> GaussianPrior | None:
+        """Return where the robot is; search if the belief is in doubt."""
         if self.recovery is None or self.share is None or self.share >= self.recovery.doubt:
             self._drop()
             return None

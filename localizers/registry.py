@@ -1,11 +1,10 @@
 """Localizers by name, how one is made, and what it takes; scan models of other people's code."""
 
 import inspect
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, Self, final, get_args, get_origin
+from typing import Any, NamedTuple, Self, final
 
 import numpy as np
 
@@ -86,9 +85,7 @@ SCAN_MODEL = Kind(
     call="NAME(floor_plan=…, lidar=…, **params)",
     verbs=("log_likelihood(states, scan)",),
 )
-_OF_BEAMS = ("log_likelihood", "density", "least_density", "hit_moments")
-_NOT_NAMED = inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD
-REQUIRED = inspect.Parameter.empty  # in place of a default
+_OF_BEAMS = ("log_likelihood", "least_density", "hit_moments")
 _BLOCK = 8192  # poses that a model is asked for at once, at most
 
 
@@ -192,13 +189,13 @@ class ParameterWords(NamedTuple):
     """A parameter of a localizer."""
 
     name: str
-    default: Any  # ``REQUIRED`` without one
+    default: Any  # ``inspect.Parameter.empty`` without one
     meaning: str  # with its range; "" if its author has not said it
 
     @property
     def default_words(self) -> str:
         """The default as code."""
-        return "required" if self.default is REQUIRED else shown(self.default)
+        return "required" if self.default is inspect.Parameter.empty else shown(self.default)
 
 
 @dataclass(frozen=True)
@@ -230,8 +227,7 @@ class Description:
 def describe(name: str | Callable[..., Any]) -> Description:
     """Say what a localizer is: built in, a plug-in by its name, or a class.
 
-    A parameter's meaning is that of ``Annotated[int, "at least 1"]``, or of its line in the
-    docstring's ``Args:``.
+    A parameter's meaning is the text of its annotation, ``Annotated[int, "at least 1"]``.
     """
     factory = resolve(name) if isinstance(name, str) else name
     source = inspect.unwrap(getattr(factory, "func", factory))  # of a partial
@@ -239,14 +235,10 @@ def describe(name: str | Callable[..., Any]) -> Description:
     if inspect.isclass(source) and text.startswith(f"{source.__name__}("):
         text = ""  # a dataclass's own
     sentence = text.partition("\n")[0].removeprefix("Return ")
-    known = _args_of("\n".join([text, inspect.cleandoc(_init_words(source))]))
     return Description(
         name if isinstance(name, str) else getattr(name, "__name__", type(name).__name__),
         sentence[:1].upper() + sentence[1:],
-        tuple(
-            ParameterWords(one.name, one.default, _meaning(one) or known.get(one.name, ""))
-            for one in _parameters_of(factory)
-        ),
+        tuple(ParameterWords(p.name, p.default, _meaning(p)) for p in _parameters_of(factory)),
     )
 
 
@@ -256,25 +248,10 @@ def _parameters_of(factory: Callable[..., Any]) -> list[inspect.Parameter]:
             listed = list(inspect.signature(factory, eval_str=evaluated).parameters.values())
         except Exception:
             continue
-        return [one for one in listed[1:] if one.kind not in _NOT_NAMED]
+        return [p for p in listed[1:] if p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
     return []
 
 
-def _meaning(one: inspect.Parameter) -> str:
-    said = get_args(one.annotation)[1:] if get_origin(one.annotation) is Annotated else ()
-    return next((words for words in said if isinstance(words, str)), "")
-
-
-def _init_words(source: Any) -> str:
-    return (source.__init__.__doc__ or "") if inspect.isclass(source) else ""
-
-
-def _args_of(text: str) -> dict[str, str]:
-    """Words of parameters by name, of the part ``Args:`` of a docstring."""
-    found: dict[str, str] = {}
-    part = re.search(r"^Args:\n((?:[ \t]+.*\n?|\n)*)", text, re.MULTILINE)
-    lines = inspect.cleandoc("\n" + part[1]) if part else ""
-    for names, words in re.findall(r"^(\w[^:\n]*):((?:.*\n?)(?:[ \t]+.*\n?)*)", lines, re.M):
-        for name in names.split(","):
-            found[name.split("(")[0].strip()] = " ".join(words.split())
-    return found
+def _meaning(parameter: inspect.Parameter) -> str:
+    words = getattr(parameter.annotation, "__metadata__", ())  # of Annotated
+    return next((word for word in words if isinstance(word, str)), "")

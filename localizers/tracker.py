@@ -276,22 +276,17 @@ class Tracker:
         self.counts.updates += 1
         agreement = None
         if (lookout := self._lookout) is not None:
-            if not frozen and lookout.look(time, self._odometry.stretch, ranges, belief):
-                belief = self._recovered(belief, lookout)
+            stretch = self._odometry.stretch
+            prior = None if frozen else lookout.look(time, stretch, ranges, belief, self.rng)
+            if prior is not None:
+                self.counts.recoveries += 1
+                belief = self.localizer.reset(prior, _NO_PLAN, self.rng)
             agreement = lookout.share
             self.counts.misdated_scans += lookout.delay.seconds >= _LATE
         self._updates.append(_Update(time, here, belief, agreement))
         while len(self._updates) > 1 and self._updates[1].time <= time - self.memory:
             self._updates.popleft()  # the one before that time is what was believed then
         return True
-
-    def _recovered(self, belief: Belief, lookout: Lookout) -> Belief:
-        """Return the belief, or one that begins where a lost robot is found."""
-        prior = lookout.found(self.rng)
-        if prior is None:
-            return belief
-        self.counts.recoveries += 1
-        return self.localizer.reset(prior, _NO_PLAN, self.rng)
 
     def _is_frozen(self, ranges: Reals, here: Pose) -> bool:
         """Whether a scan with returns is the same as at a place that the robot has left."""

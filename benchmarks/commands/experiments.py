@@ -60,9 +60,9 @@ def paper_command(options: argparse.Namespace) -> str:
     from benchmarks.execution.processes import GUEST_SECONDS, Processes
     from benchmarks.experiment import Experiment
     from benchmarks.files import write_files
-    from benchmarks.pictures.figures import chosen, write_paper_figures
+    from benchmarks.report.figures import chosen, write_paper_figures
+    from benchmarks.report.page import load, write_report
     from benchmarks.report.verdict import conclusion
-    from benchmarks.report.writing import load, write_report
     from benchmarks.sweeps.results import summary
     from benchmarks.sweeps.running import Options, complete
     from benchmarks.sweeps.sweepfile import PAPER_METHODS
@@ -118,7 +118,7 @@ def run_command(options: argparse.Namespace) -> str:
 
     Writes its animation, its errors as CSV, and its trajectories as TUM files (for evo).
     """
-    from benchmarks.pictures.figures import run_lap
+    from benchmarks.report.figures import run_lap
     from benchmarks.sweeps.running import check
     from localizers.registry import LOCALIZER
 
@@ -169,7 +169,7 @@ def sweep_command(options: argparse.Namespace) -> str:
     if options.dask is None:
         prepare()  # while this process loads what it needs
     from benchmarks.experiment import Experiment
-    from benchmarks.report.writing import no_report
+    from benchmarks.report.page import no_report
     from benchmarks.sweeps.running import check, complete, dry_run
 
     sweep = asked(options)
@@ -189,7 +189,7 @@ def sweep_command(options: argparse.Namespace) -> str:
 
 def _doubts(sweep: "Sweep") -> list[str]:
     """Read the logs of a sweep; return warnings of them, and what seems wrong with one."""
-    from benchmarks.robots.doubts import doubts_of
+    from benchmarks.robots.calibration import doubts_of
     from benchmarks.setup.logs import LogScenario
     from benchmarks.setup.names import scenario
 
@@ -254,8 +254,8 @@ def report_command(options: argparse.Namespace) -> str:
     and the charts.
     """
     from benchmarks.files import own_folder, write_files
+    from benchmarks.report.page import require_report, write_report
     from benchmarks.report.verdict import conclusion, progress
-    from benchmarks.report.writing import require_report, write_report
     from benchmarks.sweeps.results import left_out_lines, pooled, results_in
     from deqmcl_gym.validation import InputError
 

@@ -78,8 +78,6 @@ def _nav2(words: str) -> Option:
         "more",
         option("--particles", type=int, metavar="N", help="particles of all (each method's "
             "default: 1000; amcl: at most 2000); not of amcl with --nav2"),
-        switch("--fit-beams", "assume the four-part beam model that fits scans from reference "
-            "poses in the first part of the log, and print it"),
         switch("--residuals", "also tell and draw where the map is wrong: cells that beams end in "
             "or pass though the map says otherwise"),
         seed(),
@@ -95,8 +93,8 @@ def replay_command(options: argparse.Namespace) -> str:
     Writes tables, trajectories (TUM, for evo) and a page: docs/your-map-your-log.md.
     """
     from benchmarks.execution.engines import Where
-    from benchmarks.pictures.messages import shown_again
-    from benchmarks.robots.limits import limits_of, within
+    from benchmarks.report.messages import shown_again
+    from benchmarks.report.runs import limits_of, within
     from benchmarks.robots.replaying import planned, run_replay, sweep_file
     from benchmarks.sweeps.running import Options, complete
 
@@ -114,7 +112,6 @@ def replay_command(options: argparse.Namespace) -> str:
         seeds=options.seeds,
         seed=options.seed,
         nav2=_amcl(options),
-        fit_beams=options.fit_beams,
     )
     limits_of(options.fail_if, [method.shown for method in plan.sweep.localizers])
     if options.dry_run:
@@ -173,8 +170,8 @@ def score_command(options: argparse.Namespace) -> str:
     An estimate is a TUM file, a CSV with time,x,y,heading and perhaps covariances, or a topic of
     poses in a bag: docs/tune-on-your-log.md.
     """
+    from benchmarks.report.runs import limits_of, within
     from benchmarks.robots.estimates import estimates_of, played_before, played_by_replay, score
-    from benchmarks.robots.limits import limits_of, within
     from benchmarks.robots.played import reading_among
     from benchmarks.setup import documents
     from deqmcl_gym.logs import read_tum
@@ -352,8 +349,7 @@ def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task"
 
 def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "list[Replay]":
     """Return the logs as the default would play them."""
-    from benchmarks.robots.calibration import with_fitted_power
-    from benchmarks.robots.doubts import doubts_of
+    from benchmarks.robots.calibration import doubts_of, with_fitted_power
     from benchmarks.robots.played import replay_of
     from deqmcl_gym.validation import InputError
 

@@ -1,7 +1,6 @@
 """What there is to name, how it is begun, and the laws that it must keep."""
 
 import argparse
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -13,7 +12,9 @@ from benchmarks.commands import command, file, folder, option, switch
 from benchmarks.console import doing, say
 
 if TYPE_CHECKING:  # loaded when needed
-    from localizers.checks import LawVerdict, Report
+    from localizers.checks import LawVerdict
+    from localizers.checks.laws import Law
+    from localizers.checks.subject import Subject
 
 _KINDS = "suites", "localizers", "scenarios", "agents"
 _FEW = 6  # shown of each kind
@@ -149,8 +150,6 @@ def _localizer(path: Path) -> str:
 
 
 def _map(options: argparse.Namespace) -> str:
-    from tempfile import TemporaryDirectory
-
     from deqmcl_gym.files import writable_folder
     from deqmcl_gym.maps import Office
     from deqmcl_gym.validation import InputError
@@ -159,11 +158,7 @@ def _map(options: argparse.Namespace) -> str:
     out: Path = options.out
     if out.is_dir() and any(out.iterdir()):
         raise InputError(f"the output folder {out} is not empty: give a new or an empty one.")
-    with TemporaryDirectory(dir=writable_folder(out)) as folder:
-        unfinished = Path(folder)
-        office.grid.save(unfinished / "office.yaml")
-        for path in unfinished.iterdir():
-            path.replace(out / path.name)
+    office.grid.save(writable_folder(out) / "office.yaml")
     _, _, width, height = office.grid.bounds
     return (
         f"Written to {out}: an office of {width:.1f} x {height:.1f} m, as office.yaml with "
@@ -202,42 +197,37 @@ def check_command(options: argparse.Namespace) -> str:
     from deqmcl_gym.validation import InputError, number
 
     number("--timeout", options.timeout, low=0, high=1e6, above=True)
-    by_scenario = options.agent or options.scan
-    if by_scenario and options.map is not None:
-        raise InputError("--map is for localizers: with --agent or --scan give --scenario.")
-    if options.scenario is not None and not by_scenario:
+    kind = "agents" if options.agent else "scan models" if options.scan else "localizers"
+    if (options.map if kind != "localizers" else options.scenario) is not None:
         raise InputError(
-            "--scenario is for agents and scan models: give --agent or --scan, or --map for a "
-            "localizer."
+            "--map is for localizers, --scenario for agents and scan models: give the other one."
         )
     prepare()  # while this process loads what it needs
-    from localizers.checks import LawVerdict, Report
+    from benchmarks.checks import KINDS
+    from localizers.checks import LawVerdict, Report, law_name
 
-    kind = "agents" if options.agent else "scan models" if options.scan else "localizers"
-    subject = kind, options.name, options.scenario or options.map
-
-    def attempt(law: str) -> LawVerdict:
+    def attempt(law: "Law") -> LawVerdict:
+        where = options.scenario or options.map
         try:
-            verdict: LawVerdict = worker.submit(_verdict, law, options.timeout, *subject).result()
+            subject = kind, options.name, where, options.timeout
+            verdict: LawVerdict = worker.submit(_verdict, law, *subject).result()
             return verdict
         except TimedOutError:
             note = f"no answer within {options.timeout:g} s; --timeout S allows more"
         except WorkerDiedError as error:
             note = str(error)
-        return LawVerdict(law, "FAILED", note)
+        return LawVerdict(law_name(law), "FAILED", note)
 
+    report = Report(options.name, KINDS[kind][1], attempt)
     with Processes(1, timeout=options.timeout) as worker:
-        with doing(f"loading {options.name}"):
-            needs = worker.submit(_needs, options.timeout, *subject).result()
-        report = Report(options.name, needs, attempt)
-        for law in needs:
-            with doing(f"trying the law {law!r}"):
-                verdict = report.verdict(law)
+        for name in map(law_name, report.laws):
+            with doing(f"trying the law {name!r}"):
+                verdict = report.verdict(name)
             say(str(verdict))
     verdicts, failed = report.verdicts, report.failed
     if failed:
         named = ", ".join(repr(verdict.law) for verdict in failed)
-        at_once = subject[::2] == ("localizers", None) and failed[0] in verdicts[1:3]
+        at_once = kind == "localizers" and options.map is None and failed[0] in verdicts[1:3]
         hint = " If it is for maps of cells alone, give one: --map MAP.yaml." * at_once
         words = f"{len(failed)} of {len(verdicts)} laws failed: {named}.{hint}"
         raise LawsBrokenError(words) from failed[0].error
@@ -247,28 +237,18 @@ def check_command(options: argparse.Namespace) -> str:
 
 
 @cache
-def _report(timeout: float, kind: str, name: str, where: str | None) -> "Report":
-    """Load what is under check, in a worker once; an agent and a scan model in a scenario."""
-    if kind != "localizers":
-        from benchmarks.checks import check_agent, check_scan
+def _subject(kind: str, name: str, where: str | None, timeout: float) -> "Subject":
+    """Load what is under check, in a worker once."""
+    from benchmarks.checks import KINDS
 
-        return (check_agent if kind == "agents" else check_scan)(name, where, time_limit=timeout)
-    from deqmcl_gym.maps import GridMap
-    from localizers.checks import LAWS
-    from localizers.checks.subject import localizer_drive, robot_on
-    from localizers.checks.verdicts import report_of
-
-    robot = None if where is None else robot_on(GridMap.load(where))
-    return report_of(replace(localizer_drive(name, robot), time_limit=timeout), LAWS)
+    return replace(KINDS[kind][0](name, where), time_limit=timeout)
 
 
-def _needs(*subject: Any) -> Mapping[str, str | None]:
-    return _report(*subject).needs
-
-
-def _verdict(law: str, *subject: Any) -> "LawVerdict":
+def _verdict(law: "Law", *subject: Any) -> "LawVerdict":
     """Try a law; an error, whose class another process may lack, is told by its traceback."""
-    verdict = _report(*subject).attempt(law)
+    from localizers.checks import verdict_on
+
+    verdict = verdict_on(_subject(*subject), law)
     if verdict.error is None:
         return verdict
     return replace(verdict, error=RuntimeError("".join(format_exception(verdict.error))))

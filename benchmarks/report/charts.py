@@ -1,4 +1,4 @@
-"""Charts of frames, of a panel, and over what was swept, in matplotlib's own colours.
+"""Charts of frames, of a panel, and over the numbers that were swept, in matplotlib's own colours.
 
 A label that is a category has the colour and mark of its place among all categories, so that a
 method looks the same in every chart of a page.
@@ -6,26 +6,27 @@ method looks the same in every chart of a page.
 
 import io
 import math
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from benchmarks.pictures import styled
 from benchmarks.tables.frames import errors_by_offset, share_curve, whole_runs
-from benchmarks.tables.panels import Panel
-from benchmarks.tables.stats import Interval
-from benchmarks.tables.text import percent
-from benchmarks.trials.scores import JOURNEY_SCORES
+from benchmarks.tables.panels import Panel, disturbance_words, is_number
+from benchmarks.tables.stats import ALPHA, Interval
+from benchmarks.tables.text import estimated, percent
+from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.tracks import TOLERATED
 
 if TYPE_CHECKING:  # an optional extra
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-STYLE: Any = {  # over matplotlib's defaults
+_STYLE: Any = {  # over matplotlib's defaults
     "text.parse_math": False,  # a name with a $ is a name
     "svg.fonttype": "none",
     "pdf.fonttype": 42,
@@ -36,6 +37,10 @@ STYLE: Any = {  # over matplotlib's defaults
     "grid.alpha": 0.3,
 }
 INK = "0.25"
+_OTHER_SCRIPTS = (  # fonts on Linux, macOS and Windows
+    "Noto Sans CJK SC", "Noto Sans CJK JP", "WenQuanYi Zen Hei",
+    "PingFang SC", "Hiragino Sans", "Microsoft YaHei", "Yu Gothic", "Malgun Gothic",
+)  # fmt: skip
 _MARKS = "osD^vPX<>h"
 _LETTERS = 60  # of a legend, side by side
 _TICKS = 8  # values that are named on an axis
@@ -54,6 +59,25 @@ _CURVES = {  # by score: title, what the axis of shares says, caption
 }
 
 
+@contextmanager
+def styled(salt: str = "") -> Iterator[None]:
+    """Draw in our style, whatever a user's matplotlibrc says; ``salt`` makes the ids of an SVG.
+
+    Letters that DejaVu Sans lacks are drawn by fonts that are installed here.
+    """
+    import matplotlib as mpl  # an optional extra
+    from matplotlib.font_manager import fontManager
+
+    installed = {font.name for font in fontManager.ttflist}
+    with mpl.rc_context(), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Glyph .* missing from")  # it is drawn as a box
+        mpl.rcdefaults()
+        others = [name for name in _OTHER_SCRIPTS if name in installed]
+        mpl.rcParams["font.sans-serif"] = ["DejaVu Sans", *others]
+        mpl.rcParams.update(_STYLE | {"svg.hashsalt": salt})
+        yield
+
+
 class Chart(NamedTuple):
     """A figure of matplotlib with its words: file name without ending, heading, caption."""
 
@@ -66,7 +90,7 @@ class Chart(NamedTuple):
         """Return it as a file ("svg", "png", "pdf"), the same bytes each time."""
         buffer = io.BytesIO()
         stamp = {"svg": "Date", "pdf": "CreationDate", "png": "Software"}[form]
-        with styled(STYLE | {"svg.hashsalt": self.name}):
+        with styled(self.name):
             self.figure.savefig(buffer, format=form, metadata={stamp: None}, **how)
         return buffer.getvalue()
 
@@ -147,16 +171,6 @@ def cells(
         axes.grid(visible=False)
     each[0].set_ylabel(y)
     return figure
-
-
-def name_ticks(axes: "Axes", values: Sequence[float]) -> None:
-    """Name the few values on the axis across; on a logarithmic one where they are far apart."""
-    known = sorted({value for value in values if math.isfinite(value)})
-    if known and known[0] > 0 and known[-1] / known[0] >= _TICKS:
-        axes.set_xscale("log")
-    if len(known) <= _TICKS:
-        axes.set_xticks(known, [f"{value:g}" for value in known])
-        axes.set_xticks([], minor=True)
 
 
 def _labels(frame: pd.DataFrame) -> list[tuple[str, int, pd.DataFrame]]:
@@ -268,3 +282,174 @@ def journey_charts(panel: Panel) -> list[Chart]:
             )
         )
     return charts
+
+
+_ANGLE = "assumed.prior.angle"  # rad; of a start that is wrong
+_MOSTLY = 0.9  # share of runs from which on a cell is bold
+_WIDE = 20  # a ratio of values above it is drawn on a logarithmic axis
+
+
+def swept_charts(panels: Sequence[Panel]) -> list[Chart]:
+    """Charts over each number that was swept: maps if two or three were and runs are scored.
+
+    Where several are swept, there is a chart for every value of the others. There is none where
+    methods stopped after as many worlds as their decisions needed.
+    """
+    if any(panel.rule for panel in panels):
+        return []
+    places = [place_of(panel) for panel in panels]
+    axes, charts = swept_axes(places), list[Chart]()
+    apart = {tuple(place.get(key) for key in axes) for place in places}
+    scored = all(panel.aim for panel in panels)
+    if len(axes) in (2, 3) and len(apart) == len(places) and scored:
+        charts = _maps(panels, places, list(axes))
+    if charts:
+        return charts
+    for key, others in axes.items():
+        groups: dict[frozenset[tuple[str, Any]], list[int]] = {}
+        for n, place in enumerate(places):
+            if is_number(place.get(key)):
+                rest = frozenset((k, v) for k, v in place.items() if k not in (key, *others))
+                groups.setdefault(rest, []).append(n)
+        shared = frozenset.intersection(*groups)
+        groups = {rest: own for rest, own in groups.items() if len(own) > 1}
+        for rest, members in groups.items():
+            where = ", ".join(
+                f"{name_of(name)} {value}" for name, value in sorted(rest - shared, key=str)
+            )
+            rows = pd.concat(
+                panels[n].ranked.assign(**{key: places[n][key]}).sort_index() for n in members
+            ).sort_values(key, kind="stable")
+            aims = {panels[n].aim for n in members}
+            charts.append(_curve(rows, key, others, where, aims.pop() if len(aims) == 1 else None))
+    return [chart._replace(name=f"curve-{n}") for n, chart in enumerate(charts, 1)]
+
+
+def place_of(panel: Panel) -> dict[str, Any]:
+    """Return where a panel lies: all that can be swept, by dotted name."""
+    setting = panel.setting
+    disturbed = ", ".join(map(disturbance_words, setting.disturbance)) or "undisturbed"
+    parts = {"world": setting.world, "assumed": setting.assumed, "params": panel.swept}
+    named = {f"{part}.{name}": v for part, own in parts.items() for name, v in own.items()}
+    return {
+        "scenario": setting.scenario, "disturbance": disturbed, "lag": setting.lag,
+        "seed": setting.seed, **named,
+    }  # fmt: skip
+
+
+def swept_axes(places: Sequence[dict[str, Any]]) -> dict[str, list[str]]:
+    """Coordinates with two numbers or more, with those of fewer values that change with them."""
+    keys = dict.fromkeys(key for place in places for key in place if key != "seed")
+    varying = [key for key in keys if len({p[key] for p in places if is_number(p.get(key))}) > 1]
+    found: dict[str, list[str]] = {}
+    for key in varying:
+        if any(key in others for others in found.values()):
+            continue
+        group = [key, *(k for k in varying if k != key and _together(key, k, places))]
+        values = {k: [place.get(k) for place in places] for k in group}
+        axis = max(group, key=lambda k: list(values.values()).count(values[k]))
+        found[axis] = [k for k in group if k != axis]
+    return found
+
+
+def name_of(key: str) -> str:
+    """Return what a coordinate is called: as in a sweep file, without its group."""
+    return key.removeprefix("world.").removeprefix("params.")
+
+
+def _together(one: str, other: str, places: Sequence[dict[str, Any]]) -> bool:
+    pairs = {(place[one], place[other]) for place in places if one in place and other in place}
+    return bool(pairs) and len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
+
+
+def _curve(
+    rows: pd.DataFrame, key: str, others: Sequence[str], where: str, aim: Score | None
+) -> Chart:
+    """The score over one number."""
+    scale, unit = (1, "error e of x[t]") if aim is None else (100, "% of runs")
+    numbers = ["score", "score_low", "score_high"]
+    rows[numbers] = rows[numbers].astype(float) * scale
+    axes = line(rows[rows["score"].notna()], key, *numbers)
+    values = sorted(set(rows[key]))
+    if values[0] > 0 and values[-1] / values[0] >= _TICKS:
+        axes.set_xscale("log")
+    if len(values) <= _TICKS:
+        axes.set_xticks(values, [f"{value:g}" for value in values])
+        axes.set_xticks([], minor=True)
+    swept, place = name_of(key), f": {where}" if where else ""
+    over = swept + (f" (with {', '.join(map(name_of, others))})" if others else "")
+    axes.set(xlabel=over, ylabel=unit)
+    known = rows.loc[np.isfinite(rows["score"]) & (rows["score"] > 0), "score"]
+    if aim is None and len(known) and known.max() / known.min() > _WIDE:
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter("{x:g}")
+    else:
+        axes.set_ylim(0, None)
+    of = "Error" if aim is None else f"Runs {aim.words.partition(' (')[0]}"
+    caption = (
+        "A method without this parameter is the same everywhere. Bars: 95 % intervals over worlds."
+    )
+    return Chart("curve", f"{of} over {swept}{place}", caption, axes.figure)
+
+
+def _maps(
+    panels: Sequence[Panel], places: Sequence[dict[str, Any]], keys: Sequence[str]
+) -> list[Chart]:
+    """Maps over two numbers of the share of runs, over three of each test of each method."""
+    told = {key: f"{key}, °" if key == _ANGLE else name_of(key) for key in keys}
+    frame = pd.concat(
+        panel.present.assign(
+            **{
+                name: np.degrees(place[key]).round(1) if key == _ANGLE else place[key]
+                for key, name in told.items()
+            }
+        )
+        for panel, place in zip(panels, places, strict=True)
+        if all(key in place for key in keys)
+    )
+    x, y, *squares = told.values()
+    if not squares:
+        return [_share_map(frame, x, y, aim) for aim in {panel.aim for panel in panels} if aim]
+    (square,) = squares
+    scores = [one for n, one in JOURNEY_SCORES.items() if one.tested and n in frame]
+    charts = []
+    for number, label in enumerate(frame.loc[~frame["is_baseline"], "label"].unique(), 1):
+        for score in scores:
+            rows = frame[frame["label"] == label].copy()
+            share, name = score.unit == "share", score.name
+            scale = 100 if share else 1
+            ends = rows[[f"{name}_diff{end}" for end in ("", "_low", "_high")]] * scale
+            form = "+.0f" if share else "+.1f"
+            clear = rows[f"{name}_p_holm"] < ALPHA
+            rows["words"] = [
+                estimated(Interval(*one), form).replace(" (", f"{' *' * sure}\n(")
+                for one, sure in zip(ends.itertuples(index=False), clear, strict=True)
+            ]
+            rows["ahead"] = (-1 if score.censored else 1) * rows[f"{name}_diff"].fillna(0)
+            file, what = name.replace("_", "-"), score.words.removesuffix(", median")
+            caption = (
+                f"Difference to the baseline in {'points' if share else 'metres'}, and its 95 % "
+                "interval. Blue: ahead; red: behind; *: p < 0.05, corrected for the tests of a "
+                "setting, not for the number of settings."
+            )
+            drawn = cells(rows, x, y, square, "ahead", "words", least=0.1 if share else 1.0)
+            title = f"Where {label} is ahead: {what}"
+            charts.append(Chart(f"regimes-{file}-{number}", title, caption, drawn))
+    return charts
+
+
+def _share_map(frame: pd.DataFrame, x: str, y: str, aim: Score) -> Chart:
+    """A map of the share of runs for each method."""
+    shares = frame[[aim.name, f"{aim.name}_low", f"{aim.name}_high"]].astype(float)
+    told = (
+        estimated(Interval(*one).percent, ".0f", " %").replace(" (", "\n(")
+        for one in shares.itertuples(index=False)
+    )
+    share, method = shares[aim.name], frame["label"].astype(str)
+    rows = frame.assign(method=method, share=share, words=[*told], mostly=share >= _MOSTLY)
+    drawn = cells(rows, x, y, "method", "share", "words", least=1.0, bold="mostly")
+    caption = (
+        "Share of runs, and Wilson's 95 % interval, with every value of the two numbers; "
+        f"{percent(_MOSTLY)} or more is bold."
+    )
+    return Chart("shares", f"Runs {aim.words}", caption, drawn)

@@ -1,32 +1,37 @@
-"""Reports: report.html without network and scripts, and what a paper needs of them.
+"""Reports: tables as CSV, report.html without network and scripts, and what a paper needs of them.
 
 A paper needs tables in LaTeX (booktabs), charts in PDF, and BibTeX of what is cited.
 """
 
 import json
+import logging
 from base64 import b64encode
 from collections.abc import Sequence
 from importlib.resources import files
+from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
-
-from benchmarks.pictures import styled
+from benchmarks.console import doing
+from benchmarks.files import own_folder, write_files
 from benchmarks.report import tables
-from benchmarks.report.animations import IMAGES, films, pictures_of_paper
-from benchmarks.report.charts import STYLE, panel_charts
-from benchmarks.report.swept import swept_charts
+from benchmarks.report.charts import panel_charts, styled, swept_charts
+from benchmarks.report.films import IMAGES, films, pictures_of_paper
+from benchmarks.report.runs import starts_table
 from benchmarks.report.tables import Part
 from benchmarks.report.tracks import track_parts
 from benchmarks.report.verdict import conclusion, progress, verdict_on
+from benchmarks.sweeps.manifest import MANIFEST
 from benchmarks.sweeps.results import Results
+from benchmarks.tables.comparison import FURTHER
+from benchmarks.tables.frames import INNER, csv_of, timings_table, trials_frame
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import percent, short_name
 from benchmarks.trials.scores import GROUPS
 from benchmarks.trials.tracks import TOLERATED
 from deqmcl_gym import __version__
 from deqmcl_gym.files import command_line, utf8
+from deqmcl_gym.validation import InputError, shown
 
 _PICTURED = 8  # panels with pictures; the tables are of all
 _HEADINGS = {  # of groups of scores of whole runs
@@ -48,6 +53,78 @@ _LATEX = str.maketrans(
         "[": "{[}", "]": "{]}",  # after \\ it would begin an argument
     }
 )  # fmt: skip
+
+
+def no_report() -> str | None:
+    """Say why a report cannot be made here, naming the pip command; None if it can."""
+    missing = [name for name in ("jinja2", "matplotlib") if find_spec(name) is None]
+    if not missing:
+        return None
+    return (
+        f"a report needs {' and '.join(missing)}, which is not installed: "
+        "pip install 'deqmcl-gym[report]'."
+    )
+
+
+def require_report() -> None:
+    """Refuse to go on without what a report is made with."""
+    if (why := no_report()) is not None:
+        raise InputError(why)
+
+
+def load() -> None:
+    """Load what a page is drawn with, if it is installed: half a second."""
+    if no_report() is None:
+        # it warns of a home that it cannot write to
+        logging.getLogger("matplotlib").setLevel(logging.ERROR)
+        import jinja2  # noqa: F401
+        import matplotlib.figure  # noqa: F401
+
+
+def write_report(
+    out: Path | str, results: Results, *, draw: bool = True, of: Path | None = None
+) -> list[Path]:
+    """Write the tables, report.html and images/ of a sweep; return the files.
+
+    Films that the folder has not are drawn, unless ``draw`` is false; those and the figures ``of``
+    another folder are shown if it is given. results.csv and trials.csv depend on nothing but the
+    trials; timings.csv and the page also tell times and versions. Without the extra
+    ``report`` there are the tables only. A folder that holds files, but neither a sweep nor a
+    report, raises ``InputError``.
+    """
+    if not isinstance(results, Results):
+        raise InputError(f"the results are {shown(results)}: give the folder first, then results.")
+    folder = Path(out)
+    with doing(f"writing the report in {folder}"):
+        if of is not None or not (folder / MANIFEST).is_file():
+            own_folder(folder, "results.csv")
+        tables = _tables(results)
+        for name in ("decisions.csv", "plans.csv", "maps.csv", "basin.csv"):
+            if name not in tables:
+                (folder / name).unlink(missing_ok=True)
+        files = write_files(folder, tables)  # the numbers, whatever keeps the pictures away
+        if no_report() is not None:
+            return files
+        load()
+        pages = page_files(results, of or folder, draw=draw)
+        for path in (folder / "images").glob("lap-*"):  # of worlds that are not shown any more
+            if f"images/{path.name}" not in pages:
+                path.unlink()
+        return files + write_files(folder, pages)
+
+
+def _tables(results: Results) -> dict[str, bytes]:
+    tables = {
+        "results.csv": csv_of(results.table, FURTHER),
+        "trials.csv": csv_of(trials_frame(results.records), INNER),
+        "timings.csv": csv_of(timings_table(results.records)),
+    }
+    starts = starts_table(results.records, (failure.trial for failure in results.failures))
+    further = {"plans": results.plans, "maps": results.maps, "basin": starts}
+    if results.rule is not None:
+        tables["decisions.csv"] = csv_of(results.decisions)
+    tables |= {f"{name}.csv": csv_of(own) for name, own in further.items() if len(own)}
+    return {name: utf8(text) for name, text in tables.items()}
 
 
 def parts_of(panel: Panel, *, pictured: bool = True) -> list[Part]:
@@ -87,7 +164,7 @@ def page_files(
     panels = results.panels
     several = len(panels) > 1
     animations, no_films = films(panels, folder, draw=draw)
-    with styled(STYLE):
+    with styled():
         parts = [parts_of(panel, pictured=panel.number <= _PICTURED) for panel in panels]
         for first in parts[:1]:
             first.extend(more)
@@ -134,7 +211,10 @@ def page_files(
     return contents
 
 
-def _engine() -> Environment:
+def _engine() -> Any:
+    from jinja2 import Environment, PackageLoader, StrictUndefined  # an optional extra
+    from markupsafe import Markup
+
     engine = Environment(
         autoescape=lambda name: "html" in (name or ""),
         loader=PackageLoader("benchmarks", "report"),
@@ -171,7 +251,7 @@ def latex_files(results: Results) -> dict[str, bytes]:
 
 def pdf_files(results: Results) -> dict[str, bytes]:
     """Return every chart of the report as figures/NAME.pdf."""
-    with styled(STYLE):
+    with styled():
         charts = swept_charts(results.panels)
         charts += [c for panel in results.panels for part in parts_of(panel) for c in part.charts]
         return {f"figures/{chart.name}.pdf": chart.drawn("pdf") for chart in charts}

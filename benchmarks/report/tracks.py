@@ -5,38 +5,32 @@ and scores. Lengths are in m, angles in rad; errors are those of best clusters.
 """
 
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from benchmarks.report.charts import INK, Chart, canvas, line
+from benchmarks.report.runs import (
+    REACHED,
+    ended,
+    middle_run,
+    runs_frame,
+    scores_by_localizer,
+    worst_run,
+)
 from benchmarks.report.tables import Columns, Part, Table, Writer, means, nees_words, of_rows, words
 from benchmarks.report.verdict import rounded
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import scenario
-from benchmarks.tables.frames import (
-    milliseconds_per_step,
-    paired_worlds,
-    value_in,
-    whole_runs,
-)
+from benchmarks.tables.frames import paired_worlds, whole_runs
 from benchmarks.tables.panels import Panel
-from benchmarks.tables.stats import ALPHA, sample_sd, wilson, worlds_to_see
+from benchmarks.tables.stats import ALPHA, sample_sd, worlds_to_see
 from benchmarks.tables.text import p_value, percent
-from benchmarks.trials.metrics import middle
-from benchmarks.trials.scores import (
-    CALIBRATION,
-    JOURNEY_SCORES,
-    LEVELS,
-    TRACK_GROUPS,
-    journey_scores,
-)
-from benchmarks.trials.scoring import Finished
-from benchmarks.trials.tracks import FOUND, NEAR, EstimatedTrack
-from deqmcl_gym.logs import Log
+from benchmarks.trials.scores import CALIBRATION, JOURNEY_SCORES, LEVELS
+from benchmarks.trials.tracks import FOUND, NEAR
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.validation import InputError
@@ -45,130 +39,7 @@ from deqmcl_gym.world.drawing import PALE, Drawing, View
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_SUMMARY = (
-    "position_median", "position_p95", "heading_median", "position_median_stamps",
-    "heading_median_stamps", "success_1m", "success_1m_low", "success_1m_high", "success_05m",
-    "within_1m", "within_05m", "metres_to_localize", "lost", "coverage_50", "coverage_80",
-    "coverage_95", "nees", "log_score", "calibration_scale", "calibration_position",
-    "calibration_heading", "ape_rmse", "rpe_rmse", "agreement_01", "agreement_03",
-    "ms_per_step",
-)  # fmt: skip
-_SCORES = tuple(name for name in _SUMMARY if not name.endswith(("_low", "_high")))
 _CALIBRATION = [f"calibration_{name}" for name in CALIBRATION]
-_OF_RUNS = [score for name, score in JOURNEY_SCORES.items() if name in _SCORES]
-COMPARISONS = tuple(
-    f"{score}_{end}"
-    for score in ("success_1m", "metres_to_localize", "position_median")
-    for end in ("diff", "diff_low", "diff_high", "p_holm")
-)
-NUMBERS = ("seeds", "failed", *_SUMMARY, *COMPARISONS)  # columns of results.csv
-_REACHED = f"success_{FOUND}"
-
-
-def runs_frame(
-    records: Mapping[str, Sequence[Finished]], failed: Mapping[str, int], log: Log
-) -> pd.DataFrame:
-    """Return the runs of localizers on a log, by label; and how many more failed."""
-    rows = list[dict[str, Any]]()
-    for label, finished in records.items():
-        for record in finished:
-            assert record.track is not None
-            scores = dict.fromkeys(_SCORES, math.nan)  # of a record made before a score was added
-            scores |= {name: v for name, v in record.track.scores.items() if v is not None}
-            scores |= {score.name: value_in(record, score) for score in _OF_RUNS}
-            track = record.track.on(log)
-            rows.append(
-                {"label": label, "seed": record.trial.trial, "track": track, **scores}
-                | {"ms_per_step": milliseconds_per_step([record])}
-            )
-        rows += [{"label": label, "seed": -1, "track": None}] * failed.get(label, 0)
-    return pd.DataFrame(rows, columns=["label", "seed", "track", *_SCORES])
-
-
-def run_of_track(label: str, track: EstimatedTrack, scores: Mapping[str, float]) -> pd.DataFrame:
-    """Return the run of somebody else's track, of which no time is known."""
-    whole = {} if not track.known.size else journey_scores(track.journey(), TRACK_GROUPS)
-    row = {"label": label, "seed": 0, "track": track, **scores}
-    row |= {score.name: whole.get(score.name, math.nan) for score in _OF_RUNS}
-    return pd.DataFrame([row], columns=["label", "seed", "track", *_SCORES])
-
-
-def ended(runs: pd.DataFrame) -> pd.DataFrame:
-    """Return the runs that came to their end."""
-    return runs[runs["track"].notna()]
-
-
-def scores_by_localizer(runs: pd.DataFrame) -> pd.DataFrame:
-    """Return a row for each localizer: label, seeds, failed, and its scores.
-
-    Positions, headings: middle and 95 % of all records of all runs; success: share of all runs,
-    failed ones too; metres: median over these; else means over the runs that came to their end.
-    """
-    rows = []
-    for label, group in runs.groupby("label", sort=False):
-        done = ended(group)
-        row = {"label": label, "seeds": len(group), "failed": len(group) - len(done)}
-        rows.append(row | (_scores(done, len(group)) if len(done) else {}))
-    return pd.DataFrame(rows, columns=["label", "seeds", "failed", *_SUMMARY])
-
-
-def _scores(runs: pd.DataFrame, seeds: int) -> dict[str, float]:
-    scores = {name: float(np.mean([*runs[name]])) for name in _SCORES}
-    tracks = list(runs["track"])
-    position = np.concatenate([track.errors.translation for track in tracks])
-    heading = np.concatenate([track.errors.rotation for track in tracks])
-    near = np.concatenate([track.errors.translation[track.at_stamps] for track in tracks])
-    turned = np.concatenate([track.errors.rotation[track.at_stamps] for track in tracks])
-    shares = {f"success_{name}": scores[f"success_{name}"] * len(runs) / seeds for name in NEAR}
-    low, high = wilson(shares[_REACHED], seeds)
-    metres = [*runs["metres_to_localize"], *[math.inf] * (seeds - len(runs))]
-    return scores | {
-        "position_median": middle(position),
-        "position_p95": float(np.quantile(position, 0.95)) if position.size else math.nan,
-        "heading_median": middle(heading),
-        "position_median_stamps": middle(near),
-        "heading_median_stamps": middle(turned),
-        **shares,
-        f"{_REACHED}_low": low,
-        f"{_REACHED}_high": high,
-        "metres_to_localize": float(np.median(metres)),
-        "ms_per_step": float(runs["ms_per_step"].median()),
-    }
-
-
-def middle_run(runs: pd.DataFrame) -> pd.Series:
-    """Return a localizer's run of the median error, or without a reference of that agreement."""
-    by = "position_median" if runs["track"].iloc[0].known.size else "agreement_03"
-    return runs.sort_values(by, kind="stable").iloc[(len(runs) - 1) // 2]
-
-
-def worst_run(runs: pd.DataFrame) -> pd.Series:
-    """Return the run with the fewest records within 1 m and 30°, then the largest 95 % error.
-
-    Without a reference, the run of the least agreement.
-    """
-
-    def worse(run: pd.Series) -> tuple[float, ...]:
-        if not run["track"].known.size:
-            return (run["agreement_03"],)
-        return run[f"within_{FOUND}"], -run["position_p95"]
-
-    return min((run for _, run in runs.iterrows()), key=worse)
-
-
-def tracks_table(runs: pd.DataFrame, compared: pd.DataFrame | None) -> pd.DataFrame:
-    """Return results.csv: a row per localizer, its scores, then its differences if compared."""
-    table = scores_by_localizer(runs).rename(columns={"label": "localizer"})
-    if compared is None:
-        return table.reindex(columns=["localizer", *NUMBERS])
-    beside = compared[(compared["panel"] == 1) & (compared["offset"] == 0)].set_index("label")
-    return table.join(beside.reindex(columns=list(COMPARISONS)), on="localizer")
-
-
-def tracks_trials(runs: pd.DataFrame) -> pd.DataFrame:
-    """Return trials.csv: a row per run that came to its end."""
-    table = ended(runs).rename(columns={"label": "localizer"})
-    return table[["localizer", "seed", *_SCORES]]
 
 
 def tracked(panel: Panel) -> tuple[pd.DataFrame, Map] | None:
@@ -203,7 +74,7 @@ def track_parts(panel: Panel) -> list[Part]:
         "last lost: from there on the estimate is never again within 1 m and 30°."
     )
     return [
-        Part("", tables=tables_of(runs, without=[REACHED])),  # the verdict has it
+        Part("", tables=tables_of(runs, without=[_TO_THE_END])),  # the verdict has it
         Part("On the map", note, charts=track_charts(panel, runs, floor_plan)),
         Part("Over the distance driven", charts=error_charts(panel, runs)),
     ]
@@ -230,13 +101,13 @@ def _degrees(angle: float) -> str:
     return f"{math.degrees(angle):.2f}°"
 
 
-REACHED = "localized to the end"
+_TO_THE_END = "localized to the end"
 _METRES = "{:.3f} m".format
 _LOCALIZER: Columns = {"localizer": "label", "runs": "seeds"}
 _RESULTS: Columns = {
     "within 1 m, 30°": _told("within_1m", percent),
     "0.5 m, 10°": _told("within_05m", percent),
-    REACHED: lambda rows: _count(rows, "success_1m", rows["seeds"]),
+    _TO_THE_END: lambda rows: _count(rows, "success_1m", rows["seeds"]),
     # of a failed run it is not known
     "lost": lambda rows: _count(rows, "lost", rows["seeds"] - rows["failed"]),
     "position, median": _told("position_median", _METRES),
@@ -353,7 +224,7 @@ def run_words(run: pd.Series) -> str:
     within = f"{percent(run[f'within_{FOUND}'])} of its records are within 1 m and 30°"
     most = f"its largest error is {_largest(run):.2f} m"
     if track.lost is None:
-        end = "to" if run[_REACHED] else "at"  # of the last quarter, or but lately
+        end = "to" if run[REACHED] else "at"  # of the last quarter, or but lately
         for first, last in sorted(track.astray, key=np.ptp)[-1:]:
             within += f", the longest stretch beyond from {first:.1f} to {last:.1f} m"
         return f"localized {end} the end; {within}, {most}."

@@ -1,87 +1,45 @@
-"""What beams read, and how much those of one scan tell together: fitted to part of a log.
+"""What is fitted to a log: the power of its scans, and what seems wrong with it or its map.
 
-The parts of the beam model are fitted to scans from reference poses. Beams are not independent, so
-p(o | x, m)^power needs a power below 1 (Thrun, Burgard & Fox 2005, section 6.3.4): here the one
-with which the filter is most exact. That its region holds is the calibration's work, not its.
+Beams are not independent, so p(o | x, m)^power needs a power below 1 (Thrun, Burgard & Fox 2005,
+section 6.3.4): here the one with which the filter is most exact. That its region holds is the
+calibration's work, not its. Clocks, the lidar's mounting and the wheels are fits of few numbers,
+with standard errors by the gradients of ten stretches of the log (White 1982). A fault is told if
+it is four of these beyond what nobody can tell: the period of the records, a cell of the map, half
+a cell per m.
 """
 
 import math
-from collections.abc import Mapping
+import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import islice
-from typing import Any
 
 import numpy as np
 
 from benchmarks.robots.played import REPLAY_SCENARIO, Replay
-from benchmarks.setup.overrides import Overrides
+from benchmarks.setup.logs import LogScenario
+from benchmarks.setup.overrides import Overrides, located
+from benchmarks.tables.text import percent
 from benchmarks.trials.collecting import TrackLog
+from benchmarks.trials.map_signals import known_part
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
-from benchmarks.trials.tracks import calibration_of_gaussians
-from deqmcl_gym.logs import Log
-from deqmcl_gym.maps import Map
-from deqmcl_gym.validation import InputError
+from benchmarks.trials.tracks import AGREE, agreement, calibration_of_gaussians
+from deqmcl_gym.logs import Log, LogWarning, Scanner, read_tum
+from deqmcl_gym.logs.motion import increments_of, lengths_of
+from deqmcl_gym.maps import GridMap, Map
+from deqmcl_gym.maps.map import metre
+from deqmcl_gym.numerics import Floats, Indices, arrays
 from localizers import Calibration
-from localizers.models.beams import BeamFit, fitted
 
 PART = 0.3  # of the records, the first ones: fitted on; the rest judges
-_MOST = 800  # of them for beams and power: two seconds of a filter for each power that is tried
-_LEAST = 100  # records with a reference, fewer say nothing of 95 %
+_MOST = 800  # of them: two seconds of a filter for each power that is tried
+_ENOUGH = 100  # records with a reference, fewer say nothing of 95 %
 _PARTICLES = 1000
-_NEEDED = f"{_LEAST} records with a reference in the first {PART:.0%} of the log"
+_NEEDED = f"{_ENOUGH} records with a reference in the first {PART:.0%} of the log"
 _POWERS = (1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005)
 _NEAR = 1.0  # m: a filter farther off follows nothing
-_PARTS = ("hit", "short", "max", "rand", "sigma", "decay")  # of the beam model
 _ROOT = 25  # of the randomness: a fit is the same for every --seed
-
-
-def beams_of(log: Log, floor_plan: Map) -> BeamFit:
-    """Return the beam model that fits the scans of a log best, seen from its reference poses.
-
-    Only those at a record's own time: an interpolated pose is off, and σ would hold its error.
-    """
-    at = log.referenced
-    if log.reference is None or at.size == 0:
-        raise InputError(f"{log.source} has no reference, from which beams could be fitted.")
-    if log.interpolated is not None:
-        at = at[~log.interpolated[at]]
-    expected = log.scanner.ranges(floor_plan, log.reference[at].T)
-    ranges = log.ranges[at].astype(np.float64)
-    try:
-        return fitted(ranges.ravel(), expected.ravel(), log.scanner.max_range)
-    except InputError as error:
-        raise InputError(f"{log.source}: {error}") from None
-
-
-def with_fitted_beams(replay: Replay) -> Replay:
-    """Return what is played with the beam model that is fitted to its first part."""
-    given = [name for name in replay.assumed if name.startswith("scan.") and name != "scan.power"]
-    if given:
-        raise InputError(
-            f"--fit-beams is given with {', '.join(given)}, which it would fit: leave one out; of "
-            "assumed.scan only power goes with it."
-        )
-    log, floor_plan = replay.scenario.recording()
-    count = fitted_part(log)
-    if count is None:
-        raise InputError(f"--fit-beams needs {_NEEDED}: leave it out, or set assumed.scan.….")
-    first, count = int(log.referenced[0]), min(count, _MOST)
-    fit = beams_of(log.of_records(np.arange(first, first + count)), floor_plan)
-    parts = {name: float(f"{getattr(fit.model, name):.4g}") for name in _PARTS}
-    parts["hit"] = round(1 - parts["short"] - parts["max"] - parts["rand"], 12)
-    words = " ".join(f"--set assumed.scan.{name}={value:.12g}" for name, value in parts.items())
-    gained = fit.log_likelihoods[0], fit.log_likelihoods[-1]
-    return replace(
-        replay,
-        assumed=replay.assumed
-        | {"scan.kind": "beam-model", **{f"scan.{name}": value for name, value in parts.items()}},
-        beams=f"Beam model, by expectation maximization on {fit.readings:,} readings from "
-        f"reference poses in the first {count:,} records: --set assumed.scan.kind=beam-model "
-        f"{words} (sigma in {log.unit}, decay per {log.unit}; log-likelihood of a reading "
-        f"{gained[0]:.3f} at the start, {gained[1]:.3f} after {len(fit.log_likelihoods) - 1} "
-        "rounds).",
-    )
 
 
 def with_fitted_power(replay: Replay) -> Replay:
@@ -90,14 +48,14 @@ def with_fitted_power(replay: Replay) -> Replay:
     That of the least log score of what ``mcl`` publishes, calibrated, of those with which it
     follows the robot: a region too narrow or too wide costs nothing there, only errors do.
     """
-    count = fitted_part(replay.log)
-    if count is None:
+    judged = first_judged(replay.log)
+    if judged is None:
         words = (
             f"The power is 1: not fitted, which needs {_NEEDED}; a smaller --every gives more. Nor "
             "are covariances calibrated: coverage, NEES and log score are of what is believed."
         )
         return replace(replay, power=words)
-    count = min(count, _MOST)
+    count = min(judged - int(replay.log.referenced[0]), _MOST)
     assumed = {name: v for name, v in replay.assumed.items() if not name.startswith("prior.")}
     world = {name: v for name, v in replay.world.items() if name != "judged"}
     world["start"] = _first(replay)
@@ -128,25 +86,13 @@ def judged_after_part(replay: Replay) -> Replay:
     return replay if judged is None else replace(replay, world=replay.world | {"judged": judged})
 
 
-def uses_scan(name: str, params: Mapping[str, Any]) -> bool:
-    """Whether a localizer weighs scans by the robot's model; ``amcl`` has one of its own."""
-    return name != "amcl" or params.get("laser_model_type") == "robot"
-
-
-def fitted_part(log: Log) -> int | None:
-    """Return how many records from the first reference on; None if too few of them have one."""
+def first_judged(log: Log) -> int | None:
+    """Return the first record after those fitted to; None if too few of these have a reference."""
     if log.referenced.size == 0:
         return None
     first = int(log.referenced[0])
-    count = math.ceil(PART * (len(log) - first))
-    known = np.count_nonzero(log.referenced < first + count)
-    return count if count > 1 and known >= _LEAST else None
-
-
-def first_judged(log: Log) -> int | None:
-    """Return the first record after those fitted to; None if there are none."""
-    count = fitted_part(log)
-    return None if count is None else int(log.referenced[0]) + count
+    judged = first + math.ceil(PART * (len(log) - first))
+    return judged if np.count_nonzero(log.referenced < judged) >= _ENOUGH else None
 
 
 def _first(replay: Replay) -> int:
@@ -178,3 +124,191 @@ def _followed(replay: Replay, power: float, count: int) -> tuple[float, float]:
     published = Calibration.fitted(off, spread).published(spread)
     score = float(calibration_of_gaussians(off, published, replay.log.unit)[:, 2].mean())
     return score, float(np.quantile(tracked.track.errors.translation, 0.95))
+
+
+FEW = 0.5  # share of beams within the larger distance below which log and map do not fit
+_LOOKED_AT = 200  # reference poses
+_STRETCHES, _LEAST = 10, 50  # of a log; poses or beams that a fit needs
+_SURE = 4  # standard errors
+_CELL = 0.05  # m, also of a map without cells
+_REACH = 0.3  # m from a wall beyond which a beam says nothing of the mounting
+_APART = 0.5  # m or rad of odometry between poses that tell of wheels
+_LATEST, _PAUSE = 3.0, 5.0  # s: of offsets looked for; between poses that tell of none
+
+Residuals = Callable[[Floats], Floats]  # by the numbers that are fitted
+
+
+def doubts_of(played: LogScenario) -> list[str]:
+    """Return warnings about a log with a reference; clocks that differ hide all else."""
+    (log, floor_plan), whole = played.recording(), played.whole
+    if log.reference is None or whole.reference is None or not log.referenced.size:
+        return []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", LogWarning)  # told when it was read
+        stamps, poses = whole.times[own_records(whole)], whole.reference[own_records(whole)]
+        if (file := played.env.get("reference")) is not None:
+            stamps, poses = (read := read_tum(located(file))).times, read.poses
+    if late := late_words("the reference", whole.times, whole.odometry, stamps, poses):
+        return [late]
+    return doubts_by(log, floor_plan)
+
+
+def doubts_by(log: Log, floor_plan: Map) -> list[str]:
+    """Return warnings about the lidar's mounting and the wheels, by a log's reference poses."""
+    at = log.referenced[np.unique(np.linspace(0, log.referenced.size - 1, _LOOKED_AT).astype(int))]
+    return [*filter(None, [_mounting_words(log.of_records(at), floor_plan), _wheels_words(log)])]
+
+
+def late_words(
+    what: str, times: Floats, odometry: Floats, stamps: Floats, poses: Floats
+) -> str | None:
+    """Say how late poses are, by when they turn and the odometry does; None if they hardly are."""
+    headings, first, last = np.unwrap(odometry[:, 2]), stamps[:-1], stamps[1:]
+    inside = (first >= times[0]) & (last <= times[-1]) & (last - first < _PAUSE)
+    first, last, turns = (a[inside] for a in (first, last, np.diff(poses[:, 2])))
+
+    def off(offset: Floats) -> Floats:
+        turned = np.interp(last - offset, times, headings) - np.interp(
+            first - offset, times, headings
+        )
+        return arrays.wrapped(turns - turned)
+
+    starts = [np.array([offset]) for offset in sorted(np.arange(-_LATEST, _LATEST, 0.1), key=abs)]
+    (late,), (sd,) = _least(turns.size, [off], starts, [0.1])
+    if abs(late) - _SURE * sd <= np.median(np.diff(times)):
+        return None
+    word, remedy = ("late", "subtract") if late > 0 else ("early", "add")
+    return (
+        f"{what} seems {abs(late):.2f} s (± {sd:.2f}) {word}, by when it turns and the odometry "
+        f"does: {remedy} that in its stamps; until then errors grow with the speed."
+    )
+
+
+def misfit_words(share: float, where: str, scanner: Scanner) -> str | None:
+    """Return the warning for a share of beams that agree with the map; None if they are enough."""
+    if math.isnan(share):
+        return (
+            "no beam has a measurement: every range is beyond max_range or not a number; check "
+            "that ranges and max_range are in m."
+        )
+    if share >= FEW:
+        return None
+    first, last = np.degrees(scanner.bearings[[0, -1]])
+    return (
+        f"log and map do not fit: seen {where}, only {percent(share)} of the beams are within "
+        f"{AGREE[1]} m of what the map says; check that they are of the same place and floor, the "
+        f"map's resolution and origin, and the angles of the beams, {first:.0f}° to {last:.0f}°."
+    )
+
+
+def _mounting_words(log: Log, floor_plan: Map) -> str | None:
+    """Say how the lidar seems to be mounted, if scans fit the map better so, or that none fit."""
+    scanner, size, reference = log.scanner, metre(log.unit), log.reference
+    assert reference is not None
+    share = agreement(log, floor_plan, reference)[1]
+    misfit = misfit_words(share, "from the reference poses", scanner)
+    scan, beam = np.nonzero(np.isfinite(log.ranges))
+    if len(scanner.places) > 1 or not scan.size:
+        return misfit
+    ranges, bearings = log.ranges[scan, beam].astype(np.float64), scanner.bearings[beam]
+    (x, y, heading), (ahead, left) = reference[scan].T, scanner.places[0]
+    cosine, sine, known = np.cos(heading), np.sin(heading), known_part(floor_plan)
+
+    def off(moved: Floats) -> Floats:
+        u = ahead + moved[0] + ranges * np.cos(bearings + moved[2])
+        v = left + moved[1] + ranges * np.sin(bearings + moved[2])
+        ends = np.column_stack([x + cosine * u - sine * v, y + sine * u + cosine * v])
+        return np.minimum(known.distance(ends), _REACH * size)
+
+    turns = [0] if misfit is None else sorted(range(-180, 180, 5), key=abs)
+    starts = [np.array([0.0, 0.0, math.radians(turn)]) for turn in turns]
+    moved, sd = _least(scan.size, [off], starts, [_CELL * size, _CELL * size, 0.03])
+    cell = floor_plan.resolution if isinstance(floor_plan, GridMap) else _CELL * size
+    if not (np.abs(moved) - _SURE * sd > [cell, cell, cell / np.median(ranges)]).any():
+        return misfit
+    dx, dy, turn = moved.tolist()
+    angles, place = tuple(scanner.bearings + turn), (ahead + dx, left + dy)
+    turned = replace(scanner, angles=angles, mounting=place, turn=0.0)
+    better = agreement(replace(log, scanner=turned), floor_plan, reference)[1]
+    if better < max(share, FEW):
+        return misfit
+    return (
+        f"the lidar seems turned by {math.degrees(turn):.1f}° (± {math.degrees(sd[2]):.1f}°) and "
+        f"moved by {dx:.2f} and {dy:.2f} {log.unit} (± {max(sd[:2]):.2f}), ahead and left: from "
+        f"the reference poses {percent(better)} of the beams are within {AGREE[1]} m of what the "
+        f"map says then, now {percent(share)}; try --set world.reading.mounting="
+        f"[{place[0]:.2f},{place[1]:.2f},{scanner.turn + turn:.3f}], and check that the reference "
+        "is of the robot's base."
+    )
+
+
+def _wheels_words(log: Log) -> str | None:
+    """Say how the odometry is off by the reference, in distance and turns; None if it hardly is."""
+    size, at = metre(log.unit), own_records(log)
+    if at.size < _LEAST:
+        return None
+    own = log.of_records(at).spaced(_APART * size, _APART)
+    assert own.reference is not None
+    told, true = increments_of(own.odometry), increments_of(own.reference)
+    near = lengths_of(told) < 4 * _APART * size
+    (length, turn), (farther, turned) = (
+        (lengths_of(each[near]) / size, each[near, 2]) for each in (told, true)
+    )
+    (ahead, more, aside), sd = _least(
+        turn.size,
+        [
+            lambda off: farther - (1 + off[0]) * length,
+            lambda off: arrays.wrapped(turned - (1 + off[1]) * turn - off[2] * length),
+        ],
+        [np.zeros(3)],
+        [0.02, 0.02, 0.02],
+    )
+    if not (np.abs([ahead, more, aside]) - _SURE * sd > _CELL / 2).any():
+        return None
+    return (
+        f"the odometry is off: the reference goes {1 + ahead:.3f} (± {sd[0]:.3f}) times as far, "
+        f"turns {1 + more:.3f} (± {sd[1]:.3f}) times as much and veers "
+        f"{math.degrees(abs(aside)):.1f}° (± {math.degrees(sd[2]):.1f}°) per m to the "
+        f"{'left' if aside > 0 else 'right'} of it; calibrate the radii and the "
+        "separation of the wheels in the driver. The motion noise that is fitted to the log "
+        "includes it."
+    )
+
+
+def own_records(log: Log) -> Indices:
+    """Return the records with a reference pose of their own time."""
+    at = log.referenced
+    return at if log.interpolated is None else at[~log.interpolated[at]]
+
+
+def _least(
+    count: int, residuals: Sequence[Residuals], starts: Sequence[Floats], steps: Sequence[float]
+) -> tuple[Floats, Floats]:
+    """Fit numbers to residuals, (count,) each, by steps from the best start; their errors: sd."""
+    if count < _LEAST:
+        return np.zeros(len(steps)), np.full(len(steps), math.inf)
+    stretch, sizes = np.arange(count) * _STRETCHES // count, np.diag(steps)
+    scales = [np.median(np.abs(of(starts[0]))) + 1e-3 for of in residuals]
+
+    def cost(at: Floats) -> Floats:
+        off = [np.hypot(1, of(at) / scale) for of, scale in zip(residuals, scales, strict=True)]
+        return np.bincount(stretch, np.sum(off, axis=0), _STRETCHES).astype(np.float64)
+
+    def slopes(at: Floats) -> Floats:
+        return np.array([cost(at + step) - cost(at - step) for step in np.diag(steps) / 4]) * 2
+
+    best = min(starts, key=lambda start: cost(start).sum())
+    while (sizes > np.diag(steps) / 64).any():
+        best, before = (
+            min(
+                (best, *(best + sign * step for step in sizes for sign in (1, -1))),
+                key=lambda at: cost(at).sum(),
+            ),
+            best,
+        )
+        sizes = sizes / 2 if best is before else sizes
+    bends = [
+        (slopes(best + step) - slopes(best - step)).sum(axis=1) * 2 for step in np.diag(steps) / 4
+    ]
+    inverse = np.linalg.pinv(np.array(bends))
+    return best, np.sqrt(np.diag(inverse @ slopes(best) @ slopes(best).T @ inverse.T)) * steps

@@ -15,17 +15,9 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.files import own_folder, write_files
-from benchmarks.report.tracks import (
-    accuracy,
-    published,
-    run_of_track,
-    tables_of,
-    tracked,
-    tracks_table,
-    tracks_trials,
-)
-from benchmarks.robots.calibration import first_judged
-from benchmarks.robots.doubts import late_words, own_records
+from benchmarks.report.runs import run_of_track, tracks_table, tracks_trials
+from benchmarks.report.tracks import accuracy, published, tables_of, tracked
+from benchmarks.robots.calibration import first_judged, late_words, own_records
 from benchmarks.robots.played import EVERY, NO_ERROR, first_referenced
 from benchmarks.setup.logs import REPLAY, ReplayScenario, check_inside
 from benchmarks.setup.names import scenario

@@ -52,7 +52,6 @@ class Replay:
     assumed: Overrides  # likewise
     noise: str  # where that of the motion is from
     reference: str  # where the true poses are from, in words; "" without any
-    beams: str = ""  # how the beam model was fitted, in words; "" if it was not
     power: str = ""  # how the power of the scan model was fitted, in words; "" if it was not
 
     @property
@@ -98,7 +97,6 @@ class Replay:
             f"Scan model: {setup.scan}. Radius of the robot: {setup.room().radius:g} {log.unit}. "
             f"A step that collides is charged β = {setup.beta:g} by methods that are given no β: "
             f"{RobotModel.beta:g} times the power of the scan model.",
-            self.beams,
             self.power,
             f"Unknown cells of the map: {_UNKNOWN[self.world['unknown']]}.",
             f"The map's walls are changed on purpose ({walls})." if walls else "",

@@ -16,25 +16,16 @@ from benchmarks.console import doing, log_warnings, warn
 from benchmarks.execution.engines import Where
 from benchmarks.experiment import as_toml, knowing, named_localizers
 from benchmarks.files import write_files
-from benchmarks.report.tracks import (
-    accuracy,
-    differences_table,
-    ended,
-    published,
-    runs_frame,
-    tables_of,
-    tracks_table,
-    tracks_trials,
-)
+from benchmarks.report.page import load, no_report
+from benchmarks.report.runs import ended, runs_frame, tracks_table, tracks_trials
+from benchmarks.report.tracks import accuracy, differences_table, published, tables_of
 from benchmarks.report.verdict import conclusion
-from benchmarks.report.writing import load, no_report
 from benchmarks.robots.calibration import (
+    doubts_of,
     judged_after_part,
-    uses_scan,
-    with_fitted_beams,
+    misfit_words,
     with_fitted_power,
 )
-from benchmarks.robots.doubts import doubts_of, misfit_words
 from benchmarks.robots.nav2 import Amcl, read_nav2
 from benchmarks.robots.played import EVERY, OFTEN, REPLAY_SCENARIO, Replay, params_among, replay_of
 from benchmarks.robots.residuals import PICTURE, TABLE, Residuals, files_of, residuals_of
@@ -83,7 +74,6 @@ def planned(
     seeds: int = 10,
     seed: int = 0,
     nav2: Sequence[Amcl] = (),
-    fit_beams: bool = False,
 ) -> Planned:
     """Read a log, fit what is not set, and return the runs of localizers on it, checked.
 
@@ -96,8 +86,6 @@ def planned(
     usual: dict[str, Any] = {"world.every": OFTEN if "amcl" in localizers else EVERY}
     if nav2:
         usual = world_of(nav2) | nav2[0].assumed
-        if fit_beams:
-            usual = {n: value for n, value in usual.items() if not n.startswith("assumed.scan.")}
     with doing("reading the log and the map"), log_warnings() as of_reader:
         replay = replay_of(
             log,
@@ -108,12 +96,9 @@ def planned(
             settings=usual | dict(settings),
         )
     warnings = warn(of_reader)  # whatever fails later
-    if fit_beams:
-        with doing("fitting the beam model to the first part of the log"):
-            replay = with_fitted_beams(replay)
     params = params_by_localizer(params_among(settings), localizers)
     replay = judged_after_part(replay)
-    uses = any(uses_scan(name, values) for name, values in params.items())
+    uses = any(name != "amcl" or v.get("laser_model_type") == "robot" for name, v in params.items())
     if uses and "scan.power" not in replay.assumed:
         with doing("fitting the power of the scan model to the first part of the log"):
             replay = with_fitted_power(replay)
@@ -253,7 +238,7 @@ def replay(
         out: folder that keeps runs, tracks, tables and page; None: nothing is kept.
         jobs, timeout: see ``Where``.
         command: the words that started it, for the folder.
-        how: reference, start, particles, seeds, seed, fit_beams: see ``planned``.
+        how: reference, start, particles, seeds, seed: see ``planned``.
     """
     names, factories = named_localizers(localizers)
     files = [nav2] if isinstance(nav2, str | Path) else nav2

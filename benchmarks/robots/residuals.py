@@ -17,10 +17,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from benchmarks.pictures import styled
-from benchmarks.report.charts import INK, STYLE, Chart
+from benchmarks.report.charts import INK, Chart, styled
+from benchmarks.report.runs import ended
 from benchmarks.report.tables import Table
-from benchmarks.report.tracks import ended, map_axes
+from benchmarks.report.tracks import map_axes
 from benchmarks.robots.played import Replay
 from benchmarks.tables.text import percent
 from benchmarks.trials.map_signals import (
@@ -245,7 +245,7 @@ class Residuals:
             "0.5 m apart, read clearly less (hit in free space) or more (seen through) than the "
             "map says, and no more beams agree with it. Unknown cells say nothing."
         )
-        with styled(STYLE):
+        with styled():
             return HEADING, note, [self.table()] if self.places else [], [self.chart]
 
 
@@ -264,7 +264,7 @@ def files_of(residuals: Residuals, *, drawn: bool) -> Mapping[str, bytes]:
     """Return residuals.csv and, if it can be ``drawn``, residuals.png, by name."""
     files = {TABLE: utf8(residuals.csv())}
     if drawn:
-        with styled(STYLE):
+        with styled():
             files[PICTURE] = residuals.chart.drawn("png", dpi=200)
     return files
 

@@ -30,13 +30,7 @@ from benchmarks.sweeps.store import Store, writing
 from benchmarks.tables.frames import RUN, milliseconds_per_step
 from benchmarks.trials.attempt import attempt, key_of, provenance_of
 from benchmarks.trials.provenance import Provenance
-from benchmarks.trials.scores import (
-    JOURNEY_SCORES,
-    PUBLISHED,
-    TRACK_SCORES,
-    Score,
-    track_scores,
-)
+from benchmarks.trials.scores import JOURNEY_SCORES, PUBLISHED, TRACK_SCORES, Score, track_scores
 from benchmarks.trials.scoring import Finished, TrialRecord
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage, check_trials

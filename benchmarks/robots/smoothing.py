@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.console import doing, log_warnings, warn
 from benchmarks.files import own_folder, write_files
-from benchmarks.robots.doubts import FEW, doubts_by
+from benchmarks.robots.calibration import FEW, doubts_by
 from benchmarks.robots.played import Replay, params_among, replay_of
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.tables.text import percent
@@ -23,8 +23,7 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.numerics import Bools, Floats, Singles, arrays
 from deqmcl_gym.validation import integer, one_of
-from localizers.inference.backward import backward, forward
-from localizers.models.gaussian_motion import GaussianMotion
+from localizers.inference.backward import GaussianMotion, backward, forward
 from localizers.models.scan import Scan
 
 PATHS = 100  # backward, of a run

@@ -10,8 +10,8 @@ import pandas as pd
 import yaml
 
 from benchmarks.files import write_files
+from benchmarks.report.page import load, no_report
 from benchmarks.report.tables import Table
-from benchmarks.report.writing import load, no_report
 from benchmarks.robots.nav2 import nav2_document
 from benchmarks.robots.replaying import sweep_file
 from benchmarks.robots.search import BELIEVED, RUNS, Candidate, Task, Tuning
@@ -245,8 +245,7 @@ def _trade_off(tuning: Tuning) -> bytes:
     """Return the picture of score and time of all candidates on all training segments."""
     from matplotlib.ticker import LogLocator, NullLocator
 
-    from benchmarks.pictures import styled
-    from benchmarks.report.charts import STYLE, Chart, canvas, line
+    from benchmarks.report.charts import Chart, canvas, line, styled
 
     goal, frame = tuning.task.goal, pd.DataFrame(map(vars, tuning.tried))
     factor, _, unit = _UNITS[goal.unit]
@@ -255,7 +254,7 @@ def _trade_off(tuning: Tuning) -> bytes:
     kinds[0] = _KINDS[2]
     frame = frame.assign(value=factor * frame["value"], label=pd.Categorical(kinds, _KINDS))
     frame = frame[np.isfinite(frame["value"]) & (frame["ms_per_step"] > 0)]
-    with styled(STYLE):
+    with styled():
         axes = line(frame, "ms_per_step", "value", axes=canvas(6.4, 3.8), ls="")
         words = goal.words.replace("share of records ", "")
         axes.set(xlabel="ms per step", ylabel=f"{words},{unit}", xscale="log")

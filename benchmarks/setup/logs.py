@@ -20,9 +20,9 @@ from deqmcl_gym.maps import Map
 from deqmcl_gym.numerics import Floats, Indices, arrays
 from deqmcl_gym.validation import InputError, integer
 from localizers import GaussianUniform, RobotModel
-from localizers.models.beams import METRE_SIGMA
 from localizers.models.motion import LEAST_STEPS
 from localizers.models.nav2_motion import MotionModel, kind_of, unknown_motion
+from localizers.models.scan import METRE_SIGMA
 
 # arguments of the env that are not a scenario's to give
 _OURS = ("on_mismatch", "render_mode", "others")

@@ -15,8 +15,8 @@ from deqmcl_gym.maps.map import LENGTH, pixel, scaled
 from deqmcl_gym.validation import integer, number, one_of
 from deqmcl_gym.world.config import World, offices_of
 from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
-from localizers.models.beams import BEAM_MODELS, BeamDensity
 from localizers.models.nav2_motion import MOTION_MODELS, MotionModel
+from localizers.models.scan import BEAM_MODELS, BeamDensity
 from localizers.registry import ScanPlugIn
 
 

@@ -53,20 +53,6 @@ def remembered(
     return found
 
 
-def image_with_place(path: str | os.PathLike[str]) -> tuple[NDArray[Any], dict[str, Any]]:
-    """Return the pixels of an image (h, w, c), and what the yaml file of a map says of it.
-
-    The path is that of the yaml, or of an image alone, of which nothing is said: {}.
-    """
-    given = Path(os.path.abspath(os.path.expanduser(path)))
-    of_map = given.suffix in (".yaml", ".yml")
-    said = _document(given) if of_map else {}
-    image = given.parent / said["image"] if of_map else given
-    if not os.path.isfile(image):
-        raise InputError(f"there is no image {image}: give one that exists.")
-    return _pixels_of(image), said
-
-
 def check_thresholds(free: Any, occupied: Any) -> None:
     """Refuse thresholds that are outside [0, 1] or not in order."""
     number("occupied_thresh", occupied, low=0, high=1, above=True)

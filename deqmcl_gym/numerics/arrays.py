@@ -121,3 +121,35 @@ def fits(offsets: Floats, covariances: Floats, out: Floats) -> None:
     """Fill in the ``fit`` of each offset (n, 3) to N(0, P) of its own covariance, (n, 3)."""
     for i in range(len(offsets)):
         out[i, 0], out[i, 1], out[i, 2] = fit(cholesky(covariances[i]), offsets[i])
+
+
+def compass_search(
+    cost: Callable[[Any], Floats],
+    begun: Any,
+    steps: tuple[float, ...],
+    *,
+    halvings: int,
+    most: int = 10_000,
+    least: float = 0.0,
+    moved: Callable[[Any, Floats], Any] = np.add,
+) -> tuple[Any, Floats]:
+    """Return places (n, d), each climbed down a cost by itself, and their costs, (n,).
+
+    At each of at most ``most`` turns a place takes the best of 2 d steps along the axes, or halves
+    its steps, so often, if none is better by ``least``. ``moved`` makes places of places and steps.
+    """
+    around = np.vstack([np.eye(len(steps)), -np.eye(len(steps))]) * np.array(steps)
+    places, costs, size = begun.copy(), cost(begun), np.ones(len(begun))
+    for _ in range(most):
+        going = np.flatnonzero(size >= 0.5**halvings)
+        if going.size == 0:
+            break
+        offsets = (around * size[going][:, None, None]).reshape(-1, len(steps))
+        tried = moved(places[going].repeat(len(around), axis=0), offsets)
+        found = cost(tried).reshape(going.size, -1)
+        chosen = found.argmin(axis=1) + np.arange(0, found.size, len(around))
+        better = found.reshape(-1)[chosen] < costs[going] - least
+        into = going[better]
+        places[into], costs[into] = tried[chosen[better]], found.reshape(-1)[chosen[better]]
+        size[going[~better]] /= 2
+    return places, costs

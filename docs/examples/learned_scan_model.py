@@ -37,8 +37,9 @@ for words, before in (("those before it fitted", 6.0), ("the two before it read 
     scans[:, 6:8] = before
     scans[:, 8] = ranges
     axes.plot(ranges, np.exp(net.log_density(scans, expected)[:, 8]), label=f"learned: {words}")
-one_beam = beam.density(ranges, expected[:, :1].T, 12.0)[0]
-axes.plot(ranges, one_beam, "k--", label="beam model: whatever they read")
+on_the_map = np.full((1, 1), 6.0, np.float32)
+one_beam = [beam.log_likelihood(ranges[k : k + 1], on_the_map, 12.0)[0] for k in range(ranges.size)]
+axes.plot(ranges, np.exp(one_beam), "k--", label="beam model: whatever they read")
 axes.set(xlabel="range, m", ylabel="density, 1/m", title="a beam of 6 m on the map", yscale="log")
 axes.set_ylim(1e-3, 10)
 axes.legend(loc="upper left", fontsize="small")

@@ -4,14 +4,22 @@
 Both functions load and run a localizer in this process, where a debugger sees it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from deqmcl_gym.validation import one_of
-from localizers.checks.laws import LAWS
-from localizers.checks.subject import default_robot, localizer_drive
-from localizers.checks.verdicts import LawVerdict, Report, law_name, report_of
+from localizers.checks.laws import LAWS, Law, Laws
+from localizers.checks.subject import (
+    LawBrokenError,
+    LawSkippedError,
+    Subject,
+    default_robot,
+    localizer_drive,
+    state_kept,
+)
+from localizers.kinds import is_ctrl_c, raised
 from localizers.models.robot import RobotModel
 from localizers.registry import Factory
 
@@ -29,20 +37,97 @@ __all__ = [
 ]
 
 
+@dataclass(frozen=True)
+class LawVerdict:
+    """The verdict on one law; the note is a reason or a remark."""
+
+    law: str
+    status: Literal["ok", "FAILED", "skipped"]
+    note: str = ""
+    error: BaseException | None = field(default=None, compare=False)
+
+    def __str__(self) -> str:
+        return f"{self.status:<8} {self.law}{': ' if self.note else ''}{self.note}"
+
+
+@dataclass(frozen=True)
+class Report:
+    """The verdicts on laws; each is tried once, by ``attempt``, when it is asked for."""
+
+    name: str
+    laws: Laws
+    attempt: Callable[[Law], LawVerdict]
+    _tried: dict[Law, LawVerdict] = field(default_factory=dict, init=False, repr=False)
+
+    @property
+    def verdicts(self) -> tuple[LawVerdict, ...]:
+        """One per law, in their order."""
+        return tuple(map(self._verdict, self.laws))
+
+    @property
+    def failed(self) -> tuple[LawVerdict, ...]:
+        """Those of the laws that failed."""
+        return tuple(verdict for verdict in self.verdicts if verdict.status == "FAILED")
+
+    @property
+    def passed(self) -> bool:
+        """Whether no law failed."""
+        return not self.failed
+
+    def __str__(self) -> str:
+        return "\n".join([f"{self.name}:", *map(str, self.verdicts)])
+
+    def verdict(self, law: str) -> LawVerdict:
+        """Return the verdict on a law by its name."""
+        return self._verdict(next(one for one in self.laws if law_name(one) == law))
+
+    def _verdict(self, law: Law) -> LawVerdict:
+        """Return the verdict on a law; one that needs a law that failed is skipped."""
+        need = self.laws[law]
+        while need is not None and self._verdict(need).status != "FAILED":
+            need = self.laws[need]
+        if need is not None:
+            return LawVerdict(law_name(law), "skipped", f"it fails {law_name(need)!r}")
+        if law not in self._tried:
+            self._tried[law] = self.attempt(law)
+        return self._tried[law]
+
+
+def law_name(law: Law) -> str:
+    """Return the name of a law, such as "same rng same result"."""
+    return law.__name__.replace("_", " ")
+
+
 def check_localizer(
     localizer: str | Factory, robot: RobotModel | None = None, **params: Any
 ) -> Report:
-    """Return the verdicts of all ``LAWS`` on a localizer; its own exceptions become verdicts.
+    """Return the verdicts of all ``LAWS`` on a localizer, by name or a factory, made for a robot.
 
-    Args:
-        localizer: a name (see ``localizers.resolve``), or a factory itself.
-        robot: to make it for; by default eight beams in a small room.
-        params: given to the factory.
-
-    Raises:
-        InputError: the name cannot be resolved, or a parameter is unknown.
+    By default that has eight beams in a small room. The localizer's own exceptions become verdicts;
+    a name that cannot be resolved or an unknown parameter raises ``InputError``.
     """
     return report_of(localizer_drive(localizer, robot, **params), LAWS)
+
+
+def report_of(subject: Subject, laws: Laws) -> Report:
+    """Return the verdicts of laws that are tried in this process."""
+    return Report(subject.name, laws, partial(verdict_on, subject))
+
+
+def verdict_on(subject: Subject, law: Law) -> LawVerdict:
+    """Try a law in this process, whose state is put back."""
+    name = law_name(law)
+    try:
+        with state_kept():
+            return LawVerdict(name, "ok", law(subject) or "")
+    except LawSkippedError as reason:
+        return LawVerdict(name, "skipped", str(reason))
+    except LawBrokenError as reason:
+        return LawVerdict(name, "FAILED", str(reason), reason)
+    except BaseException as error:
+        if is_ctrl_c(error):
+            raise
+        return LawVerdict(name, "FAILED", f"it raised {raised(error, subject.file)}", error)
 
 
 def parametrize_with_laws(
@@ -56,20 +141,17 @@ def parametrize_with_laws(
 
     ``@parametrize_with_laws(MyLocalizer)`` above ``def test_it_keeps(law): law()``.
 
-    Args:
-        localizer, robot, params: as of ``check_localizer``.
-        expected_failures: reasons by name of the law; a law that is kept after all then fails.
-
-    Raises:
-        InputError: an expected failure is of no law; else as ``check_localizer``.
+    ``expected_failures`` has reasons by name of the law; one that is kept after all then fails, one
+    of no law raises ``InputError``. All else is as of ``check_localizer``.
     """
     import pytest
 
     report, reasons = check_localizer(localizer, robot, **params), expected_failures or {}
+    names = list(map(law_name, LAWS))
     for name in reasons:
-        one_of("law", name, report.needs)
+        one_of("law", name, names)
     cases = []
-    for name in report.needs:
+    for name in names:
         marks = [pytest.mark.xfail(reason=reasons[name], strict=True)] if name in reasons else []
         cases.append(pytest.param(partial(_hold, report, name), id=name, marks=marks))
     return pytest.mark.parametrize("law", cases)

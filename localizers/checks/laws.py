@@ -11,6 +11,7 @@ import os
 import pickle
 import random
 import time
+from collections.abc import Callable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
@@ -27,24 +28,29 @@ from deqmcl_gym.maps import GridMap, Map, PolygonMap
 from deqmcl_gym.numerics import Floats
 from deqmcl_gym.numerics.arrays import wrapped
 from deqmcl_gym.validation import InputError
-from localizers.checks.subject import DRIVE_STEPS, LocalizerDrive, Snapshot, snapshot
-from localizers.checks.verdicts import (
+from localizers.checks.subject import (
     ADDED_BY_IMPORTS,
+    DRIVE_STEPS,
     GLOBAL_RNG,
     LawBrokenError,
-    Laws,
     LawSkippedError,
+    LocalizerDrive,
+    Snapshot,
     Subject,
     changes_since,
     difference,
     process_state,
     running,
+    snapshot,
     state_kept,
 )
 from localizers.kinds import parameters_of, raised
-from localizers.models.beams import GaussianUniform
 from localizers.models.motion import increments
 from localizers.models.prior import UniformPrior
+from localizers.models.scan import GaussianUniform
+
+Law = Callable[[Any], str | None]  # of a subject; it may return a remark
+Laws = Mapping[Law, Law | None]  # each with the one that must hold before it is tried
 
 _HALF = DRIVE_STEPS // 2
 _GRACE = 1.0  # s that threads and processes may take to end

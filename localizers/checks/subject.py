@@ -1,9 +1,22 @@
-"""The localizer under check, and the robot and the short random drive that it is tried on."""
+"""The localizer under check, the short random drive that it is tried on, and what is watched.
 
+That is whether two runs are equal, and of this process its global state, its threads, and the
+processes that it started.
+"""
+
+import os
+import pickle
+import random
+import signal
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+import threading
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import zip_longest
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,18 +26,11 @@ from deqmcl_gym.numerics import Floats
 from deqmcl_gym.numerics.arrays import wrapped
 from deqmcl_gym.validation import SUM_TOLERANCE, digits, one_of
 from localizers.api import Belief, Localizer, mean_pose
-from localizers.checks.verdicts import (
-    LawBrokenError,
-    Subject,
-    changes_since,
-    difference,
-    process_state,
-)
 from localizers.kinds import absolute_name, parameters_of
-from localizers.models.beams import GaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.prior import GaussianPrior, UniformPrior
 from localizers.models.robot import RobotModel
+from localizers.models.scan import GaussianUniform
 from localizers.registry import LOCALIZER, Factory, resolve
 
 DRIVE_STEPS = 12
@@ -34,6 +40,14 @@ _LONGEST = 20.0  # px, of a step: 0.4 m
 
 Snapshot = Mapping[int, tuple[Floats, Floats]]  # poses and weights by offset
 Seed = int | np.random.Generator
+
+
+class LawBrokenError(Exception):
+    """A law is broken; the text is the reason."""
+
+
+class LawSkippedError(Exception):
+    """A law does not apply; the text is the reason."""
 
 
 def default_robot() -> RobotModel:
@@ -104,6 +118,34 @@ def _free_step(
 
 
 @dataclass(frozen=True, kw_only=True)
+class Subject:
+    """What is under check: a localizer, and in ``benchmarks`` an agent or a scan model."""
+
+    remedy: ClassVar[str]  # what to use instead of global random numbers
+    name: str
+    time_limit: float = 60.0  # s
+
+    @property
+    def file(self) -> str | None:
+        """The file that it is written in; an exception is told as a line of it."""
+        return self.name.rpartition(":")[0]
+
+    def history(self) -> Sequence[Any]:
+        """Return what it, made anew, answers at each step of one and the same drive."""
+        raise NotImplementedError
+
+    def written(self) -> str | None:
+        """Name what it writes into of all that it is given on the drive."""
+        raise NotImplementedError
+
+    def require_same(self, run: Sequence[Any], otherwise: str) -> None:
+        """Raise with ``otherwise`` and from which step on, unless a run is its history, bitwise."""
+        for t, (one, other) in enumerate(zip_longest(run, self.history())):
+            if difference(one, other) is not None:
+                raise LawBrokenError(f"{otherwise} (from step {t} on)")
+
+
+@dataclass(frozen=True, kw_only=True)
 class LocalizerDrive(Subject):
     """A localizer along a drive of T steps.
 
@@ -161,6 +203,13 @@ class LocalizerDrive(Subject):
         run = replace(self, **changes).steps(localizer, seed)
         return [snapshot(belief, t) for t, (belief, _) in enumerate(run)]
 
+    def written(self) -> str | None:
+        """Name what it writes into of ranges, action and plan."""
+        for t, (_, given) in enumerate(self.steps()):
+            if name := difference(self.inputs(t), given):
+                return f"the {name} at step {t}"
+        return None
+
     def require_valid(self, *, sums: bool = True, **changes: Any) -> None:
         """Raise unless all of a run is finite and, if ``sums``, weights are 0 or more, of sum 1."""
         run = enumerate(self.history(**changes))
@@ -197,13 +246,6 @@ class LocalizerDrive(Subject):
                     f"{when} the mean pose at step {t} differs by ({off[0]:.3g}, {off[1]:.3g}, "
                     f"{off[2]:.3g} rad) in (x, y, heading)"
                 )
-
-    def written(self) -> str | None:
-        """Name what it writes into of ranges, action and plan."""
-        for t, (_, given) in enumerate(self.steps()):
-            if name := difference(self.inputs(t), given):
-                return f"the {name} at step {t}"
-        return None
 
 
 def localizer_drive(
@@ -264,3 +306,110 @@ def _kind(thing: object) -> str:
         return f"({', '.join(map(_kind, thing))})"
     of = f" of {thing.dtype} {thing.shape}" if isinstance(thing, np.ndarray) else ""
     return "None" if thing is None else f"an object of type {type(thing).__name__}{of}"
+
+
+def difference(before: object, after: object) -> str | None:
+    """Name the first number, word or array inside ``before`` that is another one in ``after``.
+
+    What an object has only ``after``, such as caches, is no difference.
+    """
+    values = dict(_values(after))
+    for name, value in _values(before):
+        numeric = np.asarray(value).dtype.kind == "f"
+        if name not in values or not np.array_equal(value, values[name], equal_nan=numeric):
+            return name
+    return None
+
+
+def _values(thing: Any, name: str = "", depth: int = 8) -> Iterator[tuple[str, Any]]:
+    """Yield all numbers, words, arrays and lengths inside an object, by where they are."""
+    parts: Iterable[tuple[str, Any]] = ()
+    if thing is None or isinstance(thing, np.ndarray | np.generic | int | float | str):
+        yield name, thing
+    elif isinstance(thing, tuple | list):
+        yield name, len(thing)
+        parts = ((f"{name}[{index}]", value) for index, value in enumerate(thing))
+    elif isinstance(thing, Mapping):
+        yield name, len(thing)
+        parts = ((f"{name}.{key}".lstrip("."), value) for key, value in thing.items())
+    elif hasattr(thing, "__dict__"):
+        parts = ((f"{name}.{key}", value) for key, value in vars(thing).items())
+    if depth:
+        for where, value in parts:
+            yield from _values(value, where, depth - 1)
+
+
+GLOBAL_RNG = "the global random numbers of numpy or random"
+ADDED_BY_IMPORTS = ("the filters of warnings", "os.environ", "sys.path", GLOBAL_RNG)
+
+
+def _set_handlers(handlers: Mapping[int, Any]) -> None:
+    for number, handler in handlers.items():
+        if handler is not None and handler != signal.getsignal(number):
+            signal.signal(number, handler)
+
+
+def _set_environment(variables: Mapping[str, str]) -> None:
+    os.environ.clear()
+    os.environ.update(variables)
+
+
+def _global_rng() -> bytes:
+    return pickle.dumps((np.random.get_state(), random.getstate()))  # noqa: NPY002
+
+
+def _set_global_rng(states: bytes) -> None:
+    of_numpy, of_random = pickle.loads(states)
+    np.random.set_state(of_numpy)  # noqa: NPY002
+    random.setstate(of_random)
+
+
+_STATES: dict[str, tuple[Callable[[], Any], Callable[[Any], object]]] = {  # how to read and set it
+    "the working folder": (os.getcwd, os.chdir),
+    "signal handlers": (
+        lambda: {number: signal.getsignal(number) for number in signal.valid_signals()},
+        _set_handlers,
+    ),
+    "np.seterr": (np.geterr, lambda kept: np.seterr(**kept)),
+    "np.set_printoptions": (np.get_printoptions, lambda kept: np.set_printoptions(**kept)),
+    "the filters of warnings": (
+        lambda: list(warnings.filters),
+        lambda kept: setattr(warnings, "filters", kept),
+    ),
+    "os.environ": (lambda: dict(os.environ), _set_environment),
+    "the recursion limit": (sys.getrecursionlimit, sys.setrecursionlimit),
+    "sys.path": (lambda: list(sys.path), lambda kept: setattr(sys, "path", kept)),
+    GLOBAL_RNG: (_global_rng, _set_global_rng),
+}
+
+
+def process_state() -> dict[str, Any]:
+    """Return the global state of this process, by name."""
+    return {name: read() for name, (read, _) in _STATES.items()}
+
+
+def changes_since(before: Mapping[str, Any]) -> list[str]:
+    """Name what is not as it was."""
+    return [name for name, now in process_state().items() if now != before[name]]
+
+
+@contextmanager
+def state_kept() -> Iterator[None]:
+    """Put the global state of this process back after a block."""
+    before = process_state()
+    try:
+        yield
+    finally:
+        for name in changes_since(before):
+            _STATES[name][1](before[name])
+
+
+def running() -> dict[str, str]:
+    """Name this process's threads and, as far as /proc shows them, the processes it started."""
+    names = {f"thread {one.ident}": f"the thread {one.name!r}" for one in threading.enumerate()}
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):  # it is gone
+            state, parent = stat.read_text().rpartition(")")[2].split()[:2]
+            if state != "Z" and parent == str(os.getpid()):
+                names[f"process {stat.parent.name}"] = f"the process {stat.parent.name}"
+    return names

@@ -15,7 +15,7 @@ from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Floats, Indices, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import exp64, log64
-from deqmcl_gym.validation import InputError, number, one_of
+from deqmcl_gym.validation import InputError, one_of
 from localizers.api import best_cluster
 from localizers.inference.particles import (
     BeamFilter,
@@ -30,6 +30,8 @@ from localizers.models.robot import RobotModel
 from localizers.models.scan import LidarScan, Scan
 
 JUDGES = 512  # particles, evenly spaced, by which beams are judged
+_SURELY = 0.99  # γ
+_LOCALIZED = 0.9  # least share of the belief in its ``best_cluster`` for dropping beams
 
 
 def judges(states: States, log_weights: LogWeights) -> tuple[States, Weights]:
@@ -61,12 +63,8 @@ class DistanceFilter:
     """
 
     scan: LidarScan  # p(o | x, m), whose beams have a σ
-    share: float = 0.99  # γ
-    localized: float = 0.9  # least share of the belief in its ``best_cluster`` for dropping beams
 
     def __post_init__(self) -> None:
-        number("share", self.share, low=0, high=1)
-        number("localized", self.localized, low=0, high=1)
         if not hasattr(self.scan.beam, "sigma"):
             kind = type(self.scan.beam).__name__
             raise InputError(
@@ -78,9 +76,9 @@ class DistanceFilter:
         """Return the scan without the beams that are too short; see ``BeamFilter``."""
         poses, weights = judges(states, log_weights)
         unit = self.scan.floor_plan.unit
-        if scan.beams == 0 or best_cluster(poses.T, weights, unit=unit).share < self.localized:
+        if scan.beams == 0 or best_cluster(poses.T, weights, unit=unit).share < _LOCALIZED:
             return scan
-        return left_out(scan, self.shorter(poses, weights, scan) > self.share)
+        return left_out(scan, self.shorter(poses, weights, scan) > _SURELY)
 
     def shorter(self, poses: States, weights: Weights, scan: Scan) -> Floats:
         """P(o < ô) of each usable beam under weighted poses (3, n), (b,); 0 if all are outside."""

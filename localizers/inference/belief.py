@@ -19,8 +19,8 @@ from localizers.inference.particles import (
     Actions,
     LogWeights,
     States,
-    absorbed,
     effective_sample_size,
+    log_evidence,
     log_sum_exp,
     normalize,
     shifted,
@@ -104,11 +104,6 @@ class Queue(NamedTuple):
         slots, links = (*self.slots, states), (*self.links, self.pending)
         future = self.future.push(self.pending)
         return Queue(slots, links, None, self.present, self.past, future)
-
-    def renewed(self, states: States) -> "Queue":
-        """Replace the newest states by others, (d, n); only valid before the next resampling."""
-        assert self.pending is None
-        return self._replace(slots=(*self.slots[:-1], states))
 
     def stepped(self, past: int) -> "Queue":
         """Let the next state become the present; keep at most ``past`` states before it."""
@@ -333,7 +328,7 @@ class ParticleBelief(_Cloud):
         states[:, chosen] = others.present
         log_weights[chosen] = log_sum_exp(log_weights) - math.log(log_weights.size)
         return self._replace(
-            queue=self.queue.renewed(states),
+            queue=self.queue._replace(slots=(*self.queue.slots[:-1], states)),
             log_weights=log_weights,
             events=self.events.plus(random_poses=others.log_weights.size),
         )
@@ -350,13 +345,10 @@ class ParticleBelief(_Cloud):
         The record is taken from at most ``most`` evenly spaced particles and does not depend on
         ``power``, the exponent of the likelihood.
         """
-        total = np.empty(self.log_weights.size)
-        top, evidence = absorbed(self.log_weights, log_likelihood, most, power, total)
-        belief = self if math.isfinite(top) else self._collapsed()
-        return belief._replace(
-            log_weights=total if math.isfinite(top) else self.log_weights,
-            scan_power=power,
-        ).learned(scan, evidence)
+        evidence = log_evidence(self.log_weights, log_likelihood, most)
+        # a likelihood of 0 to the power of 0 is 1
+        factor = power * log_likelihood if power > 0.0 else np.zeros(log_likelihood.size)
+        return self.reweighted(factor)._replace(scan_power=power).learned(scan, evidence)
 
     def learned(self, scan: Scan, log_evidence: float) -> "ParticleBelief":
         """Keep how well a scan was predicted, for the quality and for recovery."""

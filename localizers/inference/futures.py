@@ -17,16 +17,18 @@ from deqmcl_gym.numerics.elementary import exp64, log64
 from deqmcl_gym.validation import number
 from localizers.api import Motion
 from localizers.inference.belief import ParticleBelief, PlanReading
-from localizers.inference.particles import Actions, Feasibility, LogWeights, Paths, States, Walk
-from localizers.models.feasibility import PlanSensor, charges
+from localizers.inference.particles import Actions, Feasibility, LogWeights, States
+from localizers.models.feasibility import FreeSpace, PlanSensor, charges
+from localizers.models.motion import ChargedDrives, OdometryMotion
+
+Paths = Callable[[Indices], list[States]]
 
 
 @dataclass(frozen=True)
 class Rollout:
-    """x'_s ~ p(· | x'_{s-1}, u_s) step by step, with Σ log g(x'_{s-1}, x'_s).
+    """x'_s ~ p(· | x'_{s-1}, u_s) step by step, with Σ log g(x'_{s-1}, x'_s); g = 1 without one.
 
-    Without a feasibility g = 1. One that can process all steps of a motion in one pass has a method
-    ``walk(motion)``, which returns a ``Walk``, or None for a motion it does not support.
+    Those of an ``OdometryMotion`` in ``FreeSpace`` are driven in one pass, bit by bit the same.
     """
 
     motion: Motion
@@ -41,14 +43,14 @@ class Rollout:
         K; and log Π g of each future, (K, n).
         """
         n = anchor.shape[1]
-        paths, log_g = self._walk(np.tile(anchor, (1, copies)), actions, rng, keep=True)
+        paths, log_g = self(np.tile(anchor, (1, copies)), actions, rng, keep=True)
         return lambda chosen: paths(chosen * n + np.arange(n)), log_g.reshape(copies, n)
 
     def log_g(
         self, anchor: States, actions: Actions, copies: int, rng: np.random.Generator
     ) -> Floats:
         """Log Π g of the same futures, (K, n), without their states."""
-        _, log_g = self._walk(np.tile(anchor, (1, copies)), actions, rng, keep=False)
+        _, log_g = self(np.tile(anchor, (1, copies)), actions, rng, keep=False)
         return log_g.reshape(copies, anchor.shape[1])
 
     def queued_log_g(self, belief: ParticleBelief, shared: int = 0) -> LogWeights:
@@ -63,26 +65,17 @@ class Rollout:
             total += log_g  # one by one, as they are charged
         return total
 
-    @cached_property
-    def _walk(self) -> Walk:
-        offer = getattr(self.feasibility, "walk", None)
-        walk: Walk | None = offer(self.motion) if offer is not None else None
-        return StepByStep(self.motion, self.feasibility) if walk is None else walk
-
-
-@dataclass(frozen=True)
-class StepByStep:
-    """The ``Walk`` of any motion and any feasibility."""
-
-    motion: Motion
-    feasibility: Feasibility | None = None
-
     def __call__(
         self, states: States, actions: Actions, rng: np.random.Generator, *, keep: bool
     ) -> tuple[Paths, LogWeights]:
-        """Draw and charge one step after the other."""
-        log_g = np.zeros(states.shape[1])
-        path = []
+        """Draw one path from each state, (d, n).
+
+        Return the states after each step, (d, k) each, of the k paths that are asked for by number
+        (none unless ``keep``), and log Π g of each path, (n,).
+        """
+        if self._at_once is not None:
+            return self._at_once(states, actions, rng, keep=keep)
+        log_g, path = np.zeros(states.shape[1]), []
         for action in actions:
             before, states = states, self.motion.sample(states, action, rng)
             if self.feasibility is not None:
@@ -90,6 +83,15 @@ class StepByStep:
             if keep:
                 path.append(states)
         return lambda columns: [states[:, columns] for states in path], log_g
+
+    @cached_property
+    def _at_once(self) -> ChargedDrives | None:
+        motion, walls = self.motion, self.feasibility
+        if not (isinstance(motion, OdometryMotion) and isinstance(walls, FreeSpace)):
+            return None
+        return ChargedDrives(
+            motion=motion, floor_plan=walls.floor_plan, radius=walls.radius, beta=walls.beta
+        )
 
 
 def log_mean(log_values: Floats) -> LogWeights:

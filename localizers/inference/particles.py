@@ -50,22 +50,6 @@ class Feasibility(Protocol):
         """Log g of each step, (n,)."""
 
 
-Paths = Callable[[Indices], list[States]]
-
-
-class Walk(Protocol):
-    """Several steps of p(x_s | x_{s-1}, u_s), each charged by g."""
-
-    def __call__(
-        self, states: States, actions: Actions, rng: np.random.Generator, *, keep: bool
-    ) -> tuple[Paths, LogWeights]:
-        """Draw one path from each state, (d, n), by the same draws, and bits, as ``StepByStep``.
-
-        Return the states after each step, (d, k) each, of the k paths that are asked for by number
-        (none unless ``keep``), and log Π g of each path, (n,).
-        """
-
-
 @compiled
 def maximum(values: Floats) -> float:
     """Return the maximum, -inf of none, in four strands: one alone would wait at every step."""
@@ -106,20 +90,11 @@ def log_evidence(log_weights: Floats, log_likelihoods: Floats, most: int) -> flo
     top, top_both = maximum(before), maximum(after)
     if not (top > -np.inf and top_both > -np.inf):
         return top_both - top  # -inf, or NaN
-    alike = True  # as after resampling: then each exponential is 1
+    weights, both = 0.0, 0.0
     for i in range(before.size):
-        alike &= before[i] == top
-    weights, both = float(before.size), 0.0
-    if not alike:
-        for i in range(before.size):
-            before[i] = exp64(before[i] - top)
-        weights = 0.0
-        for i in range(before.size):
-            weights += before[i]
-    for i in range(after.size):
-        after[i] = exp64(after[i] - top_both)
-    for i in range(after.size):
-        both += after[i]
+        before[i], after[i] = exp64(before[i] - top), exp64(after[i] - top_both)
+    for i in range(before.size):
+        weights, both = weights + before[i], both + after[i]
     return float(top_both - top + log64(both / weights))
 
 
@@ -138,20 +113,6 @@ def shifted(log_weights: Floats, log_factor: Floats, out: Floats) -> float:
     for i in range(out.size):
         out[i] = log_weights[i] + log_factor[i]
     return maximum(out)
-
-
-@compiled
-def absorbed(
-    log_weights: Floats, log_likelihoods: Floats, most: int, power: float, out: Floats
-) -> tuple[float, float]:
-    """Do ``shifted``, by f^power, and ``log_evidence``, by f; return what both return."""
-    evidence = log_evidence(log_weights, log_likelihoods, most)
-    if power < 1.0:
-        factor = np.zeros(log_likelihoods.size)
-        if power > 0.0:
-            factor[:] = power * log_likelihoods
-        return shifted(log_weights, factor, out), evidence
-    return shifted(log_weights, log_likelihoods, out), evidence
 
 
 def log_sum_exp(log_weights: LogWeights) -> float:
@@ -210,28 +171,6 @@ def pointed_at(weights: Floats, pointers: Floats) -> Indices:
             reached += weights[particle]
         out[k] = particle
     return out
-
-
-@compiled
-def searched(cumulative: Floats, pointers: Floats, out: Indices) -> None:
-    """Fill in the first particle whose cumulative weight is above each pointer, in any order.
-
-    By an index table (Chen & Asau 1974); pointers are in [0, cumulative[-1]].
-    """
-    n = cumulative.size
-    per_weight = n / cumulative[-1]
-    table = np.full(n + 2, n - 1)
-    filled = 0
-    for i in range(n):
-        slot = int(cumulative[i] * per_weight)  # computed as for pointers: monotone
-        while filled <= slot:
-            table[filled] = i
-            filled += 1
-    for k in range(pointers.size):
-        i = table[int(pointers[k] * per_weight)]
-        while i < n - 1 and cumulative[i] <= pointers[k]:
-            i += 1
-        out[k] = i
 
 
 Scheme = Callable[[Weights, np.random.Generator], Indices]

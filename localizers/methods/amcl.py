@@ -25,7 +25,7 @@ from localizers.inference.bayes_filter import (
 from localizers.inference.belief import ParticleBelief, Queue
 from localizers.inference.loss_detector import Averages, LossDetector
 from localizers.inference.particle_filter import MAX_PARTICLES
-from localizers.inference.particles import BeamFilter, KldSampling, searched
+from localizers.inference.particles import BeamFilter, KldSampling
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, composed_increment, moved
 from localizers.models.nav2_scan import (
     BeamCubes,
@@ -163,8 +163,7 @@ class AdaptiveLocalizer:
         cumulative = np.cumsum(belief.weights)
         pointers = now.rng.random(self.kld.most) * cumulative[-1]
         anywhere = now.rng.random(self.kld.most) < share
-        chosen = np.empty(pointers.size, np.intp)
-        searched(cumulative, pointers, chosen)
+        chosen = np.searchsorted(cumulative, pointers, side="right").clip(max=cumulative.size - 1)
         drawn = belief.present.take(chosen, axis=1)
         if count := int(np.count_nonzero(anywhere)):
             drawn[:, anywhere] = random_poses(self.robot.floor_plan, count, now.rng)

@@ -27,8 +27,6 @@ _BLOCK = 8192  # poses per block: their exact ranges fit the processor's cache
 _FIRST = 25.0, 0.2  # px (scaled to the map's unit), rad: first steps of the matcher
 _HALVINGS = 6  # of these steps until a pose is matched
 _MOST = 60  # steps of the matcher
-# Ahead, left and turn of a pose's neighbours, in steps.
-_AROUND = np.vstack([np.eye(3), -np.eye(3)])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,33 +63,24 @@ class Matching:
 
     def __call__(self, states: States, scan: Scan) -> tuple[Singles, Floats]:
         """Return poses (3, n), each matched by itself, and their errors, (n,), none grown."""
-        best = np.array(states, np.float32, order="C")  # a copy
-        error = self.error(best, scan)
-        n = best.shape[1]
-        size = np.ones(n)
-        for _ in range(_MOST):
-            going = np.flatnonzero(size >= 0.5**_HALVINGS)
-            if going.size == 0:
-                break
-            tried = self._neighbours(best[:, going], size[going])  # (3, 6, m)
-            found = self.error(tried.reshape(3, -1), scan).reshape(len(_AROUND), -1)
-            chosen = found.argmin(axis=0)
-            least = found[chosen, np.arange(going.size)]
-            better = least < error[going]
-            moved = going[better]
-            best[:, moved] = tried[:, chosen[better], np.flatnonzero(better)]
-            error[moved] = least[better]
-            size[going[~better]] /= 2.0
-        return best, error
+        poses, error = arrays.compass_search(
+            lambda poses: self.error(poses.T, scan),
+            np.array(states, np.float32).T,
+            (self.first, self.first, self.turn),
+            halvings=_HALVINGS,
+            most=_MOST,
+            moved=_moved,
+        )
+        return np.ascontiguousarray(poses.T), error
 
-    def _neighbours(self, states: Singles, size: Floats) -> Singles:
-        ahead, left, turn = (
-            _AROUND[:, :, None] * np.array([self.first, self.first, self.turn])[:, None] * size
-        ).swapaxes(0, 1)  # (6, m) each
-        x, y, heading = np.asarray(states, np.float64)[:, None]
-        cosine, sine = arrays.cos(heading), arrays.sin(heading)
-        around = [x + ahead * cosine - left * sine, y + ahead * sine + left * cosine]
-        return np.array([*around, heading + turn], np.float32)
+
+def _moved(poses: Singles, steps: Floats) -> Singles:
+    """Return poses (n, 3) after steps ahead, to the left, and a turn, (n, 3); not wrapped."""
+    x, y, heading = np.asarray(poses, np.float64).T
+    ahead, left, turn = steps.T
+    cosine, sine = arrays.cos(heading), arrays.sin(heading)
+    moved = [x + ahead * cosine - left * sine, y + ahead * sine + left * cosine, heading + turn]
+    return np.array(moved, np.float32).T
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -216,7 +216,6 @@ class KalmanFilter:
 
     motion: OdometryMotion
     scan: LidarScan
-    beam: Any  # has ``hit_moments``: mean and variance of a beam that hits the expected wall
     gate: float  # the largest ν² / S of a beam that is used
     detector: LossDetector
 
@@ -253,7 +252,8 @@ class KalmanFilter:
         shifts = np.vstack([np.zeros(3), np.diag(steps), -np.diag(steps)])
         seen = lidar.ranges(floor_plan, (mean + shifts).T, scan.usable)
         predicted = np.isfinite(seen).all(axis=0)
-        expected, variances = self.beam.hit_moments(
+        beam: Any = self.scan.beam  # has the mean and variance of one that hits the expected wall
+        expected, variances = beam.hit_moments(
             seen[:, predicted].astype(np.float64), lidar.max_range
         )
         slopes = (expected[1:4] - expected[4:7]) / (2 * steps[:, None])
@@ -288,7 +288,6 @@ def ekf(
     kalman = KalmanFilter(
         motion=odometry(robot.motion, "ekf"),
         scan=scan,
-        beam=robot.scan,
         gate=bound,
         detector=LossDetector.of(scan, robot.floor_plan),
     )

@@ -17,11 +17,11 @@ from localizers.inference.hedge import Hedge, predictive
 from localizers.inference.loss_detector import LossDetector, Recovery
 from localizers.inference.particle_filter import InformedStart, Injection, ParticleFilter
 from localizers.inference.particles import SCHEMES, Feasibility, Resampling
-from localizers.models.feasibility import CostImage, CostMap, FreeSpace, Inflation, PlanSensor
+from localizers.models.feasibility import CostMap, FreeSpace, PlanSensor
 from localizers.models.prior import UniformPrior
 from localizers.models.robot import RobotModel
 
-ON_THE_MAP = ("inflation_radius", "cost_scaling_factor", "cost_map")  # what a step costs
+ON_THE_MAP = ("inflation_radius", "cost_scaling_factor")  # what a step costs
 FOR_THE_LOST = (
     "plan_beta",
     "start_draws",
@@ -52,9 +52,6 @@ class Shared:
     ] = None
     cost_scaling_factor: Annotated[
         float | None, "how fast that charge falls, per length, 0 or more; None: Nav2's 10 / m"
-    ] = None
-    cost_map: Annotated[
-        str | None, "instead, a file with the cost of each cell: a map's .yaml or an image"
     ] = None
     beam_filter: Annotated[str, "which beams are left out: none, distance or entropy"] = "none"
     resampler: Annotated[str, "systematic, stratified or multinomial"] = "systematic"
@@ -99,11 +96,6 @@ class Shared:
                 f"cost_scaling_factor is {shown(self.cost_scaling_factor)}, but it is used only "
                 "with an inflation_radius: give one, or leave cost_scaling_factor out."
             )
-        if self.cost_map is not None and self.inflation_radius is not None:
-            raise InputError(
-                "cost_map and inflation_radius are both given, but each says what a step costs: "
-                "give one of them."
-            )
 
     @property
     def resampling(self) -> Resampling:
@@ -115,19 +107,15 @@ class Shared:
         """What a step is charged."""
         floor_plan, radius = robot.floor_plan, robot.radius
         beta = robot.beta if self.beta is None else self.beta
-        cost: CostImage | Inflation
-        if self.cost_map is not None:
-            cost = CostImage.load(self.cost_map, floor_plan, radius)
-        elif self.inflation_radius is not None:
-            cost = Inflation(
-                floor_plan=floor_plan,
-                radius=radius,
-                inflation_radius=self.inflation_radius,
-                cost_scaling_factor=self.cost_scaling_factor,
-            )
-        else:
+        if self.inflation_radius is None:
             return FreeSpace(floor_plan=floor_plan, radius=radius, beta=beta)
-        return CostMap(floor_plan=floor_plan, radius=radius, cost=cost, beta=beta)
+        return CostMap(
+            floor_plan=floor_plan,
+            radius=radius,
+            inflation_radius=self.inflation_radius,
+            cost_scaling_factor=self.cost_scaling_factor,
+            beta=beta,
+        )
 
     def sensor(self, robot: RobotModel) -> PlanSensor:
         """The sensor model of plans."""
@@ -214,7 +202,7 @@ def mcl_map(robot: RobotModel, shared: Shared) -> ParticleFilter:
     """Return MCL whose steps are charged exp(-``beta``) if they collide: the paper's eq. (1).
 
     p(x_t | x_{t-1}, a_t, m) ≈ p(x_t | x_{t-1}, a_t) p(x_t | m); Thrun et al. 2005, section 5.5; Oh
-    et al. 2004. With an ``inflation_radius`` or a ``cost_map`` also for where they end. It reads
+    et al. 2004. With an ``inflation_radius`` also for where they end. It reads
     plans only to choose poses, with ``start_draws`` of 2 or more.
     """
     return replace(

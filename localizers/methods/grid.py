@@ -22,10 +22,9 @@ from localizers.inference.bayes_filter import FilterLocalizer
 from localizers.inference.belief import Events
 from localizers.inference.loss_detector import LossDetector
 from localizers.inference.particles import pointed_at
-from localizers.models.beams import normal_pdf
 from localizers.models.motion import OdometryMotion, distance_and_bearing, increments, odometry
 from localizers.models.robot import RobotModel
-from localizers.models.scan import LidarScan, Scan, ScanTable
+from localizers.models.scan import LidarScan, Scan, ScanTable, normal_pdf
 
 EMPTY_CELL = 1e-140  # of less: below the normal numbers arithmetic takes 100 times as long
 _MAX_BYTES = 2**30

@@ -5,22 +5,18 @@ or cost map": ``FreeSpace`` or ``CostMap``, where a step costs more the nearer t
 (nav2_costmap_2d, inflation_layer). p(π_t | x_t, m) is its product over the steps of a plan.
 """
 
-import os
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, final
+from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from deqmcl_gym.maps import GridMap, Map
-from deqmcl_gym.maps.grid_file import image_with_place
+from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import PIXELS, pixel
 from deqmcl_gym.numerics import Floats, Ints, Singles, arrays
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.numerics.elementary import cos64, sin64
 from deqmcl_gym.validation import InputError, number
-from localizers.models.motion import ChargedDrives, OdometryMotion, increments
+from localizers.models.motion import increments
 
 
 @final
@@ -43,14 +39,6 @@ class FreeSpace:
         """-β for each step that collides, else 0, (n,)."""
         collides = self.floor_plan.collides(before.T, after.T, self.radius)
         return np.where(collides, -self.beta, 0.0)
-
-    def walk(self, motion: object) -> ChargedDrives | None:
-        """Return whole roll-outs of an ``OdometryMotion`` in one pass; None for other motions."""
-        if not isinstance(motion, OdometryMotion):
-            return None
-        return ChargedDrives(
-            motion=motion, floor_plan=self.floor_plan, radius=self.radius, beta=self.beta
-        )
 
 
 @final
@@ -85,15 +73,8 @@ class PlanSensor:
 
 def charges(beta: float, collisions: Ints) -> Floats:
     """Return -β C of each C, (n,); 0 where C is 0, even if β is infinite."""
-    found = np.empty(collisions.size)
-    _charge(beta, collisions, found)
-    return found
-
-
-@compiled
-def _charge(beta: float, collisions: Ints, out: Floats) -> None:
-    for i in range(out.size):
-        out[i] = -beta * collisions[i] if collisions[i] > 0 else 0.0
+    charge = np.zeros(collisions.size)
+    return np.multiply(collisions, -beta, out=charge, where=collisions > 0)
 
 
 def plan_path(plan: Floats) -> Singles:
@@ -116,8 +97,6 @@ def _drive_on(moves: Floats, out: Singles) -> None:
         out[k + 1, 0], out[k + 1, 1] = x, y
 
 
-INSCRIBED, NO_INFORMATION = 253, 255  # values of nav2_msgs/Costmap from which on a robot collides
-_BLOCK = 2**16  # cells tested at a time
 _OF_METRE = 10.0  # cost_scaling_factor, Nav2's default
 
 
@@ -126,40 +105,20 @@ _OF_METRE = 10.0  # cost_scaling_factor, Nav2's default
 class CostMap:
     """Log g = -β cost: 1 if the step x' → x collides, as in ``FreeSpace``, else the cost at x.
 
-    A step is charged for where it ends, not for its way: a way is charged by the states along it,
-    each once. β ≥ 0; at inf every step that costs anything is rejected.
-    """
-
-    floor_plan: Map
-    radius: float
-    cost: "Inflation | CostImage"
-    beta: float = 10.0
-
-    def __post_init__(self) -> None:
-        number("beta", self.beta, low=0, finite=False)
-
-    def log_g(self, before: Singles, after: Singles) -> Floats:
-        """-β cost of each step, (n,)."""
-        collides = self.floor_plan.collides(before.T, after.T, self.radius)
-        cost = np.where(collides, 1.0, self.cost.at(after))
-        charge = np.zeros(cost.size)
-        return np.multiply(cost, -self.beta, out=charge, where=cost > 0.0)  # -inf · 0 is no charge
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class Inflation:
-    """exp(-cost_scaling_factor (d - radius)) up to d = inflation_radius from a wall, 0 beyond.
-
-    d is the exact distance of the robot's centre from the nearest wall; Nav2 takes that of cells.
+    That is exp(-cost_scaling_factor (d - radius)) up to d = inflation_radius from a wall, 0 beyond,
+    d the exact distance of the robot's centre; Nav2 takes that of cells. A step is charged for
+    where it ends, not for its way: a way is charged by the states along it, each once. β ≥ 0; at
+    inf every step that costs anything is rejected.
     """
 
     floor_plan: Map
     radius: float  # of the robot's disc, Nav2's inscribed radius
     inflation_radius: float  # at least ``radius``; equal, nothing but a collision costs
     cost_scaling_factor: float | None = None  # per unit of length; None is Nav2's 10 / m, 0.2 / px
+    beta: float = 10.0
 
     def __post_init__(self) -> None:
+        number("beta", self.beta, low=0, finite=False)
         unit = self.floor_plan.unit
         if self.cost_scaling_factor is not None:
             number("cost_scaling_factor", self.cost_scaling_factor, low=0)
@@ -177,105 +136,13 @@ class Inflation:
             return _OF_METRE * PIXELS["m"] / pixel(self.floor_plan.unit)
         return self.cost_scaling_factor
 
-    def at(self, points: Singles) -> Floats:
-        """Cost from 0 (none) to 1 (as a collision) at points, rows x, y, (2+, n); (n,)."""
-        distance = self.floor_plan.distance(points[:2].T).astype(np.float64)
+    def log_g(self, before: Singles, after: Singles) -> Floats:
+        """-β cost of each step, (n,)."""
+        collides = self.floor_plan.collides(before.T, after.T, self.radius)
+        distance = self.floor_plan.distance(after[:2].T).astype(np.float64)
         beyond = np.maximum(distance - self.radius, 0.0)
-        cost = arrays.exp(-self.falloff * beyond)
         near = (distance > self.radius) & (distance <= self.inflation_radius)
-        return np.where(near, cost, 0.0)
-
-
-@final
-@dataclass(frozen=True, kw_only=True)
-class CostImage:
-    """The costs of square cells, each of its whole square; 0 off the image."""
-
-    costs: Floats  # 0 to 1, the lowest row first, (rows, columns)
-    resolution: float  # edge of a cell, in the map's unit
-    origin: tuple[float, float, float]  # pose of the first cell's lower left corner
-
-    @classmethod
-    def load(cls, path: str, floor_plan: Map, radius: float) -> "CostImage":
-        """Read a cost map: an image, or a yaml file of a map that names one.
-
-        Of the yaml file, ``resolution`` and ``origin`` count, in the map's unit; an image alone has
-        the cells of the floor plan. Values are those of nav2_msgs/Costmap: 0 free, to 252; from 253
-        on the robot collides; 255 no information, no cost. With ``mode: raw`` they are those of the
-        published nav_msgs/OccupancyGrid: 0 to 98, from 99 on it collides, else no information.
-        """
-        if not isinstance(path, str | os.PathLike):
-            raise InputError(f"cost_map is {path!r}, but must be the path of an image or a yaml.")
-        try:
-            pixels, place = image_with_place(path)
-        except InputError as error:
-            raise InputError(f"cost_map: {error}") from None
-        if pixels.dtype != np.uint8 or pixels.shape[2] != 1:
-            raise InputError(
-                f"the cost map {path} has {pixels.shape[2]} channels of {pixels.dtype}, but must "
-                "be an image of one channel of 8 bits (PGM, or a grey PNG)."
-            )
-        costs = _costs(pixels[::-1, :, 0], of_grid=place.get("mode") == "raw")
-        grid = floor_plan if isinstance(floor_plan, GridMap) else None
-        if place:
-            image = cls(costs=costs, resolution=place["resolution"], origin=place["origin"])
-        elif grid is not None and grid.occupancy.shape == costs.shape:
-            image = cls(costs=costs, resolution=grid.resolution, origin=grid.origin)
-        else:
-            has = "has no cells" if grid is None else f"has {_size(grid.occupancy)}"
-            raise InputError(
-                f"the cost map {path} has {_size(costs)} cells, but the floor plan {has}: give a "
-                "yaml file that names this image and says resolution and origin, as a map's does."
-            )
-        image._refuse_elsewhere(path, floor_plan, radius)
-        return image
-
-    def at(self, points: Singles) -> Floats:
-        """Cost from 0 (none) to 1 (as a collision) at points, rows x, y, (2+, n); (n,)."""
-        x0, y0, cosine, sine = self._frame
-        x, y = points[0].astype(np.float64) - x0, points[1].astype(np.float64) - y0
-        columns = np.floor((cosine * x + sine * y) / self.resolution)
-        rows = np.floor((cosine * y - sine * x) / self.resolution)
-        height, width = self.costs.shape
-        on = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-        cost = np.zeros(x.size)
-        cost[on] = self.costs[rows[on].astype(np.intp), columns[on].astype(np.intp)]
-        return cost
-
-    @cached_property
-    def _frame(self) -> tuple[float, float, float, float]:
-        x0, y0, yaw = self.origin
-        return x0, y0, float(arrays.cos([yaw])[0]), float(arrays.sin([yaw])[0])
-
-    def _refuse_elsewhere(self, path: str, floor_plan: Map, radius: float) -> None:
-        """Refuse an image on which the robot can stand nowhere: on a map, white is free."""
-        x0, y0, cosine, sine = self._frame
-        cells = np.flatnonzero(self.costs < 1.0)
-        for first in range(0, cells.size, _BLOCK):
-            rows, columns = np.divmod(cells[first : first + _BLOCK], self.costs.shape[1])
-            u, v = (columns + 0.5) * self.resolution, (rows + 0.5) * self.resolution
-            centres = np.column_stack([x0 + cosine * u - sine * v, y0 + sine * u + cosine * v])
-            if floor_plan.free(centres, radius).any():
-                return
-        raise InputError(
-            f"the cost map {path} has no cell below {INSCRIBED} where the robot is clear of the "
-            "walls: it lies elsewhere, or is an occupancy map, on which 0 is occupied and not free."
-        )
-
-
-def _size(cells: NDArray[Any]) -> str:
-    rows, columns = cells.shape
-    return f"{columns}x{rows}"
-
-
-def _costs(values: NDArray[np.uint8], *, of_grid: bool) -> Floats:
-    """Return the cost of each value of an image."""
-    value = np.arange(256.0)
-    if of_grid:  # as Costmap2DPublisher translates: 1 + 97 (cost - 1) / 251
-        cost = np.where(value > 0, 1 + (value - 1) * 251 / 97, 0.0)
-        cost[99:101], cost[101:] = INSCRIBED, NO_INFORMATION
-    else:
-        cost = value
-    share = np.minimum(cost / (INSCRIBED - 1), 1.0)
-    share[cost == NO_INFORMATION] = 0.0
-    return share[values]
+        cost = np.where(near, arrays.exp(-self.falloff * beyond), 0.0)
+        cost[collides] = 1.0
+        charge = np.zeros(cost.size)
+        return np.multiply(cost, -self.beta, out=charge, where=cost > 0.0)  # -inf · 0 is no charge

@@ -225,7 +225,7 @@ class ChargedDrives:
     def __call__(
         self, states: Singles, actions: Floats, rng: np.random.Generator, *, keep: bool
     ) -> tuple[Callable[[Indices], list[Singles]], Floats]:
-        """Draw one path of poses from each of ``states``, see ``Walk``; those kept are redrawn."""
+        """Draw one path from each of ``states``, see ``Rollout``; those kept are redrawn."""
         (_, n), steps = states.shape, len(actions)
         block = max(1, _DRAWS // (2 * n))
         uniforms = np.empty((steps if keep else min(block, steps), n))

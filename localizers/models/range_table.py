@@ -15,8 +15,7 @@ from deqmcl_gym.maps.map import LENGTH
 from deqmcl_gym.numerics import Floats, Reals, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.validation import number
-from localizers.models.beams import BeamDensity
-from localizers.models.scan import Scan, log_outside
+from localizers.models.scan import BeamDensity, Scan, log_outside
 
 Codes = NDArray[np.uint8]  # of ranges, in steps; the last is of readings at the largest range, …
 _LAST = 255  # … or of cells without free ground

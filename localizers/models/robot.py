@@ -8,10 +8,16 @@ from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.map import LENGTH, pixel
 from deqmcl_gym.validation import InputError, number, shown
 from localizers.api import Motion
-from localizers.models.beams import METRE_SIGMA, BeamDensity, GaussianUniform
 from localizers.models.motion import OdometryMotion
 from localizers.models.nav2_motion import unknown_motion
-from localizers.models.scan import LidarScan, ScanModel, ScanSource
+from localizers.models.scan import (
+    METRE_SIGMA,
+    BeamDensity,
+    GaussianUniform,
+    LidarScan,
+    ScanModel,
+    ScanSource,
+)
 
 _COARSEST = 0.1  # px: the largest spacing of float32 poses that is allowed
 

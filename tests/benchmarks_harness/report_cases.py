@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from msgspec.structs import replace as changed
 
-from benchmarks.report import animations
-from benchmarks.report.writing import write_report
+from benchmarks.report import films
+from benchmarks.report.page import write_report
 from benchmarks.setup.overrides import Overrides
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.results import Failure, Results
@@ -116,8 +116,8 @@ def lines_of(table):
 def written(out, given, laps=()):
     """Write the report of results, with these animations (whose pictures they have)."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(animations, "films_of", lambda panel: [*laps])
-        patch.setattr(animations, "filmed", copy.copy)  # they have their pictures
+        patch.setattr(films, "films_of", lambda panel: [*laps])
+        patch.setattr(films, "filmed", copy.copy)  # they have their pictures
         return write_report(out, given)
 
 

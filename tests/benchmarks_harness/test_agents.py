@@ -7,7 +7,7 @@ from refusals import refused
 from report_cases import results, trials
 
 from benchmarks.agents import AGENTS
-from benchmarks.checks import check_agent
+from benchmarks.checks import check
 from benchmarks.report.verdict import conclusion
 from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.overrides import Named
@@ -137,7 +137,7 @@ def test_parameters_that_an_agent_does_not_take_are_refused(agent, named):
 
 @pytest.mark.parametrize("name", AGENTS)
 def test_our_agents_keep_all_laws(name):
-    assert check_agent(name).failed == ()
+    assert check("agents", name).failed == ()
 
 
 BAD = AGENT.replace("        return np.array", "        {}\n        return np.array")
@@ -155,5 +155,5 @@ BAD = AGENT.replace("        return np.array", "        {}\n        return np.ar
 )
 def test_each_law_is_broken_by_an_agent(tmp_path, law, code):
     (tmp_path / "mine.py").write_text(BAD.format(code))
-    failed = [verdict.law for verdict in check_agent(f"{tmp_path}/mine.py").failed]
+    failed = [verdict.law for verdict in check("agents", f"{tmp_path}/mine.py").failed]
     assert law in failed

@@ -11,9 +11,8 @@ from fake_episode import FakeBelief
 from report_cases import finished, panel_of
 
 from benchmarks.execution.processes import Processes
-from benchmarks.pictures.film import Camera, Film, way_of_plan
-from benchmarks.report import animations
-from benchmarks.report.animations import Animation, films_of
+from benchmarks.report import films
+from benchmarks.report.films import Animation, Camera, Film, films_of, way_of_plan
 from benchmarks.trials.attempt import key_of
 from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Trial
@@ -120,7 +119,7 @@ def test_an_animation_shows_the_whole_way_of_each_method_side_by_side():
     same = Trial(scenario="paper", localizer="mcl", params=(), lag=1, seed=0, trial=0)
     lap = lap_of(same, replace(same, localizer="dead-reckoning"))
     with Processes(1) as pool:
-        drawn = pool.submit(animations.filmed, lap).result()
+        drawn = pool.submit(films.filmed, lap).result()
     animation = PIL.Image.open(io.BytesIO(drawn.webp))
     assert animation.n_frames == 204 // 8 + 1 + 1  # and the whole way
     assert animation.width > 2 * 350  # side by side
@@ -131,4 +130,4 @@ def test_a_hedge_is_animated_beside_a_method_that_sees_no_plan():
         scenario="guided", localizer="mcl", params={"particles": 20}, lag=0, seed=0, trial=0
     )
     lap = lap_of(same, replace(same, localizer="mcl-plan-hedged"))
-    assert animations.filmed(lap).webp.startswith(b"RIFF")
+    assert films.filmed(lap).webp.startswith(b"RIFF")

@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 from report_cases import THREE, changed, finished, panel_of, panels_of, trials
 from test_journey_tables import run
 
-from benchmarks.pictures import styled
 from benchmarks.report import charts
-from benchmarks.report.charts import STYLE, Chart, line
-from benchmarks.report.swept import swept_charts
+from benchmarks.report.charts import Chart, line, styled, swept_charts
 from benchmarks.setup.overrides import Overrides
 from benchmarks.tables.frames import errors_by_offset
 from benchmarks.tables.stats import wilson
@@ -24,7 +22,7 @@ NAMES = ("points", "offset")
 
 @pytest.fixture(autouse=True)
 def style():
-    with styled(STYLE):
+    with styled():
         yield
 
 

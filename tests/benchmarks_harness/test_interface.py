@@ -7,7 +7,7 @@ from deqmcl_command import exit_code, python, stored
 
 import benchmarks
 import localizers
-from benchmarks.report import writing
+from benchmarks.report import page
 from benchmarks.sweeps.design import Sweep
 from deqmcl_gym.validation import InputError
 from localizers import PoseBelief
@@ -37,7 +37,7 @@ def results():
 
 
 def test_the_tables_are_those_of_the_command(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(writing, "no_report", lambda: "it is left out")
+    monkeypatch.setattr(page, "no_report", lambda: "it is left out")
     file, out = tmp_path / "small.toml", tmp_path / "out"
     file.write_text(
         'scenario = "paper"\nlocalizers = ["mcl", "deq-mcl"]\ntrials = 2\nlag = 4\n'

@@ -20,8 +20,8 @@ from report_cases import (
 )
 from test_store import TRIAL, record_of
 
-from benchmarks.report.animations import films_of
 from benchmarks.report.charts import journey_charts
+from benchmarks.report.films import films_of
 from benchmarks.report.tables import glance_table, journey_table, verdict_table
 from benchmarks.report.verdict import verdict_on
 from benchmarks.sweeps.store import writing

@@ -14,8 +14,8 @@ from hall import recorded_in_a_hall
 from mcap.reader import make_reader
 from refusals import refused
 
-from benchmarks.pictures.film import way_of_plan
-from benchmarks.pictures.messages import check_file, showing, shown_again
+from benchmarks.report.films import way_of_plan
+from benchmarks.report.messages import check_file, showing, shown_again
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs

@@ -20,8 +20,9 @@ from report_cases import (
     written,
 )
 
-from benchmarks.report import animations, tables, writing
-from benchmarks.report.animations import Animation
+from benchmarks.report import films, tables
+from benchmarks.report.films import Animation
+from benchmarks.report.page import require_report, write_report
 
 NASTY = "ValueError: <script>alert(1)</script> | `weights` are NaN"
 TITLE = "Sweep <i>& more"
@@ -146,7 +147,7 @@ def test_the_same_results_give_the_same_bytes(report, given, tmp_path):
 
 
 def test_trials_of_other_code_are_not_run_again_which_costs_their_animation_only(tmp_path):
-    writing.write_report(tmp_path, results(trials("gone.py:Gone", [1.0, 1.0])))
+    write_report(tmp_path, results(trials("gone.py:Gone", [1.0, 1.0])))
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "No animation: code, libraries or a plug-in were changed since" in page
 
@@ -156,20 +157,20 @@ def test_a_report_that_is_written_anew_has_the_animations_of_the_folder_and_runs
 ):
     out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
     written(out, given, [LAP])
-    monkeypatch.setattr(animations, "films_of", lambda panel: [LAP])
-    monkeypatch.setattr(animations, "filmed", None)
-    files = writing.write_report(elsewhere, given, draw=False, of=out)
+    monkeypatch.setattr(films, "films_of", lambda panel: [LAP])
+    monkeypatch.setattr(films, "filmed", None)
+    files = write_report(elsewhere, given, draw=False, of=out)
     for path in files:
         assert path.read_bytes() == (out / path.relative_to(elsewhere)).read_bytes()
     (out / "images" / "lap-1-best-0.png").unlink()
-    writing.write_report(elsewhere, given, draw=False, of=out)
+    write_report(elsewhere, given, draw=False, of=out)
     page = (elsewhere / "report.html").read_text(encoding="utf-8")
     assert "No animation: the folder has none of these worlds" in page
 
 
 def test_a_report_is_written_whatever_the_words_of_its_command_are(tmp_path):
     words = ["deqmcl", "d\udce9", "a b", "new\nline", "it's", "```"]
-    writing.write_report(tmp_path, replace(results([]), command=words))
+    write_report(tmp_path, replace(results([]), command=words))
     expected = r"""deqmcl $'d\xe9' 'a b' $'new\x0aline' 'it'"'"'s' '```'"""
     page = unescape((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert f"<pre>{expected}</pre>" in page
@@ -179,17 +180,17 @@ def test_a_report_is_written_whatever_the_words_of_its_command_are(tmp_path):
 
 
 def test_no_finished_trial_at_all_still_makes_a_report(tmp_path):
-    writing.write_report(tmp_path, results([], failures=[(trial_of("x", 0), "boom")], missing=3))
+    write_report(tmp_path, results([], failures=[(trial_of("x", 0), "boom")], missing=3))
     text = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "0 of 4 trials finished, 1 failed, 3 missing" in text
     assert "boom" in text
 
 
 def test_without_the_extra_the_tables_are_written_and_the_extra_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(writing, "find_spec", lambda name: None)
+    monkeypatch.setattr("benchmarks.report.page.find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"pip install 'deqmcl-gym\[report\]'"):
-        writing.require_report()
-    files = writing.write_report(tmp_path, results(paired(THREE)))
+        require_report()
+    files = write_report(tmp_path, results(paired(THREE)))
     assert {path.name for path in files} == TABLES
     assert {path.name for path in tmp_path.iterdir()} == TABLES
 

@@ -3,9 +3,9 @@
 import pytest
 from refusals import refused
 
-from benchmarks.checks import check_scan
+from benchmarks.checks import check
 from benchmarks.cli import main
-from localizers.models.beams import BEAM_MODELS
+from localizers.models.scan import BEAM_MODELS
 
 MODEL = """
 import numpy as np
@@ -26,7 +26,7 @@ class Model:
 
 @pytest.mark.parametrize("kind", BEAM_MODELS)
 def test_our_scan_models_keep_all_laws(kind):
-    assert check_scan(kind).failed == ()
+    assert check("scan models", kind).failed == ()
 
 
 @pytest.mark.parametrize(
@@ -43,7 +43,7 @@ def test_our_scan_models_keep_all_laws(kind):
 )
 def test_each_law_is_broken_by_a_scan_model(tmp_path, law, code):
     (tmp_path / "mine.py").write_text(MODEL.format(code))
-    failed = [verdict.law for verdict in check_scan(f"{tmp_path}/mine.py").failed]
+    failed = [verdict.law for verdict in check("scan models", f"{tmp_path}/mine.py").failed]
     assert law in failed
 
 
@@ -59,4 +59,4 @@ def test_the_command_tries_a_plug_in_and_tells_of_each_law(tmp_path, monkeypatch
 
 def test_a_scan_model_that_is_none_is_refused():
     with refused("unknown kind of scan 'beam'", "did you mean 'beam-model'"):
-        check_scan("beam")
+        check("scan models", "beam")

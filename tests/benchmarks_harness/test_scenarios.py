@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from benchmarks.pictures.film import camera_of
+from benchmarks.report.films import camera_of
 from benchmarks.setup.names import (
     make_agent,
     scenario,

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from report_cases import changed, finished
 
-from benchmarks.report.swept import starts_table
+from benchmarks.report.runs import starts_table
 from benchmarks.trials.collecting import WholeRun
 
 COLUMNS = ["runs", "localized", "metres_median", "steps_median"]

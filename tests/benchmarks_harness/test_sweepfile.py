@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from refusals import refused
 
-from benchmarks.setup.overrides import Overrides, located
+from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps.design import MOST_TRIALS
 from benchmarks.sweeps.running import check
 from benchmarks.sweeps.sweepfile import SUITES, read_sweep, sweep_named, with_localizers
 from benchmarks.tables.stats import least_worlds
-from benchmarks.trials.attempt import key_of, provenance_of
+from benchmarks.trials.attempt import provenance_of
 from deqmcl_gym.validation import InputError
 from localizers import absolute_name
 
@@ -239,23 +239,6 @@ def test_a_sweep_file_of_another_ending_is_told_how_it_must_end(tmp_path):
     for name in (f"{tmp_path}/mine.conf", "/dev/stdin"):
         with refused(f"is the file {name}", "must end in .toml"):
             sweep_named(name)
-
-
-def test_a_cost_map_is_found_beside_the_sweep_file_and_its_content_names_the_result(tmp_path):
-    (tmp_path / "costs.pgm").write_bytes(b"P5 1 1 255 0")
-    (tmp_path / "sweep.toml").write_text(
-        """
-        localizers = [{ name = "mcl-map", params = { cost_map = "costs.pgm" } }, "deq-mcl"]
-        [[vary]]
-        params.cost_map = ["costs.pgm"]
-        """
-    )
-    trials = read_sweep(tmp_path / "sweep.toml").distinct()
-    assert {trial.params["cost_map"] for trial in trials} == {"costs.pgm"}
-    assert {located(trial.params)["cost_map"] for trial in trials} == {str(tmp_path / "costs.pgm")}
-    keys = {key_of(trial) for trial in trials}
-    (tmp_path / "costs.pgm").write_bytes(b"P5 1 1 255 1")
-    assert not keys & {key_of(trial) for trial in trials}
 
 
 REPORTS = Path(__file__).parents[2] / "docs" / "reports"

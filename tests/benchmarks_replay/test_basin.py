@@ -8,7 +8,7 @@ import pytest
 from deqmcl_command import exit_code, lines
 from hall import recorded_in_a_hall, write_lap
 
-from benchmarks.report.swept import starts_table
+from benchmarks.report.runs import starts_table
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.results import results_in
 from benchmarks.trials.spec import Trial

@@ -1,26 +1,17 @@
-"""What is fitted to part of a log: beams, the power of scans, and what covariance is published.
+"""What is fitted to part of a log: the power of scans, and what covariance is published.
 
 And what follows from that power: how much a touch of the map's walls may cost.
 """
 
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from refusals import refused
 
-from benchmarks.robots.calibration import (
-    PART,
-    beams_of,
-    judged_after_part,
-    with_fitted_beams,
-    with_fitted_power,
-)
+from benchmarks.robots.calibration import PART, judged_after_part, with_fitted_power
 from benchmarks.robots.played import replay_of
 from benchmarks.robots.replaying import replay_sweep
-from benchmarks.setup.documents import settings
 from benchmarks.trials.attempt import attempt, key_of
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs
@@ -109,34 +100,6 @@ def test_without_enough_of_a_reference_the_power_stays(replay, folder):
     blind = replay_of(folder / "blind.npz", folder / "hall.yaml", **told)
     assert replace(with_fitted_power(blind), power="") == blind
     assert judged_after_part(blind) == blind
-
-
-def test_fitted_beams_are_those_that_made_the_log_and_are_told_as_they_can_be_given_again(folder):
-    """Short readings in a tenth of the beams; shares are right to √(z (1 - z) / k), σ to σ / √(2k).
-
-    At 5 standard errors; beyond the hall's walls nothing is seen, so the largest range is not.
-    """
-    rng, log = np.random.default_rng(3), recorded(0, laps=2)
-    people = rng.random(log.ranges.shape) < 0.1
-    ranges = np.where(people, log.ranges * rng.uniform(0.0, 0.9, people.shape), log.ranges)
-    logs.write(replace(log, ranges=ranges), folder / "people.npz")
-    replay = replay_of(folder / "people.npz", folder / "hall.yaml", settings=EVERY)
-    found = with_fitted_beams(replay)
-    beam, count = found.scenario.scan, math.ceil(PART * len(replay.log))
-    k = count * replay.log.scanner.beams
-    # a tenth of the hits' width on either side of a wall is in reach of what stands before it
-    assert beam.hit == pytest.approx(0.9, abs=5 * math.sqrt(0.09 / k) + 0.005)
-    assert beam.sigma == pytest.approx(0.03, rel=5 / math.sqrt(2 * 0.9 * k) + 0.02)
-    told = EVERY | settings(re.findall(r"--set (\S+)", found.beams))
-    again = replay_of(folder / "people.npz", folder / "hall.yaml", settings=told)
-    assert again.scenario.scan == beam
-    assert beams_of(replay.log, replay.scenario.recording()[1]).readings > 3 * k
-    powered = with_fitted_power(found)  # by the same part of the log
-    assert powered.scenario.scan == replace(beam, power=powered.scenario.scan.power)
-    with refused("--fit-beams is given with scan.decay, scan.hit"):
-        with_fitted_beams(again)
-    with refused("has no reference, from which beams could be fitted"):
-        beams_of(replace(replay.log, reference=None), replay.scenario.recording()[1])
 
 
 STRAY = [(32, 100)]  # a cell on the robot's way, 5 cm wide

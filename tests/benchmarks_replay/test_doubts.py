@@ -9,7 +9,7 @@ import pytest
 from deqmcl_command import exit_code
 from hall import recorded_in_a_hall, write_lap
 
-from benchmarks.robots.doubts import doubts_of
+from benchmarks.robots.calibration import doubts_of
 from benchmarks.robots.played import replay_of
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import dead_reckoned, increments_of

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from refusals import refused
 
-from benchmarks.robots.limits import LimitError, limits_of, within
+from benchmarks.report.runs import LimitError, limits_of, within
 
 TABLE = pd.DataFrame(
     {

@@ -11,13 +11,8 @@ from deqmcl_command import exit_code, lines, records, stored
 from hall import recorded_in_a_hall, write_lap
 
 import benchmarks
-from benchmarks.report.tracks import (
-    middle_run,
-    run_words,
-    runs_frame,
-    scores_by_localizer,
-    worst_run,
-)
+from benchmarks.report.runs import middle_run, runs_frame, scores_by_localizer, worst_run
+from benchmarks.report.tracks import run_words
 from benchmarks.robots import replaying as command
 from benchmarks.robots.played import replay_of
 from benchmarks.robots.replaying import methods_of
@@ -355,7 +350,6 @@ def test_the_worst_run_is_the_one_with_the_fewest_records_within_1_m_and_says_wh
         (("--set", "assumed.scan.power=0"), "scan.power"),
         (("--set", "world.log=x.csv"), "world.log is set beside the log that is given"),
         (("--set", "world.segment=5"), "here the whole log is played"),
-        (("--fit-beams",), "--fit-beams needs 100 records"),
         (("--seeds", "0"), "--seeds"),
         (("--set", "trials=3"), "unknown name of a setting on a log 'trials'"),
         (("--set", "params.mlc.beta=3"), "did you mean 'mcl'"),

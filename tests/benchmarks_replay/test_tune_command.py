@@ -16,14 +16,7 @@ from refusals import refused
 from benchmarks.robots.nav2 import nav2_document, read_nav2, usual_params
 from benchmarks.robots.played import replay_of
 from benchmarks.robots.search import GOALS, RUNS, Candidate, Tuning, cut
-from benchmarks.robots.space import (
-    Choice,
-    Range,
-    built_in,
-    latin_hypercube,
-    neighbour,
-    read_space,
-)
+from benchmarks.robots.space import Choice, Range, built_in, latin_hypercube, neighbour, read_space
 from benchmarks.robots.tuned import gain, segments_table
 from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps.sweepfile import read_sweep

@@ -10,10 +10,9 @@ from refusals import refused
 
 import deqmcl_gym  # noqa: F401
 from localizers.many import LocalizeVectorEnv
-from localizers.models.beams import CensoredGaussianUniform
 from localizers.models.prior import random_poses
 from localizers.models.range_table import RangeTable
-from localizers.models.scan import LidarScan, Scan
+from localizers.models.scan import CensoredGaussianUniform, LidarScan, Scan
 
 ID = "deqmcl_gym/Localize-v0"
 TASK = {

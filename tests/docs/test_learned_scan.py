@@ -12,7 +12,7 @@ from test_links import ROOT
 from training_data import recorded
 
 import localizers
-from benchmarks.checks import check_scan
+from benchmarks.checks import check
 from benchmarks.setup.names import scenario
 from localizers.registry import ScanPlugIn
 
@@ -69,7 +69,7 @@ def test_a_beam_does_not_depend_on_those_after_it(net):
 
 
 def test_it_keeps_the_laws_of_scan_models():
-    assert check_scan(MODEL).passed
+    assert check("scan models", MODEL).passed
 
 
 def test_a_map_in_pixels_or_another_lidar_is_refused():

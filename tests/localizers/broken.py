@@ -239,8 +239,8 @@ class ZeroLikelihood(MyLocalizer):
 
     def _log_likelihood(self, ranges):
         lidar = self.robot.lidar
-        expected = self.robot.floor_plan.ranges(self.cloud.T, lidar.bearings).astype(float)
-        likelihood = self.robot.scan.density(ranges, expected, lidar.max_range).prod(axis=1)
+        expected = self.robot.floor_plan.ranges(self.cloud.T, lidar.bearings)
+        likelihood = np.exp(self.robot.scan.log_likelihood(ranges, expected, lidar.max_range))
         if ranges.max() == 0 and likelihood.sum() == 0:
             raise ZeroDivisionError("the likelihoods add up to 0")
         with np.errstate(divide="ignore"):

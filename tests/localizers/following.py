@@ -32,6 +32,15 @@ def robot_of(
     return localizers.RobotModel(floor_plan=floor_plan, lidar=lidar, motion=motion, scan=scan)
 
 
+def density(beam: Any, ranges: Any, expected: Any, max_range: float) -> np.ndarray:
+    """Density of each range, (B,), at the end of the range mass, given each exact one, (n, B)."""
+    exact = np.asarray(expected, np.float32)
+    measured = np.asarray(ranges, float)
+    columns = [slice(k, k + 1) for k in range(measured.size)]
+    each = [beam.log_likelihood(measured[k], exact[:, k].copy(), max_range) for k in columns]
+    return np.exp(np.stack(each, axis=1))
+
+
 def small(name: str, particles: int) -> dict[str, float]:
     """Parameters that make a method quick: this many particles, a coarse grid."""
     if name == "cbgl":

@@ -7,7 +7,7 @@ number of particles, however it resamples; p(π_s | x_s) = 1 unless plans are ev
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise, product
 
@@ -93,19 +93,10 @@ class RingScan:
 @dataclass(frozen=True)
 class RingWalls:
     beta: float
+    costs: np.ndarray = field(default_factory=lambda: COLLIDES)  # of each step
 
     def log_g(self, before, after):
-        return np.where(COLLIDES[before[0], after[0]], -self.beta, 0.0)
-
-
-class RingMap:
-    """The map as ``CostMap`` asks it, and the costs on it."""
-
-    def collides(self, starts, ends, radius):
-        return COLLIDES[starts[:, 0], ends[:, 0]]
-
-    def at(self, points):
-        return COSTS[points[0]]
+        return -self.beta * self.costs[before[0], after[0]]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from following import robot_of, started, updated
 
 import localizers
 from deqmcl_gym.maps import GridMap, Lidar, PolygonMap
-from localizers.inference.particles import KldSampling, searched
+from localizers.inference.particles import KldSampling
 from localizers.methods.amcl import OMNI, WeightAverages, has_moved
 from localizers.models.nav2_motion import moved
 from localizers.models.scan import LidarScan, Scan
@@ -21,19 +21,6 @@ LOPSIDED = PolygonMap(
 # every step is an update, by the robot model's own motion and scan
 ALWAYS = {"update_min_d": 0.0, "update_min_a": 0.0}
 ROBOTS_OWN = {"laser_model_type": "robot", "robot_model_type": "robot", **ALWAYS}
-
-
-def test_draws_by_weight_fall_on_the_first_particle_whose_cumulative_weight_is_above():
-    rng = np.random.default_rng(0)
-    for n in (1, 2, 50, 1000):
-        weights = rng.random(n) ** 9 * (rng.random(n) < 0.5)
-        weights[n // 2] = 1.0
-        cumulative = np.cumsum(weights)
-        pointers = np.concatenate([rng.random(5000) * cumulative[-1], cumulative, [0.0]])
-        seen = np.empty(pointers.size, np.intp)
-        searched(cumulative, pointers, seen)
-        expected = np.searchsorted(cumulative, pointers, side="right")
-        assert seen.tolist() == np.minimum(expected, n - 1).tolist()
 
 
 @pytest.mark.parametrize("spread", [0.0, 1.0, 30.0, 300.0])

@@ -21,9 +21,8 @@ from ring import (
 )
 
 from localizers import DifferentialMotion, OdometryMotion, OmniMotion
-from localizers.inference.backward import backward, forward
+from localizers.inference.backward import GaussianMotion, backward, forward
 from localizers.inference.particles import Resampling, multinomial
-from localizers.models.gaussian_motion import GaussianMotion
 from localizers.models.scan import Scan
 
 ACTIONS = np.array(AS_PLANNED.executed, float)[:, None]

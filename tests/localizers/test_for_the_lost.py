@@ -25,7 +25,6 @@ from ring import (
 
 import localizers
 from deqmcl_gym.maps import GridMap
-from deqmcl_gym.validation import InputError
 from localizers.inference.loss_detector import Recovery
 from localizers.inference.particle_filter import Injection, is_new
 from localizers.inference.particles import power_that_keeps
@@ -53,12 +52,6 @@ def test_a_place_is_found_on_a_map_that_is_nearly_full(angle):
     assert full.free(even_poses(full, 128).T).all()
     with refused("none is free for a radius of 1.1"):
         random_poses(full, 50_000, RNG(0), 1.1)
-
-
-def test_dead_reckoning_has_no_use_for_it_and_says_so_in_a_sentence(robot):
-    anywhere = localizers.UniformPrior(floor_plan=robot.floor_plan)
-    with pytest.raises(InputError, match=r"^the prior is a UniformPrior without a mean, .{,120}$"):
-        localizers.make("dead-reckoning", robot).reset(anywhere, [], RNG(0))
 
 
 @settings(max_examples=200)

@@ -37,7 +37,6 @@ RNG = np.random.default_rng
         ("mcl", {"ess_threshold": 1.1}, "ess_threshold is 1.1, but must be a number from 0 to 1"),
         ("mcl-map", {"inflation_radius": 7}, "inflation_radius is 7 px, but must be at least"),
         ("mcl-map", {"cost_scaling_factor": 0.1}, "used only with an inflation_radius"),
-        ("mcl-map", {"cost_map": "a.pgm", "inflation_radius": 20}, "give one of them"),
         ("mcl-h", {}, "mcl-h is gone: use deq-mcl-fresh, which has its error."),
         ("deq-mcl-fresh", {"keep": 0.5}, "keep is 0.5, but it is used only with evidence = 'plan'"),
         ("deq-mcl-fresh", {"evidence": "x"}, "unknown evidence 'x': allowed values: future, plan."),

@@ -1,6 +1,8 @@
 """Looking ahead: what it changes and what it leaves alone; roll-outs bit by bit."""
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
 
@@ -10,7 +12,7 @@ from following import STILL, follow, same
 
 from deqmcl_gym.maps import Map
 from localizers import OdometryMotion
-from localizers.inference.futures import DrawnFuture, Rollout, StepByStep
+from localizers.inference.futures import DrawnFuture, Rollout
 from localizers.inference.hedge import hedged
 from localizers.models import motion
 from localizers.models.feasibility import FreeSpace
@@ -115,6 +117,13 @@ def cloud(n: int) -> np.ndarray:
     return RNG(1).uniform((-20, -20, -3), (370, 320, 3), (n, 3)).T.astype(np.float32).copy()
 
 
+@dataclass(frozen=True)
+class Asked:
+    """A feasibility that only tells of single steps."""
+
+    log_g: Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+
 @pytest.mark.parametrize("beta", [0.0, 0.1, 10.0, math.inf])
 @pytest.mark.parametrize(("n", "wide"), [(1, 2000), (63, 2000), (1500, 2000), (4000, 1500)])
 def test_a_walk_in_one_pass_has_the_bits_of_one_step_after_the_other(
@@ -124,13 +133,14 @@ def test_a_walk_in_one_pass_has_the_bits_of_one_step_after_the_other(
     monkeypatch.setattr(motion, "_WIDE", wide)  # and 4,000 driven in three parts
     walls = FreeSpace(floor_plan=room, radius=8.0, beta=beta)
     rngs = RNG(2), RNG(2)
-    paths, log_g = walls.walk(MOTION)(cloud(n), PLAN, rngs[0], keep=True)
-    plain_paths, plain_log_g = StepByStep(MOTION, walls)(cloud(n), PLAN, rngs[1], keep=True)
+    at_once, step_by_step = Rollout(MOTION, walls), Rollout(MOTION, Asked(walls.log_g))
+    paths, log_g = at_once(cloud(n), PLAN, rngs[0], keep=True)
+    plain_paths, plain_log_g = step_by_step(cloud(n), PLAN, rngs[1], keep=True)
     for asked in (np.arange(n), RNG(3).integers(0, n, 5)):
         assert np.array_equal(paths(asked), plain_paths(asked))
     assert log_g.tobytes() == plain_log_g.tobytes()
     assert rngs[0].bit_generator.state == rngs[1].bit_generator.state
-    none, alone = walls.walk(MOTION)(cloud(n), PLAN, RNG(2), keep=False)
+    none, alone = at_once(cloud(n), PLAN, RNG(2), keep=False)
     assert none(np.arange(n)) == []
     assert alone.tobytes() == log_g.tobytes()
 
@@ -145,7 +155,6 @@ def test_parts_of_ones_own_are_asked_step_by_step(room):
             return np.full(len(ends), True)
 
     walls = FreeSpace(floor_plan=room, radius=8.0)
-    assert walls.walk(Straight()) is None
     paths, _ = Rollout(Straight(), walls).futures(cloud(5), PLAN, 1, RNG(0))
     assert np.array_equal(paths(np.zeros(5, int))[-1], cloud(5))
     walls = FreeSpace(floor_plan=Solid(), radius=8.0, beta=2.0)

@@ -89,15 +89,6 @@ def test_the_evidence_is_that_of_evenly_spaced_particles(n):
         assert seen == pytest.approx(math.log(both.sum() / w.sum()), rel=1e-9)
 
 
-def test_the_short_cut_of_equal_weights_changes_no_bit():
-    likelihoods = np.random.default_rng(9).normal(size=101)
-    likelihoods[-1] = -math.inf
-    # a last particle of less weight turns it off; it adds exp(-800) = 0 to either sum
-    unlike = np.append(np.zeros(100), -800.0)
-    found = log_evidence(unlike, likelihoods, 256)
-    assert log_evidence(np.zeros(100), likelihoods[:-1], 256) == found
-
-
 def test_even_poses_cover_free_space_and_turns_evenly(room):
     poses = even_poses(room, 4000)
     assert room.free(poses.T).all()

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -38,73 +39,48 @@ ALWAYS, DEGENERATE = RESAMPLING
 CONDITIONS = [(ALWAYS, 2.0), (DEGENERATE, 1.0)]
 
 
-@pytest.mark.parametrize(
-    ("name", "strategy", "drive"),
-    [
-        ("mcl", DEGENERATE, "as planned"),
-        ("past", ALWAYS, "as planned"),
-        ("g", DEGENERATE, "as planned"),
-        ("g and past", ALWAYS, "as planned"),
-        ("deq", ALWAYS, "as planned"),
-        ("deq", DEGENERATE, "as planned"),
-        ("deq", ALWAYS, "everything"),
-        ("deq, 2 pilots", DEGENERATE, "everything"),
-        ("deq, 16 pilots", ALWAYS, "everything"),
-        ("fresh", ALWAYS, "as planned"),
-        ("fresh", DEGENERATE, "everything"),
-        ("fresh, one roll-out", ALWAYS, "everything"),
-    ],
-)
-def test_the_unnormalised_estimate_is_unbiased_for_gamma(name, strategy, drive):
-    ring = METHODS[name](1.0, resampling=RESAMPLING[strategy])
-    assert worst(z_scores(ring, DRIVES[drive], replicates=600)) < 5
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("strategy", "beta"), CONDITIONS)
-@pytest.mark.parametrize(
-    ("name", "drive"),
-    [
-        (name, drive)
-        for name in METHODS
-        for drive in DRIVES
-        if drive in ("as planned", "everything") or name.startswith("deq")
-    ],
-)
-def test_the_estimate_is_unbiased_for_gamma_at_10_000_replicates(name, drive, strategy, beta):
-    ring = METHODS[name](beta, resampling=RESAMPLING[strategy])
-    assert worst(z_scores(ring, DRIVES[drive], replicates=10_000)) < 5
+SLOW = [
+    pytest.param(10_000, name, strategy, drive, beta, marks=pytest.mark.slow)
+    for names, drives in ((METHODS, DRIVES), (PLANS, DRIVES | AUTHORS))
+    for name, drive in product(names, drives)
+    for strategy, beta in CONDITIONS
+    if drive in ("as planned", "everything") or name.startswith("deq") or name in PLANS
+]
 
 
 @pytest.mark.parametrize(
-    ("name", "strategy", "drive", "beta"),
+    ("replicates", "name", "strategy", "drive", "beta"),
     [
-        ("plans", ALWAYS, "as planned", 1.0),
-        ("plans", DEGENERATE, "anew", 2.0),
-        ("plans", ALWAYS, "stale", 2.0),
-        ("plans", DEGENERATE, "everything", 1.0),
-        ("plans, to their end", ALWAYS, "none at first", 1.0),
-        ("plans, when new", DEGENERATE, "as planned", 2.0),
-        ("plans, when new", ALWAYS, "queued step changes", 1.0),
-        ("start", ALWAYS, "stale", 2.0),
-        ("start, two draws", DEGENERATE, "anew", 1.0),
-        ("start and plans", ALWAYS, "anew", 1.0),
-        ("start and plans, when new", DEGENERATE, "as planned", 1.0),
-        ("start and plans, when new", ALWAYS, "anew", 1.0),
+        (600, "mcl", DEGENERATE, "as planned", 1.0),
+        (600, "past", ALWAYS, "as planned", 1.0),
+        (600, "g", DEGENERATE, "as planned", 1.0),
+        (600, "g and past", ALWAYS, "as planned", 1.0),
+        (600, "deq", ALWAYS, "as planned", 1.0),
+        (600, "deq", DEGENERATE, "as planned", 1.0),
+        (600, "deq", ALWAYS, "everything", 1.0),
+        (600, "deq, 2 pilots", DEGENERATE, "everything", 1.0),
+        (600, "deq, 16 pilots", ALWAYS, "everything", 1.0),
+        (600, "fresh", ALWAYS, "as planned", 1.0),
+        (600, "fresh", DEGENERATE, "everything", 1.0),
+        (600, "fresh, one roll-out", ALWAYS, "everything", 1.0),
+        (600, "plans", ALWAYS, "as planned", 1.0),
+        (600, "plans", DEGENERATE, "anew", 2.0),
+        (600, "plans", ALWAYS, "stale", 2.0),
+        (600, "plans", DEGENERATE, "everything", 1.0),
+        (600, "plans, to their end", ALWAYS, "none at first", 1.0),
+        (600, "plans, when new", DEGENERATE, "as planned", 2.0),
+        (600, "plans, when new", ALWAYS, "queued step changes", 1.0),
+        (600, "start", ALWAYS, "stale", 2.0),
+        (600, "start, two draws", DEGENERATE, "anew", 1.0),
+        (600, "start and plans", ALWAYS, "anew", 1.0),
+        (600, "start and plans, when new", DEGENERATE, "as planned", 1.0),
+        (600, "start and plans, when new", ALWAYS, "anew", 1.0),
+        *SLOW,
     ],
 )
-def test_with_plans_as_evidence_it_is_unbiased_too(name, strategy, drive, beta):
-    ring = PLANS[name](beta, resampling=RESAMPLING[strategy])
-    assert worst(z_scores(ring, (DRIVES | AUTHORS)[drive], replicates=600)) < 5
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("strategy", "beta"), CONDITIONS)
-@pytest.mark.parametrize("drive", DRIVES | AUTHORS)
-@pytest.mark.parametrize("name", PLANS)
-def test_with_plans_as_evidence_it_is_unbiased_at_10_000_replicates(name, drive, strategy, beta):
-    ring = PLANS[name](beta, resampling=RESAMPLING[strategy])
-    assert worst(z_scores(ring, (DRIVES | AUTHORS)[drive], replicates=10_000)) < 5
+def test_the_unnormalised_estimate_is_unbiased_for_gamma(replicates, name, strategy, drive, beta):
+    ring = (METHODS | PLANS)[name](beta, resampling=RESAMPLING[strategy])
+    assert worst(z_scores(ring, (DRIVES | AUTHORS)[drive], replicates)) < 5
 
 
 @pytest.mark.parametrize("ring", [deq(1.0), fresh(1.0)], ids=["deq", "fresh"])

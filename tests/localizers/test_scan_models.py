@@ -1,9 +1,11 @@
 """Scan models: a beam has its book's density, a scan is a product over the beams."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
+from following import density
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -66,8 +68,6 @@ def test_the_compiled_log_likelihood_is_the_sum_of_the_logs_of_the_formulas(mode
     # a density that has a floor, where z < 12. The logarithms are of some units, forty of them.
     seen = beam.log_likelihood(measured, expected, MAX)
     assert seen == pytest.approx(exact, rel=1e-12, abs=40 * 1e-13)
-    densities = beam.density(measured, expected.astype(float), MAX)
-    assert np.log(densities).sum(axis=1) == pytest.approx(exact, rel=1e-12, abs=40 * 1e-13)
 
 
 def test_without_a_uniform_share_what_cannot_be_has_no_likelihood_and_tails_keep_theirs():
@@ -81,13 +81,13 @@ def test_without_a_uniform_share_what_cannot_be_has_no_likelihood_and_tails_keep
 @pytest.mark.parametrize("model", [model() for model in ALL])
 def test_lengths_in_another_unit_are_the_same_model(model):
     measured, expected = np.array([0.0, 90.0, 399.0, 400.0]), np.array([[20, 100, 250, 500]])
-    in_px = model.density(measured, expected.astype(float), MAX)
-    in_m = scaled(model, 0.02).density(measured * 0.02, expected * 0.02, MAX * 0.02)
-    densities = 0.02 if isinstance(model, GaussianUniform) else np.array([[1, 0.02, 0.02, 1]])
+    in_px = density(model, measured, expected, MAX)
+    in_m = density(scaled(model, 0.015625), measured / 64, expected / 64, MAX / 64)
+    densities = 1 / 64 if isinstance(model, GaussianUniform) else np.array([[1, 1 / 64, 1 / 64, 1]])
     if not isinstance(model, BeamModel):  # its mass at the end stands beside a density
         assert in_m * densities == pytest.approx(in_px, rel=1e-12)
     else:
-        assert in_m[:, :3] * 0.02 == pytest.approx(in_px[:, :3], rel=1e-12)
+        assert in_m[:, :3] / 64 == pytest.approx(in_px[:, :3], rel=1e-12)
 
 
 @pytest.mark.parametrize("model", [model() for model in ALL])
@@ -107,8 +107,6 @@ def test_the_power_scales_the_log_likelihood_and_widens_what_a_beam_says(model, 
     ranges = np.append(rng.uniform(0, MAX, 6), MAX)
     whole = plain.log_likelihood(ranges, expected, MAX)
     np.testing.assert_array_equal(tempered.log_likelihood(ranges, expected, MAX), power * whole)
-    logs = np.log(tempered.density(ranges, expected.astype(np.float64), MAX)).sum(axis=1)
-    np.testing.assert_allclose(logs, power * whole, rtol=1e-6)
     assert tempered.least_density(MAX) == plain.least_density(MAX) ** power
     variances = [one.hit_moments(np.array([[50.0]]), MAX)[1].item() for one in (plain, tempered)]
     assert variances[1] == variances[0] / power
@@ -250,3 +248,49 @@ def test_where_any_measurement_is_possible_each_usable_beam_counts_minus_thirty(
     ranges = np.concatenate([np.full(used, 200.0), np.full(lost + 1, np.nan)])
     outside = np.array([[-9.0], [-9.0], [0.0]], np.float32)
     assert model.log_likelihood(outside, Scan.of(ranges, 400.0)).tolist() == [used * -30.0]
+
+
+OF_SHARES = [(0.05, 2.0), (0.5, 0.3), (0.2, 50.0)]
+
+
+def parts(model, ranges, expected):
+    """p_hit and p_any of each beam, (n, B) each."""
+    return [
+        density(CensoredGaussianUniform(sigma=model.sigma, uniform=share), ranges, expected, MAX)
+        for share in (0.0, 1.0)
+    ]
+
+
+def log_beta(a: float, b: float) -> float:
+    return math.lgamma(a) + math.lgamma(b) - math.lgamma(a + b)
+
+
+@pytest.mark.parametrize("power", [1.0, 0.3])
+@pytest.mark.parametrize(("uniform", "concentration"), OF_SHARES)
+def test_it_is_the_sum_over_which_beams_are_unexplained_weighed_by_the_moments_of_their_share(
+    uniform, concentration, power
+):
+    model = LatentShare(sigma=20.0, uniform=uniform, concentration=concentration, power=power)
+    a, b = concentration * uniform, concentration * (1 - uniform)
+    ranges = np.array([50.0, 0.0, MAX, 200.0, 120.0, 119.0])
+    expected = np.random.default_rng(0).uniform(0.5, 500, (130, 6)).astype(np.float32)
+    hit, other = parts(model, ranges, expected)
+    total = np.zeros(130)
+    for unexplained in product((False, True), repeat=6):
+        k = sum(unexplained)
+        moment = math.exp(log_beta(a + k, b + 6 - k) - log_beta(a, b))  # E[u^k (1 - u)^(6 - k)]
+        total += moment * np.where(unexplained, other, hit).prod(axis=1)
+    seen = model.log_likelihood(ranges, expected, MAX)
+    # logs of some tens, from densities right to some 1e-13
+    np.testing.assert_allclose(seen, power * np.log(total), rtol=1e-12, atol=1e-11)
+
+
+def test_hundreds_of_beams_neither_under_nor_overflow():
+    rng = np.random.default_rng(2)
+    for uniform, sigma in ((0.05, 1e-6), (1e-300, 5.0), (0.9, 1e6)):
+        model = LatentShare(sigma=sigma, uniform=uniform)
+        expected = rng.uniform(1, 400, (3, 700)).astype(np.float32)
+        for ranges in (expected[0].astype(np.float64), rng.uniform(0, MAX, 700)):
+            seen = model.log_likelihood(ranges, expected, MAX)
+            assert np.isfinite(seen).all()
+            assert (seen >= 700 * math.log(model.least_density(MAX))).all()

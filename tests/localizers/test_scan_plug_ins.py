@@ -163,9 +163,9 @@ def test_its_arguments_may_stand_in_any_order(file, robot, signature):
 def test_who_asks_it_of_single_beams_is_told_what_to_ask(file, robot):
     scan = copy.deepcopy(pickle.loads(pickle.dumps(ScanPlugIn(kind=str(file)))))
     assert scan == ScanPlugIn(kind=str(file))
-    words = r"scan model 'mine.py:Same' tells only of whole scans.* no density: ask robot.scan_mod"
+    words = r"scan model 'mine.py:Same' tells only of whole scans.* no hit_moments: ask robot"
     with pytest.raises(AttributeError, match=words):
-        _ = replace(robot, scan=scan).scan.density
+        _ = replace(robot, scan=scan).scan.hit_moments
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 import pytest
 from deqmcl_command import exit_code
 
-from benchmarks.report import writing
+from benchmarks.report import page
 from localizers.template import MyLocalizer
 
 SMALL = """
@@ -25,7 +25,7 @@ TABLES = ("results.csv", "trials.csv")
 def without_report():
     """Commands of this process write the tables only."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(writing, "no_report", lambda: "it is left out")
+        patched.setattr(page, "no_report", lambda: "it is left out")
         yield patched
 
 
@@ -49,7 +49,7 @@ def sweep(file, out, *more):
 def report(out, *more):
     """Run ``deqmcl report`` in this process, the tables only; return its exit code."""
     with without_report() as patched:
-        patched.setattr(writing, "require_report", lambda: None)
+        patched.setattr(page, "require_report", lambda: None)
         return exit_code("report", out, *more)
 
 

@@ -11,7 +11,6 @@ import pytest
 from deqmcl_command import exit_code
 from sweep_command import without_report
 
-from benchmarks.report import writing
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.sweepfile import read_sweep
 from benchmarks.trials.stage import Stage
@@ -43,7 +42,7 @@ def test_the_commands_of_a_page_work_as_they_stand_one_after_the_other(room, cap
     few = ["--set", "params.particles=10", "--jobs", "1"]
     commands = "".join(re.findall(r"```sh\n(.*?)```", page.read_text(), re.DOTALL))
     with without_report() as patched:
-        patched.setattr(writing, "require_report", lambda: None)
+        patched.setattr("benchmarks.report.page.require_report", lambda: None)
         for command in commands.splitlines():
             words = shlex.split(few_of(command))
             if words[0] != "deqmcl":

@@ -11,7 +11,7 @@ import pytest
 from deqmcl_command import METHODS, exit_code, files, lines, lose
 from sweep_command import sweep, write_small
 
-from benchmarks.report.writing import write_report
+from benchmarks.report.page import write_report
 from benchmarks.sweeps.manifest import SCHEMA
 from benchmarks.sweeps.results import results_in
 

@@ -17,7 +17,7 @@ import pandas as pd
 import PIL.Image
 
 from benchmarks.evaluation import REFERENCES, Evaluation, evaluate
-from benchmarks.pictures.film import webp
+from benchmarks.report.films import webp
 from deqmcl_gym.files import write_bytes
 from deqmcl_gym.validation import InputError
 

@@ -20,8 +20,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from benchmarks.pictures import styled
-from benchmarks.report.charts import STYLE, Chart, canvas, line
+from benchmarks.report.charts import Chart, canvas, line, styled
 from benchmarks.robots.played import replay_of
 from benchmarks.tables.frames import csv_of
 from benchmarks.trials.episode import Step
@@ -215,7 +214,7 @@ def chart() -> Chart:
         if row["setting"] == words and row["method"] == "deq-mcl"
         and row["noise"] in ("", "0.02") and row["particles"] == "1000"
     )  # fmt: skip
-    with styled(STYLE):
+    with styled():
         axes = line(frame, "lag", "ancestors", axes=canvas(6.4, 3.4))
         axes.set_yscale("log")
         axes.yaxis.minorticks_off()

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.pictures.film import way_of_plan
+from benchmarks.report.films import way_of_plan
 from benchmarks.tables.text import short_names
 from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Trial

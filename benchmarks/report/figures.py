@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from benchmarks.files import own_folder, write_files
-from benchmarks.pictures.film import Camera, Film, camera_of, png, side_by_side, webp
-from benchmarks.pictures.messages import showing
+from benchmarks.report.films import Camera, Film, camera_of, png, side_by_side, webp
+from benchmarks.report.messages import showing
 from benchmarks.setup import TrialEnv
 from benchmarks.tables.text import short_name, state_name
 from benchmarks.trials.episode import Step
