@@ -25,8 +25,8 @@ from benchmarks.execution.processes import (
     TimedOutError,
     WorkerDiedError,
 )
-from benchmarks.trials.attempt import Outcome, attempt, guest_of
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Outcome, attempt, guest_of
 from deqmcl_gym.validation import InputError, in_words, integer, number
 from localizers.digests import OURS
 from localizers.registry import LOCALIZER

@@ -13,7 +13,7 @@ from benchmarks.pictures.messages import showing
 from benchmarks.setup import TrialEnv
 from benchmarks.tables.text import short_name, state_name
 from benchmarks.trials.episode import Step
-from benchmarks.trials.metrics import directions, heading_error, position_error, state_error
+from benchmarks.trials.scores import directions, heading_error, position_error, state_error
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage

@@ -12,9 +12,8 @@ from benchmarks.execution.processes import Processes
 from benchmarks.pictures.film import Film, camera_of, png, side_by_side, webp
 from benchmarks.tables.frames import scored
 from benchmarks.tables.panels import Panel
-from benchmarks.trials.attempt import key_of
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.stage import Stage
+from benchmarks.trials.stage import Stage, key_of
 from deqmcl_gym.files import content_of
 from deqmcl_gym.validation import InputError, in_words
 

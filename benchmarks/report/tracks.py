@@ -26,7 +26,6 @@ from benchmarks.tables.frames import (
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA, sample_sd, wilson, worlds_to_see
 from benchmarks.tables.text import p_value, percent
-from benchmarks.trials.metrics import middle
 from benchmarks.trials.scores import (
     CALIBRATION,
     JOURNEY_SCORES,
@@ -35,7 +34,7 @@ from benchmarks.trials.scores import (
     journey_scores,
 )
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.tracks import FOUND, NEAR, EstimatedTrack
+from benchmarks.trials.tracks import FOUND, NEAR, EstimatedTrack, middle
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import metre

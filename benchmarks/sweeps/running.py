@@ -39,11 +39,9 @@ from benchmarks.sweeps.results import (
     rule_of,
 )
 from benchmarks.sweeps.store import Store, writing
-from benchmarks.trials.attempt import Outcome, provenance_of
-from benchmarks.trials.provenance import Provenance, environment
 from benchmarks.trials.scoring import SCORE_NAMES, Finished, TrialRecord
-from benchmarks.trials.spec import Trial
-from benchmarks.trials.stage import check_trials
+from benchmarks.trials.spec import Provenance, Trial, environment
+from benchmarks.trials.stage import Outcome, check_trials, provenance_of
 from deqmcl_gym.validation import InputError, one_line, shown
 
 MINUTE = 60.0  # s between two lines about the progress, where there is no terminal

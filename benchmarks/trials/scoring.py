@@ -8,10 +8,10 @@ from msgspec import Meta, Struct
 
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.collecting import Number, RecordedTrack, WholeRun, if_finite, unless_nan
-from benchmarks.trials.metrics import Estimates, mean, state_error
-from benchmarks.trials.scores import METRICS
+from benchmarks.trials.scores import METRICS, Estimates, state_error
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.trace import PROFILE_STRIDE, OffsetTrace, Trace, plan_columns
+from benchmarks.trials.tracks import mean
 
 SCORE_NAMES = tuple(metric.name for metric in METRICS)
 

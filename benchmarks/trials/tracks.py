@@ -13,7 +13,6 @@ import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import covariance_floor
-from benchmarks.trials.metrics import mean
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import lengths_of, relative
 from deqmcl_gym.maps import Map
@@ -362,6 +361,16 @@ def calibration_of_gaussians(off: Floats, covariances: Floats, unit: str) -> Flo
     fits(off[known], covariances[known] + np.diag(floor), fitted)
     found[known] = np.column_stack([1 - arrays.exp(-fitted[:, 0] / 2), fitted[:, 1:]])
     return found
+
+
+def mean(values: Floats) -> float:
+    """Arithmetic mean; NaN of nothing."""
+    return float(values.mean()) if values.size else math.nan
+
+
+def middle(values: Floats) -> float:
+    """Median; NaN of nothing."""
+    return float(np.median(values)) if values.size else math.nan
 
 
 def _errors(off: Floats) -> PoseErrors:

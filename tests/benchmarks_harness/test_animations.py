@@ -14,9 +14,9 @@ from benchmarks.execution.processes import Processes
 from benchmarks.pictures.film import Camera, Film, way_of_plan
 from benchmarks.report import animations
 from benchmarks.report.animations import Animation, films_of
-from benchmarks.trials.attempt import key_of
 from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import key_of
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.world.drawing import View
 
