@@ -15,13 +15,14 @@ from benchmarks.sweeps.manifest import Manifest, differences
 from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.tables.comparison import (
+    decide,
     decisions_table,
     results_table,
 )
-from benchmarks.tables.deciding import FIRST, Rule, decide
 from benchmarks.tables.frames import by_method, cell, scores_of_rows, trials_frame
 from benchmarks.tables.panels import MethodGroup, Panel, aim_of, groups, panels
 from benchmarks.tables.signals import maps_table, plans_table
+from benchmarks.tables.stats import FIRST, Rule
 from benchmarks.tables.text import BASELINE
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method, Setting, Trial

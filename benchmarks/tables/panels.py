@@ -10,7 +10,6 @@ import pandas as pd
 
 from benchmarks.setup.overrides import Overrides, spelt
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.tables.deciding import Rule
 from benchmarks.tables.frames import (
     METHOD,
     as_json,
@@ -21,7 +20,7 @@ from benchmarks.tables.frames import (
     setting_columns,
     trials_frame,
 )
-from benchmarks.tables.stats import ALPHA
+from benchmarks.tables.stats import ALPHA, Rule
 from benchmarks.tables.text import BASELINE, short_name, short_names
 from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import Finished
