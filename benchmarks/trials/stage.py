@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache, partial
+from functools import cache, lru_cache
 from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
@@ -40,7 +40,6 @@ from benchmarks.trials.spec import Provenance, Trial, code_digest, versions
 from benchmarks.trials.trace import Trace, trace_of
 from benchmarks.trials.tracks import is_symmetric
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
-from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics import Pose
 from deqmcl_gym.validation import InputError, LogWarning, one_of
 from localizers import Prior, RobotModel, absolute_name, make
@@ -57,21 +56,6 @@ class Drive(NamedTuple):
 
     start: Pose  # the expected one
     steps: tuple[Shown, ...]
-
-    def again(self, believed: Callable[[], Any]) -> tuple[Shown, ...]:
-        """Return its steps, as ``drive`` does, whatever is believed."""
-        del believed
-        return self.steps
-
-
-class _Begun(NamedTuple):
-    """What a prior asks of a room that has begun an episode; see ``TrialEnv``."""
-
-    floor_plan: Map
-    lidar: Lidar
-    radius: float
-    expected_start: Pose
-    unwrapped: Any
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,9 +121,9 @@ class Stage:
         thresholds, judged = self.scenario.thresholds, self.scenario.judged
         return TrackLog(self.room.log, self.room.floor_plan, thresholds, judged)
 
-    def prior(self, room: TrialEnv | None = None) -> Prior:
-        """Return p(x_0) in the episode that the room has begun last."""
-        return self.scenario.prior_in(room or self.room, self.trial.start_rng())
+    def prior(self, start: Pose | None = None) -> Prior:
+        """Return p(x_0) in the episode that the room has begun last, or in one with this start."""
+        return self.scenario.prior_in(self.room, self.trial.start_rng(), start)
 
     @property
     def repeats(self) -> bool:
@@ -159,17 +143,17 @@ class Stage:
 
         What the localizer is made for is a copy of its own.
         """
-        room, seed = self.room, self.trial.world_seed
-        steps: Callable[[Callable[[], Any]], Iterable[Shown]]
-        if driven is None:
-            steps = partial(drive, self.env, self._agent(), seed=seed)
-        else:
-            steps = driven.again
-            room = _Begun(room.floor_plan, room.lidar, room.radius, driven.start, self.env)
+
+        def steps(believed: Callable[[], Any]) -> Iterable[Shown]:
+            if driven is not None:
+                return driven.steps
+            return drive(self.env, self._agent(), believed, seed=self.trial.world_seed)
+
+        start = None if driven is None else driven.start
         copies: dict[int, Any] = {}  # the prior's map is the robot's
         params = located(self.trial.params)
         localizer = make(self.trial.localizer, deepcopy(self.robot, copies), **params)
-        return followed(steps, localizer, lambda: deepcopy(self.prior(room), copies), self.stream)
+        return followed(steps, localizer, lambda: deepcopy(self.prior(start), copies), self.stream)
 
     def trace(self, driven: Drive | None = None) -> Trace:
         """Run the trial, as ``moments`` does, and return its trace."""
