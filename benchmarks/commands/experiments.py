@@ -152,8 +152,7 @@ def run_command(options: argparse.Namespace) -> str:
     ),
     group(
         "where trials run, and what becomes of those that fail",
-        option("--dask", nargs="?", const="", metavar="ADDRESS", help="run them by Dask, at this "
-            "scheduler (a new cluster on this machine)"),
+        option("--dask", metavar="ADDRESS", help="run them by Dask, at this scheduler"),
         option("--shard", metavar="I/N", help="run only every N-th trial, starting with the I-th"),
         TIMEOUT,
         RETRY_FAILED,
