@@ -161,8 +161,9 @@ def _dask(scheduler: str) -> Iterator[Engine]:
             "Dask is not installed: run pip install 'deqmcl-gym[dask]', or leave out --dask."
         ) from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost, we say
+    connected: Any = distributed.Client
     try:
-        client: Any = distributed.Client(scheduler, timeout=CONNECT_SECONDS, set_as_default=False)  # type: ignore[no-untyped-call]
+        client = connected(scheduler, timeout=CONNECT_SECONDS, set_as_default=False)
     except Exception as error:  # each transport has its own
         raise InputError(
             f"the Dask scheduler {scheduler!r} cannot be reached ({in_words(error)}): give an "
