@@ -63,6 +63,8 @@ class Overrides(dict[str, Any]):
     def __or__(self, others: Mapping[str, Any]) -> Self:  # type: ignore[override]
         return type(self)({**self, **others})
 
+    __ior__ = __or__  # type: ignore[assignment]  # not in place
+
     def json(self) -> dict[str, Any]:
         """Return JSON-able values, from which the same changes are made again."""
         return {name: jsonable(value) for name, value in self.items()}

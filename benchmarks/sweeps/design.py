@@ -1,7 +1,6 @@
 """What a sweep is: a factorial design of settings and methods over paired worlds, as data."""
 
 import itertools
-import json
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -155,8 +154,7 @@ class Sweep:
     @property
     def planned(self) -> int:
         """How many trials it runs, counted by cells: equal combinations are one."""
-        cells = {json.dumps(first.canonical()) for first in self.cells()}
-        return len(cells) * self.trials * self.filter_seeds
+        return len({*self.cells()}) * self.trials * self.filter_seeds
 
     @property
     def names(self) -> list[str]:
@@ -183,24 +181,30 @@ class Sweep:
     @property
     def labelled(self) -> list[Method]:
         """The methods with labels as their trials have them."""
-        cells = replace(self, trials=1, filter_seeds=1).listed()
-        methods = zip(cells, itertools.cycle(self.localizers), strict=False)
+        methods = zip(self.cells(), itertools.cycle(self.localizers), strict=False)
         return [replace(cell.method, label=own.label) for cell, own in methods if own.label]
 
     def listed(self) -> Iterator[Trial]:
         """Yield all combinations: by setting, then method, world, filter seed."""
-        for base in self._points():
-            for method in self.localizers:
-                yield from self._runs(base, method, self.trials, self.filter_seeds)
+        for cell in self.cells():
+            for world in range(self.trials):
+                for filter_seed in range(self.filter_seeds):
+                    yield replace(cell, trial=world, filter_seed=filter_seed)
 
     def cells(self) -> Iterator[Trial]:
         """Yield the first trial of each setting and method."""
-        return replace(self, trials=1, filter_seeds=1).listed()
+        for base in self._points():
+            for method in self.localizers:
+                known = self.takes(method.name)
+                shared = {"lag": base["lag"], **base["params"]}
+                useful = {k: v for k, v in shared.items() if known is None or k in known}
+                params = Overrides(useful) | method.params
+                same = base | {"localizer": method.name, "params": params, "seed": self.seed}
+                yield Trial(**same, trial=0)
 
     def distinct(self) -> list[Trial]:
         """Return the distinct trials, in the order of ``listed``."""
-        # by what names a result: 1, 1.0 and True are equal to Python
-        return list({json.dumps(trial.canonical()): trial for trial in self.listed()}.values())
+        return list(dict.fromkeys(self.listed()))
 
     def canonical(self) -> dict[str, Any]:
         """Return the sweep as JSON-able values: what a folder of results is checked against."""
@@ -235,18 +239,6 @@ class Sweep:
             if tuned:
                 base["agent"] = replace(base["agent"], params=base["agent"].params | tuned)
             yield base
-
-    def _runs(
-        self, base: dict[str, Any], method: Method, trials: int, filter_seeds: int
-    ) -> Iterator[Trial]:
-        known = self.takes(method.name)
-        shared = {"lag": base["lag"], **base["params"]}
-        useful = {k: v for k, v in shared.items() if known is None or k in known}
-        params = Overrides(useful) | method.params
-        same = base | {"localizer": method.name, "params": params, "seed": self.seed}
-        for world in range(trials):
-            for filter_seed in range(filter_seeds):
-                yield Trial(**same, trial=world, filter_seed=filter_seed)
 
 
 def by_cell(trials: Iterable[Trial]) -> dict[tuple[Setting, Method], list[Trial]]:

@@ -300,10 +300,10 @@ def _incomplete(sweep: Sweep, results: Results) -> list[str]:
     """Say of each setting and method how many of its trials are there, unless all are."""
     if not results.failures and not results.missing:
         return []
-    there = {named(record.trial.canonical()) for record in results.records}
+    there = {record.trial for record in results.records}
     lines = []
     for own in by_cell(sweep.distinct()).values():
-        done = sum(named(trial.canonical()) in there for trial in own)
+        done = sum(trial in there for trial in own)
         if done < len(own):
             lines.append(f"  {done} of {len(own)}: {' '.join(own[0].words())}")
     more = [f"  … and {len(lines) - _SHOWN} more"] if len(lines) > _SHOWN else []

@@ -75,12 +75,12 @@ class Running:
 
     def results(self) -> Results:
         """Run the trials that are missing; return what is there then, and warn if some failed."""
-        if self.sweep.until_decided is None:
-            number, of = self.options.shard or (1, 1)
-            part = {key: self.trials[key] for key in list(self.trials)[number - 1 :: of]}
-            run_missing(part, self.store, self.options, self.now)
-        else:
-            self._run_until_decided()
+        number, of = self.options.shard or (1, 1)
+        part = {key: self.trials[key] for key in list(self.trials)[number - 1 :: of]}
+        asked: dict[str, Trial] = {}
+        while new := self._due(part, asked):  # once, or up to the next look of whatever is open
+            run_missing(new, self.store, self.options, self.now)
+            asked |= new
         results = collected(self.sweep, self.trials, self.store, self.made)
         for line in left_out_lines(results, self.store.out):
             print(line, file=sys.stderr)
@@ -88,21 +88,12 @@ class Running:
             warnings.warn(incomplete_sentence(results), FailedWarning, stacklevel=2)
         return results
 
-    def _run_until_decided(self) -> None:
-        """Run the worlds up to the next look of whatever is open, until nothing is."""
-        asked: dict[str, Trial] = {}
-        records: list[Finished] = []
-        failures: list[Trial] = []
-        while True:
-            needed = due(self.sweep, self.trials, records, failures)
-            new = {key: trial for key, trial in needed.items() if key not in asked}
-            if not new:
-                return
-            run_missing(new, self.store, self.options, self.now)
-            asked |= new
-            ended = {key: self.store.get(key, trial) for key, trial in new.items()}
-            records += filter(None, ended.values())
-            failures += [new[key] for key, record in ended.items() if record is None]
+    def _due(self, part: Mapping[str, Trial], asked: Mapping[str, Trial]) -> dict[str, Trial]:
+        """Return the trials that are needed after those that were asked for."""
+        found = (self.store.get(key, trial) for key, trial in asked.items())
+        failures = (trial for key, trial in asked.items() if self.store.failure(key) is not None)
+        needed = due(self.sweep, part, filter(None, found), failures)
+        return {key: trial for key, trial in needed.items() if key not in asked}
 
 
 @contextmanager
@@ -263,26 +254,16 @@ def dry_run(sweep: Sweep, jobs: int | None = None, timeout: float | None = None)
 
 def _seconds(trials: Sequence[Trial], engine: Engine, made: Provenance) -> list[float | None]:
     """Return the seconds of each trial, by those of the first that is alike; None: that fails."""
-
-    def measured(trial: Trial) -> float | None:
+    particles = {trial: int(trial.params.get("particles", _USUAL)) for trial in trials}
+    first = {(trial.scenario, trial.localizer): trial for trial in reversed(trials)}
+    seconds: dict[tuple[str, str], float | None] = {}  # of one particle
+    for trial in (trials[0], *first.values()):  # the first one compiles
         started = time.perf_counter()
         ((_, outcome),) = outcomes([(made.key(trial), trial)], engine)
-        return None if outcome.record is None else time.perf_counter() - started
-
-    measured(trials[0])  # compile first
-    first = {(trial.scenario, trial.localizer): trial for trial in reversed(trials)}
-    took = {alike: measured(trial) for alike, trial in first.items()}
-
-    def scaled(trial: Trial) -> float | None:
-        alike = trial.scenario, trial.localizer
-        s = took[alike]
-        return None if s is None else s * _particles(trial) / _particles(first[alike])
-
-    return [scaled(trial) for trial in trials]
-
-
-def _particles(trial: Trial) -> int:
-    return int(trial.params.get("particles", _USUAL))
+        took = (time.perf_counter() - started) / particles[trial]
+        seconds[trial.scenario, trial.localizer] = None if outcome.record is None else took
+    each = ((seconds[trial.scenario, trial.localizer], n) for trial, n in particles.items())
+    return [None if one is None else one * n for one, n in each]
 
 
 SAMPLED = 0.01  # of the trials beside the first of each setting and method
