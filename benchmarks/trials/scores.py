@@ -6,7 +6,7 @@ those of its track, too. Lengths of whole runs and tracks are in m; a pixel is 2
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import chain, pairwise
 from typing import Any
@@ -31,20 +31,30 @@ from benchmarks.trials.tracks import (
     middle,
 )
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics import Bools, Floats, Reals, arrays
+from deqmcl_gym.numerics import Bools, Floats, Indices, Reals, arrays
 
 
 @dataclass(frozen=True, kw_only=True)
 class Estimates:
-    """What beliefs at one offset say of the states s ≥ 1, and the truth: for ``METRICS``."""
+    """What beliefs at one offset say of states s, each at t = s - offset, and the truth."""
 
-    truth: Floats
+    states: Indices  # s, (k,), ascending
+    truth: Floats  # (k, 3)
     means: Floats  # of (x, y, cos θ, sin θ), (k, 4)
-    variances: Floats  # of the same
-    values: dict[str, Floats]  # further numbers of each state, (k,); see ``trace.OffsetTrace``
+    variances: Floats  # of the same; NaN for a belief of one point
+    # (k,), NaN not available: of ``clouds.belief_scores``, and of ``Score.each`` under their names
+    values: dict[str, Floats]
     common: Bools  # whether L ≤ s ≤ T - L, the states that every offset estimates, (k,)
     thresholds: Thresholds
     unit: str
+
+    @property
+    def scored(self) -> "Estimates":
+        """Those of states s ≥ 1 whose truth is known."""
+        chosen = (self.states >= 1) & np.isfinite(self.truth[:, 0])
+        names = ("states", "truth", "means", "variances", "common")
+        values = {name: numbers[chosen] for name, numbers in self.values.items()}
+        return replace(self, values=values, **{name: getattr(self, name)[chosen] for name in names})
 
     @cached_property
     def error(self) -> Floats:

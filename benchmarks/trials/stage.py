@@ -88,7 +88,7 @@ class Stage:
             floor_plan=self.room.floor_plan,
             radius=self.room.radius,
             max_range=self.room.lidar.max_range,
-            far=self.scenario.thresholds.far,
+            thresholds=self.scenario.thresholds,
         )
 
     @property
@@ -292,7 +292,7 @@ def attempt(trial: Trial, key: str) -> Outcome:
             stage = Stage.of(trial)
             alike = _driven(trial.episode, key_of(trial.episode)) if stage.repeats else None
             trace = stage.trace(alike)
-            kept = record(trace, trial.lag, stage.scenario.thresholds)
+            kept = record(trace)
     except BaseException as error:
         if is_ctrl_c(error):
             raise

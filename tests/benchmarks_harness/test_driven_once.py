@@ -80,7 +80,7 @@ def test_methods_that_follow_see_the_very_arrays_and_their_records_are_those_of_
         assert alone == record
         stage = Stage.of(trial)
         live = stage.trace()  # the robot drives while the localizer follows
-        assert recorded(live, trial.lag, stage.scenario.thresholds) == record
+        assert recorded(live) == record
 
 
 def test_another_world_seed_agent_or_disturbance_is_driven_anew(drives):

@@ -5,7 +5,6 @@ import math
 import numpy as np
 import pytest
 
-from benchmarks.setup.names import scenario
 from benchmarks.setup.overrides import Overrides
 from benchmarks.trials.collecting import JourneyLog
 from benchmarks.trials.scores import groups_named, journey_scores
@@ -184,7 +183,7 @@ def test_a_filter_that_begins_with_the_truth_localizes_at_once_and_succeeds():
     known = trial(assumed=(("prior.sd_heading", 0.0), ("prior.sd_position", 0.0)))
     stage, groups = Stage.of(known), groups_named(["lost"])
     trace = trace_of(stage.moments(), (0,), stage.task, JourneyLog(stage.task, groups))
-    kept = record(trace, 0, scenario("sharp").thresholds).journey
+    kept = record(trace).journey
     nothing = dict.fromkeys(("metres_to_localize", "false_commitment", "false_steps"), 0)
     assert kept.scores == nothing | {"success_1m": 1, "success_05m": 1}
     assert [len(curve) for curve in kept.curves.values()] == [205] * 3
