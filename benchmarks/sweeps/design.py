@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -195,12 +195,15 @@ class Sweep:
         """Yield the first trial of each setting and method."""
         for base in self._points():
             for method in self.localizers:
-                known = self.takes(method.name)
-                shared = {"lag": base["lag"], **base["params"]}
-                useful = {k: v for k, v in shared.items() if known is None or k in known}
-                params = Overrides(useful) | method.params
+                params = self.params_of(method, {"lag": base["lag"], **base["params"]})
                 same = base | {"localizer": method.name, "params": params, "seed": self.seed}
                 yield Trial(**same, trial=0)
+
+    def params_of(self, method: Method, shared: Mapping[str, Any]) -> Overrides:
+        """Return the shared parameters that a method takes, and its own."""
+        known = self.takes(method.name)
+        useful = {k: v for k, v in shared.items() if known is None or k in known}
+        return Overrides(useful) | method.params
 
     def distinct(self) -> list[Trial]:
         """Return the distinct trials, in the order of ``listed``."""

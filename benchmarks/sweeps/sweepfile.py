@@ -220,46 +220,26 @@ def _with_axes(axes: Sequence[Axis], new: Sequence[Axis]) -> tuple[Axis, ...]:
 
 
 def with_params(sweep: Sweep, params: Mapping[str, Overrides]) -> Sweep:
-    """Return a sweep with parameters of single localizers."""
-    own = _of_localizers(params, sweep.names)
-    if not own:
-        return sweep
+    """Return a sweep with parameters of single localizers; refuse what one does not take."""
+    names = {absolute_name(name): name for name in sweep.names}
+    own = {}
+    for given, values in params.items():
+        name = one_of("localizer in params", names.get(absolute_name(given), given), sweep.names)
+        taken = parameters(name)
+        for key in values if taken is not None else ():
+            one_of(f"parameter of localizer {name!r}", key, taken or ())
+        own[name] = values
     methods = [replace(m, params=m.params | own.get(m.name, {})) for m in sweep.localizers]
-    return replace(sweep, localizers=tuple(methods))
+    return replace(sweep, localizers=tuple(methods)) if own else sweep
 
 
 def params_by_localizer(
     given: Mapping[str, Any], localizers: Sequence[str]
 ) -> dict[str, Overrides]:
     """Return ``KEY`` of all localizers that take it, and ``LOCALIZER.KEY`` of one, by localizer."""
-    shared, alone = _split(Overrides(given), _Names(Path()))
-    own = _of_localizers(alone, localizers)
-    taken = {name: parameters(name) for name in localizers}
-    if None not in taken.values():
-        for key in shared:
-            one_of(
-                "parameter of these localizers", key, {k for t in taken.values() for k in t or ()}
-            )
-    found = {}
-    for name, keys in taken.items():
-        useful = {k: value for k, value in shared.items() if keys is None or k in keys}
-        found[name] = Overrides(useful) | own.get(name, {})
-    return found
-
-
-def _of_localizers(
-    params: Mapping[str, Overrides], localizers: Sequence[str]
-) -> dict[str, Overrides]:
-    """Return parameters by the name that a localizer has here; refuse what it does not take."""
-    names = {absolute_name(name): name for name in localizers}
-    own = {}
-    for given, values in params.items():
-        name = one_of("localizer in params", names.get(absolute_name(given), given), localizers)
-        taken = parameters(name)
-        for key in values if taken is not None else ():
-            one_of(f"parameter of localizer {name!r}", key, taken or ())
-        own[name] = values
-    return own
+    plain = Sweep(title="", localizers=tuple(map(Method, localizers)))
+    sweep = with_settings(plain, {f"params.{name}": value for name, value in given.items()})
+    return {method.name: sweep.params_of(method, sweep.params) for method in sweep.localizers}
 
 
 def _split(given: Overrides, names: "_Names") -> tuple[Overrides, dict[str, Overrides]]:

@@ -19,7 +19,6 @@ from benchmarks.trials.scores import (
 )
 from benchmarks.trials.tracks import (
     EstimatedTrack,
-    Fixes,
     Journey,
     ScoredTrack,
     half_turned,
@@ -92,8 +91,7 @@ def unless_nan(values: Iterable[float]) -> list[float | None]:
 
 def whole_run(run: Journey, groups: Sequence[ScoreGroup]) -> WholeRun:
     """Return what a record has of a run; curves have four digits, as a long run is many numbers."""
-    fixes = run.fixes
-    curves = {"way": fixes.way, "distance": fixes.distance, "angle": fixes.angle}
+    curves = {"way": run.way, "distance": run.distance, "angle": run.angle}
     if run.masses is not None:
         curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
     rounded = {name: [float(f"{v:.4g}") for v in values] for name, values in curves.items()}
@@ -154,14 +152,11 @@ class JourneyLog:
         room = self._task.floor_plan.distance(np.array(self._truth, np.float64)[:, :2])
         distance, angle = np.hypot(off[:, 0], off[:, 1]), np.abs(arrays.wrapped(off[:, 2]))
         return Journey(
-            fixes=Fixes(
-                steps=steps,
-                count=len(truth),
-                way=way[steps],
-                distance=distance,
-                angle=angle,
-                quality=table[:, 4],
-            ),
+            steps=steps,
+            way=way[steps],
+            distance=distance,
+            angle=angle,
+            quality=table[:, 4],
             driven=way,
             truth=truth,
             collided=np.array(self._collided),

@@ -239,7 +239,7 @@ def _share(name: str, words: str, of: Callable[[Journey], float], *, tested: boo
 def _success(near: str, *, tested: bool) -> Score:
     place = NEAR[near]
     words = f"localized to the end ({place.distance:g} m, {math.degrees(place.angle):.0f}°)"
-    return _share(f"success_{near}", words, lambda run: run.fixes.success(near), tested=tested)
+    return _share(f"success_{near}", words, lambda run: run.success(near), tested=tested)
 
 
 def _metres(name: str, words: str, of: Callable[[Journey], float]) -> Score:
@@ -247,23 +247,23 @@ def _metres(name: str, words: str, of: Callable[[Journey], float]) -> Score:
 
 
 def _committed(run: Journey) -> float:
-    late = run.fixes.rated & run.fixes.last
-    return float(run.fixes.false[late].any()) if late.any() else math.nan
+    late = run.rated & run.last
+    return float(run.false[late].any()) if late.any() else math.nan
 
 
 def _committed_steps(run: Journey) -> float:
-    rated = run.fixes.rated
-    return float(run.fixes.false[rated].mean()) if rated.any() else math.nan
+    rated = run.rated
+    return float(run.false[rated].mean()) if rated.any() else math.nan
 
 
 def _to_recover(run: Journey) -> float:
-    return run.fixes.metres_to_recover(run.carried)
+    return run.metres_to_recover(run.carried)
 
 
 def _late_mass(which: int) -> Callable[[Journey], float]:
     def of(run: Journey) -> float:
         assert run.masses is not None
-        late = run.masses[run.fixes.last]
+        late = run.masses[run.last]
         return float(late[:, which].mean()) if late.size else math.nan
 
     return of
@@ -278,7 +278,7 @@ def _split(run: Journey) -> float:
 _LOST = (
     _success("1m", tested=True),
     _success("05m", tested=False),
-    _metres("metres_to_localize", "metres to localize", lambda it: it.fixes.metres_to_localize),
+    _metres("metres_to_localize", "metres to localize", lambda it: it.metres_to_localize),
     Score("false_commitment", "share", "low", "false commitment at the end", _committed),
     Score("false_steps", "", "low", "false commitment, share of steps", _committed_steps),
 )
@@ -293,7 +293,7 @@ _RECOVERY = (
     _metres("metres_to_recover", "metres to recover", _to_recover),
 )
 _MEDIAN = Score("position_median", "m", "low", "position error, median",
-    lambda run: float(np.median(run.fixes.distance)), tested=True, digits=3)  # fmt: skip
+    lambda run: float(np.median(run.distance)), tested=True, digits=3)  # fmt: skip
 _DRIVING = (
     _share("success", "arrived", lambda run: run.arrived),
     Score("spl", "", "high", "SPL", lambda run: run.spl, failed=0.0),
@@ -329,7 +329,7 @@ def _within(near: str) -> Score:
     words = f"share of records within {place.distance:g} m and {math.degrees(place.angle):.0f}°"
 
     def of(run: ScoredTrack) -> float:
-        return mean(run.track.fixes().localized(near).astype(np.float64))
+        return mean(run.track.journey().localized(near).astype(np.float64))
 
     return Score(f"within_{near}", "share", "high", words, of)
 

@@ -167,7 +167,7 @@ def scores(trial: Trial) -> dict[str, float]:
             rank = own.values["rank"]
             for level in (50, 80, 95):
                 found[f"future_{level}"] = float((rank <= level / 100).mean())
-            found["future_energy"] = float(own.values["energy"][known].mean())
+            found["future_energy"] = float(own.values["energy"].mean())
     return found
 
 
