@@ -110,11 +110,10 @@ def _sender(executor: Any) -> Submit:
     def submit(trial: Trial, key: str) -> Future[Outcome]:
         pooled = isinstance(executor, Processes)
         how = {"guest": guest_of(trial), "group": trial.episode} if pooled else {}
-        if (name := trial.localizer) not in LOCALIZER.added:
-            return executor.submit(attempt, trial, key, **how)  # type: ignore[no-any-return]
-        if name not in packed:
+        if (name := trial.localizer) in LOCALIZER.added and name not in packed:
             packed[name] = _packed(name)
-        return executor.submit(_attempt_sent, packed[name], trial, key, **how)  # type: ignore[no-any-return]
+        sent: Future[Outcome] = executor.submit(_attempt, packed.get(name), trial, key, **how)
+        return sent
 
     return submit
 
@@ -144,8 +143,8 @@ def _packed(name: str) -> bytes:
         ) from None
 
 
-def _attempt_sent(packed: bytes, trial: Trial, key: str) -> Outcome:
-    if trial.localizer not in LOCALIZER.added:
+def _attempt(packed: bytes | None, trial: Trial, key: str) -> Outcome:
+    if packed is not None and trial.localizer not in LOCALIZER.added:
         LOCALIZER.added[trial.localizer] = pickle.loads(packed)
         LOCALIZER.received.add(trial.localizer)
     return attempt(trial, key)

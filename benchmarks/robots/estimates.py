@@ -27,7 +27,7 @@ from benchmarks.report.tracks import (
 from benchmarks.robots.calibration import first_judged
 from benchmarks.robots.doubts import late_words, own_records
 from benchmarks.robots.played import EVERY, NO_ERROR, first_referenced
-from benchmarks.setup.logs import REPLAY, ReplayScenario, check_inside
+from benchmarks.setup.logs import REPLAY, LogScenario, check_inside
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.results import results_in
 from benchmarks.tables.frames import csv_of
@@ -55,7 +55,7 @@ class Played:
     log: Log
     whole: Log
     floor_plan: Map | None
-    setup: ReplayScenario = REPLAY
+    setup: LogScenario = REPLAY
     runs: pd.DataFrame | None = None
 
     def track(self, estimate: Trajectory) -> EstimatedTrack:
@@ -86,7 +86,7 @@ def played_before(folder: Path) -> Played:
         )
     runs, floor_plan = there
     setup = scenario(panel.setting.scenario).changed(panel.setting.world)
-    assert isinstance(setup, ReplayScenario)
+    assert isinstance(setup, LogScenario)
     return Played(setup.recording()[0], setup.whole, floor_plan, setup, runs)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import pandas as pd
 
@@ -107,7 +107,6 @@ class Results:
         return f"Made by code {code}, {'; '.join(self.verified)}." if self.verified else ""
 
 
-K = TypeVar("K")
 _SHOWN = 20  # lines of a kind
 _COMPARED = ("title", "localizers", "agent")  # what pooled folders may differ in
 
@@ -159,8 +158,11 @@ def rule_of(sweep: Sweep) -> Rule | None:
 
 
 def due(
-    sweep: Sweep, trials: Mapping[K, Trial], records: Iterable[Finished], failures: Iterable[Trial]
-) -> dict[K, Trial]:
+    sweep: Sweep,
+    trials: Mapping[str, Trial],
+    records: Iterable[Finished],
+    failures: Iterable[Trial],
+) -> dict[str, Trial]:
     """Return those of a sweep's trials that it needs, by nothing but its results; all without rule.
 
     A method needs the worlds up to its decision, or to its next look; a baseline those of all that
