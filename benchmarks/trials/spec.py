@@ -117,16 +117,12 @@ class Trial:
         return [*self.world.files, *(path for path in own if isinstance(path, str))]
 
     @property
-    def guests(self) -> tuple[str, ...]:
-        """Names of its agent, and of a scan model that its filters assume by the place of code."""
+    def named(self) -> tuple[str, ...]:
+        """All of it that may have a digest: names of plug-ins and scenario, and files."""
         agent = () if self.agent is None else (self.agent.name,)
         kind = self.assumed.get("scan.kind", "")
-        return (*agent, kind) if ":" in str(kind) else agent
-
-    @property
-    def named(self) -> tuple[str, ...]:
-        """All of it that may have a digest: names of localizer and scenario, files, guests."""
-        return (self.localizer, self.scenario, *self.files, *self.guests)
+        scan = (kind,) if ":" in str(kind) else ()
+        return (self.localizer, self.scenario, *self.files, *agent, *scan)
 
     @property
     def world_seed(self) -> int:

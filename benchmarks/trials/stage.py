@@ -125,11 +125,6 @@ class Stage:
         """Return p(x_0) in the episode that the room has begun last, or in one with this start."""
         return self.scenario.prior_in(self.room, self.trial.start_rng(), start)
 
-    @property
-    def repeats(self) -> bool:
-        """Whether its room is one that runs alike again: a plug-in's env may do anything."""
-        return type(self.scenario) is RoomScenario
-
     def driven(self) -> Drive | None:
         """Run the episode for any localizer; None if it may depend on which one it is."""
         if sees_belief(agent := self._agent()):
@@ -173,10 +168,6 @@ class Stage:
         with _errors_name(self.trial.scenario):
             return make_agent(self.scenario.agent, self.robot)
 
-    def check_params(self) -> None:
-        """Let the localizer look at its parameters, before anything is run or written."""
-        make(self.trial.localizer, self.robot, **located(self.trial.params))
-
 
 def check_trials(trials: Iterable[Trial]) -> None:
     """Build each world, what its filters assume, its agent, and each localizer there, once."""
@@ -190,7 +181,7 @@ def check_trials(trials: Iterable[Trial]) -> None:
         if driven not in seen:
             stage.check()
         for trial in new:
-            replace(stage, trial=trial).check_params()
+            make(trial.localizer, stage.robot, **located(trial.params))
         seen |= {driven, *listed}
 
 
@@ -290,7 +281,8 @@ def attempt(trial: Trial, key: str) -> Outcome:
                     "run the command again, with the same on every machine"
                 )
             stage = Stage.of(trial)
-            alike = _driven(trial.episode, key_of(trial.episode)) if stage.repeats else None
+            repeats = isinstance(stage.scenario, RoomScenario)
+            alike = _driven(trial.episode, key_of(trial.episode)) if repeats else None
             trace = stage.trace(alike)
             kept = record(trace)
     except BaseException as error:
