@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from benchmarks.setup.overrides import Overrides, spelt
+from benchmarks.setup.overrides import Named, Overrides, spelt
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.frames import (
     METHOD,
@@ -337,17 +337,16 @@ def _labels(methods: Sequence[Method]) -> dict[Method, str]:
     labels = {}
     for method in methods:
         localizer = method.label or " ".join([names[method.name], *_variant(method, methods)])
-        own = Method(method.agent.name, method.agent.params) if method.agent else None
         agent = "the scenario's agent"
-        if own is not None:
-            rivals = [Method(m.agent.name, m.agent.params) for m in methods if m.agent]
-            agent = " ".join([drivers[own.name], *_variant(own, rivals)])
+        if method.agent:
+            rivals = [other.agent for other in methods if other.agent]
+            agent = " ".join([drivers[method.agent.name], *_variant(method.agent, rivals)])
         both = f"{agent} with {localizer}" if len(names) > 1 else agent
         labels[method] = both if several else localizer
     return labels
 
 
-def _variant(method: Method, methods: Sequence[Method]) -> list[str]:
+def _variant(method: Named, methods: Sequence[Named]) -> list[str]:
     """Its parameters that tell it from others of the same localizer; words alone if they do."""
     same = [other.params for other in methods if other.name == method.name]
     apart = [(n, v) for n, v in method.params.items() if not all(_has(o, n, v) for o in same)]

@@ -60,7 +60,7 @@ def paired_bootstrap(differences: Floats) -> tuple[float, float]:
     """
     if differences.size < 2 or np.isnan(differences).any():
         return math.nan, math.nan
-    drawn = _resamples(differences.size, _RESAMPLES)
+    drawn = _resamples(differences.size)
     return _middle([differences[worlds].mean(axis=1) for worlds in drawn], QUANTILES)
 
 
@@ -71,7 +71,7 @@ def relative_change(differences: Floats, reference: Floats) -> Interval:
     share = float(differences.mean() / reference.mean())
     if differences.size < 2 or np.isnan(differences).any():
         return Interval(share)
-    drawn = _resamples(differences.size, _RESAMPLES)
+    drawn = _resamples(differences.size)
     shares = [differences[one].sum(axis=1) / reference[one].sum(axis=1) for one in drawn]
     return Interval(share, *_middle(shares, (0.025, 0.975)))
 
@@ -159,7 +159,7 @@ def wilson(share: float, n: int) -> tuple[float, float]:
 def multiplicities(n: int) -> Floats:
     """How often each of n worlds is drawn in each of the 10,000 resamples, (10,000, n)."""
     blocks = []
-    for drawn in _resamples(n, _RESAMPLES):
+    for drawn in _resamples(n):
         of_resample = np.arange(len(drawn))[:, None] * n + drawn
         counts = np.bincount(of_resample.ravel(), minlength=drawn.size)
         blocks.append(counts.reshape(drawn.shape))
@@ -172,11 +172,11 @@ def _middle(blocks: Sequence[Floats], ends: tuple[float, float]) -> tuple[float,
 
 
 @lru_cache(maxsize=1)
-def _resamples(n: int, count: int) -> list[NDArray[np.int32]]:
+def _resamples(n: int) -> list[NDArray[np.int32]]:
     """Worlds drawn with replacement, (block, n) each; kept, as many intervals share their n."""
     rng = np.random.default_rng(0)
-    blocks = [min(_BLOCK, count - start) for start in range(0, count, _BLOCK)]
-    return [rng.integers(n, size=(block, n)).astype(np.int32) for block in blocks]
+    shape = (_BLOCK, n)
+    return [rng.integers(n, size=shape).astype(np.int32) for _ in range(_RESAMPLES // _BLOCK)]
 
 
 def _subsets_by_sum(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
