@@ -13,8 +13,7 @@ ROOT = Path(trials.__file__).parents[2]
 RUN = """
 import sys
 import benchmarks.setup.logs, benchmarks.trials.tracks  # of trials on a log
-from benchmarks.trials.stage import attempt
-from benchmarks.trials.stage import key_of
+from benchmarks.trials.stage import attempt, key_of
 from benchmarks.trials.spec import Trial
 from pathlib import Path
 executed = set()
