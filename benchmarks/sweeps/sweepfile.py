@@ -171,23 +171,23 @@ def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
     assumed.scan.sigma, params.KEY of all localizers or params.LOCALIZER.KEY of one, agent.KEY, and
     vary.NAME with a list, which becomes an axis, or takes the place of that of the same name.
     """
-    names, plain, axes = _Names(Path()), dict[str, Any](), list[Axis]()
-    parts: dict[str, dict[str, Any]] = {part: {} for part in (*PARTS, "agent")}
+    names, plain = _Names(Path()), dict[str, Any]()
+    parts: dict[str, dict[str, Any]] = {part: {} for part in (*PARTS, "agent", "vary")}
     for name, value in values.items():
         part, dot, rest = name.partition(".")
-        if part == "vary" and rest:
-            axes.append(names.axis({rest: value if isinstance(value, list) else [value]}))
-        elif part in parts and rest:
+        if part in parts and rest:
             parts[part][rest] = value
         elif part == "until_decided" and rest:
             plain[part] = plain.get(part, {}) | {rest: value}
         elif dot or part in (*PARTS, "vary"):
-            one_of("name of a setting", name, (*_KEYS, *(f"{p}.…" for p in (*parts, "vary"))))
+            one_of("name of a setting", name, (*_KEYS, *(f"{p}.…" for p in parts)))
         else:
             plain[name] = value
     if plain:
         sweep = sweep_of(plain, title=sweep.title, folder=Path(), base=sweep)
     params, own = _split(Overrides.told("params", parts["params"]), names)
+    lists = {name: v if isinstance(v, list) else [v] for name, v in parts["vary"].items()}
+    axes = [names.axis({name: given}) for name, given in lists.items()]
     changes: dict[str, Any] = {
         "world": sweep.world | names.world(Overrides.told("world", parts["world"])),
         "assumed": sweep.assumed | names.assumed(Overrides.told("assumed", parts["assumed"])),
@@ -205,10 +205,8 @@ def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
     for name in values:
         if name in changed.varied:
             raise InputError(f"{name} is set, but the sweep varies it: set vary.{name}, a list.")
-    varied = [name.removeprefix("params.") for axis in axes for name in axis.values]
-    refuse_idle(
-        changed, [*params, *(name for name in varied if f"params.{name}" in changed.varied)]
-    )
+    varied = [name for name in lists if name.startswith("params.")]
+    refuse_idle(changed, [*params, *(name.removeprefix("params.") for name in varied)])
     return changed
 
 
