@@ -98,13 +98,6 @@ class Overrides(dict[str, Any]):
         """Return a world's changes with the paths of files absolute, from a folder; ~ is home."""
         return self | {name: _absolute(folder, self[name]) for name in names if name in self}
 
-    def short(self) -> dict[str, Any]:
-        """Return a world's values for a heading: those of files without their folder."""
-        return {
-            name: file_names(value) if name in FILES and isinstance(value, str | tuple) else value
-            for name, value in self.items()
-        }
-
 
 def file_names(given: Any) -> str:
     """Return the name of a file without its folder, or those of the parts of a log."""

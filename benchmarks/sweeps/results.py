@@ -20,7 +20,7 @@ from benchmarks.tables.comparison import (
     results_table,
 )
 from benchmarks.tables.frames import by_method, cell, scores_of_rows, trials_frame
-from benchmarks.tables.panels import MethodGroup, Panel, aim_of, groups, panels
+from benchmarks.tables.panels import MethodGroup, Panel, aim_of, groups, panels, trial_words
 from benchmarks.tables.signals import maps_table, plans_table
 from benchmarks.tables.stats import FIRST, Rule
 from benchmarks.tables.text import BASELINE
@@ -307,7 +307,7 @@ def _incomplete(sweep: Sweep, results: Results) -> list[str]:
     for own in by_cell(sweep.distinct()).values():
         done = sum(trial in there for trial in own)
         if done < len(own):
-            lines.append(f"  {done} of {len(own)}: {' '.join(own[0].words())}")
+            lines.append(f"  {done} of {len(own)}: {' '.join(trial_words(own[0]))}")
     more = [f"  … and {len(lines) - _SHOWN} more"] if len(lines) > _SHOWN else []
     return ["Not complete:", *lines[:_SHOWN], *more]
 

@@ -39,6 +39,7 @@ from benchmarks.sweeps.results import (
     rule_of,
 )
 from benchmarks.sweeps.store import Store, writing
+from benchmarks.tables.panels import trial_words
 from benchmarks.trials.scoring import SCORE_NAMES, Finished, TrialRecord
 from benchmarks.trials.spec import Provenance, Trial, environment
 from benchmarks.trials.stage import Outcome, check_trials, provenance_of
@@ -220,7 +221,7 @@ def dry_run(sweep: Sweep, jobs: int | None = None, timeout: float | None = None)
     firsts = [own[0] for own in cells.values()]
     with Where(jobs=1, timeout=timeout).engine(firsts) as engine:
         seconds = _seconds(firsts, engine, provenance_of(firsts))
-    words = [first.words() for first in firsts]
+    words = [*map(trial_words, firsts)]
     alike = [part for part in words[0] if len(words) > 1 and all(part in own for own in words)]
     rows = [
         [
@@ -304,7 +305,7 @@ def _sentence(folder: Path, chosen: Mapping[str, Trial], differing: Mapping[str,
     trial = chosen[key]
     return (
         f"{folder}: {len(differing)} of {len(chosen)} trials differ from those before; the first "
-        f"is {' '.join(trial.words())}, world {trial.trial}, filter seed {trial.filter_seed}: "
+        f"is {' '.join(trial_words(trial))}, world {trial.trial}, filter seed {trial.filter_seed}: "
         f"{differing[key]}. Give a new --out."
     )
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from benchmarks.setup.overrides import Named, Overrides, spelt
+from benchmarks.setup.overrides import FILES, Named, Overrides, file_names, spelt
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.frames import (
     METHOD,
@@ -381,8 +381,15 @@ def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
     return titles
 
 
+def trial_words(trial: Trial) -> list[str]:
+    """Return a trial's setting and method, a part each; files without their folder."""
+    return [trial.scenario, *_words(trial.setting), f"L={trial.lag}", str(trial.method)]
+
+
 def _words(setting: Setting) -> list[str]:
     assumptions = setting.assumed.items()
     assumed = (f"assumed {n} {short_name(v) if isinstance(v, str) else v}" for n, v in assumptions)
-    world = (f"{name} {value}" for name, value in setting.world.short().items())
+    named = {n: v for n, v in setting.world.items() if n in FILES and isinstance(v, str | tuple)}
+    short = setting.world | {name: file_names(value) for name, value in named.items()}
+    world = (f"{name} {value}" for name, value in short.items())
     return [*world, *assumed, *map(disturbance_words, setting.disturbance)]

@@ -150,13 +150,6 @@ class Trial:
         said = {own.name: jsonable(getattr(self, own.name)) for own in fields(self)}
         return {name: value for name, value in said.items() if name != "agent" or value}
 
-    def words(self) -> list[str]:
-        """Return its setting and method, a part each; files without their folder."""
-        parts = [self.scenario, *(f"{name}={value}" for name, value in self.world.short().items())]
-        parts += [f"assumed {name}={value}" for name, value in self.assumed.items()]
-        parts += [str(wrapper.get("kind")) for wrapper in self.disturbance]
-        return [*parts, f"L={self.lag}", str(self.method)]
-
     def key(self, provenance: str) -> str:
         """Name of its result: a hash of the canonical configuration and of what computes it."""
         words = json.dumps([self.canonical(), provenance], sort_keys=True, allow_nan=False)
