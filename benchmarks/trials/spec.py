@@ -199,15 +199,11 @@ def code_digest() -> str:
 
     Comments, docstrings and formatting do not count.
     """
-    digests = map(_digest_of, PACKAGES)
-    return hashlib.sha256("".join(digests).encode()).hexdigest()
-
-
-def _digest_of(package: str) -> str:
     digest = hashlib.sha256()
-    for path, name in _files(package):
-        digest.update(f"{package}/{name}\0".encode())
-        digest.update(_statements(path))
+    for package in PACKAGES:
+        for path, name in _files(package):
+            digest.update(f"{package}/{name}\0".encode())
+            digest.update(_statements(path))
     return digest.hexdigest()
 
 
