@@ -32,7 +32,7 @@ from benchmarks.setup.overrides import located
 from benchmarks.setup.scenario import RoomScenario, Scenario
 from benchmarks.trials.clouds import Surroundings
 from benchmarks.trials.collecting import JourneyLog, TrackLog
-from benchmarks.trials.episode import Shown, Step, drive, followed, sees_belief
+from benchmarks.trials.episode import Step, drive, followed, sees_belief
 from benchmarks.trials.map_signals import MapSignals, differs
 from benchmarks.trials.scores import ScoreGroup, groups_named
 from benchmarks.trials.scoring import TrialRecord, record
@@ -55,7 +55,7 @@ class Drive(NamedTuple):
     """An episode in which no belief has a part."""
 
     start: Pose  # the expected one
-    steps: tuple[Shown, ...]
+    steps: tuple[Step, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +139,7 @@ class Stage:
         What the localizer is made for is a copy of its own.
         """
 
-        def steps(believed: Callable[[], Any]) -> Iterable[Shown]:
+        def steps(believed: Callable[[], Any]) -> Iterable[Step]:
             if driven is not None:
                 return driven.steps
             return drive(self.env, self._agent(), believed, seed=self.trial.world_seed)
