@@ -229,7 +229,7 @@ def asked(options: argparse.Namespace) -> "Sweep":
     made = sweep(sweep_named(options.suite, added), settings=values, **keys).sweep
     for name in added:
         parameters(name)
-    if options.shard and made.until_decided:
+    if options.shard and made.until_decided is not None:
         raise InputError(
             "--shard runs a part of all trials, but until all comparisons are decided nobody knows "
             "which these are: leave out --shard or --until-decided."

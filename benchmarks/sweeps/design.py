@@ -53,16 +53,6 @@ class Axis:
         return [dict(zip(self.values, row, strict=True)) for row in rows]
 
 
-@dataclass(frozen=True, kw_only=True)
-class UntilDecided:
-    """Worlds are run in blocks, and each method only until its comparison is decided."""
-
-    margin: float = 0.05  # of no importance, as a share of the baseline's error or of runs
-
-    def __post_init__(self) -> None:
-        number("margin of until_decided", self.margin, low=0, high=1)
-
-
 MOST_TRIALS = 1_000_000  # trials
 _SAID = (  # of a sweep, in the order of its manifest
     *("title", "localizers", "scenario", "lag", "world", "assumed", "disturbance", "params"),
@@ -92,7 +82,9 @@ class Sweep:
     #: localizer that the others are compared with, under the same agent; or agent, on the same
     #: localizer. "" is the first agent if there are several, else ``BASELINE``.
     baseline: str = ""
-    until_decided: UntilDecided | None = None  #: None is all worlds; else ``trials`` are most
+    #: difference of no importance, as a share of the baseline's error or of runs: worlds are run in
+    #: blocks, each method until its comparison is decided, ``trials`` at most; None: all are run
+    until_decided: float | None = None
     #: names of the parameters that a localizer of a name takes; None is any
     takes: Takes = field(default=parameters, compare=False, repr=False)
 
@@ -110,6 +102,8 @@ class Sweep:
             object.__setattr__(self, "agent", _agent(self.agent))
         integer("lag", self.lag)
         integer("seed", self.seed)
+        if self.until_decided is not None:
+            number("margin of until_decided", self.until_decided, low=0, high=1)
         integer("trials", self.trials, low=1, high=100_000)
         integer("filter_seeds", self.filter_seeds, low=1, high=100_000)
         if not self.localizers:
@@ -218,8 +212,8 @@ class Sweep:
             said["agent"] = self.agent.json()
         if self.baseline != self._usual_baseline:
             said["baseline"] = jsonable(self.baseline)
-        if self.until_decided:
-            said["until_decided"] = {"margin": self.until_decided.margin}
+        if self.until_decided is not None:
+            said["until_decided"] = {"margin": self.until_decided}
         return said
 
     def _points(self) -> Iterator[dict[str, Any]]:

@@ -81,7 +81,7 @@ def manifest_of(sweep: Sweep, command: Sequence[str]) -> Manifest:
         command=list(command),
         environment=environment(),
         places=places(sweep),
-        margin=None if sweep.until_decided is None else sweep.until_decided.margin,
+        margin=sweep.until_decided,
     )
 
 

@@ -154,7 +154,7 @@ def rule_of(sweep: Sweep) -> Rule | None:
             f"--max-worlds is {sweep.trials}, but nothing is decided before {FIRST} worlds: give "
             f"{FIRST} or more."
         )
-    return Rule(margin=sweep.until_decided.margin, family=family, worlds=sweep.trials)
+    return Rule(margin=sweep.until_decided, family=family, worlds=sweep.trials)
 
 
 def due(

@@ -232,7 +232,7 @@ def dry_run(sweep: Sweep, jobs: int | None = None, timeout: float | None = None)
         for name, own, s in zip(words, cells.values(), seconds, strict=True)
     ]
     jobs = min(jobs or available_cpus(), len(trials))
-    most = "at most " if sweep.until_decided else ""
+    most = "" if sweep.until_decided is None else "at most "
     lines = [f"{sweep.title}: {most}{len(trials):,} trials in {len(cells):,} cells"]
     if equal := sweep.combinations - len(trials):
         lines.append(f"{equal:,} combinations equal others and are run once")

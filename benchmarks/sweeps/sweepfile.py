@@ -23,7 +23,7 @@ from benchmarks.setup.overrides import (
     located,
     wrappers,
 )
-from benchmarks.sweeps.design import PARTS, Axis, Sweep, Takes, UntilDecided
+from benchmarks.sweeps.design import PARTS, Axis, Sweep, Takes
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, one_of
@@ -336,10 +336,10 @@ class _Names:
         )
 
 
-def _until_decided(table: Any) -> UntilDecided | None:
+def _until_decided(table: Any) -> Any:
     if table is None:
         return None
     known = documents.as_table("until_decided", table, "a table like {margin = 0.05}")
     for key in known:
         one_of("key in until_decided", key, ("margin",))
-    return UntilDecided(**known)
+    return known.get("margin", 0.05)

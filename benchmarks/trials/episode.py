@@ -85,7 +85,8 @@ def followed(
     """
     belief: Any = None
     takes_own = getattr(localizer, "own_plans", True)
-    for shown in driven(lambda: belief):
+    steps = driven(lambda: belief)
+    for shown in steps:
         plan = NO_PLAN if shown.own and not takes_own else shown.plan
         call: Callable[..., Belief] = localizer.update
         given: tuple[Any, ...]
