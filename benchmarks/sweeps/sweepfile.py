@@ -23,7 +23,7 @@ from benchmarks.setup.overrides import (
     located,
     wrappers,
 )
-from benchmarks.sweeps.design import PARTS, Axis, Sweep, Takes
+from benchmarks.sweeps.design import PARTS, Sweep, Takes
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, one_of
@@ -198,7 +198,7 @@ def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
         if sweep.agent is None:
             raise InputError("agent.… is set, but no agent is named: set agent=NAME, too.")
         changes["agent"] = replace(sweep.agent, params=sweep.agent.params | parts["agent"])
-    if agents := [agent for axis in axes for agent in axis.values.get("agent", ())]:
+    if agents := [agent for axis in axes for agent in axis.get("agent", ())]:
         usual = "" if len(agents) > 1 else sweep.baseline
         changes |= {"agent": None, "baseline": plain.get("baseline", usual)}
     changed = with_params(replace(sweep, **changes), own)
@@ -210,10 +210,10 @@ def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
     return changed
 
 
-def _with_axes(axes: Sequence[Axis], new: Sequence[Axis]) -> tuple[Axis, ...]:
+def _with_axes(axes: Sequence[Overrides], new: Sequence[Overrides]) -> tuple[Overrides, ...]:
     """Return axes with the new ones, each in the place of the one of its name, if there is one."""
-    by_name = {name: axis for axis in new for name in axis.values}
-    kept = [by_name.pop(next(iter(a.values)), a) if len(a.values) == 1 else a for a in axes]
+    by_name = {name: axis for axis in new for name in axis}
+    kept = [by_name.pop(next(iter(a)), a) if len(a) == 1 else a for a in axes]
     return (*kept, *by_name.values())
 
 
@@ -315,7 +315,7 @@ class _Names:
         name = self.localizer("name of a localizer", named.name)
         return Method(name=name, params=self.params(named.params), label=label)
 
-    def axis(self, table: Any) -> Axis:
+    def axis(self, table: Any) -> Overrides:
         values = Overrides.told("vary", documents.as_table("vary", table, "a [[vary]] table"))
 
         def point(name: str, value: Any) -> Any:
@@ -331,9 +331,7 @@ class _Names:
             return getattr(self, group)(Overrides({key: value}))[key]
 
         points = {name: listed(f"[[vary]] {name}", given) for name, given in values.items()}
-        return Axis(
-            values=Overrides({n: tuple(point(n, one) for one in own) for n, own in points.items()})
-        )
+        return Overrides({n: tuple(point(n, one) for one in own) for n, own in points.items()})
 
 
 def _until_decided(table: Any) -> Any:
