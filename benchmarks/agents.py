@@ -18,11 +18,12 @@ from benchmarks.policies import (
     Still,
     WallFollower,
     four_deep,
+    points_of,
     rng_of,
 )
 from benchmarks.setup import Agent
 from deqmcl_gym.maps.map import pixel
-from deqmcl_gym.numerics import Floats, Point, Pose, Reals
+from deqmcl_gym.numerics import Point, Pose, Reals
 from deqmcl_gym.validation import InputError, number
 from deqmcl_gym.world.config import WORLDS, Driver, World
 from deqmcl_gym.world.course import Course
@@ -148,7 +149,7 @@ class OnEstimate:
         return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
-        if (seen := _points(belief)) is None:
+        if (seen := points_of(belief)) is None:
             return _LOOK_ROUND, None
         planned = _ahead_of(self._plan, mean_pose(*seen), least=1)
         return planned[0], planned[1:]
@@ -183,7 +184,7 @@ class ToGoal:
         return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals | None]:
-        if (seen := _points(belief)) is None:
+        if (seen := points_of(belief)) is None:
             return _LOOK_ROUND, None
         self.pose = best_cluster(*seen, unit=self._map.unit).mean
         if info["collided"]:
@@ -231,16 +232,11 @@ class Dispatched(ToGoal):
     sees_belief = False
     sees_truth = True
 
-    def __init__(self, robot: RobotModel) -> None:
-        super().__init__(robot)
-        self._rng: np.random.Generator | None = None
-
     def plan_at_reset(self, info: dict[str, Any]) -> Reals:
         self._rng = rng_of(info)
         return NO_PLAN
 
     def act(self, belief: Belief, info: dict[str, Any]) -> tuple[Reals, Reals]:
-        assert self._rng is not None
         x, y, heading = np.asarray(info["truth"]).tolist()
         self.pose = x, y, heading
         assert self._world.route is not None
@@ -292,12 +288,6 @@ def _in_the_building(robot: RobotModel) -> World:
         driver={},
         route={},
     )
-
-
-def _points(belief: Belief) -> tuple[Reals, Floats] | None:
-    """Return the poses and weights of the present; None if there is nothing to plan from."""
-    points = belief.points()
-    return None if points is None or len(points[0]) == 0 else points
 
 
 AGENTS: Mapping[str, Callable[..., Agent]] = MappingProxyType(

@@ -135,7 +135,8 @@ def evaluate(
         words = getattr(policy, "__name__", type(policy).__name__)
     rows = []
     for seed in range(count):
-        options = {"floor_plan": office_of(seed)} if name == "Localize-v0" else {}
+        office = {"floor_plan": {"office": {**OFFICE, "seed": seed % BUILDINGS}}}
+        options = office if name == "Localize-v0" else {}
         env: gym.Env[Any, Any] = Counted(gym.make(f"deqmcl_gym/{name}", **options | made))
         rows.append(_played(env, policy, seed, wrap, deterministic))
         env.close()
@@ -170,11 +171,6 @@ class Counted(gym.Wrapper[Any, Any, Any, Any]):
         counts["scans"] += int(seen["sensed"][0]) if isinstance(room, TrackEnv) else 1
         self._at = info["truth"]
         return seen, reward, terminated, truncated, info
-
-
-def office_of(episode: int) -> dict[str, Any]:
-    """Return the floor plan in which an episode of ``Localize-v0`` is evaluated."""
-    return {"office": {**OFFICE, "seed": episode % BUILDINGS}}
 
 
 def _played(

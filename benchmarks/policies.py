@@ -135,21 +135,14 @@ class LookAhead(Still):
         if info["collided"]:
             self._queue = []
         if not self._queue:
-            poses = self._drawn(belief, self._rng)
-            if poses is None:
+            if (points := points_of(belief)) is None:
                 return 0.0, _TURN
+            poses = np.asarray(drawn_poses(*points, _SAMPLES, self._rng), np.float64)
             turns = self._turns(self._rng)
             with np.errstate(under="ignore"):
                 values = [self._value(poses, each, info) for each in turns]
             self._queue = self._motion(float(turns[int(np.argmax(values))][0]))
         return self._queue.pop(0)
-
-    def _drawn(self, belief: Belief, rng: np.random.Generator) -> Floats | None:
-        """Draw poses from the belief, (n, 3); None if there are none."""
-        points = belief.points()
-        if points is None or len(points[0]) == 0:
-            return None
-        return np.asarray(drawn_poses(*points, _SAMPLES, rng), np.float64)
 
     def _turns(self, rng: np.random.Generator) -> Floats:
         """Turns before each drive of the motions that are compared, (m, depth)."""
@@ -217,6 +210,12 @@ class FreeEnergy(LookAhead):
             off = np.hypot(*(path[-1, :, :2] - info["goal"]).T)
             pragmatic -= float(off.mean()) / (_METRE * self._px)
         return self._information(path) + pragmatic
+
+
+def points_of(belief: Belief) -> tuple[Reals, Floats] | None:
+    """Return the poses and weights of the present; None if there is nothing to plan from."""
+    points = belief.points()
+    return None if points is None or len(points[0]) == 0 else points
 
 
 def rng_of(info: dict[str, Any]) -> np.random.Generator:

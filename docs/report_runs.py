@@ -31,10 +31,9 @@ from benchmarks.sweeps.running import compare_again, record_parts, sample
 from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import csv_of
-from benchmarks.trials.attempt import Outcome, provenance_of
-from benchmarks.trials.provenance import code_digest
 from benchmarks.trials.scoring import TrialRecord
-from benchmarks.trials.spec import Trial
+from benchmarks.trials.spec import Trial, code_digest
+from benchmarks.trials.stage import Outcome, provenance_of
 from deqmcl_gym.files import write_text
 from deqmcl_gym.validation import InputError
 

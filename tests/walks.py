@@ -127,7 +127,7 @@ def of_command(name: str) -> set[str]:
 def of_a_trial(method: str) -> Walk:
     """Return what one trial enters, without its worker and its store."""
     from benchmarks.sweeps.sweepfile import sweep_named
-    from benchmarks.trials.attempt import attempt, key_of
+    from benchmarks.trials.stage import attempt, key_of
 
     with tempfile.TemporaryDirectory() as folder:
         cell = Path(folder, "cell.toml")

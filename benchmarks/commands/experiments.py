@@ -152,8 +152,7 @@ def run_command(options: argparse.Namespace) -> str:
     ),
     group(
         "where trials run, and what becomes of those that fail",
-        option("--dask", nargs="?", const="", metavar="ADDRESS", help="run them by Dask, at this "
-            "scheduler (a new cluster on this machine)"),
+        option("--dask", metavar="ADDRESS", help="run them by Dask, at this scheduler"),
         option("--shard", metavar="I/N", help="run only every N-th trial, starting with the I-th"),
         TIMEOUT,
         RETRY_FAILED,
@@ -230,7 +229,7 @@ def asked(options: argparse.Namespace) -> "Sweep":
     made = sweep(sweep_named(options.suite, added), settings=values, **keys).sweep
     for name in added:
         parameters(name)
-    if options.shard and made.until_decided:
+    if options.shard and made.until_decided is not None:
         raise InputError(
             "--shard runs a part of all trials, but until all comparisons are decided nobody knows "
             "which these are: leave out --shard or --until-decided."

@@ -5,7 +5,6 @@ import logging
 import math
 import os
 import pickle
-import signal
 import sys
 import sysconfig
 import time
@@ -18,15 +17,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from benchmarks.execution import ONE_THREAD, sheltered
 from benchmarks.execution.processes import (
     GUEST_SECONDS,
     Processes,
     TimedOutError,
     WorkerDiedError,
 )
-from benchmarks.trials.attempt import Outcome, attempt, guest_of
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import Outcome, attempt, guest_of
 from deqmcl_gym.validation import InputError, in_words, integer, number
 from localizers.digests import OURS
 from localizers.registry import LOCALIZER
@@ -53,7 +51,7 @@ class Where:
     """Where trials run. No part of a sweep's identity: the numbers do not depend on it."""
 
     jobs: int | None = None  #: trials at a time; None is one per processor, or thread of Dask
-    dask: str | None = None  #: address of Dask's scheduler; "" starts a cluster on this machine
+    dask: str | None = None  #: address of Dask's scheduler
     timeout: float | None = None  #: seconds that one trial may take; None waits for ever
 
     def __post_init__(self) -> None:
@@ -65,17 +63,15 @@ class Where:
     def check(self) -> None:
         """See whether the engine can be had, before anything is written."""
         if self.dask is not None:
-            _distributed()
-            if self.dask:
-                with _dask(0, self.dask):
-                    pass
+            with _dask(self.dask):
+                pass
 
     @contextmanager
     def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
         """Start an engine for these trials, and end it with all that still runs."""
         jobs = self.jobs or available_cpus()
         if self.dask is not None:
-            with _dask(jobs, self.dask) as engine:
+            with _dask(self.dask) as engine:
                 patient = self.timeout is None and any(map(guest_of, trials))
                 timeout = GUEST_SECONDS if patient else self.timeout
                 yield replace(engine, slots=self.jobs or engine.slots, timeout=timeout)
@@ -114,11 +110,10 @@ def _sender(executor: Any) -> Submit:
     def submit(trial: Trial, key: str) -> Future[Outcome]:
         pooled = isinstance(executor, Processes)
         how = {"guest": guest_of(trial), "group": trial.episode} if pooled else {}
-        if (name := trial.localizer) not in LOCALIZER.added:
-            return executor.submit(attempt, trial, key, **how)  # type: ignore[no-any-return]
-        if name not in packed:
+        if (name := trial.localizer) in LOCALIZER.added and name not in packed:
             packed[name] = _packed(name)
-        return executor.submit(_attempt_sent, packed[name], trial, key, **how)  # type: ignore[no-any-return]
+        sent: Future[Outcome] = executor.submit(_attempt, packed.get(name), trial, key, **how)
+        return sent
 
     return submit
 
@@ -148,15 +143,16 @@ def _packed(name: str) -> bytes:
         ) from None
 
 
-def _attempt_sent(packed: bytes, trial: Trial, key: str) -> Outcome:
-    if trial.localizer not in LOCALIZER.added:
+def _attempt(packed: bytes | None, trial: Trial, key: str) -> Outcome:
+    if packed is not None and trial.localizer not in LOCALIZER.added:
         LOCALIZER.added[trial.localizer] = pickle.loads(packed)
         LOCALIZER.received.add(trial.localizer)
     return attempt(trial, key)
 
 
-def _distributed() -> Any:
-    """Return the package ``distributed``."""
+@contextmanager
+def _dask(scheduler: str) -> Iterator[Engine]:
+    """Connect to a cluster."""
     try:
         import distributed
     except ImportError:
@@ -164,23 +160,15 @@ def _distributed() -> Any:
             "Dask is not installed: run pip install 'deqmcl-gym[dask]', or leave out --dask."
         ) from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost, we say
-    return distributed
-
-
-@contextmanager
-def _dask(workers: int, scheduler: str) -> Iterator[Engine]:
-    """Connect to a cluster."""
-    package = _distributed()
-    with ExitStack() as stack:
-        address = scheduler or stack.enter_context(_local_cluster(package, workers))
-        try:
-            client = package.Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
-        except Exception as error:  # each transport has its own
-            raise InputError(
-                f"the Dask scheduler {address!r} cannot be reached ({in_words(error)}): give an "
-                "address like tcp://host:8786."
-            ) from None
-        stack.callback(_close, client)
+    connected: Any = distributed.Client
+    try:
+        client = connected(scheduler, timeout=CONNECT_SECONDS, set_as_default=False)
+    except Exception as error:  # each transport has its own
+        raise InputError(
+            f"the Dask scheduler {scheduler!r} cannot be reached ({in_words(error)}): give an "
+            "address like tcp://host:8786."
+        ) from None
+    try:
         if (threads := sum(client.nthreads().values())) == 0:
             raise InputError(f"the Dask scheduler {scheduler} has no workers: start some.")
 
@@ -190,32 +178,9 @@ def _dask(workers: int, scheduler: str) -> Iterator[Engine]:
 
         submit = _sender(client.get_executor(retries=0))
         yield Engine(submit=submit, slots=threads, lost=lost)
-
-
-@contextmanager
-def _local_cluster(package: Any, workers: int) -> Iterator[Any]:
-    """Start worker processes of one thread each; at the end, kill them in whatever they do."""
-    with sheltered():
-        cluster = package.LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            dashboard_address=None,
-            env={**ONE_THREAD, "PYTHONSAFEPATH": ""},
-            silence_logs=logging.CRITICAL,
-        )
-    try:
-        yield cluster
     finally:
-        for nanny in cluster.workers.values():  # one looks after each process, and would restart it
-            nanny.auto_restart = False
-            with contextlib.suppress(OSError, TypeError):  # it is gone
-                os.kill(nanny.pid, signal.SIGKILL)
-        _close(cluster)
-
-
-def _close(connected: Any) -> None:
-    with contextlib.suppress(TimeoutError):
-        connected.close(timeout=_CLOSE_SECONDS)
+        with contextlib.suppress(TimeoutError):
+            client.close(timeout=_CLOSE_SECONDS)
 
 
 def available_cpus() -> int:

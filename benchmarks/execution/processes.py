@@ -243,7 +243,7 @@ def load_trials() -> None:
     """Load what trials need before the first of them is timed."""
     import cv2
 
-    import benchmarks.trials.attempt  # noqa: F401
+    import benchmarks.trials.stage  # noqa: F401
 
     cv2.setNumThreads(1)
 

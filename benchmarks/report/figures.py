@@ -13,7 +13,7 @@ from benchmarks.report.messages import showing
 from benchmarks.setup import TrialEnv
 from benchmarks.tables.text import short_name, state_name
 from benchmarks.trials.episode import Step
-from benchmarks.trials.metrics import directions, heading_error, position_error, state_error
+from benchmarks.trials.scores import directions, heading_error, position_error, state_error
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
@@ -103,7 +103,7 @@ def run_lap(trial: Trial, out: Path, log: Path | None, mcap: Path | None) -> str
     if log is not None:
         write(_log(film.moments, stage.room), log)
     write_files(out, files)
-    lines = [_line(row, unit) for row in scores(trace, trial.lag, stage.scenario.thresholds)]
+    lines = [_line(row, unit) for row in scores(trace)]
     lines.append(f"Written to {out}: {', '.join(files)}.")
     lines += [] if log is None else [f"Log: {log}"]
     lines += [] if mcap is None else [f"MCAP: {mcap}"]

@@ -20,10 +20,9 @@ from benchmarks.execution.processes import Processes
 from benchmarks.tables.frames import scored
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import state_name
-from benchmarks.trials.attempt import key_of
 from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.stage import Stage
+from benchmarks.trials.stage import Stage, key_of
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.files import content_of
 from deqmcl_gym.maps.map import pixel

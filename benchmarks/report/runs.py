@@ -17,11 +17,10 @@ import pandas as pd
 from benchmarks.tables.frames import milliseconds_per_step, value_in
 from benchmarks.tables.stats import wilson
 from benchmarks.tables.text import short_names
-from benchmarks.trials.metrics import middle
 from benchmarks.trials.scores import JOURNEY_SCORES, TRACK_GROUPS, journey_scores
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.tracks import FOUND, NEAR, EstimatedTrack, settled
+from benchmarks.trials.tracks import FOUND, NEAR, EstimatedTrack, middle, settled
 from deqmcl_gym.logs import Log
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.validation import InputError, one_of, shown

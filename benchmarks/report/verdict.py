@@ -10,7 +10,7 @@ import pandas as pd
 from benchmarks.setup.names import is_plug_in
 from benchmarks.sweeps.results import Results
 from benchmarks.tables import stats
-from benchmarks.tables.deciding import RELATIONS
+from benchmarks.tables.comparison import RELATIONS
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.stats import ALPHA, Interval
 from benchmarks.tables.text import BLIND, interval, p_value, percent, short_name, significant

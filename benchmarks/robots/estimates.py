@@ -19,7 +19,7 @@ from benchmarks.report.runs import run_of_track, tracks_table, tracks_trials
 from benchmarks.report.tracks import accuracy, published, tables_of, tracked
 from benchmarks.robots.calibration import first_judged, late_words, own_records
 from benchmarks.robots.played import EVERY, NO_ERROR, first_referenced
-from benchmarks.setup.logs import REPLAY, ReplayScenario, check_inside
+from benchmarks.setup.logs import REPLAY, LogScenario, check_inside
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.results import results_in
 from benchmarks.tables.frames import csv_of
@@ -47,7 +47,7 @@ class Played:
     log: Log
     whole: Log
     floor_plan: Map | None
-    setup: ReplayScenario = REPLAY
+    setup: LogScenario = REPLAY
     runs: pd.DataFrame | None = None
 
     def track(self, estimate: Trajectory) -> EstimatedTrack:
@@ -78,7 +78,7 @@ def played_before(folder: Path) -> Played:
         )
     runs, floor_plan = there
     setup = scenario(panel.setting.scenario).changed(panel.setting.world)
-    assert isinstance(setup, ReplayScenario)
+    assert isinstance(setup, LogScenario)
     return Played(setup.recording()[0], setup.whole, floor_plan, setup, runs)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmarks.setup import documents
 from benchmarks.setup.documents import parsed
-from benchmarks.setup.logs import ReplayScenario, check_inside, motion_noise, shows_noise
+from benchmarks.setup.logs import LogScenario, check_inside, motion_noise, shows_noise
 from benchmarks.setup.names import absolute_assumed, scenario
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.setup.priors import Gaussian
@@ -55,7 +55,7 @@ class Replay:
     power: str = ""  # how the power of the scan model was fitted, in words; "" if it was not
 
     @property
-    def scenario(self) -> ReplayScenario:
+    def scenario(self) -> LogScenario:
         """The scenario with the changes."""
         return replayed(self.world, self.assumed)
 
@@ -276,10 +276,10 @@ def length_and_angle(option: str, text: str) -> tuple[float, float]:
     return length, angle
 
 
-def replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) -> ReplayScenario:
+def replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) -> LogScenario:
     """Return the scenario ``replay`` with some values changed."""
     found = scenario(REPLAY_SCENARIO).changed(world, assumed)
-    assert isinstance(found, ReplayScenario)
+    assert isinstance(found, LogScenario)
     return found
 
 

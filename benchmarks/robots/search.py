@@ -28,12 +28,10 @@ from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
 from benchmarks.sweeps.store import Store, writing
 from benchmarks.tables.frames import RUN, milliseconds_per_step
-from benchmarks.trials.attempt import attempt, key_of, provenance_of
-from benchmarks.trials.provenance import Provenance
 from benchmarks.trials.scores import JOURNEY_SCORES, PUBLISHED, TRACK_SCORES, Score, track_scores
 from benchmarks.trials.scoring import Finished, TrialRecord
-from benchmarks.trials.spec import Trial
-from benchmarks.trials.stage import Stage, check_trials
+from benchmarks.trials.spec import Provenance, Trial
+from benchmarks.trials.stage import Stage, attempt, check_trials, key_of, provenance_of
 from benchmarks.trials.tracks import EstimatedTrack, ScoredTrack
 from deqmcl_gym.files import UnreadableError, content_of, json_of, write_bytes
 from deqmcl_gym.logs import Log

@@ -37,10 +37,9 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
         line = content.count(b"\n", 0, error.start) + 1
         found = f"byte 0x{content[error.start]:02x} in line {line}"
         raise InputError(f"{named} is not UTF-8 ({found}): save it as UTF-8.") from None
-    except RecursionError:
-        raise InputError(f"{named} is not valid TOML: its values are nested too deeply.") from None
-    except ValueError as error:  # an error of TOML, or a number of thousands of digits
-        raise InputError(f"{named} is not valid TOML: {error}.") from None
+    except (RecursionError, ValueError) as error:  # or a number of thousands of digits
+        why = "its values are nested too deeply" if isinstance(error, RecursionError) else error
+        raise InputError(f"{named} is not valid TOML: {why}.") from None
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """Recorded logs as worlds: segments of one, or the whole of it; the noise of their odometry."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from inspect import signature
 from typing import Any, Self
@@ -33,12 +33,17 @@ _READ = ("log", "reference", "reading")  # of them: what the records are read fr
 
 @dataclass(frozen=True, kw_only=True)
 class LogScenario(Scenario):
-    """Segments of a recorded log: each trial's seed draws where its own begins."""
+    """Segments of a recorded log, each trial's seed draws where its own begins; or the whole of it.
+
+    The worlds of a whole log are runs of the localizers on it, with a reference or without: then
+    scans are compared with the map. Records before its ``judged`` were fitted on: beliefs are not
+    judged by them.
+    """
 
     env: Mapping[str, Any]  # arguments of ``LogEnv``; "none" is None, where the env takes it
     # whether the noise is of the log's odometry against its reference, instead of ``motion``
     estimated: bool = True
-    _names = _ARGUMENTS  # of its env
+    segments: bool = True
 
     @property
     def unit(self) -> str:
@@ -48,7 +53,8 @@ class LogScenario(Scenario):
     def room(self) -> LogEnv:
         """Return the log as an env."""
         log, floor_plan = self.recording()
-        self._check(log)
+        if self.segments and not log.referenced.size:
+            raise InputError(f"{log.source} has no reference to score by: name one as reference.")
         check_inside(log, floor_plan)
         given = {name: value for name, value in _arguments(self.env).items() if name in _EPISODES}
         shown = given.get("plan", "odometry")
@@ -100,14 +106,15 @@ class LogScenario(Scenario):
         shown = self.motion_of(self.recording()[0])
         return {f"motion.{name}": value for name, value in vars(shown).items()}
 
-    def _check(self, log: Log) -> None:
-        if not log.referenced.size:
-            raise InputError(f"{log.source} has no reference to score by: name one as reference.")
-
     def in_world(self, values: Overrides) -> Self:
         """Return this scenario with arguments of its env changed, by dotted name."""
-        env = {**self.env, **values.by_part(self._names, "part of a log's world")}
-        return replace(self, env=env)
+        names = _ARGUMENTS if self.segments else (*_ARGUMENTS, "judged")
+        return replace(self, env={**self.env, **values.by_part(names, "part of a log's world")})
+
+    @property
+    def judged(self) -> int | None:
+        """Of a whole log, the first record by which beliefs are judged."""
+        return None if self.segments else integer("judged", self.env.get("judged", 0))
 
     def _named(self) -> Mapping[str, Any]:
         """Return the arguments of the env, the log and the map among them."""
@@ -122,24 +129,6 @@ class LogScenario(Scenario):
     @property
     def _digests(self) -> str:
         return "".join(map(digest_of_file, Overrides(self.env).files))
-
-
-@dataclass(frozen=True, kw_only=True)
-class ReplayScenario(LogScenario):
-    """A whole log, with a reference or without: its worlds are runs of the localizers on it.
-
-    Records before its ``judged`` were fitted on: beliefs are not judged by them.
-    """
-
-    _names = (*_ARGUMENTS, "judged")
-
-    @property
-    def judged(self) -> int:
-        """First record by which beliefs are judged."""
-        return integer("judged", self.env.get("judged", 0))
-
-    def _check(self, log: Log) -> None:
-        """Take any log: without a reference, scans are compared with the map."""
 
 
 def check_inside(log: Log, floor_plan: Map) -> None:
@@ -283,11 +272,10 @@ SHORT = replace(
     words="as log, but segments of 20 m, and a record each 0.0625 m or 3°, as Nav2's AMCL needs",
     env={"segment": 20.0, "every": "0.0625m,3deg", "max_beams": 60},
 )
-REPLAY = ReplayScenario(
-    **{own.name: getattr(LOG, own.name) for own in fields(LOG)}
-    | {
-        "words": "the whole of a recorded log, as deqmcl replay runs it: each world is another run",
-        "env": {"every": "0.2m,5deg", "max_beams": 60},
-    }
+REPLAY = replace(
+    LOG,
+    words="the whole of a recorded log, as deqmcl replay runs it: each world is another run",
+    env={"every": "0.2m,5deg", "max_beams": 60},
+    segments=False,
 )
 LOGS = {"log": LOG, "log-short": SHORT, "replay": REPLAY}

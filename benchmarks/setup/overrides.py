@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -16,21 +16,18 @@ OF_LOCALIZERS = ("cost_map",)  # of files that parameters of localizers name
 _WORDS = {"inf": math.inf, "-inf": -math.inf}  # JSON has no infinity; the text is "'inf"
 
 
-class Overrides(Mapping[str, Any]):
-    """An immutable mapping by dotted name, such as ``{"lidar.beams": 9}``, in the order of names.
+class Overrides(dict[str, Any]):
+    """A mapping by dotted name, such as ``{"lidar.beams": 9}``, in the order of names; not changed.
 
     Made of a mapping or pairs, of TOML by ``told``, by ``of_json`` of what ``json`` gave. Lists
     become tuples, tables ``Overrides``. Equal are those with the same JSON: 1, 1.0, True differ.
     """
 
-    __slots__ = ("_text", "_values")
+    __slots__ = ("_text",)
 
     def __init__(self, values: Mapping[str, Any] | Iterable[tuple[str, Any]] = ()) -> None:
-        if isinstance(values, Overrides):
-            self._values: dict[str, Any] = values._values
-        else:
-            own = dict(values)
-            self._values = {name: _kept(own[name]) for name in sorted(own)}
+        own = dict(values)
+        super().__init__({name: _kept(own[name]) for name in sorted(own)})
 
     @classmethod
     def told(cls, what: str, given: Any) -> Self:
@@ -45,21 +42,15 @@ class Overrides(Mapping[str, Any]):
                 flat[whole] = leaf
         return cls(flat)
 
-    def __getitem__(self, name: str) -> Any:
-        return self._values[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._values)
-
-    def __len__(self) -> int:
-        return len(self._values)
-
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Mapping):
             return NotImplemented
         return self.text == Overrides(other).text
 
-    def __hash__(self) -> int:
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    def __hash__(self) -> int:  # type: ignore[override]
         return hash(self.text)
 
     @property
@@ -69,11 +60,10 @@ class Overrides(Mapping[str, Any]):
             self._text = spelt(self)
         return self._text
 
-    def __repr__(self) -> str:
-        return repr(self._values)
+    def __or__(self, others: Mapping[str, Any]) -> Self:  # type: ignore[override]
+        return type(self)({**self, **others})
 
-    def __or__(self, others: Mapping[str, Any]) -> Self:
-        return type(self)({**self._values, **others})
+    __ior__ = __or__  # type: ignore[assignment]  # not in place
 
     def json(self) -> dict[str, Any]:
         """Return JSON-able values, from which the same changes are made again."""
@@ -107,13 +97,6 @@ class Overrides(Mapping[str, Any]):
     def beside(self, folder: Path, names: Sequence[str] = FILES) -> Self:
         """Return a world's changes with the paths of files absolute, from a folder; ~ is home."""
         return self | {name: _absolute(folder, self[name]) for name in names if name in self}
-
-    def short(self) -> dict[str, Any]:
-        """Return a world's values for a heading: those of files without their folder."""
-        return {
-            name: file_names(value) if name in FILES and isinstance(value, str | tuple) else value
-            for name, value in self.items()
-        }
 
 
 def file_names(given: Any) -> str:

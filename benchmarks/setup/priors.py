@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.setup import TrialEnv
 from deqmcl_gym.maps.map import LENGTH, POSE, pixel, scaled
-from deqmcl_gym.numerics import arrays
+from deqmcl_gym.numerics import Pose, arrays
 from deqmcl_gym.validation import InputError, number, one_of, pose
 from localizers import (
     AnnulusRegion,
@@ -28,6 +28,7 @@ from localizers.models.nav2_motion import unknown_motion
 from localizers.registry import ScanPlugIn, is_code
 
 Part = TypeVar("Part")
+Rng = np.random.Generator | None  # that of a displaced prior; others draw nothing
 _DIRECTIONS = 1024  # that are drawn to find a free one
 
 
@@ -47,9 +48,9 @@ class Gaussian:
         number("prior.sd_position", self.sd_position, low=0)
         number("prior.sd_heading", self.sd_heading, low=0)
 
-    def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> GaussianPrior:
-        """Return p(x_0) in the episode that a room has begun last; nothing is drawn."""
-        mean = room.expected_start if self.mean is None else self.mean
+    def of(self, room: TrialEnv, rng: Rng = None, start: Pose | None = None) -> GaussianPrior:
+        """Return p(x_0) in the episode that a room has begun last, or in one with this start."""
+        mean = self.mean or start or room.expected_start
         return GaussianPrior(mean=mean, sd_position=self.sd_position, sd_heading=self.sd_heading)
 
 
@@ -70,11 +71,11 @@ class Displaced(Gaussian):
         number("prior.distance", self.distance, low=0)
         number("prior.angle", self.angle, low=0, high=3.1416)  # π, as people write it
 
-    def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> GaussianPrior:
-        """Return p(x_0) in the episode that a room has begun last."""
+    def of(self, room: TrialEnv, rng: Rng = None, start: Pose | None = None) -> GaussianPrior:
+        """Return p(x_0) in the episode that a room has begun last, or in one with this start."""
         if rng is None:
             raise InputError("the prior is displaced in a direction that is drawn: give rng.")
-        right = super().of(room)
+        right = super().of(room, start=start)
         x, y, heading = right.mean
         side, ways = rng.random(), 2 * math.pi * rng.random(_DIRECTIONS)
         off = np.column_stack([arrays.cos(ways), arrays.sin(ways)])
@@ -113,8 +114,8 @@ class Uniform:
             )
         self._region()  # refuses what is none
 
-    def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> Prior:
-        """Return p(x_0) in a room; nothing is drawn."""
+    def of(self, room: TrialEnv, rng: Rng = None, start: Pose | None = None) -> Prior:
+        """Return p(x_0) in a room."""
         region = self._region()
         return UniformPrior(floor_plan=room.floor_plan, radius=room.radius, region=region)
 
@@ -149,11 +150,11 @@ class Places:
             raise InputError(f"prior.places is {self.places!r}, but must be a list of tables.")
         object.__setattr__(self, "places", tuple(map(_place, self.places)))
 
-    def of(self, room: TrialEnv, rng: np.random.Generator | None = None) -> Prior:
-        """Return p(x_0) in the episode that a room has begun last; nothing is drawn."""
+    def of(self, room: TrialEnv, rng: Rng = None, start: Pose | None = None) -> Prior:
+        """Return p(x_0) in the episode that a room has begun last, or in one with this start."""
         if not self.places:
             raise InputError("the prior has kind places, but no place: add [[prior.places]].")
-        parts = tuple(place.prior.of(room) for place in self.places)
+        parts = tuple(place.prior.of(room, start=start) for place in self.places)
         return MixturePrior(parts=parts, weights=tuple(place.weight for place in self.places))
 
 

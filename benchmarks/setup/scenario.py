@@ -5,13 +5,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self
 
-import numpy as np
-
 from benchmarks.setup import TrialEnv
 from benchmarks.setup.overrides import NOTHING, Named, Overrides, located
-from benchmarks.setup.priors import PRIORS, Gaussian, Places, Uniform, changed
+from benchmarks.setup.priors import PRIORS, Gaussian, Places, Rng, Uniform, changed
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps.map import LENGTH, pixel, scaled
+from deqmcl_gym.numerics import Pose
 from deqmcl_gym.validation import integer, number, one_of
 from deqmcl_gym.world.config import World, offices_of
 from localizers import GaussianUniform, OdometryMotion, Prior, RobotModel
@@ -111,9 +110,9 @@ class Scenario(ABC):
             scan=self.scan,
         )
 
-    def prior_in(self, room: TrialEnv, rng: np.random.Generator | None = None) -> Prior:
-        """Return p(x_0) in the episode that a room has begun last; ``rng`` is for ``Displaced``."""
-        return self.prior.of(room, rng)
+    def prior_in(self, room: TrialEnv, rng: Rng = None, start: Pose | None = None) -> Prior:
+        """Return p(x_0) in the episode that a room has begun last, or in one with this start."""
+        return self.prior.of(room, rng, start)
 
     def changed(
         self, world: Mapping[str, Any] = NOTHING, assumed: Mapping[str, Any] = NOTHING

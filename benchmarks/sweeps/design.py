@@ -1,9 +1,8 @@
 """What a sweep is: a factorial design of settings and methods over paired worlds, as data."""
 
 import itertools
-import json
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,54 +15,6 @@ from localizers import parameters
 
 PARTS = ("world", "assumed", "params")  # of dotted names; agent.… are the agent's parameters
 SCALARS = ("scenario", "lag", "disturbance", "agent")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Axis:
-    """What is varied together: k values for each of one or more names."""
-
-    #: by name, "scenario", "lag", "disturbance", "agent", "agent.…" or "world.…", "assumed.…",
-    #: "params.…"
-    values: Overrides
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "values", Overrides.told("vary", self.values))
-        lengths = {name: len(values) for name, values in self.values.items()}
-        for name, length in lengths.items():
-            group, _, rest = name.partition(".")
-            if not (group in (*PARTS, "agent") and rest):
-                allowed = (*SCALARS, *(f"{g}.…" for g in (*PARTS, "agent")))
-                one_of("name in [[vary]]", name, allowed)
-            if length == 0:
-                raise InputError(f"[[vary]] {name} is empty: give one value or more.")
-        if len(set(lengths.values())) > 1:
-            counted = ", ".join(f"{name}: {length}" for name, length in lengths.items())
-            raise InputError(
-                f"one [[vary]] has lists of different lengths ({counted}): they advance together; "
-                "write a [[vary]] for each to get all combinations."
-            )
-        if not lengths:
-            raise InputError("a [[vary]] is empty: give a name and its values.")
-
-    def __len__(self) -> int:
-        return len(next(iter(self.values.values())))
-
-    def points(self) -> list[dict[str, Any]]:
-        """Return the values of each point by name."""
-        rows = zip(*self.values.values(), strict=True)
-        return [dict(zip(self.values, row, strict=True)) for row in rows]
-
-
-@dataclass(frozen=True, kw_only=True)
-class UntilDecided:
-    """Worlds are run in blocks, and each method only until its comparison is decided."""
-
-    margin: float = 0.05  # of no importance, as a share of the baseline's error or of runs
-
-    def __post_init__(self) -> None:
-        number("margin of until_decided", self.margin, low=0, high=1)
-
-
 MOST_TRIALS = 1_000_000  # trials
 _SAID = (  # of a sweep, in the order of its manifest
     *("title", "localizers", "scenario", "lag", "world", "assumed", "disturbance", "params"),
@@ -89,11 +40,15 @@ class Sweep:
     seed: int = 0
     trials: int = 10
     filter_seeds: int = 1
-    vary: tuple[Axis, ...] = field(default=())  #: axes; the last one turns fastest
+    #: axes, the last one turns fastest: lists of values, which advance together, by name:
+    #: "scenario", "lag", "disturbance", "agent", "agent.…", "world.…", "assumed.…" or "params.…"
+    vary: tuple[Overrides, ...] = ()
     #: localizer that the others are compared with, under the same agent; or agent, on the same
     #: localizer. "" is the first agent if there are several, else ``BASELINE``.
     baseline: str = ""
-    until_decided: UntilDecided | None = None  #: None is all worlds; else ``trials`` are most
+    #: difference of no importance, as a share of the baseline's error or of runs: worlds are run in
+    #: blocks, each method until its comparison is decided, ``trials`` at most; None: all are run
+    until_decided: float | None = None
     #: names of the parameters that a localizer of a name takes; None is any
     takes: Takes = field(default=parameters, compare=False, repr=False)
 
@@ -106,17 +61,19 @@ class Sweep:
         for name in ("world", "assumed"):  # nested as in TOML, or by dotted name
             object.__setattr__(self, name, Overrides.told(name, getattr(self, name)))
         object.__setattr__(self, "scenario", _scenario(self.scenario))
-        object.__setattr__(self, "vary", tuple(map(_absolute, self.vary)))
+        object.__setattr__(self, "vary", tuple(map(_axis, self.vary)))
         if self.agent is not None:
             object.__setattr__(self, "agent", _agent(self.agent))
         integer("lag", self.lag)
         integer("seed", self.seed)
+        if self.until_decided is not None:
+            number("margin of until_decided", self.until_decided, low=0, high=1)
         integer("trials", self.trials, low=1, high=100_000)
         integer("filter_seeds", self.filter_seeds, low=1, high=100_000)
         if not self.localizers:
             raise InputError("the sweep names no localizer, so there are no combinations to run.")
         for axis in self.vary:
-            for value in axis.values.get("lag", ()):
+            for value in axis.get("lag", ()):
                 integer("lag", value)
         for name in self.names:
             self.takes(_label("localizer", name))
@@ -149,14 +106,13 @@ class Sweep:
     @property
     def combinations(self) -> int:
         """How many trials are asked for, counted without listing them; equal ones count twice."""
-        points = math.prod(len(axis) for axis in self.vary)
+        points = math.prod(len(_rows(axis)) for axis in self.vary)
         return points * len(self.localizers) * self.trials * self.filter_seeds
 
     @property
     def planned(self) -> int:
         """How many trials it runs, counted by cells: equal combinations are one."""
-        cells = {json.dumps(first.canonical()) for first in self.cells()}
-        return len(cells) * self.trials * self.filter_seeds
+        return len({*self.cells()}) * self.trials * self.filter_seeds
 
     @property
     def names(self) -> list[str]:
@@ -166,12 +122,12 @@ class Sweep:
     @property
     def varied(self) -> list[str]:
         """Every name that its axes vary."""
-        return [name for axis in self.vary for name in axis.values]
+        return [name for axis in self.vary for name in axis]
 
     @property
     def agents(self) -> list[str]:
         """Names of the agents that it names."""
-        varied = (one for axis in self.vary for one in axis.values.get("agent", ()))
+        varied = (one for axis in self.vary for one in axis.get("agent", ()))
         own = [] if self.agent is None else [self.agent]
         told = [*map(_told, varied)] or own
         return list(dict.fromkeys(agent.name for agent in told))
@@ -183,44 +139,53 @@ class Sweep:
     @property
     def labelled(self) -> list[Method]:
         """The methods with labels as their trials have them."""
-        cells = replace(self, trials=1, filter_seeds=1).listed()
-        methods = zip(cells, itertools.cycle(self.localizers), strict=False)
+        methods = zip(self.cells(), itertools.cycle(self.localizers), strict=False)
         return [replace(cell.method, label=own.label) for cell, own in methods if own.label]
 
     def listed(self) -> Iterator[Trial]:
         """Yield all combinations: by setting, then method, world, filter seed."""
-        for base in self._points():
-            for method in self.localizers:
-                yield from self._runs(base, method, self.trials, self.filter_seeds)
+        for cell in self.cells():
+            for world in range(self.trials):
+                for filter_seed in range(self.filter_seeds):
+                    yield replace(cell, trial=world, filter_seed=filter_seed)
 
     def cells(self) -> Iterator[Trial]:
         """Yield the first trial of each setting and method."""
-        return replace(self, trials=1, filter_seeds=1).listed()
+        for base in self._points():
+            for method in self.localizers:
+                params = self.params_of(method, {"lag": base["lag"], **base["params"]})
+                same = base | {"localizer": method.name, "params": params, "seed": self.seed}
+                yield Trial(**same, trial=0)
+
+    def params_of(self, method: Method, shared: Mapping[str, Any]) -> Overrides:
+        """Return the shared parameters that a method takes, and its own."""
+        known = self.takes(method.name)
+        useful = {k: v for k, v in shared.items() if known is None or k in known}
+        return Overrides(useful) | method.params
 
     def distinct(self) -> list[Trial]:
         """Return the distinct trials, in the order of ``listed``."""
-        # by what names a result: 1, 1.0 and True are equal to Python
-        return list({json.dumps(trial.canonical()): trial for trial in self.listed()}.values())
+        return list(dict.fromkeys(self.listed()))
 
     def canonical(self) -> dict[str, Any]:
         """Return the sweep as JSON-able values: what a folder of results is checked against."""
         said = {name: jsonable(getattr(self, name)) for name in _SAID}
         said["localizers"] = [method.json() for method in self.localizers]
-        said["vary"] = [axis.values.json() for axis in self.vary]
+        said["vary"] = [axis.json() for axis in self.vary]
         if self.agent is not None:
             said["agent"] = self.agent.json()
         if self.baseline != self._usual_baseline:
             said["baseline"] = jsonable(self.baseline)
-        if self.until_decided:
-            said["until_decided"] = {"margin": self.until_decided.margin}
+        if self.until_decided is not None:
+            said["until_decided"] = {"margin": self.until_decided}
         return said
 
     def _points(self) -> Iterator[dict[str, Any]]:
         """Yield the base with the values of each point of the design."""
-        for point in itertools.product(*(axis.points() for axis in self.vary)):
+        for point in itertools.product(*map(_rows, self.vary)):
             base: dict[str, Any] = {name: getattr(self, name) for name in (*SCALARS, *PARTS)}
             tuned: dict[str, Any] = {}  # of the agent, whichever it is
-            for name, value in itertools.chain.from_iterable(part.items() for part in point):
+            for name, value in itertools.chain.from_iterable(point):
                 group, _, rest = name.partition(".")
                 if name == "agent":
                     base[name] = _told(value)
@@ -236,18 +201,6 @@ class Sweep:
                 base["agent"] = replace(base["agent"], params=base["agent"].params | tuned)
             yield base
 
-    def _runs(
-        self, base: dict[str, Any], method: Method, trials: int, filter_seeds: int
-    ) -> Iterator[Trial]:
-        known = self.takes(method.name)
-        shared = {"lag": base["lag"], **base["params"]}
-        useful = {k: v for k, v in shared.items() if known is None or k in known}
-        params = Overrides(useful) | method.params
-        same = base | {"localizer": method.name, "params": params, "seed": self.seed}
-        for world in range(trials):
-            for filter_seed in range(filter_seeds):
-                yield Trial(**same, trial=world, filter_seed=filter_seed)
-
 
 def by_cell(trials: Iterable[Trial]) -> dict[tuple[Setting, Method], list[Trial]]:
     """Sort trials by setting and method, in the order in which these come first."""
@@ -257,14 +210,32 @@ def by_cell(trials: Iterable[Trial]) -> dict[tuple[Setting, Method], list[Trial]
     return cells
 
 
-def _absolute(axis: Axis) -> Axis:
-    """Return an axis with the names of scenarios and agents absolute."""
-    own: dict[str, Any] = {}
-    if names := axis.values.get("scenario"):
-        own["scenario"] = tuple(map(_scenario, names))
-    if agents := axis.values.get("agent"):
-        own["agent"] = tuple(_agent(one).json() for one in agents)
-    return Axis(values=axis.values | own) if own else axis
+def _axis(given: Any) -> Overrides:
+    """Return what is varied together: k values by name; those of scenarios and agents absolute."""
+    axis = Overrides.told("vary", given)
+    lengths = {name: len(values) for name, values in axis.items()}
+    for name, length in lengths.items():
+        group, _, rest = name.partition(".")
+        if not (group in (*PARTS, "agent") and rest):
+            allowed = (*SCALARS, *(f"{g}.…" for g in (*PARTS, "agent")))
+            one_of("name in [[vary]]", name, allowed)
+        if length == 0:
+            raise InputError(f"[[vary]] {name} is empty: give one value or more.")
+    if len(set(lengths.values())) > 1:
+        counted = ", ".join(f"{name}: {length}" for name, length in lengths.items())
+        raise InputError(
+            f"one [[vary]] has lists of different lengths ({counted}): they advance together; "
+            "write a [[vary]] for each to get all combinations."
+        )
+    if not lengths:
+        raise InputError("a [[vary]] is empty: give a name and its values.")
+    made_absolute = {"scenario": _scenario, "agent": lambda agent: _agent(agent).json()}
+    return axis | {n: tuple(map(of, axis[n])) for n, of in made_absolute.items() if n in axis}
+
+
+def _rows(axis: Overrides) -> list[list[tuple[str, Any]]]:
+    """Return names and values of each point of an axis."""
+    return [[*zip(axis, row, strict=True)] for row in zip(*axis.values(), strict=True)]
 
 
 def _told(agent: Any) -> Named:

@@ -12,8 +12,8 @@ from msgspec.structs import replace
 from benchmarks.files import is_empty
 from benchmarks.setup.overrides import renamed, spelt
 from benchmarks.sweeps.design import Sweep
-from benchmarks.trials.attempt import provenance_of
-from benchmarks.trials.provenance import Environment, Provenance, environment
+from benchmarks.trials.spec import Environment, Provenance, environment
+from benchmarks.trials.stage import provenance_of
 from deqmcl_gym.files import UnreadableError, content_of, json_of, typed, write_text
 from deqmcl_gym.validation import InputError, shown
 from localizers.digests import UNREAD
@@ -81,7 +81,7 @@ def manifest_of(sweep: Sweep, command: Sequence[str]) -> Manifest:
         command=list(command),
         environment=environment(),
         places=places(sweep),
-        margin=None if sweep.until_decided is None else sweep.until_decided.margin,
+        margin=sweep.until_decided,
     )
 
 

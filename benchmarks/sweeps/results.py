@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import pandas as pd
 
@@ -15,13 +15,14 @@ from benchmarks.sweeps.manifest import Manifest, differences
 from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
 from benchmarks.tables.comparison import (
+    decide,
     decisions_table,
     results_table,
 )
-from benchmarks.tables.deciding import FIRST, Rule, decide
 from benchmarks.tables.frames import by_method, cell, scores_of_rows, trials_frame
-from benchmarks.tables.panels import MethodGroup, Panel, aim_of, groups, panels
+from benchmarks.tables.panels import MethodGroup, Panel, aim_of, groups, panels, trial_words
 from benchmarks.tables.signals import maps_table, plans_table
+from benchmarks.tables.stats import FIRST, Rule
 from benchmarks.tables.text import BASELINE
 from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Method, Setting, Trial
@@ -106,7 +107,6 @@ class Results:
         return f"Made by code {code}, {'; '.join(self.verified)}." if self.verified else ""
 
 
-K = TypeVar("K")
 _SHOWN = 20  # lines of a kind
 _COMPARED = ("title", "localizers", "agent")  # what pooled folders may differ in
 
@@ -154,12 +154,15 @@ def rule_of(sweep: Sweep) -> Rule | None:
             f"--max-worlds is {sweep.trials}, but nothing is decided before {FIRST} worlds: give "
             f"{FIRST} or more."
         )
-    return Rule(margin=sweep.until_decided.margin, family=family, worlds=sweep.trials)
+    return Rule(margin=sweep.until_decided, family=family, worlds=sweep.trials)
 
 
 def due(
-    sweep: Sweep, trials: Mapping[K, Trial], records: Iterable[Finished], failures: Iterable[Trial]
-) -> dict[K, Trial]:
+    sweep: Sweep,
+    trials: Mapping[str, Trial],
+    records: Iterable[Finished],
+    failures: Iterable[Trial],
+) -> dict[str, Trial]:
     """Return those of a sweep's trials that it needs, by nothing but its results; all without rule.
 
     A method needs the worlds up to its decision, or to its next look; a baseline those of all that
@@ -299,12 +302,12 @@ def _incomplete(sweep: Sweep, results: Results) -> list[str]:
     """Say of each setting and method how many of its trials are there, unless all are."""
     if not results.failures and not results.missing:
         return []
-    there = {named(record.trial.canonical()) for record in results.records}
+    there = {record.trial for record in results.records}
     lines = []
     for own in by_cell(sweep.distinct()).values():
-        done = sum(named(trial.canonical()) in there for trial in own)
+        done = sum(trial in there for trial in own)
         if done < len(own):
-            lines.append(f"  {done} of {len(own)}: {' '.join(own[0].words())}")
+            lines.append(f"  {done} of {len(own)}: {' '.join(trial_words(own[0]))}")
     more = [f"  … and {len(lines) - _SHOWN} more"] if len(lines) > _SHOWN else []
     return ["Not complete:", *lines[:_SHOWN], *more]
 

@@ -39,11 +39,10 @@ from benchmarks.sweeps.results import (
     rule_of,
 )
 from benchmarks.sweeps.store import Store, writing
-from benchmarks.trials.attempt import Outcome, provenance_of
-from benchmarks.trials.provenance import Provenance, environment
+from benchmarks.tables.panels import trial_words
 from benchmarks.trials.scoring import SCORE_NAMES, Finished, TrialRecord
-from benchmarks.trials.spec import Trial
-from benchmarks.trials.stage import check_trials
+from benchmarks.trials.spec import Provenance, Trial, environment
+from benchmarks.trials.stage import Outcome, check_trials, provenance_of
 from deqmcl_gym.validation import InputError, one_line, shown
 
 MINUTE = 60.0  # s between two lines about the progress, where there is no terminal
@@ -77,12 +76,12 @@ class Running:
 
     def results(self) -> Results:
         """Run the trials that are missing; return what is there then, and warn if some failed."""
-        if self.sweep.until_decided is None:
-            number, of = self.options.shard or (1, 1)
-            part = {key: self.trials[key] for key in list(self.trials)[number - 1 :: of]}
-            run_missing(part, self.store, self.options, self.now)
-        else:
-            self._run_until_decided()
+        number, of = self.options.shard or (1, 1)
+        part = {key: self.trials[key] for key in list(self.trials)[number - 1 :: of]}
+        asked: dict[str, Trial] = {}
+        while new := self._due(part, asked):  # once, or up to the next look of whatever is open
+            run_missing(new, self.store, self.options, self.now)
+            asked |= new
         results = collected(self.sweep, self.trials, self.store, self.made)
         for line in left_out_lines(results, self.store.out):
             print(line, file=sys.stderr)
@@ -90,21 +89,12 @@ class Running:
             warnings.warn(incomplete_sentence(results), FailedWarning, stacklevel=2)
         return results
 
-    def _run_until_decided(self) -> None:
-        """Run the worlds up to the next look of whatever is open, until nothing is."""
-        asked: dict[str, Trial] = {}
-        records: list[Finished] = []
-        failures: list[Trial] = []
-        while True:
-            needed = due(self.sweep, self.trials, records, failures)
-            new = {key: trial for key, trial in needed.items() if key not in asked}
-            if not new:
-                return
-            run_missing(new, self.store, self.options, self.now)
-            asked |= new
-            ended = {key: self.store.get(key, trial) for key, trial in new.items()}
-            records += filter(None, ended.values())
-            failures += [new[key] for key, record in ended.items() if record is None]
+    def _due(self, part: Mapping[str, Trial], asked: Mapping[str, Trial]) -> dict[str, Trial]:
+        """Return the trials that are needed after those that were asked for."""
+        found = (self.store.get(key, trial) for key, trial in asked.items())
+        failures = (trial for key, trial in asked.items() if self.store.failure(key) is not None)
+        needed = due(self.sweep, part, filter(None, found), failures)
+        return {key: trial for key, trial in needed.items() if key not in asked}
 
 
 @contextmanager
@@ -231,7 +221,7 @@ def dry_run(sweep: Sweep, jobs: int | None = None, timeout: float | None = None)
     firsts = [own[0] for own in cells.values()]
     with Where(jobs=1, timeout=timeout).engine(firsts) as engine:
         seconds = _seconds(firsts, engine, provenance_of(firsts))
-    words = [first.words() for first in firsts]
+    words = [*map(trial_words, firsts)]
     alike = [part for part in words[0] if len(words) > 1 and all(part in own for own in words)]
     rows = [
         [
@@ -242,7 +232,7 @@ def dry_run(sweep: Sweep, jobs: int | None = None, timeout: float | None = None)
         for name, own, s in zip(words, cells.values(), seconds, strict=True)
     ]
     jobs = min(jobs or available_cpus(), len(trials))
-    most = "at most " if sweep.until_decided else ""
+    most = "" if sweep.until_decided is None else "at most "
     lines = [f"{sweep.title}: {most}{len(trials):,} trials in {len(cells):,} cells"]
     if equal := sweep.combinations - len(trials):
         lines.append(f"{equal:,} combinations equal others and are run once")
@@ -265,26 +255,16 @@ def dry_run(sweep: Sweep, jobs: int | None = None, timeout: float | None = None)
 
 def _seconds(trials: Sequence[Trial], engine: Engine, made: Provenance) -> list[float | None]:
     """Return the seconds of each trial, by those of the first that is alike; None: that fails."""
-
-    def measured(trial: Trial) -> float | None:
+    particles = {trial: int(trial.params.get("particles", _USUAL)) for trial in trials}
+    first = {(trial.scenario, trial.localizer): trial for trial in reversed(trials)}
+    seconds: dict[tuple[str, str], float | None] = {}  # of one particle
+    for trial in (trials[0], *first.values()):  # the first one compiles
         started = time.perf_counter()
         ((_, outcome),) = outcomes([(made.key(trial), trial)], engine)
-        return None if outcome.record is None else time.perf_counter() - started
-
-    measured(trials[0])  # compile first
-    first = {(trial.scenario, trial.localizer): trial for trial in reversed(trials)}
-    took = {alike: measured(trial) for alike, trial in first.items()}
-
-    def scaled(trial: Trial) -> float | None:
-        alike = trial.scenario, trial.localizer
-        s = took[alike]
-        return None if s is None else s * _particles(trial) / _particles(first[alike])
-
-    return [scaled(trial) for trial in trials]
-
-
-def _particles(trial: Trial) -> int:
-    return int(trial.params.get("particles", _USUAL))
+        took = (time.perf_counter() - started) / particles[trial]
+        seconds[trial.scenario, trial.localizer] = None if outcome.record is None else took
+    each = ((seconds[trial.scenario, trial.localizer], n) for trial, n in particles.items())
+    return [None if one is None else one * n for one, n in each]
 
 
 SAMPLED = 0.01  # of the trials beside the first of each setting and method
@@ -325,7 +305,7 @@ def _sentence(folder: Path, chosen: Mapping[str, Trial], differing: Mapping[str,
     trial = chosen[key]
     return (
         f"{folder}: {len(differing)} of {len(chosen)} trials differ from those before; the first "
-        f"is {' '.join(trial.words())}, world {trial.trial}, filter seed {trial.filter_seed}: "
+        f"is {' '.join(trial_words(trial))}, world {trial.trial}, filter seed {trial.filter_seed}: "
         f"{differing[key]}. Give a new --out."
     )
 

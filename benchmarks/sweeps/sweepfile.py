@@ -23,7 +23,7 @@ from benchmarks.setup.overrides import (
     located,
     wrappers,
 )
-from benchmarks.sweeps.design import PARTS, Axis, Sweep, Takes, UntilDecided
+from benchmarks.sweeps.design import PARTS, Sweep, Takes
 from benchmarks.trials.spec import Method
 from deqmcl_gym.files import utf8
 from deqmcl_gym.validation import InputError, one_of
@@ -171,23 +171,23 @@ def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
     assumed.scan.sigma, params.KEY of all localizers or params.LOCALIZER.KEY of one, agent.KEY, and
     vary.NAME with a list, which becomes an axis, or takes the place of that of the same name.
     """
-    names, plain, axes = _Names(Path()), dict[str, Any](), list[Axis]()
-    parts: dict[str, dict[str, Any]] = {part: {} for part in (*PARTS, "agent")}
+    names, plain = _Names(Path()), dict[str, Any]()
+    parts: dict[str, dict[str, Any]] = {part: {} for part in (*PARTS, "agent", "vary")}
     for name, value in values.items():
         part, dot, rest = name.partition(".")
-        if part == "vary" and rest:
-            axes.append(names.axis({rest: value if isinstance(value, list) else [value]}))
-        elif part in parts and rest:
+        if part in parts and rest:
             parts[part][rest] = value
         elif part == "until_decided" and rest:
             plain[part] = plain.get(part, {}) | {rest: value}
         elif dot or part in (*PARTS, "vary"):
-            one_of("name of a setting", name, (*_KEYS, *(f"{p}.…" for p in (*parts, "vary"))))
+            one_of("name of a setting", name, (*_KEYS, *(f"{p}.…" for p in parts)))
         else:
             plain[name] = value
     if plain:
         sweep = sweep_of(plain, title=sweep.title, folder=Path(), base=sweep)
     params, own = _split(Overrides.told("params", parts["params"]), names)
+    lists = {name: v if isinstance(v, list) else [v] for name, v in parts["vary"].items()}
+    axes = [names.axis({name: given}) for name, given in lists.items()]
     changes: dict[str, Any] = {
         "world": sweep.world | names.world(Overrides.told("world", parts["world"])),
         "assumed": sweep.assumed | names.assumed(Overrides.told("assumed", parts["assumed"])),
@@ -198,68 +198,46 @@ def with_settings(sweep: Sweep, values: Mapping[str, Any]) -> Sweep:
         if sweep.agent is None:
             raise InputError("agent.… is set, but no agent is named: set agent=NAME, too.")
         changes["agent"] = replace(sweep.agent, params=sweep.agent.params | parts["agent"])
-    if agents := [agent for axis in axes for agent in axis.values.get("agent", ())]:
+    if agents := [agent for axis in axes for agent in axis.get("agent", ())]:
         usual = "" if len(agents) > 1 else sweep.baseline
         changes |= {"agent": None, "baseline": plain.get("baseline", usual)}
     changed = with_params(replace(sweep, **changes), own)
     for name in values:
         if name in changed.varied:
             raise InputError(f"{name} is set, but the sweep varies it: set vary.{name}, a list.")
-    varied = [name.removeprefix("params.") for axis in axes for name in axis.values]
-    refuse_idle(
-        changed, [*params, *(name for name in varied if f"params.{name}" in changed.varied)]
-    )
+    varied = [name for name in lists if name.startswith("params.")]
+    refuse_idle(changed, [*params, *(name.removeprefix("params.") for name in varied)])
     return changed
 
 
-def _with_axes(axes: Sequence[Axis], new: Sequence[Axis]) -> tuple[Axis, ...]:
+def _with_axes(axes: Sequence[Overrides], new: Sequence[Overrides]) -> tuple[Overrides, ...]:
     """Return axes with the new ones, each in the place of the one of its name, if there is one."""
-    by_name = {name: axis for axis in new for name in axis.values}
-    kept = [by_name.pop(next(iter(a.values)), a) if len(a.values) == 1 else a for a in axes]
+    by_name = {name: axis for axis in new for name in axis}
+    kept = [by_name.pop(next(iter(a)), a) if len(a) == 1 else a for a in axes]
     return (*kept, *by_name.values())
 
 
 def with_params(sweep: Sweep, params: Mapping[str, Overrides]) -> Sweep:
-    """Return a sweep with parameters of single localizers."""
-    own = _of_localizers(params, sweep.names)
-    if not own:
-        return sweep
+    """Return a sweep with parameters of single localizers; refuse what one does not take."""
+    names = {absolute_name(name): name for name in sweep.names}
+    own = {}
+    for given, values in params.items():
+        name = one_of("localizer in params", names.get(absolute_name(given), given), sweep.names)
+        taken = parameters(name)
+        for key in values if taken is not None else ():
+            one_of(f"parameter of localizer {name!r}", key, taken or ())
+        own[name] = values
     methods = [replace(m, params=m.params | own.get(m.name, {})) for m in sweep.localizers]
-    return replace(sweep, localizers=tuple(methods))
+    return replace(sweep, localizers=tuple(methods)) if own else sweep
 
 
 def params_by_localizer(
     given: Mapping[str, Any], localizers: Sequence[str]
 ) -> dict[str, Overrides]:
     """Return ``KEY`` of all localizers that take it, and ``LOCALIZER.KEY`` of one, by localizer."""
-    shared, alone = _split(Overrides(given), _Names(Path()))
-    own = _of_localizers(alone, localizers)
-    taken = {name: parameters(name) for name in localizers}
-    if None not in taken.values():
-        for key in shared:
-            one_of(
-                "parameter of these localizers", key, {k for t in taken.values() for k in t or ()}
-            )
-    found = {}
-    for name, keys in taken.items():
-        useful = {k: value for k, value in shared.items() if keys is None or k in keys}
-        found[name] = Overrides(useful) | own.get(name, {})
-    return found
-
-
-def _of_localizers(
-    params: Mapping[str, Overrides], localizers: Sequence[str]
-) -> dict[str, Overrides]:
-    """Return parameters by the name that a localizer has here; refuse what it does not take."""
-    names = {absolute_name(name): name for name in localizers}
-    own = {}
-    for given, values in params.items():
-        name = one_of("localizer in params", names.get(absolute_name(given), given), localizers)
-        taken = parameters(name)
-        for key in values if taken is not None else ():
-            one_of(f"parameter of localizer {name!r}", key, taken or ())
-        own[name] = values
-    return own
+    plain = Sweep(title="", localizers=tuple(map(Method, localizers)))
+    sweep = with_settings(plain, {f"params.{name}": value for name, value in given.items()})
+    return {method.name: sweep.params_of(method, sweep.params) for method in sweep.localizers}
 
 
 def _split(given: Overrides, names: "_Names") -> tuple[Overrides, dict[str, Overrides]]:
@@ -337,7 +315,7 @@ class _Names:
         name = self.localizer("name of a localizer", named.name)
         return Method(name=name, params=self.params(named.params), label=label)
 
-    def axis(self, table: Any) -> Axis:
+    def axis(self, table: Any) -> Overrides:
         values = Overrides.told("vary", documents.as_table("vary", table, "a [[vary]] table"))
 
         def point(name: str, value: Any) -> Any:
@@ -353,15 +331,13 @@ class _Names:
             return getattr(self, group)(Overrides({key: value}))[key]
 
         points = {name: listed(f"[[vary]] {name}", given) for name, given in values.items()}
-        return Axis(
-            values=Overrides({n: tuple(point(n, one) for one in own) for n, own in points.items()})
-        )
+        return Overrides({n: tuple(point(n, one) for one in own) for n, own in points.items()})
 
 
-def _until_decided(table: Any) -> UntilDecided | None:
+def _until_decided(table: Any) -> Any:
     if table is None:
         return None
     known = documents.as_table("until_decided", table, "a table like {margin = 0.05}")
     for key in known:
         one_of("key in until_decided", key, ("margin",))
-    return UntilDecided(**known)
+    return known.get("margin", 0.05)

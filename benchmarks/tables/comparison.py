@@ -1,17 +1,17 @@
-"""Every method of a panel against its baseline, over paired worlds.
+"""Every method of a panel against its baseline, over paired worlds, and when that is decided.
 
 The columns are those of results.csv and decisions.csv, and a few more, which are told at
 each table. NaN is not available. The runs on a world are averaged first.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, get_args
 
 import pandas as pd
 
 from benchmarks.tables import stats
-from benchmarks.tables.deciding import Decision, Rule, decide
 from benchmarks.tables.frames import (
     PANEL,
     by_world,
@@ -27,6 +27,7 @@ from benchmarks.tables.frames import (
 )
 from benchmarks.tables.panels import Panel, score_columns
 from benchmarks.tables.signals import detection
+from benchmarks.tables.stats import ALPHA, NOT_KNOWN, Interval, Rule, ratio, shares
 from benchmarks.trials.scores import Score
 from benchmarks.trials.scoring import SCORE_NAMES
 from benchmarks.trials.spec import Method
@@ -49,6 +50,31 @@ DECISIONS = (
 )  # fmt: skip
 
 Members = Mapping[Method, pd.DataFrame]
+Relation = Literal["better", "worse", "equivalent", "open"]
+RELATIONS: tuple[Relation, ...] = get_args(Relation)
+
+
+class Look(NamedTuple):
+    """What is known after so many worlds: the relative error, or the difference of shares."""
+
+    worlds: int
+    interval: Interval
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decision:
+    """How a comparison stands."""
+
+    # at each number of worlds that both have finished, up to the one that decided it
+    looks: tuple[Look, ...]
+    # better or worse by more than the margin, equivalent if within it on both sides, or open
+    relation: Relation
+    wanted: int  # worlds that it needs: those of its last look if it is decided, else of the next
+
+    @property
+    def last(self) -> Look:
+        """The last look."""
+        return self.looks[-1] if self.looks else Look(0, NOT_KNOWN)
 
 
 def results_table(panels: Sequence[Panel]) -> pd.DataFrame:
@@ -231,3 +257,57 @@ def _looks(panel: Panel, rule: Rule) -> Iterator[dict[str, Any]]:
 def _six_digits(p: float) -> float:
     """As many as do not depend on how the system computes erfc."""
     return p if math.isnan(p) else float(f"{p:.6g}")
+
+
+def decide(ours: pd.DataFrame, baseline: pd.DataFrame, aim: Score | None, rule: Rule) -> Decision:
+    """Look at a method beside its baseline after so many worlds, until that decides.
+
+    At a look only the worlds up to it count, so the order in which trials were run does not matter.
+    Rows are as of ``frames.cell``; ``aim`` is a share of runs; None compares errors at x_t.
+    """
+    interval = _intervals(ours, baseline, aim, ALPHA / rule.family)
+    there = min(_ended(ours), _ended(baseline))
+    looks: list[Look] = []
+    relation: Relation = "open"
+    for worlds in rule.looks:
+        if worlds > there:
+            break
+        looks.append(Look(worlds, interval(worlds)))
+        relation = _relation(looks[-1].interval, rule.margin, least=aim is None)
+        if relation != "open" or math.isnan(looks[-1].interval.mean):
+            break
+    return Decision(looks=tuple(looks), relation=relation, wanted=worlds)
+
+
+def _intervals(
+    ours: pd.DataFrame, baseline: pd.DataFrame, aim: Score | None, alpha: float
+) -> Callable[[int], Interval]:
+    """Return a function from a number of worlds to what is known after these."""
+    mine, theirs = (
+        scored(rows)["error"] if aim is None else whole_runs(rows, aim) for rows in (ours, baseline)
+    )
+    found = paired_worlds(mine, theirs)
+    worlds, (apart, reference) = found.index.to_numpy(), found.to_numpy().T
+    if aim is not None:
+        bets = [NOT_KNOWN, *shares(apart, alpha)]
+        return lambda most: bets[int((worlds < most).sum())]
+    return lambda most: ratio(apart[worlds < most], reference[worlds < most], alpha)
+
+
+def _ended(rows: pd.DataFrame) -> int:
+    """Count the worlds, from the first one, of which every run has ended."""
+    runs = rows.index.unique().to_frame(index=False)
+    if runs.empty:
+        return 0
+    seeds = runs.groupby("trial").size()
+    whole = seeds.reindex(range(seeds.index.max() + 2)) == 1 + runs["filter_seed"].max()
+    return int(whole.argmin())
+
+
+def _relation(found: Interval, margin: float, *, least: bool) -> Relation:
+    """Return where an interval lies; ``least``: whether the least is the best."""
+    if found.high < -margin:
+        return "better" if least else "worse"
+    if found.low > margin:
+        return "worse" if least else "better"
+    return "equivalent" if -margin < found.low and found.high < margin else "open"

@@ -8,9 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from benchmarks.setup.overrides import Overrides, spelt
+from benchmarks.setup.overrides import FILES, Named, Overrides, file_names, spelt
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.tables.deciding import Rule
 from benchmarks.tables.frames import (
     METHOD,
     as_json,
@@ -21,7 +20,7 @@ from benchmarks.tables.frames import (
     setting_columns,
     trials_frame,
 )
-from benchmarks.tables.stats import ALPHA
+from benchmarks.tables.stats import ALPHA, Rule
 from benchmarks.tables.text import BASELINE, short_name, short_names
 from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import Finished
@@ -338,17 +337,16 @@ def _labels(methods: Sequence[Method]) -> dict[Method, str]:
     labels = {}
     for method in methods:
         localizer = method.label or " ".join([names[method.name], *_variant(method, methods)])
-        own = Method(method.agent.name, method.agent.params) if method.agent else None
         agent = "the scenario's agent"
-        if own is not None:
-            rivals = [Method(m.agent.name, m.agent.params) for m in methods if m.agent]
-            agent = " ".join([drivers[own.name], *_variant(own, rivals)])
+        if method.agent:
+            rivals = [other.agent for other in methods if other.agent]
+            agent = " ".join([drivers[method.agent.name], *_variant(method.agent, rivals)])
         both = f"{agent} with {localizer}" if len(names) > 1 else agent
         labels[method] = both if several else localizer
     return labels
 
 
-def _variant(method: Method, methods: Sequence[Method]) -> list[str]:
+def _variant(method: Named, methods: Sequence[Named]) -> list[str]:
     """Its parameters that tell it from others of the same localizer; words alone if they do."""
     same = [other.params for other in methods if other.name == method.name]
     apart = [(n, v) for n, v in method.params.items() if not all(_has(o, n, v) for o in same)]
@@ -383,8 +381,15 @@ def _titles(settings: Sequence[Setting]) -> dict[Setting, str]:
     return titles
 
 
+def trial_words(trial: Trial) -> list[str]:
+    """Return a trial's setting and method, a part each; files without their folder."""
+    return [trial.scenario, *_words(trial.setting), f"L={trial.lag}", str(trial.method)]
+
+
 def _words(setting: Setting) -> list[str]:
     assumptions = setting.assumed.items()
     assumed = (f"assumed {n} {short_name(v) if isinstance(v, str) else v}" for n, v in assumptions)
-    world = (f"{name} {value}" for name, value in setting.world.short().items())
+    named = {n: v for n, v in setting.world.items() if n in FILES and isinstance(v, str | tuple)}
+    short = setting.world | {name: file_names(value) for name, value in named.items()}
+    world = (f"{name} {value}" for name, value in short.items())
     return [*world, *assumed, *map(disturbance_words, setting.disturbance)]

@@ -1,10 +1,14 @@
-"""Statistics over worlds, and how many worlds they need.
+"""Statistics over worlds, how many worlds they need, and when to stop.
 
-One value per world: runs on the same world are averaged before.
+One value per world: runs on the same world are averaged before. The intervals of comparisons that
+are looked at again and again are confidence sequences (Darling & Robbins 1967), which cover at all
+looks together with probability 1 - α. Who stops when a bootstrap interval excludes 0 is wrong far
+more often.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import accumulate
 from statistics import NormalDist
@@ -56,7 +60,7 @@ def paired_bootstrap(differences: Floats) -> tuple[float, float]:
     """
     if differences.size < 2 or np.isnan(differences).any():
         return math.nan, math.nan
-    drawn = _resamples(differences.size, _RESAMPLES)
+    drawn = _resamples(differences.size)
     return _middle([differences[worlds].mean(axis=1) for worlds in drawn], QUANTILES)
 
 
@@ -67,7 +71,7 @@ def relative_change(differences: Floats, reference: Floats) -> Interval:
     share = float(differences.mean() / reference.mean())
     if differences.size < 2 or np.isnan(differences).any():
         return Interval(share)
-    drawn = _resamples(differences.size, _RESAMPLES)
+    drawn = _resamples(differences.size)
     shares = [differences[one].sum(axis=1) / reference[one].sum(axis=1) for one in drawn]
     return Interval(share, *_middle(shares, (0.025, 0.975)))
 
@@ -155,7 +159,7 @@ def wilson(share: float, n: int) -> tuple[float, float]:
 def multiplicities(n: int) -> Floats:
     """How often each of n worlds is drawn in each of the 10,000 resamples, (10,000, n)."""
     blocks = []
-    for drawn in _resamples(n, _RESAMPLES):
+    for drawn in _resamples(n):
         of_resample = np.arange(len(drawn))[:, None] * n + drawn
         counts = np.bincount(of_resample.ravel(), minlength=drawn.size)
         blocks.append(counts.reshape(drawn.shape))
@@ -168,11 +172,11 @@ def _middle(blocks: Sequence[Floats], ends: tuple[float, float]) -> tuple[float,
 
 
 @lru_cache(maxsize=1)
-def _resamples(n: int, count: int) -> list[NDArray[np.int32]]:
+def _resamples(n: int) -> list[NDArray[np.int32]]:
     """Worlds drawn with replacement, (block, n) each; kept, as many intervals share their n."""
     rng = np.random.default_rng(0)
-    blocks = [min(_BLOCK, count - start) for start in range(0, count, _BLOCK)]
-    return [rng.integers(n, size=(block, n)).astype(np.int32) for block in blocks]
+    shape = (_BLOCK, n)
+    return [rng.integers(n, size=shape).astype(np.int32) for _ in range(_RESAMPLES // _BLOCK)]
 
 
 def _subsets_by_sum(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -209,3 +213,98 @@ def worlds_to_see(difference: float, sd: float, tests: int = 1) -> int:
     reach = normal.inv_cdf(1 - ALPHA / (2 * tests))
     scaled = (reach + normal.inv_cdf(POWER)) * sd / difference
     return max(math.ceil(math.pi / 3 * scaled**2 + reach**2 / 2), least_worlds(tests))
+
+
+FIRST, _EVERY = 20, 10  # worlds before the first look at a comparison, and between two looks
+TIGHT = 20  # worlds at which the interval of a ratio is as short as it can be
+_STEP = 1e-3  # between the means that are tried for an interval of shares
+_MOST = 0.75  # of the capital that is bet at once
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rule:
+    """When to stop; α = 0.05 is shared equally by all comparisons of a sweep, fixed before it runs.
+
+    All intervals of a sweep (methods, settings, looks) hold together with a probability of 95 %.
+    """
+
+    margin: float  # difference that does not matter: as a share of the baseline's error, or of runs
+    family: int  # comparisons of the sweep
+    worlds: int  # most worlds of a setting
+
+    @property
+    def looks(self) -> Iterator[int]:
+        """The numbers of worlds after which one looks."""
+        yield from range(FIRST, self.worlds, _EVERY)
+        yield self.worlds
+
+
+def ratio(apart: Floats, reference: Floats, alpha: float) -> Interval:
+    """Mean difference over mean reference, E[d] / E[b], from paired values of the same worlds.
+
+    The ratios r for which the mixture t-test of E[d - r b] = 0 is below 1 / α, as Fieller (1954)
+    inverts a t-test: (d̄ - r b̄)² ≤ K (s_dd - 2 r s_db + r² s_bb) / n, K of ``_reach``. Its coverage
+    is exact at all n together where d - r b is normal, and that of large samples elsewhere.
+
+    d and b are (n,), the mean of b above 0. Ends are infinite where no ratio can be excluded;
+    ``NOT_KNOWN`` if a value is NaN, or of fewer than two.
+    """
+    n = apart.size
+    if n < 2 or np.isnan(apart).any() or np.isnan(reference).any() or not reference.mean() > 0:
+        return NOT_KNOWN
+    d, b = float(apart.mean()), float(reference.mean())
+    if not (reach := _reach(n, alpha) / n) < math.inf:
+        return Interval(d / b, -math.inf, math.inf)
+    (dd, db), (_, bb) = np.cov(apart, reference)
+    square, linear, constant = b * b - reach * bb, d * b - reach * db, d * d - reach * dd
+    if square <= 0:
+        return Interval(d / b, -math.inf, math.inf)
+    half = math.sqrt(max(0.0, linear * linear - square * constant))  # d / b is one of the ratios
+    return Interval(d / b, (linear - half) / square, (linear + half) / square)
+
+
+def _reach(n: int, alpha: float) -> float:
+    """Return K, the t² up to which the mixture t-test of n values stays below 1 / α.
+
+    M_n = √k ((1 + t²/ν) / (1 + k t²/ν))^(n/2), k = c² / (n + c²), ν = n - 1: the likelihood ratio
+    with a N(0, 1/c²) mixture over the mean in SDs (Lai 1976; Wang & Ramdas 2024, *Anytime-valid
+    t-tests*), a martingale if the mean is 0. Infinite where n is too small for any t.
+    """
+    reach = -2 * math.log(alpha)
+    c2 = TIGHT / (reach + math.log(reach + 1))
+    k = c2 / (n + c2)
+    bound = (alpha * math.sqrt(k)) ** (-2 / n)
+    return (n - 1) * (bound - 1) / (1 - bound * k) if bound * k < 1 else math.inf
+
+
+def shares(apart: Floats, alpha: float) -> list[Interval]:
+    """Mean of differences of shares, from -1 to 1, after each of them: by betting.
+
+    The means m at which nobody who bets against m, with a stake that depends on former values only,
+    has ever multiplied his capital by 1 / α: hedged capital with the predictable plug-in
+    (Waudby-Smith & Ramdas 2024, *Estimating means of bounded random variables by betting*). Its
+    coverage is exact for every distribution.
+
+    No interval is wider than the one before; ends are multiples of 0.001, rounded outwards.
+    """
+    n = apart.size
+    if not n or np.isnan(apart).any():
+        return [NOT_KNOWN] * n
+    seen = (apart + 1) / 2
+    count = np.arange(1, n + 1)
+    guess = (0.5 + np.cumsum(seen)) / (count + 1)
+    spread = (0.25 + np.cumsum((seen - guess) ** 2)) / (count + 1)
+    before = np.concatenate([[0.25], spread[:-1]])
+    stake = np.sqrt(2 * math.log(2 / alpha) / (before * count * np.log(count + 1)))[:, None]
+    tried = np.arange(_STEP / 2, 1, _STEP / 2)
+    gain = seen[:, None] - tried
+    up = np.log1p(np.minimum(stake, _MOST / tried) * gain).cumsum(axis=0)
+    down = np.log1p(-np.minimum(stake, _MOST / (1 - tried)) * gain).cumsum(axis=0)
+    capital = np.maximum.accumulate(np.maximum(up, down), axis=0) - math.log(2)
+    means, found = np.cumsum(apart) / count, []
+    for mean, held in zip(means, capital < -math.log(alpha), strict=True):
+        left = np.flatnonzero(held)
+        ends = (left[0], left[-1] + 2) if left.size else (0, tried.size + 1)
+        low, high = (round(float(end * _STEP - 1), 3) for end in ends)
+        found.append(Interval(float(mean), low, high))
+    return found

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.setup.scenario import Thresholds
 from deqmcl_gym.maps import Map
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Floats, Ints, Reals, Singles
@@ -215,7 +216,7 @@ class Surroundings:
     floor_plan: Map  # the map; it names the unit of all lengths
     radius: float  # of the robot's disc
     max_range: float  # of the lidar
-    far: float  # distance from the truth above which a particle is an outlier
+    thresholds: Thresholds  # what is far off, and lost
 
 
 class Cloud(NamedTuple):

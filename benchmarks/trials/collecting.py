@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -19,7 +19,6 @@ from benchmarks.trials.scores import (
 )
 from benchmarks.trials.tracks import (
     EstimatedTrack,
-    Fixes,
     Journey,
     ScoredTrack,
     half_turned,
@@ -92,8 +91,7 @@ def unless_nan(values: Iterable[float]) -> list[float | None]:
 
 def whole_run(run: Journey, groups: Sequence[ScoreGroup]) -> WholeRun:
     """Return what a record has of a run; curves have four digits, as a long run is many numbers."""
-    fixes = run.fixes
-    curves = {"way": fixes.way, "distance": fixes.distance, "angle": fixes.angle}
+    curves = {"way": run.way, "distance": run.distance, "angle": run.angle}
     if run.masses is not None:
         curves |= dict(zip(("mass_truth", "mass_twin"), run.masses.T, strict=True))
     rounded = {name: [float(f"{v:.4g}") for v in values] for name, values in curves.items()}
@@ -110,7 +108,7 @@ class JourneyLog:
         self._truth: list[Reals] = []
         self._commanded: list[Reals] = []
         self._collided: list[bool] = []
-        self._fixes: list[list[float]] = []  # step, x, y, θ, quality, masses
+        self._fixes: list[list[float]] = []  # x, y, θ, quality, masses
         self._goal: Reals | None = None
         self._planned = math.nan
 
@@ -123,23 +121,19 @@ class JourneyLog:
             self._planned = float(np.hypot(*np.diff(moment.route, axis=0).T).sum())
         if moment.action is not None:
             self._commanded.append(moment.action)
-        if self._groups and (points := moment.belief.points()) is not None:
-            poses, weights = np.asarray(points[0]), np.asarray(points[1], np.float64)
-            best = best_cluster(poses, weights, unit=self._task.floor_plan.unit).mean
-            quality = quality_of(moment.belief)
-            rated = math.nan if quality is None else quality
-            row = [moment.t, *best, rated]
-            if self._turned:
-                here = np.asarray(moment.truth, np.float64)
-                there = half_turned(self._task.floor_plan, here[None])[0]
-                unit = self._task.floor_plan.unit
-                row += [weight_near(poses, weights, at, unit) for at in (here, there)]
-            self._fixes.append(row)
+        points: Any = moment.belief.points()
+        unit, quality = self._task.floor_plan.unit, quality_of(moment.belief)
+        poses, weights = np.asarray(points[0]), np.asarray(points[1], np.float64)
+        row = [*best_cluster(poses, weights, unit=unit).mean]
+        row.append(math.nan if quality is None else quality)
+        if self._turned:
+            here = np.asarray(moment.truth, np.float64)
+            there = half_turned(self._task.floor_plan, here[None])[0]
+            row += [weight_near(poses, weights, at, unit) for at in (here, there)]
+        self._fixes.append(row)
 
-    def kept(self) -> tuple[WholeRun | None, None]:
-        """Return the part of a record about this run; None if nothing is asked."""
-        if not self._groups or not self._fixes:
-            return None, None
+    def kept(self) -> tuple[WholeRun, None]:
+        """Return the part of a record about this run."""
         return whole_run(self.journey(), self._groups), None
 
     def journey(self) -> Journey:
@@ -147,28 +141,24 @@ class JourneyLog:
         size = np.array([self._metre, self._metre, 1.0])
         truth = np.array(self._truth, np.float64) / size
         table = np.array(self._fixes, np.float64)
-        steps = table[:, 0].astype(np.intp)
-        off = truth[steps] - table[:, 1:4] / size
+        off = truth - table[:, :3] / size
         way = way_driven(self._commanded) / self._metre
         goal = None if self._goal is None else np.asarray(self._goal, np.float64) / self._metre
         room = self._task.floor_plan.distance(np.array(self._truth, np.float64)[:, :2])
         distance, angle = np.hypot(off[:, 0], off[:, 1]), np.abs(arrays.wrapped(off[:, 2]))
         return Journey(
-            fixes=Fixes(
-                steps=steps,
-                count=len(truth),
-                way=way[steps],
-                distance=distance,
-                angle=angle,
-                quality=table[:, 4],
-            ),
+            steps=np.arange(len(truth)),
+            way=way,
+            distance=distance,
+            angle=angle,
+            quality=table[:, 3],
             driven=way,
             truth=truth,
             collided=np.array(self._collided),
             clearance=float(room.min() - self._task.radius) / self._metre,
             goal=goal,
             planned=self._planned / self._metre,
-            masses=table[:, 5:] if self._turned else None,
+            masses=table[:, 4:] if self._turned else None,
         )
 
 

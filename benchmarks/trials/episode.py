@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
+from itertools import count
 from typing import Any, NamedTuple
 
 import gymnasium as gym
@@ -20,6 +21,7 @@ from deqmcl_gym.world.driver import NO_PLAN
 from localizers import Belief, Localizer, Prior
 
 _UNKNOWN = np.full(3, np.nan)
+_NOBODY: Any = None  # who follows what is driven
 
 
 class Step(NamedTuple):
@@ -37,19 +39,7 @@ class Step(NamedTuple):
     route: tuple[tuple[float, ...], ...] | None = None  #: corners (x, y) of the way as planned now
     #: returns a picture of past, present and future, (height, width, 3); None where nobody watches
     draw: Callable[[], NDArray[np.uint8]] | None = None
-
-
-class Shown(NamedTuple):
-    """What a world, and who drives in it, show at a step; but for ``own`` as in ``Step``."""
-
-    truth: Reals
-    ranges: Reals
-    plan: Reals
-    own: bool  # whether the plan is made from the belief
-    action: Reals | None
-    collided: bool
-    goal: Reals | None
-    route: tuple[tuple[float, ...], ...] | None
+    own: bool = False  #: whether the plan is made from the belief
 
 
 def sees_belief(agent: Agent) -> bool:
@@ -59,17 +49,21 @@ def sees_belief(agent: Agent) -> bool:
 
 def drive(
     env: gym.Env[Any, Any], agent: Agent, believed: Callable[[], Any], *, seed: int
-) -> Iterator[Shown]:
-    """Run one episode of a ``TrialEnv``, or wrappers around it, to its end; yield each step."""
+) -> Iterator[Step]:
+    """Run one episode of a ``TrialEnv``, or wrappers around it, to its end; yield each step.
+
+    Nobody follows it: the belief is None.
+    """
     ranges, info = env.reset(seed=seed)
     truth, action, ended = _truth_of(env, info), None, False
     plan = agent.plan_at_reset(_seen_by(agent, info, ranges, truth))
-    while True:
+    for t in count():
         author = info.get("plan_author") if plan is None else getattr(agent, "plan_author", None)
         shown = info["planned_actions"][: info["planned_count"]] if plan is None else plan
         collided = action is not None and bool(info["collided"])
         goal, route = info.get("goal"), info.get("route")
-        yield Shown(truth, ranges, shown, author == "own", action, collided, goal, route)
+        own = author == "own"
+        yield Step(t, truth, ranges, _NOBODY, 0.0, action, shown, collided, goal, route, own=own)
         if ended:
             return
         choice, plan = agent.act(believed(), _seen_by(agent, info, ranges, truth))
@@ -78,7 +72,7 @@ def drive(
 
 
 def followed(
-    driven: Callable[[Callable[[], Any]], Iterable[Shown]],
+    driven: Callable[[Callable[[], Any]], Iterable[Step]],
     localizer: Localizer,
     prior: Callable[[], Prior],
     rng: np.random.Generator,
@@ -92,21 +86,18 @@ def followed(
     belief: Any = None
     takes_own = getattr(localizer, "own_plans", True)
     steps = driven(lambda: belief)
-    for t, shown in enumerate(steps):
+    for shown in steps:
         plan = NO_PLAN if shown.own and not takes_own else shown.plan
         call: Callable[..., Belief] = localizer.update
         given: tuple[Any, ...]
-        if t == 0:
+        if shown.t == 0:
             call, given = localizer.reset, (prior(), np.array(plan), rng)
         else:
             given = shown.ranges.copy(), np.array(shown.action), np.array(plan)
         started = time.perf_counter()
         belief = call(*given)
         seconds = time.perf_counter() - started
-        yield Step(
-            t, shown.truth, shown.ranges, belief, seconds, shown.action, plan, shown.collided,
-            shown.goal, shown.route,
-        )  # fmt: skip
+        yield shown._replace(belief=belief, seconds=seconds, plan=plan)
 
 
 def moments(

@@ -6,21 +6,19 @@ those of its track, too. Lengths of whole runs and tracks are in m; a pixel is 2
 
 import math
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
-from itertools import chain
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import chain, pairwise
 from typing import Any
 
 import numpy as np
 
-from benchmarks.trials.clouds import Clouds, Surroundings
-from benchmarks.trials.metrics import (
-    Estimates,
-    entropy,
-    mean,
-    middle,
-    rms,
-    wall_share,
-    wall_step_share,
+from benchmarks.setup.scenario import Thresholds
+from benchmarks.trials.clouds import (
+    Clouds,
+    Surroundings,
+    covariance_floor,
+    steps_back,
 )
 from benchmarks.trials.tracks import (
     AGREEMENTS,
@@ -29,9 +27,113 @@ from benchmarks.trials.tracks import (
     RECOVERED_STEPS,
     Journey,
     ScoredTrack,
+    mean,
+    middle,
 )
 from deqmcl_gym.maps.map import metre
-from deqmcl_gym.numerics import Floats
+from deqmcl_gym.numerics import Bools, Floats, Indices, Reals, arrays
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimates:
+    """What beliefs at one offset say of states s, each at t = s - offset, and the truth."""
+
+    states: Indices  # s, (k,), ascending
+    truth: Floats  # (k, 3)
+    means: Floats  # of (x, y, cos θ, sin θ), (k, 4)
+    variances: Floats  # of the same; NaN for a belief of one point
+    # (k,), NaN not available: of ``clouds.belief_scores``, and of ``Score.each`` under their names
+    values: dict[str, Floats]
+    common: Bools  # whether L ≤ s ≤ T - L, the states that every offset estimates, (k,)
+    thresholds: Thresholds
+    unit: str
+
+    @property
+    def scored(self) -> "Estimates":
+        """Those of states s ≥ 1 whose truth is known."""
+        chosen = (self.states >= 1) & np.isfinite(self.truth[:, 0])
+        names = ("states", "truth", "means", "variances", "common")
+        values = {name: numbers[chosen] for name, numbers in self.values.items()}
+        return replace(self, values=values, **{name: getattr(self, name)[chosen] for name in names})
+
+    @cached_property
+    def error(self) -> Floats:
+        """E of each state, (k,)."""
+        return state_error(self.means, self.truth)
+
+    @cached_property
+    def distance(self) -> Floats:
+        """Of the estimate to the truth in (x, y), (k,)."""
+        return position_error(self.means, self.truth)
+
+    @cached_property
+    def angle(self) -> Floats:
+        """Between the directions of estimate and truth, rad, (k,)."""
+        return heading_error(self.means, self.truth)
+
+
+def state_error(means: Floats, truth: Reals) -> Floats:
+    """e_t, the norm of (estimate - truth) over (x, y, cos θ, sin θ); the paper's eq. (4), (k,)."""
+    x, y, heading = np.asarray(truth, dtype=np.float64).T
+    true = np.column_stack([x, y, arrays.cos(heading), arrays.sin(heading)])
+    return _root(np.sum, means - true)
+
+
+def position_error(means: Floats, truth: Floats) -> Floats:
+    """Distance of estimate and truth in (x, y), (k,)."""
+    return _root(np.sum, means[:, :2] - truth[:, :2])
+
+
+def _root(total: Callable[..., Floats], rows: Floats) -> Floats:
+    """Root of the total of each row's squares, scaled by a power of two: none is too large."""
+    _, exponents = np.frexp(np.abs(rows).max(axis=1))
+    squares = np.square(np.ldexp(rows, -exponents[:, None]))
+    return np.ldexp(np.sqrt(total(squares, axis=1)), exponents)
+
+
+def directions(means: Floats) -> Floats:
+    """Headings of the mean (cos θ, sin θ), rad in (-π, π], (k,)."""
+    return arrays.arctan2(means[:, 3], means[:, 2])
+
+
+def heading_error(means: Floats, truth: Floats) -> Floats:
+    """Angle between the direction of the mean (cos θ, sin θ) and the true heading, rad, (k,)."""
+    return np.abs((directions(means) - truth[:, 2] + math.pi) % (2 * math.pi) - math.pi)
+
+
+def entropy(variances: Floats, unit: str) -> Floats:
+    """Σ_i ½ log(2πe max(v_i, f_i)) over the four components, f = (0.1 px)² and 10⁻⁶, nats, (k,).
+
+    The entropy of a Gaussian without correlation; the paper gives no formula.
+    """
+    floored = np.maximum(variances, covariance_floor(unit)[[0, 1, 2, 2]])  # NaN stays NaN
+    total: Floats = (0.5 * arrays.log(2 * math.pi * math.e * floored)).sum(axis=1)
+    return total
+
+
+def wall_share(clouds: Clouds, task: Surroundings) -> Floats:
+    """Weight on poses where the robot does not fit, (k,)."""
+    return _weight_of(~task.floor_plan.free(clouds.poses.T, task.radius), clouds)
+
+
+def wall_step_share(clouds: Clouds, task: Surroundings) -> Floats:
+    """Weight on poses whose last step, as commanded along their heading, passed a wall, (k,)."""
+    before = np.empty((2, clouds.weights.size), np.float32)
+    steps_back(clouds.poses, clouds.moves, clouds.ends, before)
+    return _weight_of(task.floor_plan.collides(before.T, clouds.poses.T, task.radius), clouds)
+
+
+def _weight_of(chosen: Bools, clouds: Clouds) -> Floats:
+    """Weight of the poses of each cloud that are chosen, (k,)."""
+    those = np.flatnonzero(chosen)
+    cuts = [0, *np.searchsorted(those, clouds.ends).tolist()]
+    return np.array([clouds.weights[those[a:b]].sum() if a < b else 0.0 for a, b in pairwise(cuts)])
+
+
+def rms(values: Floats) -> float:
+    """Root of the mean square; NaN of nothing."""
+    return float(_root(np.mean, values[None])[0]) if values.size else math.nan
+
 
 LEVELS = (50, 80, 95)  # of the credible regions, per cent
 _FAR_WORDS = "weight far from the truth, common states"
@@ -137,7 +239,7 @@ def _share(name: str, words: str, of: Callable[[Journey], float], *, tested: boo
 def _success(near: str, *, tested: bool) -> Score:
     place = NEAR[near]
     words = f"localized to the end ({place.distance:g} m, {math.degrees(place.angle):.0f}°)"
-    return _share(f"success_{near}", words, lambda run: run.fixes.success(near), tested=tested)
+    return _share(f"success_{near}", words, lambda run: run.success(near), tested=tested)
 
 
 def _metres(name: str, words: str, of: Callable[[Journey], float]) -> Score:
@@ -145,23 +247,23 @@ def _metres(name: str, words: str, of: Callable[[Journey], float]) -> Score:
 
 
 def _committed(run: Journey) -> float:
-    late = run.fixes.rated & run.fixes.last
-    return float(run.fixes.false[late].any()) if late.any() else math.nan
+    late = run.rated & run.last
+    return float(run.false[late].any()) if late.any() else math.nan
 
 
 def _committed_steps(run: Journey) -> float:
-    rated = run.fixes.rated
-    return float(run.fixes.false[rated].mean()) if rated.any() else math.nan
+    rated = run.rated
+    return float(run.false[rated].mean()) if rated.any() else math.nan
 
 
 def _to_recover(run: Journey) -> float:
-    return run.fixes.metres_to_recover(run.carried)
+    return run.metres_to_recover(run.carried)
 
 
 def _late_mass(which: int) -> Callable[[Journey], float]:
     def of(run: Journey) -> float:
         assert run.masses is not None
-        late = run.masses[run.fixes.last]
+        late = run.masses[run.last]
         return float(late[:, which].mean()) if late.size else math.nan
 
     return of
@@ -176,7 +278,7 @@ def _split(run: Journey) -> float:
 _LOST = (
     _success("1m", tested=True),
     _success("05m", tested=False),
-    _metres("metres_to_localize", "metres to localize", lambda it: it.fixes.metres_to_localize),
+    _metres("metres_to_localize", "metres to localize", lambda it: it.metres_to_localize),
     Score("false_commitment", "share", "low", "false commitment at the end", _committed),
     Score("false_steps", "", "low", "false commitment, share of steps", _committed_steps),
 )
@@ -191,7 +293,7 @@ _RECOVERY = (
     _metres("metres_to_recover", "metres to recover", _to_recover),
 )
 _MEDIAN = Score("position_median", "m", "low", "position error, median",
-    lambda run: float(np.median(run.fixes.distance)), tested=True, digits=3)  # fmt: skip
+    lambda run: float(np.median(run.distance)), tested=True, digits=3)  # fmt: skip
 _DRIVING = (
     _share("success", "arrived", lambda run: run.arrived),
     Score("spl", "", "high", "SPL", lambda run: run.spl, failed=0.0),
@@ -227,7 +329,7 @@ def _within(near: str) -> Score:
     words = f"share of records within {place.distance:g} m and {math.degrees(place.angle):.0f}°"
 
     def of(run: ScoredTrack) -> float:
-        return mean(run.track.fixes().localized(near).astype(np.float64))
+        return mean(run.track.journey().localized(near).astype(np.float64))
 
     return Score(f"within_{near}", "share", "high", words, of)
 

@@ -8,10 +8,10 @@ from msgspec import Meta, Struct
 
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.collecting import Number, RecordedTrack, WholeRun, if_finite, unless_nan
-from benchmarks.trials.metrics import Estimates, mean, state_error
-from benchmarks.trials.scores import METRICS
+from benchmarks.trials.scores import METRICS, state_error
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.trace import PROFILE_STRIDE, OffsetTrace, Trace, plan_columns
+from benchmarks.trials.trace import PROFILE_STRIDE, Trace, plan_columns
+from benchmarks.trials.tracks import mean
 
 SCORE_NAMES = tuple(metric.name for metric in METRICS)
 
@@ -65,28 +65,25 @@ class Finished(TrialRecord, frozen=True, kw_only=True):
     seconds: float | None
 
 
-def scores(trace: Trace, lag: int, thresholds: Thresholds) -> list[dict[str, Any]]:
+def scores(trace: Trace) -> list[dict[str, Any]]:
     """Score each offset of a trace by every metric, a row each; NaN is not available."""
     return [
         {"offset": offset} | {metric.name: metric.of(estimates) for metric in METRICS}
-        for offset, kept in trace.offsets.items()
-        for estimates in [_estimates(trace, kept, lag, thresholds)]
+        for offset, held in trace.offsets.items()
+        for estimates in [held.scored]
     ]
 
 
-def record(trace: Trace, lag: int, thresholds: Thresholds) -> TrialRecord:
+def record(trace: Trace) -> TrialRecord:
     """Return a trial's result; its scores are of the states whose truth is known."""
-    quality, held = trace.quality[1:], error_profile(trace, lag)
+    quality, held = trace.quality[1:], error_profile(trace)
     return TrialRecord(
         unit=trace.unit,
-        thresholds=thresholds,
-        scores=[if_finite(row) for row in scores(trace, lag, thresholds)],
+        thresholds=trace.thresholds,
+        scores=[if_finite(row) for row in scores(trace)],
         curves={
-            offset: ErrorCurve(
-                first_state=int(kept.states[0]),
-                error=unless_nan(_short(state_error(kept.means, trace.truth[kept.states]))),
-            )
-            for offset, kept in trace.offsets.items()
+            offset: ErrorCurve(int(held.states[0]), unless_nan(_short(held.error)))
+            for offset, held in trace.offsets.items()
         },
         # with all digits: it is about how near it is to 1
         quality=None if np.isnan(quality).all() else unless_nan(quality.tolist()),
@@ -101,30 +98,16 @@ def record(trace: Trace, lag: int, thresholds: Thresholds) -> TrialRecord:
     )
 
 
-def error_profile(trace: Trace, lag: int) -> dict[int, float]:
+def error_profile(trace: Trace) -> dict[int, float]:
     """Mean error e by offset, each over the same states: every 5th with L ≤ s ≤ T - L."""
-    held = {k: (kept.states, kept.means) for k, kept in trace.offsets.items()} | trace.profile
+    held = {k: (one.states, one.means) for k, one in trace.offsets.items()} | trace.profile
     errors = {}
     for offset, (states, means) in held.items():
-        shared = (states >= lag) & (states <= trace.steps - lag) & (states % PROFILE_STRIDE == 0)
-        shared &= trace.known[states]
+        shared = (states >= trace.lag) & (states <= trace.steps - trace.lag)
+        shared &= (states % PROFILE_STRIDE == 0) & np.isfinite(trace.truth[states, 0])
         if shared.any():
             errors[offset] = mean(state_error(means[shared], trace.truth[states[shared]]))
     return errors
-
-
-def _estimates(trace: Trace, kept: OffsetTrace, lag: int, thresholds: Thresholds) -> Estimates:
-    scored = (kept.states >= 1) & trace.known[kept.states]
-    states = kept.states[scored]
-    return Estimates(
-        truth=trace.truth[states],
-        means=kept.means[scored],
-        variances=kept.variances[scored],
-        values={name: values[scored] for name, values in kept.values.items()},
-        common=(states >= lag) & (states <= trace.steps - lag),
-        thresholds=thresholds,
-        unit=trace.unit,
-    )
 
 
 def _short(values: Iterable[float]) -> list[float]:

@@ -1,13 +1,23 @@
-"""Trial: what is run, named by everything its numbers depend on."""
+"""Trial: what is run, named by everything its numbers depend on: its settings, code, libraries."""
 
+import ast
 import hashlib
 import json
+import platform
+import sys
+import tomllib
 from dataclasses import dataclass, field, fields, replace
+from functools import cache, cached_property
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from benchmarks.setup.overrides import NOTHING, OF_LOCALIZERS, Named, Overrides, jsonable
+from deqmcl_gym.validation import InputError
 
 _WORLD, _FILTER, _START = 0, 1, 2  # children of a trial's seed
 
@@ -107,16 +117,12 @@ class Trial:
         return [*self.world.files, *(path for path in own if isinstance(path, str))]
 
     @property
-    def guests(self) -> tuple[str, ...]:
-        """Names of its agent, and of a scan model that its filters assume by the place of code."""
+    def named(self) -> tuple[str, ...]:
+        """All of it that may have a digest: names of plug-ins and scenario, and files."""
         agent = () if self.agent is None else (self.agent.name,)
         kind = self.assumed.get("scan.kind", "")
-        return (*agent, kind) if ":" in str(kind) else agent
-
-    @property
-    def named(self) -> tuple[str, ...]:
-        """All of it that may have a digest: names of localizer and scenario, files, guests."""
-        return (self.localizer, self.scenario, *self.files, *self.guests)
+        scan = (kind,) if ":" in str(kind) else ()
+        return (self.localizer, self.scenario, *self.files, *agent, *scan)
 
     @property
     def world_seed(self) -> int:
@@ -144,13 +150,6 @@ class Trial:
         said = {own.name: jsonable(getattr(self, own.name)) for own in fields(self)}
         return {name: value for name, value in said.items() if name != "agent" or value}
 
-    def words(self) -> list[str]:
-        """Return its setting and method, a part each; files without their folder."""
-        parts = [self.scenario, *(f"{name}={value}" for name, value in self.world.short().items())]
-        parts += [f"assumed {name}={value}" for name, value in self.assumed.items()]
-        parts += [str(wrapper.get("kind")) for wrapper in self.disturbance]
-        return [*parts, f"L={self.lag}", str(self.method)]
-
     def key(self, provenance: str) -> str:
         """Name of its result: a hash of the canonical configuration and of what computes it."""
         words = json.dumps([self.canonical(), provenance], sort_keys=True, allow_nan=False)
@@ -162,3 +161,109 @@ def changes_of(given: Any) -> None:
     for name in ("world", "assumed", "params"):
         object.__setattr__(given, name, Overrides(getattr(given, name)))
     object.__setattr__(given, "disturbance", tuple(map(Overrides, given.disturbance)))
+
+
+# Libraries whose arithmetic or random numbers reach the results.
+_LIBRARIES = ("numpy", "numba", "pymunk", "gymnasium")
+# All that a trial runs: a new table or report makes no result out of date.
+_OURS = ("setup", "agents", "policies", "trials")
+_DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+PACKAGES = ("deqmcl_gym", "localizers", *(f"benchmarks.{own}" for own in _OURS))
+
+
+Environment = dict[str, str | dict[str, str]]
+
+
+class Provenance(msgspec.Struct, frozen=True, dict=True):
+    """Everything but the configuration that a trial's numbers depend on; read, or of what runs."""
+
+    code: str
+    libraries: dict[str, str]
+    # digests of localizers, scenarios, agents and scan models not ours, and of their files, by name
+    plug_ins: dict[str, str] = msgspec.field(name="plug-ins")
+
+    def key(self, trial: Trial) -> str:
+        """Return the name under which a trial's result is kept."""
+        used = [self.plug_ins.get(name, "") for name in trial.named]
+        return trial.key("".join([self._shared, *used]))
+
+    @cached_property
+    def _shared(self) -> str:
+        words = f"{self.code} {sorted(self.libraries.items())}"
+        return hashlib.sha256(words.encode()).hexdigest()
+
+
+@cache
+def code_digest() -> str:
+    """Return a digest of the code that a trial's numbers depend on, whatever its words and layout.
+
+    Comments, docstrings and formatting do not count.
+    """
+    digest = hashlib.sha256()
+    for package in PACKAGES:
+        for path, name in _files(package):
+            digest.update(f"{package}/{name}\0".encode())
+            digest.update(_statements(path))
+    return digest.hexdigest()
+
+
+def _files(package: str) -> list[tuple[Path, str]]:
+    """Return the source files of a package or module, with their names in it."""
+    spec = find_spec(package)
+    origin = Path(str(spec and spec.origin))
+    module = spec is None or spec.submodule_search_locations is None
+    folder = (*origin.parent.rglob("*.py"), *origin.parent.rglob("*.toml"))  # as of scenarios
+    paths = [origin] if module else sorted(folder)
+    if not paths or not all(path.suffix in (".py", ".toml") and path.is_file() for path in paths):
+        raise InputError(
+            f"results are kept under a digest of the code, but {origin} is no source: unpack "
+            "deqmcl-gym with its .py files."
+        )
+    return [(path, path.relative_to(origin.parent).as_posix()) for path in paths]
+
+
+def _statements(path: Path) -> bytes:
+    """Return the syntax of a source file: each node's type and fields, docstrings left out."""
+    if path.suffix == ".toml":
+        return repr(tomllib.loads(path.read_text(encoding="utf-8"))).encode()
+    words: list[str] = []
+
+    def add(value: Any) -> None:
+        if isinstance(value, list):
+            words.append(f"{len(value)}")
+            for item in value:
+                add(item)
+        elif isinstance(value, ast.AST):
+            words.append(type(value).__name__)
+            if isinstance(value, _DOCUMENTED) and ast.get_docstring(value, clean=False) is not None:
+                del value.body[0]
+            for name in value._fields:
+                if (inner := getattr(value, name, None)) is not None and inner != []:
+                    words.append(name)
+                    add(inner)
+        else:
+            words.append(repr(value))
+
+    add(ast.parse(path.read_bytes()))
+    return "\0".join(words).encode(errors="surrogatepass")
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Return the versions of the libraries that results depend on."""
+    return {name: version(name) for name in _LIBRARIES}
+
+
+def environment() -> Environment:
+    """Return what a reader needs to know to get the same numbers."""
+    try:
+        ours = version("deqmcl-gym")
+    except PackageNotFoundError:
+        ours = "not installed"
+    return {
+        "deqmcl-gym": ours,
+        "code": code_digest(),
+        "python": platform.python_version(),
+        "platform": f"{sys.platform} {platform.machine()}",
+        "libraries": versions(),
+    }

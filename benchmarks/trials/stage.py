@@ -1,11 +1,15 @@
-"""Stage: a trial, set up, in its disturbances."""
+"""One trial: set up in its disturbances, and run to its record or the reason why it has none."""
 
+import contextlib
 import inspect
+import multiprocessing
+import os
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, lru_cache
 from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
@@ -15,23 +19,32 @@ import gymnasium as gym
 import numpy as np
 
 from benchmarks.setup import Agent, TrialEnv
-from benchmarks.setup.documents import errors_name
-from benchmarks.setup.names import make_agent, scenario
+from benchmarks.setup.documents import digest_of_file, errors_name
+from benchmarks.setup.names import (
+    AGENT,
+    SCAN_KIND,
+    make_agent,
+    plug_ins_of,
+    scenario,
+    scenario_digest,
+)
 from benchmarks.setup.overrides import located
 from benchmarks.setup.scenario import RoomScenario, Scenario
 from benchmarks.trials.clouds import Surroundings
 from benchmarks.trials.collecting import JourneyLog, TrackLog
-from benchmarks.trials.episode import Shown, Step, drive, followed, sees_belief
+from benchmarks.trials.episode import Step, drive, followed, sees_belief
 from benchmarks.trials.map_signals import MapSignals, differs
 from benchmarks.trials.scores import ScoreGroup, groups_named
-from benchmarks.trials.spec import Trial
+from benchmarks.trials.scoring import TrialRecord, record
+from benchmarks.trials.spec import Provenance, Trial, code_digest, versions
 from benchmarks.trials.trace import Trace, trace_of
 from benchmarks.trials.tracks import is_symmetric
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
-from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics import Pose
-from deqmcl_gym.validation import InputError, one_of
-from localizers import Prior, RobotModel, make
+from deqmcl_gym.validation import InputError, LogWarning, one_of
+from localizers import Prior, RobotModel, absolute_name, make
+from localizers.kinds import is_ctrl_c, reason_of
+from localizers.registry import LOCALIZER, SCAN_MODEL
 
 DISTURBANCES = MappingProxyType(
     {"kidnap": Kidnap, "dropout": BeamDropout, "plan-change": PlanChange}
@@ -42,22 +55,7 @@ class Drive(NamedTuple):
     """An episode in which no belief has a part."""
 
     start: Pose  # the expected one
-    steps: tuple[Shown, ...]
-
-    def again(self, believed: Callable[[], Any]) -> tuple[Shown, ...]:
-        """Return its steps, as ``drive`` does, whatever is believed."""
-        del believed
-        return self.steps
-
-
-class _Begun(NamedTuple):
-    """What a prior asks of a room that has begun an episode; see ``TrialEnv``."""
-
-    floor_plan: Map
-    lidar: Lidar
-    radius: float
-    expected_start: Pose
-    unwrapped: Any
+    steps: tuple[Step, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +88,7 @@ class Stage:
             floor_plan=self.room.floor_plan,
             radius=self.room.radius,
             max_range=self.room.lidar.max_range,
-            far=self.scenario.thresholds.far,
+            thresholds=self.scenario.thresholds,
         )
 
     @property
@@ -123,14 +121,9 @@ class Stage:
         thresholds, judged = self.scenario.thresholds, self.scenario.judged
         return TrackLog(self.room.log, self.room.floor_plan, thresholds, judged)
 
-    def prior(self, room: TrialEnv | None = None) -> Prior:
-        """Return p(x_0) in the episode that the room has begun last."""
-        return self.scenario.prior_in(room or self.room, self.trial.start_rng())
-
-    @property
-    def repeats(self) -> bool:
-        """Whether its room is one that runs alike again: a plug-in's env may do anything."""
-        return type(self.scenario) is RoomScenario
+    def prior(self, start: Pose | None = None) -> Prior:
+        """Return p(x_0) in the episode that the room has begun last, or in one with this start."""
+        return self.scenario.prior_in(self.room, self.trial.start_rng(), start)
 
     def driven(self) -> Drive | None:
         """Run the episode for any localizer; None if it may depend on which one it is."""
@@ -145,17 +138,17 @@ class Stage:
 
         What the localizer is made for is a copy of its own.
         """
-        room, seed = self.room, self.trial.world_seed
-        steps: Callable[[Callable[[], Any]], Iterable[Shown]]
-        if driven is None:
-            steps = partial(drive, self.env, self._agent(), seed=seed)
-        else:
-            steps = driven.again
-            room = _Begun(room.floor_plan, room.lidar, room.radius, driven.start, self.env)
+
+        def steps(believed: Callable[[], Any]) -> Iterable[Step]:
+            if driven is not None:
+                return driven.steps
+            return drive(self.env, self._agent(), believed, seed=self.trial.world_seed)
+
+        start = None if driven is None else driven.start
         copies: dict[int, Any] = {}  # the prior's map is the robot's
         params = located(self.trial.params)
         localizer = make(self.trial.localizer, deepcopy(self.robot, copies), **params)
-        return followed(steps, localizer, lambda: deepcopy(self.prior(room), copies), self.stream)
+        return followed(steps, localizer, lambda: deepcopy(self.prior(start), copies), self.stream)
 
     def trace(self, driven: Drive | None = None) -> Trace:
         """Run the trial, as ``moments`` does, and return its trace."""
@@ -175,10 +168,6 @@ class Stage:
         with _errors_name(self.trial.scenario):
             return make_agent(self.scenario.agent, self.robot)
 
-    def check_params(self) -> None:
-        """Let the localizer look at its parameters, before anything is run or written."""
-        make(self.trial.localizer, self.robot, **located(self.trial.params))
-
 
 def check_trials(trials: Iterable[Trial]) -> None:
     """Build each world, what its filters assume, its agent, and each localizer there, once."""
@@ -192,7 +181,7 @@ def check_trials(trials: Iterable[Trial]) -> None:
         if driven not in seen:
             stage.check()
         for trial in new:
-            replace(stage, trial=trial).check_params()
+            make(trial.localizer, stage.robot, **located(trial.params))
         seen |= {driven, *listed}
 
 
@@ -222,3 +211,84 @@ def disturbed(env: gym.Env[Any, Any], wrappers: Iterable[Mapping[str, Any]]) -> 
                 raise InputError(f"the disturbance {kind!r} needs {name}: write {name} = ….")
         env = DISTURBANCES[kind](env, **arguments)
     return env
+
+
+def provenance_of(trials: Iterable[Trial]) -> Provenance:
+    """Return what the numbers of these trials depend on, as it is now."""
+    localizer, setup = cache(LOCALIZER.digest), cache(scenario_digest)  # a file is read once
+    digests: dict[str, str] = {}
+    for trial in trials:
+        parts = [(trial.localizer, localizer(absolute_name(trial.localizer)))]
+        parts.append((trial.scenario, setup(absolute_name(trial.scenario))))
+        if trial.agent is not None:
+            parts.append((trial.agent.name, AGENT.digest(trial.agent.name)))
+        parts += [
+            (n, SCAN_MODEL.digest(n)) for n in plug_ins_of(None, trial.assumed.get(SCAN_KIND))
+        ]
+        parts += [(path, digest_of_file(path)) for path in trial.files]
+        for name, digest in parts:
+            if digests.setdefault(name, digest) != digest:
+                raise InputError(
+                    f"two files are called {name}, one from the folder of the sweep file and one "
+                    "from another folder: give the path of one of them from /."
+                )
+    plug_ins = {str(name): digest for name, digest in digests.items() if digest}
+    return Provenance(code_digest(), versions(), plug_ins)
+
+
+def key_of(trial: Trial) -> str:
+    """Return the name under which a trial's result is kept."""
+    return provenance_of([trial]).key(trial)
+
+
+def guest_of(trial: Trial) -> str:
+    """Return the names of a trial's plug-ins: all that are not ours; "" if none is."""
+    localizer = (trial.localizer,) if LOCALIZER.is_plug_in(trial.localizer) else ()
+    found = scenario(trial.scenario)
+    usual = plug_ins_of(found.agent, getattr(found.scan, "kind", None))
+    return " ".join((*localizer, *usual, *plug_ins_of(trial.agent, trial.assumed.get(SCAN_KIND))))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What came of a trial: a record with the seconds it took, or a reason."""
+
+    record: TrialRecord | None = None
+    seconds: float = 0.0
+    reason: str | None = None
+
+
+@lru_cache(maxsize=2)
+def _driven(episode: Trial, key: str) -> Drive | None:
+    """Return what is driven once for all methods; its ``key`` names all that it depends on."""
+    del key
+    return Stage.of(episode).driven()
+
+
+def attempt(trial: Trial, key: str) -> Outcome:
+    """Run one trial; an error becomes its reason to have failed.
+
+    A worker that would have another ``key`` for it has loaded other code, libraries or plug-ins.
+    """
+    try:
+        with contextlib.chdir(os.curdir), warnings.catch_warnings():  # localizers may go
+            warnings.simplefilter("ignore", LogWarning)  # said when the sweep was checked
+            here = multiprocessing.parent_process() is None
+            own = LOCALIZER.added if here else LOCALIZER.received
+            if trial.localizer not in own and key_of(trial) != key:
+                return Outcome(
+                    reason="its worker loaded other code, libraries or plug-in than the sweep: "
+                    "run the command again, with the same on every machine"
+                )
+            stage = Stage.of(trial)
+            repeats = isinstance(stage.scenario, RoomScenario)
+            alike = _driven(trial.episode, key_of(trial.episode)) if repeats else None
+            trace = stage.trace(alike)
+            kept = record(trace)
+    except BaseException as error:
+        if is_ctrl_c(error):
+            raise
+        return Outcome(reason=reason_of(error))
+    if trace.steps == 0:
+        return Outcome(reason="it processed 0 steps")
+    return Outcome(record=kept, seconds=trace.seconds)

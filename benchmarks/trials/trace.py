@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import (
     Cloud,
     Clouds,
@@ -19,8 +20,8 @@ from benchmarks.trials.clouds import (
 from benchmarks.trials.collecting import JourneyLog, RecordedTrack, TrackLog, WholeRun, unless_nan
 from benchmarks.trials.episode import Step
 from benchmarks.trials.map_signals import MapSignals
-from benchmarks.trials.scores import METRICS
-from deqmcl_gym.numerics import Bools, Floats, Indices, Reals
+from benchmarks.trials.scores import METRICS, Estimates
+from deqmcl_gym.numerics import Floats, Indices, Reals
 from deqmcl_gym.validation import InputError
 from localizers import Belief, quality_of
 from localizers.models.feasibility import PlanSensor
@@ -57,23 +58,14 @@ def plan_columns(rows: Sequence[Sequence[float]]) -> dict[str, list[float | None
 
 
 @dataclass(frozen=True, kw_only=True)
-class OffsetTrace:
-    """What was believed of each state s at t = s - offset."""
-
-    states: Indices  # s, (k,), ascending
-    means: Floats  # of x, y, cos θ, sin θ, (k, 4)
-    variances: Floats  # of the same, (k, 4); NaN for a belief of one point
-    # (k,), NaN not available: of ``clouds.belief_scores``, and of ``Score.each`` under their names
-    values: dict[str, Floats]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Trace:
     """An episode as arrays."""
 
     unit: str  # of lengths
+    thresholds: Thresholds
+    lag: int  # L, the farthest offset that was asked for
     truth: Floats  # the true poses x_0 … x_T, (T + 1, 3); NaN where a log has no reference
-    offsets: dict[int, OffsetTrace]  # what was believed; offsets that the localizer holds
+    offsets: dict[int, Estimates]  # what was believed; offsets that the localizer holds
     scans_used: int  # scans with at least one beam in range
     seconds: float  # the localizer's time, reset left out
     quality: Floats  # confidence that it is not lost after step t = 0 … T, (T + 1,); NaN for none
@@ -92,11 +84,6 @@ class Trace:
         """Steps carried out, T."""
         return len(self.truth) - 1
 
-    @property
-    def known(self) -> Bools:
-        """Whether the true pose of a state is known, (T + 1,)."""
-        return np.isfinite(self.truth[:, 0])
-
 
 def trace_of(
     episode: Iterable[Step],
@@ -110,9 +97,10 @@ def trace_of(
     ``against`` collects what contradicts the map, where the world differs from it.
     """
     asked = tuple(offsets)
+    lag = max(map(abs, asked), default=0)
     lap = _Lap(task)
     scored = _Beliefs(asked, lap, partial(_measured, task=task))
-    sampled = _Beliefs(_between(asked), lap, belief_moments, stride=PROFILE_STRIDE)
+    sampled = _Beliefs(_between(asked, lag), lap, belief_moments, stride=PROFILE_STRIDE)
     for moment in episode:
         for collector in (lap, scored, sampled):
             collector.see(moment)
@@ -121,15 +109,22 @@ def trace_of(
                 own.see(moment)
     journey, track = (None, None) if whole is None else whole.kept()
     events = getattr(lap.belief, "events", None)
+    unit, truth = task.floor_plan.unit, np.array(lap.truth, np.float64)
     return Trace(
-        unit=task.floor_plan.unit,
-        truth=np.array(lap.truth, np.float64),
+        unit=unit,
+        thresholds=task.thresholds,
+        lag=lag,
+        truth=truth,
         offsets={
-            k: OffsetTrace(
+            k: Estimates(
                 states=states,
+                truth=truth[states],
                 means=table[:, :4].copy(),
                 variances=table[:, 4:8].copy(),
                 values=dict(zip((*_CALIBRATION, *_EACH), table[:, 8:].T.copy(), strict=True)),
+                common=(states >= lag) & (states < len(truth) - lag),
+                thresholds=task.thresholds,
+                unit=unit,
             )
             for k, (states, table) in scored.tables().items()
         },
@@ -233,13 +228,12 @@ class _Beliefs:
 
 def _measured(clouds: Clouds, task: Surroundings) -> Floats:
     """Moments, scores, and what metrics ask each state for, side by side."""
-    rows = belief_scores(clouds, task.floor_plan.unit, task.far)
+    rows = belief_scores(clouds, task.floor_plan.unit, task.thresholds.far)
     return np.column_stack([rows, *(each(clouds, task) for each in _EACH.values())])
 
 
-def _between(offsets: Sequence[int]) -> list[int]:
+def _between(offsets: Sequence[int], lag: int) -> list[int]:
     """Offsets at equal steps as far as the outermost of those scored, these left out."""
-    lag = max(map(abs, offsets), default=0)
     step = max(1, lag // _PROFILE_OFFSETS)
     farthest = lag // step * step
     return [k for k in range(-farthest, farthest + 1, step) if k not in offsets]

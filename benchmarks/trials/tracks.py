@@ -5,7 +5,7 @@ Errors of tracks are as evo has them, absolute (APE) and relative (RPE). Lengths
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -13,7 +13,6 @@ import numpy as np
 
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.clouds import covariance_floor
-from benchmarks.trials.metrics import mean
 from deqmcl_gym.logs import Log
 from deqmcl_gym.logs.motion import lengths_of, relative
 from deqmcl_gym.maps import Map
@@ -34,16 +33,25 @@ _ALIKE = 0.998  # of them: a point on a line between cells may fall to either si
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fixes:
-    """How far off the best cluster of a belief is at the k ``steps`` whose true pose is known."""
+class Journey:
+    """A run, n = T + 1 states; how far off the best cluster is at the k whose pose is known."""
 
-    steps: Indices
-    count: int  # how many steps the run has, the one at t = 0 included
+    steps: Indices  # the k
     way: Floats  # driven until each by the commands, m
     distance: Floats  # of the best cluster's mean to the truth, m
     angle: Floats  # likewise, rad
     quality: Floats  # confidence that it is not lost; NaN where the belief gives none
     tolerated: float = 0.0  # share of steps at which a localized robot may seem off; 0: truth exact
+    driven: Floats  # by the commands until each state, (n,)
+    truth: Floats  # true poses, (n, 3), or best clusters of a log
+    # whether a wall stopped the step to each state, (n,)
+    collided: Bools = field(default_factory=lambda: np.zeros(0, np.bool_))
+    clearance: float = math.nan  # least distance of the robot's rim to a wall
+    goal: Floats | None = None  # where it was to arrive, (2,)
+    planned: float = math.nan  # length of the route from the start to the goal
+    # weight within 1 m and 30° of the truth and of its twin under a half turn of the map, (k, 2);
+    # None if that was not asked for
+    masses: Floats | None = None
 
     def localized(self, near: str) -> Bools:
         """Whether the best cluster is as near to the truth as ``NEAR`` says, (k,)."""
@@ -52,7 +60,7 @@ class Fixes:
     @property
     def last(self) -> Bools:
         """Whether a step is one of the last 25 %, (k,)."""
-        return self.steps >= math.floor((1 - LAST) * self.count)
+        return self.steps >= math.floor((1 - LAST) * len(self.truth))
 
     def success(self, near: str) -> float:
         """1 if localized in the last quarter but those ``tolerated``, else 0; NaN: unknown."""
@@ -95,23 +103,6 @@ class Fixes:
         if near.size < RECOVERED_STEPS or not whole.size:
             return math.inf
         return float(self.way[after[whole[0]]] - self.way[after[0]])
-
-
-@dataclass(frozen=True, kw_only=True)
-class Journey:
-    """A run from its start to its end, n = T + 1 states."""
-
-    fixes: Fixes
-    driven: Floats  # by the commands until each state, (n,)
-    truth: Floats  # true poses, (n, 3)
-    # whether a wall stopped the step to each state, (n,)
-    collided: Bools = field(default_factory=lambda: np.zeros(0, np.bool_))
-    clearance: float = math.nan  # least distance of the robot's rim to a wall
-    goal: Floats | None = None  # where it was to arrive, (2,)
-    planned: float = math.nan  # length of the route from the start to the goal
-    # weight within 1 m and 30° of the truth and of its twin under a half turn of the map, (k, 2),
-    # at the steps of ``fixes``; None if that was not asked for
-    masses: Floats | None = None
 
     @property
     def carried(self) -> int:
@@ -242,12 +233,12 @@ class EstimatedTrack:
     @cached_property
     def errors(self) -> PoseErrors:
         """APE at the records with a reference, m."""
-        return self._in_metres(absolute, 1)
+        return self._in_metres(absolute)
 
     @cached_property
     def relative(self) -> PoseErrors:
         """RPE from record to record, m."""
-        return self._in_metres(relative_errors, 2)
+        return self._in_metres(relative_errors)
 
     @cached_property
     def at_stamps(self) -> Indices:
@@ -269,45 +260,40 @@ class EstimatedTrack:
         off[:, 2] = arrays.wrapped(off[:, 2])
         return off, np.full((at.size, 3, 3), np.nan) if self.spread is None else self.spread[at]
 
-    def fixes(self, quality: Floats | None = None) -> Fixes:
-        """Where the best cluster is, at the records with a reference; ``quality`` of all, (n,)."""
+    def journey(self, quality: Floats | None = None) -> Journey:
+        """Return the run, which ``TRACK_GROUPS`` score; ``quality`` of all records, (n,)."""
         unrated = np.full(len(self.best), math.nan)
         off, at = np.full((len(self.best), 2), math.inf), self.referenced
         off[self.known] = np.column_stack([self.errors.translation, self.errors.rotation])
-        return Fixes(
+        return Journey(
             steps=at,
-            count=len(self.best),
             way=self.way[at],
             distance=off[at, 0],
             angle=off[at, 1],
             quality=(unrated if quality is None else quality)[at],
             tolerated=TOLERATED,
+            driven=self.way,
+            truth=self.best,
         )
-
-    def journey(self, quality: Floats | None = None) -> Journey:
-        """Return the whole run, which ``TRACK_GROUPS`` score; ``quality`` as of ``fixes``."""
-        return Journey(fixes=self.fixes(quality), driven=self.way, truth=self.best)
 
     @property
     def lost(self) -> tuple[int, float] | None:
         """The record from which on it is never again within 1 m and 30°, and the way there, m."""
-        fixes = self.fixes()
-        first = fixes.lost_at
-        return None if first is None else (int(fixes.steps[first]), float(fixes.way[first]))
+        run = self.journey()
+        first = run.lost_at
+        return None if first is None else (int(run.steps[first]), float(run.way[first]))
 
     @property
     def astray(self) -> Floats:
         """The way, m, at the first and last record of stretches beyond 1 m or 30°, (k, 2)."""
-        fixes = self.fixes()
-        edges = np.flatnonzero(np.diff(np.pad(~fixes.localized(FOUND), 1).astype(np.int8)))
-        return np.asarray(fixes.way[edges.reshape(-1, 2) - [0, 1]])
+        run = self.journey()
+        edges = np.flatnonzero(np.diff(np.pad(~run.localized(FOUND), 1).astype(np.int8)))
+        return np.asarray(run.way[edges.reshape(-1, 2) - [0, 1]])
 
-    def _in_metres(self, of: Callable[[Floats, Floats], PoseErrors], least: int) -> PoseErrors:
-        if self.log.reference is None or self.known.size < least:
-            return PoseErrors(translation=np.empty(0), rotation=np.empty(0))
-        found = of(self.best[self.known], self.log.reference[self.known])
-        lengths = found.translation / metre(self.log.unit)
-        return PoseErrors(translation=lengths, rotation=found.rotation)
+    def _in_metres(self, of: Callable[[Floats, Floats], PoseErrors]) -> PoseErrors:
+        truth = self.best[:0] if self.log.reference is None else self.log.reference[self.known]
+        found = of(self.best[self.known], truth)
+        return replace(found, translation=found.translation / metre(self.log.unit))
 
 
 @dataclass(frozen=True)
@@ -362,6 +348,16 @@ def calibration_of_gaussians(off: Floats, covariances: Floats, unit: str) -> Flo
     fits(off[known], covariances[known] + np.diag(floor), fitted)
     found[known] = np.column_stack([1 - arrays.exp(-fitted[:, 0] / 2), fitted[:, 1:]])
     return found
+
+
+def mean(values: Floats) -> float:
+    """Arithmetic mean; NaN of nothing."""
+    return float(values.mean()) if values.size else math.nan
+
+
+def middle(values: Floats) -> float:
+    """Median; NaN of nothing."""
+    return float(np.median(values)) if values.size else math.nan
 
 
 def _errors(off: Floats) -> PoseErrors:

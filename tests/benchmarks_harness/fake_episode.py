@@ -1,7 +1,7 @@
 """Episodes of beliefs made by hand: state s is seen with an error that tells s apart."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -61,6 +61,7 @@ def mean_error(states, offset):
     return sum(error_of(s, offset) for s in states) / len(states) if states else math.nan
 
 
-def traced(steps, offsets, scored=None, **how):
+def traced(steps, offsets, scored=None, thresholds=TASK.thresholds, **how):
     """The trace of such an episode, at the offsets ``scored`` (all of them)."""
-    return trace_of(episode(steps, offsets, **how), scored or offsets, TASK)
+    task = replace(TASK, thresholds=thresholds)
+    return trace_of(episode(steps, offsets, **how), scored or offsets, task)

@@ -13,9 +13,9 @@ from report_cases import finished, panel_of
 from benchmarks.execution.processes import Processes
 from benchmarks.report import films
 from benchmarks.report.films import Animation, Camera, Film, films_of, way_of_plan
-from benchmarks.trials.attempt import key_of
 from benchmarks.trials.episode import Step
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import key_of
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.world.drawing import View
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from report_cases import finished, trial_of, trials, whole
 
-from benchmarks.tables.deciding import FIRST, TIGHT, Rule, decide, ratio, shares
+from benchmarks.tables.comparison import decide
 from benchmarks.tables.frames import by_run, trials_frame
-from benchmarks.tables.stats import wilson
+from benchmarks.tables.stats import FIRST, TIGHT, Rule, ratio, shares, wilson
 from benchmarks.trials.scores import JOURNEY_SCORES
 
 

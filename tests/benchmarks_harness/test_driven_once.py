@@ -14,11 +14,9 @@ from benchmarks.setup.overrides import Named, Overrides
 from benchmarks.sweeps.running import Options, run_missing
 from benchmarks.sweeps.store import writing
 from benchmarks.sweeps.sweepfile import paper_sweep
-from benchmarks.trials import attempt
-from benchmarks.trials.attempt import key_of, provenance_of
 from benchmarks.trials.episode import sees_belief
 from benchmarks.trials.scoring import record as recorded
-from benchmarks.trials.stage import Stage
+from benchmarks.trials.stage import Stage, _driven, attempt, key_of, provenance_of
 
 METHODS = ["mcl", "deq-mcl", "mcl-map"]
 DISTURBED = (
@@ -50,7 +48,7 @@ def drives(monkeypatch):
     """The trials whose agent drove, from an empty memory on."""
     found, drive = [], Stage.driven
     monkeypatch.setattr(Stage, "driven", lambda stage: found.append(stage.trial) or drive(stage))
-    attempt._driven.cache_clear()
+    _driven.cache_clear()
     return found
 
 
@@ -67,7 +65,7 @@ def test_methods_that_follow_see_the_very_arrays_and_their_records_are_those_of_
 
     monkeypatch.setattr(Stage, "moments", noted)
     asked = trials(**WORLDS[world])
-    after_others = [attempt.attempt(trial, key_of(trial)).record for trial in asked]
+    after_others = [attempt(trial, key_of(trial)).record for trial in asked]
     assert len(drives) == 1
     first, *others = (seen[trial.localizer] for trial in asked)
     for other in others:
@@ -77,12 +75,12 @@ def test_methods_that_follow_see_the_very_arrays_and_their_records_are_those_of_
             assert a.plan is b.plan
             assert a.action is b.action
     for trial, record in zip(asked, after_others, strict=True):
-        attempt._driven.cache_clear()
-        alone = attempt.attempt(trial, key_of(trial)).record
+        _driven.cache_clear()
+        alone = attempt(trial, key_of(trial)).record
         assert alone == record
         stage = Stage.of(trial)
         live = stage.trace()  # the robot drives while the localizer follows
-        assert recorded(live, trial.lag, stage.scenario.thresholds) == record
+        assert recorded(live) == record
 
 
 def test_another_world_seed_agent_or_disturbance_is_driven_anew(drives):
@@ -96,7 +94,7 @@ def test_another_world_seed_agent_or_disturbance_is_driven_anew(drives):
         replace(trial, world=Overrides({"lidar.sigma": 50.0})),
     ]
     for other in others:
-        attempt.attempt(other, key_of(other))
+        attempt(other, key_of(other))
     assert drives == [other.episode for other in others]
 
 
@@ -106,7 +104,7 @@ def test_an_agent_that_looks_at_the_belief_is_driven_anew(drives, monkeypatch):
     act = agent.act
     monkeypatch.setattr(agent, "act", lambda self, *seen: acted.append(seen) or act(self, *seen))
     results = [
-        attempt.attempt(trial, key_of(trial))
+        attempt(trial, key_of(trial))
         for trial in trials(["mcl", "mcl-map"], scenario="guided-estimate")
     ]
     assert len(acted) == sum(result.record.steps_done for result in results)
@@ -140,10 +138,10 @@ class Overwriting:
 @localizers.registered("overwriting", Overwriting)
 def test_a_localizer_that_overwrites_what_it_is_shown_changes_nothing_for_the_next(drives):
     vandal, honest = trials(["overwriting", "mcl"])
-    attempt.attempt(vandal, key_of(vandal))
-    after = attempt.attempt(honest, key_of(honest)).record
-    attempt._driven.cache_clear()
-    assert attempt.attempt(honest, key_of(honest)).record == after
+    attempt(vandal, key_of(vandal))
+    after = attempt(honest, key_of(honest)).record
+    _driven.cache_clear()
+    assert attempt(honest, key_of(honest)).record == after
 
 
 def test_records_are_the_same_on_one_job_on_two_and_resumed(tmp_path):

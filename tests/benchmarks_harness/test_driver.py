@@ -11,7 +11,7 @@ from benchmarks.execution import engines
 from benchmarks.execution.engines import TRIES, Engine, Where, outcomes
 from benchmarks.execution.processes import TimedOutError, WorkerDiedError
 from benchmarks.sweeps.sweepfile import paper_sweep
-from benchmarks.trials.attempt import Outcome
+from benchmarks.trials.stage import Outcome
 
 DONE = Outcome(record={}, seconds=1.0)
 

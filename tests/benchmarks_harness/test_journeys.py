@@ -1,11 +1,11 @@
 """Whole runs: when a robot is localized, committed or found again, and the scores of that."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from benchmarks.setup.names import scenario
 from benchmarks.setup.overrides import Overrides
 from benchmarks.trials.collecting import JourneyLog
 from benchmarks.trials.scores import groups_named, journey_scores
@@ -15,7 +15,6 @@ from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import trace_of
 from benchmarks.trials.tracks import (
     RECOVERED_STEPS,
-    Fixes,
     Journey,
     half_turned,
     is_symmetric,
@@ -32,9 +31,10 @@ def fixes(distance, angle=0.0, quality=math.nan, *, steps=None, count=None, stri
     """Fixes of a run that drives ``stride`` metres a step."""
     off = np.array(distance, np.float64)
     at = np.arange(off.size) if steps is None else np.array(steps)
-    return Fixes(
+    return Journey(
         steps=at,
-        count=count or off.size,
+        truth=np.zeros((count or off.size, 3)),
+        driven=stride * at,
         way=stride * at,
         distance=off,
         angle=np.broadcast_to(np.array(angle, np.float64), off.shape),
@@ -99,8 +99,8 @@ STRAIGHT = np.array([[0.0, 0, 0], [3, 0, 0], [3, 3, 1]])
 def journey(truth=STRAIGHT, goal=(3.0, 3.2), planned=5.0, contacts=0, **parts):
     """A drive of 6 m that ends 0.2 m from its goal."""
     n = len(truth)
-    return Journey(
-        fixes=fixes([0.0] * n),
+    return replace(
+        fixes([0.0] * n),
         driven=np.linspace(0, 6, n),
         truth=np.array(truth, np.float64),
         collided=np.arange(n) < contacts,
@@ -130,7 +130,7 @@ def test_a_drive_succeeds_within_half_a_metre_of_its_goal_without_contact():
 def test_the_split_is_the_smaller_share_of_what_is_near_either_place():
     def split(*masses):
         late = np.array([[9.0, 9.0]] * 6 + [masses] * 2)
-        run = Journey(**vars(journey(np.zeros((8, 3)))) | {"masses": late})
+        run = replace(journey(np.zeros((8, 3))), masses=late)
         return journey_scores(run, groups_named(["ambiguity"]))["mass_split"]
 
     assert split(0.4, 0.4) == 0.5
@@ -184,7 +184,7 @@ def test_a_filter_that_begins_with_the_truth_localizes_at_once_and_succeeds():
     known = trial(assumed=(("prior.sd_heading", 0.0), ("prior.sd_position", 0.0)))
     stage, groups = Stage.of(known), groups_named(["lost"])
     trace = trace_of(stage.moments(), (0,), stage.task, JourneyLog(stage.task, groups))
-    kept = record(trace, 0, scenario("sharp").thresholds).journey
+    kept = record(trace).journey
     nothing = dict.fromkeys(("metres_to_localize", "false_commitment", "false_steps"), 0)
     assert kept.scores == nothing | {"success_1m": 1, "success_05m": 1}
     assert [len(curve) for curve in kept.curves.values()] == [205] * 3
@@ -199,5 +199,5 @@ def test_the_run_of_a_kidnapped_robot_is_scored_from_where_it_was_carried_to():
     run = log.journey()
     assert run.carried == 40
     assert np.hypot(*(run.truth[40] - run.truth[39])[:2]) > 0.5
-    assert run.fixes.distance[:40].max() < 0.45 < run.fixes.distance[40]
+    assert run.distance[:40].max() < 0.45 < run.distance[40]
     assert log.kept()[0].scores["recovered"] in (0, 1)

@@ -12,8 +12,7 @@ from refusals import refused
 from benchmarks.setup.logs import motion_noise
 from benchmarks.setup.names import scenario, scenario_digest
 from benchmarks.sweeps.sweepfile import read_sweep
-from benchmarks.trials.attempt import key_of
-from benchmarks.trials.stage import Stage
+from benchmarks.trials.stage import Stage, key_of
 from localizers.models.nav2_motion import unknown_motion
 
 WORLD = """

@@ -6,15 +6,14 @@ import pytest
 from deqmcl_command import python
 
 from benchmarks import trials
-from benchmarks.trials import provenance
+from benchmarks.trials import spec
 
 ROOT = Path(trials.__file__).parents[2]
 
 RUN = """
 import sys
 import benchmarks.setup.logs, benchmarks.trials.tracks  # of trials on a log
-from benchmarks.trials.attempt import attempt
-from benchmarks.trials.attempt import key_of
+from benchmarks.trials.stage import attempt, key_of
 from benchmarks.trials.spec import Trial
 from pathlib import Path
 executed = set()
@@ -55,7 +54,7 @@ def seen():
 
 def test_the_digest_covers_exactly_the_modules_of_the_harness_that_a_trial_loads(seen):
     loaded, _ = seen
-    covered = {p: modules(p) for p in provenance.PACKAGES if p.startswith("benchmarks.")}
+    covered = {p: modules(p) for p in spec.PACKAGES if p.startswith("benchmarks.")}
     assert loaded <= set().union(*covered.values())
     for package in ("benchmarks.trials", "benchmarks.setup"):
         assert covered[package] <= loaded
@@ -63,7 +62,7 @@ def test_the_digest_covers_exactly_the_modules_of_the_harness_that_a_trial_loads
 
 def test_the_digest_covers_every_file_that_a_trial_executes(seen):
     _, executed = seen
-    covered = {path for package in provenance.PACKAGES for path, _ in provenance._files(package)}
+    covered = {path for package in spec.PACKAGES for path, _ in spec._files(package)}
     assert len(executed) > 50
     assert executed <= covered
 
@@ -73,19 +72,19 @@ def digest_of(monkeypatch, tmp_path):
     """The digest of a world where each package has one file, given by package."""
 
     def digest(files):
-        for package in provenance.PACKAGES:
+        for package in spec.PACKAGES:
             (tmp_path / f"{package}.py").write_text(files.get(package, ""))
-        provenance.code_digest.cache_clear()
-        return provenance.code_digest()
+        spec.code_digest.cache_clear()
+        return spec.code_digest()
 
-    monkeypatch.setattr(provenance, "_files", lambda p: [(tmp_path / f"{p}.py", "part.py")])
+    monkeypatch.setattr(spec, "_files", lambda p: [(tmp_path / f"{p}.py", "part.py")])
     yield digest
-    provenance.code_digest.cache_clear()
+    spec.code_digest.cache_clear()
 
 
 def test_the_digest_changes_with_any_file_that_a_trial_runs(digest_of):
-    digests = {digest_of({package: "changed"}) for package in provenance.PACKAGES}
-    assert len(digests | {digest_of({})}) == len(provenance.PACKAGES) + 1
+    digests = {digest_of({package: "changed"}) for package in spec.PACKAGES}
+    assert len(digests | {digest_of({})}) == len(spec.PACKAGES) + 1
 
 
 DOCUMENTED = '''
@@ -110,7 +109,7 @@ class C: 'another text'
     "other", ["x[:1]", "x[1:], y", "x[1.0:]", "x['1':]", "x[True:]", "x[b'1':]", "x[-1:]", "x[1]"]
 )
 def test_the_digest_is_of_what_code_does_whatever_its_words_and_layout(digest_of, other):
-    package = provenance.PACKAGES[0]
+    package = spec.PACKAGES[0]
     same = digest_of({package: DOCUMENTED})
     assert digest_of({package: BARE}) == same
     assert digest_of({package: DOCUMENTED.replace("x[1:]", other)}) != same

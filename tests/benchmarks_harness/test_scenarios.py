@@ -15,9 +15,8 @@ from benchmarks.setup.names import (
 )
 from benchmarks.setup.priors import Places
 from benchmarks.setup.scenario import Thresholds
-from benchmarks.trials.attempt import key_of
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.stage import Stage
+from benchmarks.trials.stage import Stage, key_of
 from deqmcl_gym import Driver
 from deqmcl_gym.maps.map import scaled
 from deqmcl_gym.world.drawing import PERSON

@@ -18,10 +18,9 @@ from benchmarks.sweeps.results import results_in
 from benchmarks.sweeps.running import Options, begun, run_missing
 from benchmarks.sweeps.store import writing
 from benchmarks.sweeps.sweepfile import paper_sweep
-from benchmarks.trials import attempt
-from benchmarks.trials.attempt import provenance_of
+from benchmarks.trials import stage
 from benchmarks.trials.spec import Method
-from benchmarks.trials.stage import Stage
+from benchmarks.trials.stage import Stage, provenance_of
 
 
 def suite(localizers=("mcl", "dead-reckoning"), trials=2, lag=4, particles=15):
@@ -56,7 +55,7 @@ def test_all_methods_run_on_one_world_before_any_runs_on_the_next(tmp_path, ran)
 
 
 def test_workers_that_loaded_other_code_than_the_sweep_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(attempt, "key_of", lambda trial: "another")
+    monkeypatch.setattr(stage, "key_of", lambda trial: "another")
     (reason,) = set(reasons(*run(suite(), tmp_path)))
     assert "its worker loaded other code" in reason
     assert records(tmp_path) == {}

@@ -13,7 +13,7 @@ from benchmarks.sweeps.design import MOST_TRIALS
 from benchmarks.sweeps.running import check
 from benchmarks.sweeps.sweepfile import SUITES, read_sweep, sweep_named, with_localizers
 from benchmarks.tables.stats import least_worlds
-from benchmarks.trials.attempt import provenance_of
+from benchmarks.trials.stage import provenance_of
 from deqmcl_gym.validation import InputError
 from localizers import absolute_name
 

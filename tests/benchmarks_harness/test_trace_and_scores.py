@@ -33,12 +33,12 @@ USUAL = Thresholds()
 CLOSE = {"rel": 1e-12}
 
 
-def scored(trace, lag=L, thresholds=USUAL):
-    return {row["offset"]: row for row in scores(trace, lag, thresholds)}
+def scored(trace):
+    return {row["offset"]: row for row in scores(trace)}
 
 
-def recorded(trace, lag=L, thresholds=USUAL):
-    return json.loads(msgspec.json.encode(record(trace, lag, thresholds)))
+def recorded(trace):
+    return json.loads(msgspec.json.encode(record(trace)))
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_the_error_is_the_mean_over_the_states_from_1_that_an_offset_estimates(o
 
 
 def test_without_a_lag_the_window_is_the_whole_lap():
-    row = scored(traced(T, (0,)), 0)[0]
+    row = scored(traced(T, (0,)))[0]
     whole = pytest.approx(mean_error(range(1, T + 1), 0), **CLOSE)
     assert row["error_window"] == row["error"] == whole
 
@@ -65,8 +65,8 @@ def test_without_a_lag_the_window_is_the_whole_lap():
 @pytest.mark.parametrize("held", [(0, -8), (0, 8, 2)])
 def test_offsets_that_a_method_does_not_hold_have_no_row_and_no_place_in_the_profile(held):
     trace = traced(40, held, (0, -8, 8))
-    assert set(scored(trace, 8)) == set(held) - {2}  # which is not scored
-    assert set(error_profile(trace, 8)) == set(held)
+    assert set(scored(trace)) == set(held) - {2}  # which is not scored
+    assert set(error_profile(trace)) == set(held)
 
 
 def test_only_states_of_the_lap_that_were_held_are_scored_even_if_others_are_believed_in():
@@ -79,7 +79,7 @@ def test_only_states_of_the_lap_that_were_held_are_scored_even_if_others_are_bel
 
 def test_a_lag_longer_than_the_episode_leaves_the_present_and_no_window():
     lag = 10**15
-    rows = scored(traced(T, (0, -lag, lag)), lag)
+    rows = scored(traced(T, (0, -lag, lag)))
     assert set(rows) == {0}
     assert rows[0]["error"] == pytest.approx(mean_error(range(1, T + 1), 0), **CLOSE)
     assert math.isnan(rows[0]["error_window"])
@@ -155,7 +155,7 @@ def test_outlier_share_is_the_weight_far_from_the_truth_over_the_common_states(o
 
 
 def test_a_record_without_a_score_is_refused():
-    plain = msgspec.to_builtins(record(traced(T, OFFSETS), L, USUAL))
+    plain = msgspec.to_builtins(record(traced(T, OFFSETS)))
     del plain["scores"][0]["error"]
     with pytest.raises(msgspec.ValidationError, match="has no error among its scores"):
         msgspec.convert(plain, TrialRecord)
@@ -176,7 +176,7 @@ def test_a_trial_is_lost_if_its_last_states_are_on_average_further_off_than_the_
     def off(state, offset):
         return truth_of(state)[None] + [80.0 * (state > 40 - astray), 0, 0], np.ones(1)
 
-    assert scored(traced(40, (0,), points=off), L, thresholds)[0]["lost"] == lost
+    assert scored(traced(40, (0,), points=off, thresholds=thresholds))[0]["lost"] == lost
 
 
 def test_coverage_is_the_share_of_states_whose_truth_is_ranked_inside():
@@ -197,7 +197,7 @@ def test_the_profile_has_every_offset_over_the_same_states():
     steps, lag = 40, 8
     held = range(-lag, lag + 1)
     trace = traced(steps, held, (0, -lag, lag))
-    assert error_profile(trace, lag) == {
+    assert error_profile(trace) == {
         k: pytest.approx(mean_error((10, 15, 20, 25, 30), k), **CLOSE) for k in range(-8, 9, 2)
     }
 
@@ -247,12 +247,12 @@ def rated(*qualities):
 def test_the_quality_is_kept_of_every_step_and_recorded_from_the_first_with_all_digits():
     trace = rated(0.99, 0.25, None, 1 - 2**-53)
     assert np.array_equal(trace.quality, [0.99, 0.25, math.nan, 1 - 2**-53], equal_nan=True)
-    assert recorded(trace, 0)["quality"] == [0.25, None, 1 - 2**-53]
+    assert recorded(trace)["quality"] == [0.25, None, 1 - 2**-53]
 
 
 def test_where_no_belief_gives_a_quality_none_is_recorded():
-    assert recorded(traced(T, OFFSETS), L)["quality"] is None
-    assert recorded(rated(0.99, None, None), 0)["quality"] is None  # nothing of a scan is known
+    assert recorded(traced(T, OFFSETS))["quality"] is None
+    assert recorded(rated(0.99, None, None))["quality"] is None  # nothing of a scan is known
 
 
 @pytest.mark.parametrize("quality", [1.5, -0.1, math.nan, "good"])
@@ -262,7 +262,7 @@ def test_a_quality_that_is_no_probability_fails_the_trial(quality):
 
 
 def test_a_record_is_strict_json_with_null_for_what_is_unknown():
-    result = recorded(traced(T, OFFSETS), L, Thresholds(far=40.0))
+    result = recorded(traced(T, OFFSETS, thresholds=Thresholds(far=40.0)))
     (present,) = (row for row in result["scores"] if row["offset"] == 0)
     assert [*present] == ["offset", *SCORE_NAMES]
     assert present["entropy"] is None

@@ -12,8 +12,7 @@ import pytest
 from benchmarks.robots.calibration import PART, judged_after_part, with_fitted_power
 from benchmarks.robots.played import replay_of
 from benchmarks.robots.replaying import replay_sweep
-from benchmarks.trials.attempt import attempt, key_of
-from benchmarks.trials.stage import Stage
+from benchmarks.trials.stage import Stage, attempt, key_of
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import composed, dead_reckoned, increments_of
 from deqmcl_gym.maps import GridMap

@@ -13,8 +13,8 @@ from refusals import refused
 
 import localizers
 from benchmarks.setup.names import AGENT
-from benchmarks.trials.attempt import attempt, key_of
 from benchmarks.trials.spec import Trial
+from benchmarks.trials.stage import attempt, key_of
 from deqmcl_gym.validation import InputError
 from localizers import kinds
 from localizers.digests import UNREAD

@@ -12,9 +12,8 @@ from refusals import refused
 import localizers
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.sweepfile import read_sweep
-from benchmarks.trials.attempt import guest_of, key_of
 from benchmarks.trials.spec import Trial
-from benchmarks.trials.stage import Stage
+from benchmarks.trials.stage import Stage, guest_of, key_of
 from localizers.models.scan import LidarScan, Scan
 from localizers.registry import ScanPlugIn
 

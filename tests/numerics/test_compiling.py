@@ -119,7 +119,7 @@ def test_a_kernel_is_compiled_again_exactly_if_what_it_calls_or_a_constant_is_ed
 
 NAMES = """
 import sys
-import benchmarks.trials.attempt
+import benchmarks.trials.stage
 from numba.core.registry import CPUDispatcher
 ours = [m for name, m in sys.modules.items() if name.startswith(("deqmcl_gym", "localizers"))]
 kernels = {k.py_func for m in ours for k in vars(m).values() if isinstance(k, CPUDispatcher)}

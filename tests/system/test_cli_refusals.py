@@ -121,7 +121,7 @@ def test_a_temporary_folder_too_deep_for_sockets_is_named(file, tmp_path, monkey
 
 def test_dask_that_is_not_installed_is_said_with_the_pip_command(file, monkeypatch, refusal):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    refusal(["sweep", file, "--dask"], "pip install 'deqmcl-gym[dask]'")
+    refusal(["sweep", file, "--dask", "tcp://a:1"], "pip install 'deqmcl-gym[dask]'")
 
 
 def test_a_working_folder_that_is_gone_is_named_before_anything_is_run(

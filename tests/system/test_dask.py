@@ -23,8 +23,12 @@ def test_a_cluster_that_loses_a_worker_gives_the_numbers_of_one_process(tmp_path
     file, flag = write_small(tmp_path, trials=3), tmp_path / "flag"
     here = run(file, tmp_path / "here", "--jobs", "1", flag=flag)
     assert here.returncode == 0, here.stderr
+    from distributed import LocalCluster
+
     flag.touch()
-    there = run(file, tmp_path / "there", "--jobs", "2", "--dask", flag=flag)
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        address = cluster.scheduler_address
+        there = run(file, tmp_path / "there", "--jobs", "2", "--dask", address, flag=flag)
     assert there.returncode == 0, there.stderr
     assert not flag.exists()  # a worker found it and died
     assert there.stdout.startswith("small: 9 of 9 trials finished.")

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from deqmcl_command import exit_code, files, lines
 
-from benchmarks.setup.scenario import Thresholds
 from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.trials.scoring import scores
 from benchmarks.trials.stage import Stage
@@ -76,7 +75,7 @@ def test_the_lap_is_trial_0_of_the_paper_experiment_with_that_seed(lap):
     (trial,) = paper_sweep(
         scenario="paper", localizers=["mcl"], trials=1, seed=3, lag=20, particles=20
     ).distinct()
-    (row,) = scores(Stage.of(trial).trace(), 20, Thresholds())
+    (row,) = scores(Stage.of(trial).trace())
     errors = [line["error"] for line in curve(out)[0] if line["state"] >= 1]
     assert len(errors) == 204
     assert sum(errors) / 204 == pytest.approx(row["error"], rel=1e-12)  # a sum of 204 floats

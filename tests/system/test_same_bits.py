@@ -28,7 +28,7 @@ for scenario in ("paper", "sharp"):
         for kept in trace.offsets.values():
             columns = [kept.means, kept.variances, *kept.values.values()]
             arrays += [column.tobytes() for column in columns]
-        done = msgspec.to_builtins(record(trace, trial.lag, Thresholds()), str_keys=True)
+        done = msgspec.to_builtins(record(trace), str_keys=True)
         words = msgspec.json.encode(done, order="sorted")
         digest = hashlib.sha256(b"".join([*arrays, words])).hexdigest()
         digests[f"{scenario} {trial.localizer}"] = digest

@@ -9,7 +9,7 @@ from sweep_command import broken, report, sweep, tables, write_small
 
 import localizers
 from benchmarks.sweeps.results import results_in
-from benchmarks.trials import attempt
+from benchmarks.trials import stage
 
 
 def test_only_a_trial_that_is_lost_or_damaged_is_run_again_and_the_tables_come_back(
@@ -37,8 +37,8 @@ def test_another_sweep_in_the_folder_is_refused_with_all_differences(copy, tmp_p
 
 
 def test_changed_code_is_refused_and_named(file, copy, refusal, monkeypatch):
-    monkeypatch.setattr(attempt, "code_digest", lambda: "other")
-    monkeypatch.setattr(attempt, "versions", lambda: {"numpy": "0.1"})
+    monkeypatch.setattr(stage, "code_digest", lambda: "other")
+    monkeypatch.setattr(stage, "versions", lambda: {"numpy": "0.1"})
     changed = "code was", "libraries.numpy was", "libraries.numba was"
     refusal(["sweep", file, "--out", copy], *changed)
 
@@ -48,7 +48,7 @@ def test_results_of_other_code_can_be_read_and_infinity_is_a_number(tmp_path, mo
     more = "\n[[vary]]\nparams.beta = [inf, 1.0]\n"
     file, out = write_small(tmp_path, trials=1, more=more), tmp_path / "out"
     assert sweep(file, out, "--with", "mcl-map,broken") == 3
-    monkeypatch.setattr(attempt, "code_digest", lambda: "other")
+    monkeypatch.setattr(stage, "code_digest", lambda: "other")
     found = results_in(out)
     assert (len(found.records), len(found.failures), found.missing) == (4, 2, 0)
     betas = [dict(r.trial.params).get("beta") for r in found.records]

@@ -16,7 +16,7 @@ from benchmarks.robots.search import RUNS, Task, cut
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.tables.frames import csv_of
 from benchmarks.tables.stats import estimate
-from benchmarks.trials.attempt import attempt, key_of
+from benchmarks.trials.stage import attempt, key_of
 
 HERE = Path(__file__).resolve().parent
 BUILDINGS = ("freiburg-079", "intel")

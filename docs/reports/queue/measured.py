@@ -155,19 +155,18 @@ def scores(trial: Trial) -> dict[str, float]:
     for offset, column in ((0, "error"), (-trial.lag, "past"), (trial.lag, "future")):
         if (own := trace.offsets.get(offset)) is None:
             continue
-        known = trace.known[own.states] & (own.states > 0)
-        states, means = own.states[known], own.means[known]
-        away = np.hypot(*(means[:, :2] - trace.truth[states, :2]).T)
+        own = own.scored
+        away = np.hypot(*(own.means[:, :2] - own.truth[:, :2]).T)
         found[column] = float(middle(away))
         if offset == 0:
             last = away[-(away.size // 4) :]
             found["error_p95"] = float(np.quantile(away, 0.95))
             found["localized"] = float((last < metre).mean() >= 0.95)
         elif offset == trial.lag:
-            rank = own.values["rank"][known]
+            rank = own.values["rank"]
             for level in (50, 80, 95):
                 found[f"future_{level}"] = float((rank <= level / 100).mean())
-            found["future_energy"] = float(own.values["energy"][known].mean())
+            found["future_energy"] = float(own.values["energy"].mean())
     return found
 
 
