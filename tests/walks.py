@@ -125,7 +125,7 @@ def of_command(name: str) -> set[str]:
 
 
 def of_a_trial(method: str) -> Walk:
-    """Return what one trial enters, without its worker and its store."""
+    """Return what one trial enters, in a world that was driven for another, and without a store."""
     from benchmarks.sweeps.sweepfile import sweep_named
     from benchmarks.trials.stage import attempt, key_of
 
@@ -135,6 +135,7 @@ def of_a_trial(method: str) -> Walk:
         sweep = sweep_named(str(cell))
     (trial,) = sweep.distinct()
     key = key_of(trial)
+    attempt(trial, key)
     with followed() as walk:
         assert attempt(trial, key).record
     return walk

@@ -12,7 +12,6 @@ from deqmcl_gym.validation import InputError, integer, one_of, shown
 from localizers.kinds import Placed
 
 FILES = ("floor_plan", "floor_plan.file", "log", "map", "reference")  # names of a world's files
-OF_LOCALIZERS = ("cost_map",)  # of files that parameters of localizers name
 _WORDS = {"inf": math.inf, "-inf": -math.inf}  # JSON has no infinity; the text is "'inf"
 
 
@@ -94,9 +93,9 @@ class Overrides(dict[str, Any]):
         found = [path for one in several for path in one if isinstance(path, str | Path)]
         return [str(path) if isinstance(path, Path) else path for path in found]
 
-    def beside(self, folder: Path, names: Sequence[str] = FILES) -> Self:
+    def beside(self, folder: Path) -> Self:
         """Return a world's changes with the paths of files absolute, from a folder; ~ is home."""
-        return self | {name: _absolute(folder, self[name]) for name in names if name in self}
+        return self | {name: _absolute(folder, self[name]) for name in FILES if name in self}
 
 
 def file_names(given: Any) -> str:

@@ -16,7 +16,6 @@ from benchmarks.setup.names import (
     absolute_scenario,
 )
 from benchmarks.setup.overrides import (
-    OF_LOCALIZERS,
     Named,
     Overrides,
     listed,
@@ -250,8 +249,8 @@ def _split(given: Overrides, names: "_Names") -> tuple[Overrides, dict[str, Over
             own.setdefault(names.localizer("params", localizer), {})[key] = value
         else:
             shared[key] = value
-    alone = {localizer: names.params(Overrides(values)) for localizer, values in own.items()}
-    return names.params(Overrides(shared)), alone
+    alone = {localizer: Overrides(values) for localizer, values in own.items()}
+    return Overrides(shared), alone
 
 
 def check_localizers(named: Sequence[str]) -> None:
@@ -300,9 +299,6 @@ class _Names:
     def assumed(self, given: Overrides) -> Overrides:
         return given if self.folder is None else absolute_assumed(given, self.folder)
 
-    def params(self, given: Overrides) -> Overrides:
-        return given if self.folder is None else given.beside(self.folder, OF_LOCALIZERS)
-
     def method(self, entry: Any, what: str = "an entry of localizers") -> Method:
         label = ""
         if isinstance(entry, Mapping):
@@ -313,7 +309,7 @@ class _Names:
             entry = {key: value for key, value in entry.items() if key != "label"}
         named = Named.told(what, entry)
         name = self.localizer("name of a localizer", named.name)
-        return Method(name=name, params=self.params(named.params), label=label)
+        return Method(name=name, params=named.params, label=label)
 
     def axis(self, table: Any) -> Overrides:
         values = Overrides.told("vary", documents.as_table("vary", table, "a [[vary]] table"))

@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from benchmarks.setup.overrides import NOTHING, OF_LOCALIZERS, Named, Overrides, jsonable
+from benchmarks.setup.overrides import NOTHING, Named, Overrides, jsonable
 from deqmcl_gym.validation import InputError
 
 _WORLD, _FILTER, _START = 0, 1, 2  # children of a trial's seed
@@ -111,18 +111,12 @@ class Trial:
         return (0,) if self.lag == 0 else (0, -self.lag, self.lag)
 
     @property
-    def files(self) -> list[str]:
-        """Paths of the files that its world and its localizer read."""
-        own = [self.params[name] for name in OF_LOCALIZERS if name in self.params]
-        return [*self.world.files, *(path for path in own if isinstance(path, str))]
-
-    @property
     def named(self) -> tuple[str, ...]:
         """All of it that may have a digest: names of plug-ins and scenario, and files."""
         agent = () if self.agent is None else (self.agent.name,)
         kind = self.assumed.get("scan.kind", "")
         scan = (kind,) if ":" in str(kind) else ()
-        return (self.localizer, self.scenario, *self.files, *agent, *scan)
+        return (self.localizer, self.scenario, *self.world.files, *agent, *scan)
 
     @property
     def world_seed(self) -> int:

@@ -28,7 +28,6 @@ from benchmarks.setup.names import (
     scenario,
     scenario_digest,
 )
-from benchmarks.setup.overrides import located
 from benchmarks.setup.scenario import RoomScenario, Scenario
 from benchmarks.trials.clouds import Surroundings
 from benchmarks.trials.collecting import JourneyLog, TrackLog
@@ -146,8 +145,7 @@ class Stage:
 
         start = None if driven is None else driven.start
         copies: dict[int, Any] = {}  # the prior's map is the robot's
-        params = located(self.trial.params)
-        localizer = make(self.trial.localizer, deepcopy(self.robot, copies), **params)
+        localizer = make(self.trial.localizer, deepcopy(self.robot, copies), **self.trial.params)
         return followed(steps, localizer, lambda: deepcopy(self.prior(start), copies), self.stream)
 
     def trace(self, driven: Drive | None = None) -> Trace:
@@ -181,7 +179,7 @@ def check_trials(trials: Iterable[Trial]) -> None:
         if driven not in seen:
             stage.check()
         for trial in new:
-            make(trial.localizer, stage.robot, **located(trial.params))
+            make(trial.localizer, stage.robot, **trial.params)
         seen |= {driven, *listed}
 
 
@@ -225,7 +223,7 @@ def provenance_of(trials: Iterable[Trial]) -> Provenance:
         parts += [
             (n, SCAN_MODEL.digest(n)) for n in plug_ins_of(None, trial.assumed.get(SCAN_KIND))
         ]
-        parts += [(path, digest_of_file(path)) for path in trial.files]
+        parts += [(path, digest_of_file(path)) for path in trial.world.files]
         for name, digest in parts:
             if digests.setdefault(name, digest) != digest:
                 raise InputError(

@@ -23,6 +23,7 @@ from benchmarks.trials.tracks import calibration_of_gaussians
 from deqmcl_gym.files import write_text
 from deqmcl_gym.logs import read_tum
 from deqmcl_gym.logs.trajectory import read_estimate
+from deqmcl_gym.numerics import arrays
 
 REPORT = Path(__file__).resolve().parent
 BUILDINGS = ("freiburg-079", "intel")
@@ -38,7 +39,9 @@ def smoothed(files: dict[str, str], start: str, out: Path) -> dict[str, object]:
     track, at = at_own_times(estimate, reference)
     own = track.at_stamps
     truth, spread = track.log.reference, estimate.covariances[at]
-    rank, nees, _ = calibration_of_gaussians(track.best, spread, truth, "m")[own].T
+    off = truth - track.best
+    off[:, 2] = arrays.wrapped(off[:, 2])
+    rank, nees, _ = calibration_of_gaussians(off, spread, "m")[own].T
     distance, angle = track.errors.translation[own], track.errors.rotation[own]
     figures = {
         "position_median": lambda k: np.median(distance[k]),
