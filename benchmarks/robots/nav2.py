@@ -20,10 +20,9 @@ from benchmarks.robots.played import Replay
 from benchmarks.setup.priors import Gaussian
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import UnreadableError, content_of, yaml_of
-from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.maps.clusters import Near
 from deqmcl_gym.validation import InputError, boolean, number, one_of, pose, shown
-from localizers import DifferentialMotion, GaussianUniform, OmniMotion, RobotModel, make
+from localizers import DifferentialMotion, OmniMotion
 from localizers.methods.amcl import DIFFERENTIAL, OMNI, amcl
 from localizers.models.nav2_motion import MotionModel, kind_of
 
@@ -36,8 +35,6 @@ _OF_LOGS = {"laser_max_range": 100.0, "laser_min_range": -1.0}  # are no paramet
 _TAKEN = sorted(signature(amcl).parameters.items())
 _DEFAULTS = {name: own.default for name, own in _TAKEN if name not in _OURS} | _OF_LOGS
 _RANGES: Mapping[str, Mapping[str, Any]] = {
-    **{name: {"low": 0} for name in ("pf_z", "alpha1", "alpha2", "alpha3")},
-    "sigma_hit": {"low": 0, "above": True},
     "update_min_a": {"low": 0, "high": 6.2832},  # rad, a whole turn: more is in degrees
     "laser_max_range": {"finite": False},
 }
@@ -211,7 +208,7 @@ def _amcl(file: Path, source: str, raw: Mapping[str, Any], noted: dict[str, list
     noted["above π, so that no turn is enough for an update"] = ["update_min_a"] * wide
     # not above 0: what the sensor says, as in Nav2
     bounds = {"max_range": said["laser_max_range"], "min_range": said["laser_min_range"]}
-    found = Amcl(
+    return Amcl(
         source=source,
         file=file,
         params={name: value for name, value in said.items() if name not in _OF_LOGS},
@@ -224,8 +221,6 @@ def _amcl(file: Path, source: str, raw: Mapping[str, Any], noted: dict[str, list
         unused=unused,
         remarks=[f"{why}: {', '.join(names)}" for why, names in noted.items() if names],
     )
-    _check(found)
-    return found
 
 
 def _value(name: str, default: Any, given: Mapping[str, Any]) -> Any:
@@ -245,18 +240,6 @@ def _value(name: str, default: Any, given: Mapping[str, Any]) -> Any:
     if read != value:
         raise InputError(f"{name} is {value!r}, but must be an integer.")
     return read
-
-
-def _check(found: Amcl) -> None:
-    """Let ``amcl`` look at its parameters, in any room."""
-    room = PolygonMap(((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)), unit="m")
-    robot = RobotModel(
-        floor_plan=room,
-        lidar=Lidar(max_range=found.reading.get("max_range", 100.0)),
-        motion=found.motion,
-        scan=GaussianUniform(sigma=found.sigma),
-    )
-    make("amcl", robot, **found.params, field_cell=0.1)
 
 
 def _nodes_of(path: Path) -> tuple[dict[str, Any], _Nodes, list[str]]:

@@ -34,17 +34,13 @@ class Range(Struct, frozen=True, kw_only=True):
 
     def check(self, name: str) -> None:
         """Refuse the range of a parameter if nothing can be drawn from it."""
-        has = f"{name} has low {self.low:.10g} and high {self.high:.10g}"
-        if self.whole and not (self.low.is_integer() and self.high.is_integer()):
-            raise InputError(f"{has}, but with whole = true each must be a whole number.")
-        if not self.low < self.high:
-            raise InputError(f"{has}, but low must be below high.")
-        if self.log and self.low <= 0:
-            raise InputError(f"{has} with log = true, but a logarithm needs low above 0.")
-        if self.at(0.0) == self.at(1.0):
+        whole = not self.whole or (self.low.is_integer() and self.high.is_integer())
+        ordered = self.low < self.high and (self.low > 0 or not self.log)
+        if not (whole and ordered and self.at(0.0) != self.at(1.0)):
             raise InputError(
-                f"{has}, which are one number in {_DIGITS} digits: give a wider range, or a list "
-                "of choices."
+                f"{name} has low {self.low:.10g} and high {self.high:.10g}, but low must be below "
+                f"high also if rounded to {_DIGITS} digits, with log = true above 0, and with "
+                "whole = true both must be whole: give such a range, or a list of choices."
             )
 
     @property

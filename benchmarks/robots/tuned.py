@@ -1,9 +1,8 @@
 """What ``deqmcl tune`` writes: the best parameters, the held-out gain, a picture."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -161,10 +160,6 @@ def _scores(tuning: Tuning) -> str:
         "ms per step": runs["ms_per_step"].median().map(fixed),
         "segments with a failed run": failed,
     }
-    return _markdown(columns)
-
-
-def _markdown(columns: Mapping[str, Any]) -> str:
     return Table("", pd.DataFrame(columns)).text("pipe")
 
 
@@ -174,16 +169,11 @@ def _changed(tuning: Tuning) -> str:
     if best == NOTHING:
         return "The default; no value is changed."
     names = [name for name in tuning.task.space if name in best]
-    columns = {
-        "parameter": [f"`{name}`" for name in names],
-        "default": [_word(usual.get(name, "its own")) for name in names],
-        "tuned": [_word(best[name]) for name in names],
-    }
-    return _markdown(columns)
-
-
-def _word(value: Any) -> str:
-    return significant(value) if isinstance(value, float) else str(value)
+    columns = {"parameter": [f"`{name}`" for name in names]}
+    for title, values in {"default": usual, "tuned": best}.items():
+        each = [values.get(name, "its own") for name in names]
+        columns[title] = [significant(v) if isinstance(v, float) else str(v) for v in each]
+    return Table("", pd.DataFrame(columns)).text("pipe")
 
 
 def _made(tuning: Tuning, words: Sequence[str]) -> str:
