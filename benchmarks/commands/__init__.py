@@ -220,7 +220,7 @@ def localizers_named(listed: str) -> tuple[str, ...]:
 
 def mcap_of(options: argparse.Namespace) -> Path | None:
     """Return the absolute path of the file for Foxglove, if one is asked for."""
-    from benchmarks.report.messages import check_file
+    from benchmarks.report.laps import check_file
 
     if options.mcap is not None:
         check_file(options.mcap)

@@ -93,7 +93,7 @@ def replay_command(options: argparse.Namespace) -> str:
     Writes tables, trajectories (TUM, for evo) and a page: docs/your-map-your-log.md.
     """
     from benchmarks.execution.engines import Where
-    from benchmarks.report.messages import shown_again
+    from benchmarks.report.laps import shown_again
     from benchmarks.report.runs import limits_of, within
     from benchmarks.robots.replaying import planned, run_replay, sweep_file
     from benchmarks.sweeps.running import Options, complete
