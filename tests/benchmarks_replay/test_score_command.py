@@ -132,16 +132,22 @@ def test_gaussians_are_calibrated_by_the_chi_squared_distribution():
         assert abs((rank <= p).mean() - p) < 4 * math.sqrt(p * (1 - p) / n)
 
 
+COVARIANCES = "time,x,y,heading,var_x,cov_xy,cov_x_heading,var_y,cov_y_heading,var_heading"
+
+
+def write_estimate(path, times, poses, spread):
+    """An estimate with the same covariance at all times, as CSV."""
+    upper = np.asarray(spread)[np.triu_indices(3)].tolist()
+    rows = [(t, *pose, *upper) for t, pose in zip(times, np.asarray(poses).tolist(), strict=True)]
+    path.write_text("\n".join([COVARIANCES, *(",".join(map(repr, row)) for row in rows)]))
+    return path
+
+
 def test_a_covariance_gives_the_columns_of_calibration(here, tmp_path):
     reference = logs.read_tum("lap.tum")
-    names = "time,x,y,heading,var_x,cov_xy,cov_x_heading,var_y,cov_y_heading,var_heading"
-    spread = [0.04, 0, 0, 0.04, 0, 0.01]
-    rows = [[t, x + 0.2, y, h, *spread] for t, (x, y, h) in
-            zip(reference.times.tolist(), reference.poses.tolist(), strict=True)]  # fmt: skip
-    texts = [names, *(",".join(map(repr, row)) for row in rows)]
-    (tmp_path / "theirs.csv").write_text("\n".join(texts))
-    words = (f"slam={tmp_path / 'theirs.csv'}", *WHOLE, "--out", tmp_path / "s")
-    assert exit_code("score", *words) == 0
+    off, spread = reference.poses + np.array([0.2, 0, 0]), np.diag([0.04, 0.04, 0.01])
+    slam = write_estimate(tmp_path / "theirs.csv", reference.times.tolist(), off, spread)
+    assert exit_code("score", f"slam={slam}", *WHOLE, "--out", tmp_path / "s") == 0
     row = table(tmp_path / "s", "results.csv")["slam"]
     # one SD off: χ² = 1, which 39 % of draws are below
     assert float(row["nees"]) == pytest.approx(1, rel=1e-3)
@@ -159,13 +165,8 @@ def test_beside_what_a_stack_published_stands_what_a_calibration_of_it_would_hav
     reference = logs.Trajectory(np.arange(float(n)), np.zeros((n, 3)))
     reference.write(tmp_path / "reference.tum")
     poses = rng.normal(size=(n, 3)) * np.sqrt(np.diag(spread))
-    told = (spread[np.triu_indices(3)] / 100).tolist()
-    rows = [(t, *pose, *told) for t, pose in enumerate(poses.tolist())]
-    names = "time,x,y,heading,var_x,cov_xy,cov_x_heading,var_y,cov_y_heading,var_heading"
-    texts = [names, *(",".join(map(repr, row)) for row in rows)]
-    (tmp_path / "slam.csv").write_text("\n".join(texts))
-    words = ("score", tmp_path / "slam.csv", "--reference", tmp_path / "reference.tum")
-    words += ("--out", tmp_path / "s")
+    slam = write_estimate(tmp_path / "slam.csv", range(n), poses, spread / 100)
+    words = ("score", slam, "--reference", tmp_path / "reference.tum", "--out", tmp_path / "s")
     assert exit_code(*words) == 0
     rows = table(tmp_path / "s", "results.csv")
     assert list(rows) == ["slam", "slam, calibrated"]
