@@ -277,7 +277,7 @@ def tune_command(options: argparse.Namespace) -> str:
     the same command resumes: docs/tune-on-your-log.md.
     """
     from benchmarks.execution.engines import Where
-    from benchmarks.robots.search import GOALS, searching
+    from benchmarks.robots.search import GOALS, search
     from benchmarks.robots.tuned import write_tuned
     from benchmarks.sweeps.running import Options
     from deqmcl_gym.validation import InputError, integer, number, one_of
@@ -300,10 +300,9 @@ def tune_command(options: argparse.Namespace) -> str:
     with doing("checking the segments and the ends of all ranges"):
         task.check()
     how = Options(where=where, retry_failed=options.retry_failed, progress=False)
-    with searching(task, options.out, how) as search:
-        tuning = search.run(options.candidates)
-        nav2_file = options.nav2[0] if options.nav2 else None
-        return write_tuned(tuning, options.out, options.words, nav2_file, options.node)
+    tuning = search(task, options.out, how, options.candidates)
+    nav2_file = options.nav2[0] if options.nav2 else None
+    return write_tuned(tuning, options.out, options.words, nav2_file, options.node)
 
 
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":

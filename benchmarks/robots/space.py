@@ -43,11 +43,6 @@ class Range(Struct, frozen=True, kw_only=True):
                 "whole = true both must be whole: give such a range, or a list of choices."
             )
 
-    @property
-    def ends(self) -> tuple[Value, ...]:
-        """The values at which it is tried whether the localizer takes them."""
-        return self.at(0.0), self.at(1.0)
-
     def at(self, place: float) -> Value:
         """Return the value at a place from 0 (low) to 1 (high), of three digits."""
         if self.log:
@@ -76,11 +71,6 @@ class Choice(Struct, frozen=True):
 
     values: tuple[Value, ...]
 
-    @property
-    def ends(self) -> tuple[Value, ...]:
-        """All, as any may be refused."""
-        return self.values
-
     def at(self, place: float) -> Value:
         """Return the value at a place from 0 (the first) to 1 (the last)."""
         return self.values[min(int(place * len(self.values)), len(self.values) - 1)]
@@ -89,6 +79,11 @@ class Choice(Struct, frozen=True):
         """Return another one."""
         others = [other for other in self.values if other != value]
         return others[int(rng.integers(len(others)))]
+
+
+def ends_of(values: Range | Choice) -> tuple[Value, ...]:
+    """Return what a localizer must take: both ends of a range, all choices."""
+    return values.values if isinstance(values, Choice) else (values.at(0.0), values.at(1.0))
 
 
 Space = Mapping[str, Range | Choice]

@@ -41,7 +41,8 @@ def write_tuned(
     best, why_not = _nav2(tuning.task, tuning.best, nav2, node)
     parts = {
         f"# {tuning.task.localizer}, tuned": f"{gain(tuning, table)}{_too_sure(tuning)}\n\n"
-        f"{_scores(tuning)}\n\n{_published(tuning)}",
+        f"{_scores(tuning)}\n\nPublish its covariance by localizers.{tuning.calibrations['tuned']} "
+        f"(the default's by {tuning.calibrations['default']}), fitted to the training segments.",
         "## Best parameters": _changed(tuning),
     }
     page = {**parts, "## How this was made": _made(tuning, words)}
@@ -134,15 +135,6 @@ def _too_sure(tuning: Tuning) -> str:
         f" Warning: the 95 % region that the tuned filter believes holds {percent(after, 1)} of "
         f"the reference, that of the default {percent(before, 1)}: do not trust its covariance as "
         "it is, publish it by the calibration."
-    )
-
-
-def _published(tuning: Tuning) -> str:
-    """Say by which calibration the winner's covariance is to be published."""
-    tuned, default = tuning.calibrations["tuned"], tuning.calibrations["default"]
-    return (
-        f"Publish its covariance by localizers.{tuned} (the default's by {default}), fitted to the "
-        "training segments."
     )
 
 
