@@ -121,21 +121,6 @@ _OF_SCAN: Space = {
 }
 
 
-def space_of(
-    path: Path | None, localizer: str, noise: Sequence[str], base: Mapping[str, Any]
-) -> Space:
-    """Return what is searched: the built-in ranges, with those of a file in their places."""
-    ranges = built_in(localizer, noise, base)
-    if path is not None:
-        return read_space(path, localizer, ranges)
-    if not ranges:
-        raise InputError(
-            f"{localizer} has no ranges built in: name what is to be searched in a file, as in "
-            "--space space.toml."
-        )
-    return ranges
-
-
 def built_in(localizer: str, noise: Sequence[str], base: Mapping[str, Any] = NOTHING) -> Space:
     """Return the ranges that are searched where no file says otherwise; none of a plug-in.
 
@@ -161,13 +146,23 @@ def _of_amcl(base: Mapping[str, Any]) -> Space:
     return {n: r for n, r in ranges.items() if isinstance(r, Choice) or r.low < r.high}
 
 
-def read_space(path: Path, localizer: str, ranges: Space) -> Space:
-    """Return these ranges with those of a TOML file in their places.
+def space_of(
+    path: Path | None, localizer: str, noise: Sequence[str], base: Mapping[str, Any] = NOTHING
+) -> Space:
+    """Return what is searched: the built-in ranges, with those of a TOML file in their places.
 
     Each key is a parameter of the localizer, ``scan.…`` or ``motion.…``; its value a list of
     choices, a table {low, high, log, whole} or {log = [low, high]}, or false: it is not searched.
     ``only = true`` leaves out all that the file does not name.
     """
+    ranges = built_in(localizer, noise, base)
+    if path is None and not ranges:
+        raise InputError(
+            f"{localizer} has no ranges built in: name what is to be searched in a file, as in "
+            "--space space.toml."
+        )
+    if path is None:
+        return ranges
     document = documents.read_toml(path, "space")
     with documents.errors_name(path):
         space = {} if boolean("only", document.pop("only", False)) else dict(ranges)
@@ -190,10 +185,12 @@ def read_space(path: Path, localizer: str, ranges: Space) -> Space:
 
 def _range(name: str, value: Any) -> Range | Choice:
     if isinstance(value, list):
-        if len({repr(choice) for choice in value}) < max(2, len(value)):
-            raise InputError(f"{name} is {value}, but must list two or more values, each once.")
-        if not all(isinstance(choice, str | bool | int | float) for choice in value):
-            raise InputError(f"{name} is {value}, but must list numbers, words, true or false.")
+        known = all(isinstance(choice, str | bool | int | float) for choice in value)
+        if not known or len({repr(choice) for choice in value}) < max(2, len(value)):
+            raise InputError(
+                f"{name} is {value}, but must list two or more numbers, words, true or false, "
+                "each once."
+            )
         return Choice(tuple(value))
     if not isinstance(value, Mapping):
         raise InputError(f"{name} is {shown(value)}, but must be {_FORM}.")

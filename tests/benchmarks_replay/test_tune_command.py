@@ -16,7 +16,7 @@ from refusals import refused
 from benchmarks.robots.nav2 import nav2_document, read_nav2, usual_params
 from benchmarks.robots.played import replay_of
 from benchmarks.robots.search import GOALS, RUNS, Candidate, Tuning, cut
-from benchmarks.robots.space import Choice, Range, built_in, latin_hypercube, neighbour, read_space
+from benchmarks.robots.space import Choice, Range, built_in, latin_hypercube, neighbour, space_of
 from benchmarks.robots.tuned import gain, segments_table
 from benchmarks.setup.overrides import Overrides
 from benchmarks.sweeps.sweepfile import read_sweep
@@ -414,14 +414,14 @@ def test_a_bad_space_is_refused(tmp_path, text, words):
     path = tmp_path / "space.toml"
     path.write_text(text)
     with refused(words):
-        read_space(path, "mcl", built_in("mcl", ["alpha1"]))
+        space_of(path, "mcl", ["alpha1"])
 
 
 def test_a_file_changes_what_it_names_and_false_leaves_out(tmp_path):
     path = tmp_path / "space.toml"
     path.write_text("scan.sigma = [0.1, 0.2]\nparticles = false\nmotion.alpha1 = {log = [1, 9]}\n")
     known = built_in("mcl", ["alpha1", "alpha2"])
-    found = read_space(path, "mcl", known)
+    found = space_of(path, "mcl", ["alpha1", "alpha2"])
     assert found["scan.sigma"] == Choice((0.1, 0.2))
     assert set(known) - set(found) == {"particles"}
     assert found["motion.alpha1"] == Range(low=1.0, high=9.0, log=True)
