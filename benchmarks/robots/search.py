@@ -20,8 +20,9 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.files import is_empty
-from benchmarks.robots.played import REPLAY_SCENARIO, Replay, replayed
+from benchmarks.robots.played import REPLAY_SCENARIO, Replay
 from benchmarks.robots.space import ASSUMED, Space, ends_of, latin_hypercube, neighbour
+from benchmarks.setup.logs import REPLAY
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
@@ -252,7 +253,7 @@ def _scores(record: TrialRecord | None) -> dict[str, float]:
 @lru_cache(maxsize=2 * _MOST)
 def _log_of(world: Overrides) -> Log:
     """Return the records of a segment."""
-    return replayed(world).recording()[0]
+    return REPLAY.changed(world).recording()[0]
 
 
 def _judged(
