@@ -67,10 +67,8 @@ class Amcl:
     params: Mapping[str, Any]  # of our ``amcl``
     reading: Mapping[str, float]  # given bounds of the ranges that are measurements: of logs
     motion: MotionModel  # what other localizers assume of the odometry
-    sigma: float  # of a beam, which they assume
     # (distance, angle rad) between records, a quarter of ``update_min_*``: so updates come in time
     every: tuple[float, float]
-    max_beams: int  # of a scan
     start: tuple[float, float, float] | None  # (x, y, θ) of the robot; None if it is not set
     unused: Mapping[str, str]  # what has no counterpart, with the reason
     remarks: Sequence[str]  # what ROS or Nav2 does otherwise, or is easily missed
@@ -111,19 +109,14 @@ class Amcl:
     def assumed(self) -> dict[str, Any]:
         """What other localizers assume, as settings of ``replay_of``."""
         motion = {"kind": kind_of(self.motion), **vars(self.motion)}
-        return {
-            **{f"assumed.motion.{name}": value for name, value in motion.items()},
-            "assumed.scan.sigma": self.sigma,
-        }
+        settings = {f"assumed.motion.{name}": value for name, value in motion.items()}
+        return settings | {"assumed.scan.sigma": self.params["sigma_hit"]}
 
     @property
     def world(self) -> dict[str, Any]:
         """What they say of the log, as settings of ``replay_of``."""
-        return {
-            "world.every": self.every,
-            "world.max_beams": self.max_beams,
-            **self.bounds,
-        }
+        records = {"world.every": self.every, "world.max_beams": self.params["max_beams"]}
+        return records | self.bounds
 
     @property
     def bounds(self) -> dict[str, Any]:
@@ -214,9 +207,7 @@ def _amcl(file: Path, source: str, raw: Mapping[str, Any], noted: dict[str, list
         params={name: value for name, value in said.items() if name not in _OF_LOGS},
         reading={name: value for name, value in bounds.items() if 0 < value < math.inf},
         motion=model(**{name: said[name] for name in alphas}),
-        sigma=said["sigma_hit"],
         every=(said["update_min_d"] / _FINER, said["update_min_a"] / _FINER),
-        max_beams=said["max_beams"],
         start=start,
         unused=unused,
         remarks=[f"{why}: {', '.join(names)}" for why, names in noted.items() if names],
@@ -270,16 +261,12 @@ def _tables(document: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, di
 
 def _fitting(name: str, patterns: Iterable[str]) -> list[str]:
     """Return the names and wildcards that fit a node, in order."""
-    parts, found = name.split("/")[1:], []
-    for pattern in patterns:
-        ends = {0}  # how many parts fit so far
-        for part in pattern.split("/")[1:]:
-            if part == "**":
-                ends = {end for end in range(len(parts) + 1) if ends and end >= min(ends)}
-            else:
-                ends = {end + 1 for end in ends if part in ("*", *parts[end : end + 1])}
-        found += [pattern] if len(parts) in ends else []
-    return found
+
+    def fits(pattern: str) -> bool:
+        some = re.escape(pattern).replace(r"/\*\*", "(/[^/]+)*").replace(r"/\*", "/[^/]+")
+        return re.fullmatch(some, name) is not None
+
+    return [*filter(fits, patterns)]
 
 
 def _node_named(last: str, nodes: _Nodes, path: Path, asked: str | None) -> str:

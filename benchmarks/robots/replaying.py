@@ -86,7 +86,7 @@ def planned(
     if nav2:  # records as often, and beams as many, as any file needs
         usual = nav2[0].world | nav2[0].assumed
         usual["world.every"] = tuple(map(min, zip(*(file.every for file in nav2), strict=True)))
-        usual["world.max_beams"] = max(file.max_beams for file in nav2)
+        usual["world.max_beams"] = max(file.params["max_beams"] for file in nav2)
     with doing("reading the log and the map"), log_warnings() as of_reader:
         replay = replay_of(
             log,
