@@ -298,13 +298,12 @@ def swept_charts(panels: Sequence[Panel]) -> list[Chart]:
     if any(panel.rule for panel in panels):
         return []
     places = [place_of(panel) for panel in panels]
-    axes, charts = swept_axes(places), list[Chart]()
+    axes = swept_axes(places)
     apart = {tuple(place.get(key) for key in axes) for place in places}
-    scored = all(panel.aim for panel in panels)
-    if len(axes) in (2, 3) and len(apart) == len(places) and scored:
-        charts = _maps(panels, places, list(axes))
-    if charts:
-        return charts
+    mapped = len(axes) in (2, 3) and len(apart) == len(places)
+    if mapped and all(panel.aim for panel in panels) and (maps := _maps(panels, places, [*axes])):
+        return maps
+    charts = list[Chart]()
     for key, others in axes.items():
         groups: dict[frozenset[tuple[str, Any]], list[int]] = {}
         for n, place in enumerate(places):
@@ -370,8 +369,8 @@ def _curve(
     numbers = ["score", "score_low", "score_high"]
     rows[numbers] = rows[numbers].astype(float) * scale
     axes = line(rows[rows["score"].notna()], key, *numbers)
-    values = sorted(set(rows[key]))
-    if values[0] > 0 and values[-1] / values[0] >= _TICKS:
+    values = sorted({value for value in rows[key] if math.isfinite(value)})
+    if values and values[0] > 0 and values[-1] / values[0] >= _TICKS:
         axes.set_xscale("log")
     if len(values) <= _TICKS:
         axes.set_xticks(values, [f"{value:g}" for value in values])
