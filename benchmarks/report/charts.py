@@ -5,6 +5,7 @@ method looks the same in every chart of a page.
 """
 
 import io
+import logging
 import math
 import warnings
 from collections.abc import Iterator, Sequence
@@ -26,6 +27,7 @@ if TYPE_CHECKING:  # an optional extra
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it warns of a home that is read-only
 _STYLE: Any = {  # over matplotlib's defaults
     "text.parse_math": False,  # a name with a $ is a name
     "svg.fonttype": "none",

@@ -16,7 +16,7 @@ from benchmarks.console import doing, log_warnings, warn
 from benchmarks.execution.engines import Where
 from benchmarks.experiment import as_toml, knowing, named_localizers
 from benchmarks.files import write_files
-from benchmarks.report.page import load, no_report, page_files
+from benchmarks.report.page import no_report, page_files
 from benchmarks.report.runs import ended, runs_frame, tracks_table, tracks_trials
 from benchmarks.report.tracks import accuracy, differences_table, published, tables_of
 from benchmarks.report.verdict import conclusion
@@ -324,7 +324,6 @@ def _contents(
     if wrong is not None:
         contents |= wrong.files(drawn=no_report() is None)
     if no_report() is None and results.panels:
-        load()
         notes = [*accuracy(runs), replay.overview, _RUNS]
         more = [] if wrong is None else [wrong.part]
         facts = [*replay.facts, *published(runs)]

@@ -9,7 +9,7 @@ import pandas as pd
 import yaml
 
 from benchmarks.files import write_files
-from benchmarks.report.page import load, no_report
+from benchmarks.report.page import no_report
 from benchmarks.report.tables import Table
 from benchmarks.robots.nav2 import nav2_document
 from benchmarks.robots.replaying import sweep_file
@@ -55,7 +55,6 @@ def write_tuned(
     if best is not None:
         contents[NAV2] = utf8(best)
     if (why := no_report()) is None:
-        load()
         contents["trade-off.png"] = _trade_off(tuning)
     files = write_files(out, contents)
     texts = [*parts.values(), why_not]
