@@ -379,10 +379,7 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
     warn([*warnings, *notes, *sideways, *doubts])
     if {replay.log.unit for replay in replays} != {"m"}:
         raise InputError("a log is in px, but tune takes logs in m: give another one.")
-    if name != "amcl" and "scan.power" not in replays[0].assumed:
-        with doing("fitting the power of the scan model to the first part of the log"):
-            replays = [with_fitted_power(replay) for replay in replays]
-    return replays
+    return replays if name == "amcl" else [with_fitted_power(replay) for replay in replays]
 
 
 def _each(flag: str, given: list[Any], logs: list[str]) -> list[Any]:

@@ -35,6 +35,8 @@ _OF_LOGS = {"laser_max_range": 100.0, "laser_min_range": -1.0}  # are no paramet
 _TAKEN = sorted(signature(amcl).parameters.items())
 _DEFAULTS = {name: own.default for name, own in _TAKEN if name not in _OURS} | _OF_LOGS
 _RANGES: Mapping[str, Mapping[str, Any]] = {
+    "sigma_hit": {"low": 0, "above": True},
+    "update_min_d": {"low": 0},
     "update_min_a": {"low": 0, "high": 6.2832},  # rad, a whole turn: more is in degrees
     "laser_max_range": {"finite": False},
 }

@@ -99,10 +99,8 @@ def planned(
     warnings = warn(of_reader)  # whatever fails later
     params = params_by_localizer(params_among(settings), localizers)
     replay = judged_after_part(replay)
-    uses = any(name != "amcl" or v.get("laser_model_type") == "robot" for name, v in params.items())
-    if uses and "scan.power" not in replay.assumed:
-        with doing("fitting the power of the scan model to the first part of the log"):
-            replay = with_fitted_power(replay)
+    if any(name != "amcl" or v.get("laser_model_type") == "robot" for name, v in params.items()):
+        replay = with_fitted_power(replay)
     sweep = replay_sweep(
         replay, localizers, particles=particles, seeds=seeds, root=seed, nav2=nav2, own=params
     )
