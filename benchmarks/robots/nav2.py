@@ -20,9 +20,10 @@ from benchmarks.robots.played import Replay
 from benchmarks.setup.priors import Gaussian
 from deqmcl_gym.envs.log import spacing
 from deqmcl_gym.files import UnreadableError, content_of, yaml_of
+from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.maps.clusters import Near
 from deqmcl_gym.validation import InputError, boolean, number, one_of, pose, shown
-from localizers import DifferentialMotion, OmniMotion
+from localizers import DifferentialMotion, OmniMotion, RobotModel, make
 from localizers.methods.amcl import DIFFERENTIAL, OMNI, amcl
 from localizers.models.nav2_motion import MotionModel, kind_of
 
@@ -35,8 +36,8 @@ _OF_LOGS = {"laser_max_range": 100.0, "laser_min_range": -1.0}  # are no paramet
 _TAKEN = sorted(signature(amcl).parameters.items())
 _DEFAULTS = {name: own.default for name, own in _TAKEN if name not in _OURS} | _OF_LOGS
 _RANGES: Mapping[str, Mapping[str, Any]] = {
+    "pf_z": {"low": 0},
     "sigma_hit": {"low": 0, "above": True},
-    "update_min_d": {"low": 0},
     "update_min_a": {"low": 0, "high": 6.2832},  # rad, a whole turn: more is in degrees
     "laser_max_range": {"finite": False},
 }
@@ -136,7 +137,9 @@ def read_nav2(path: Path, node: str | None = None) -> Amcl:
     noted = {"given twice, where rcl joins tables and takes the later value": twice}
     noted |= {f"overridden by a wildcard that stands after {name}, as in rclcpp": later}
     try:
-        return _amcl(path, f"{path}, node {name}", given, noted)
+        found = _amcl(path, f"{path}, node {name}", given, noted)
+        _check(found)
+        return found
     except InputError as error:
         raise InputError(f"{path}, node {name}: {error}") from None
 
@@ -233,6 +236,14 @@ def _value(name: str, default: Any, given: Mapping[str, Any]) -> Any:
     if read != value:
         raise InputError(f"{name} is {value!r}, but must be an integer.")
     return read
+
+
+def _check(found: Amcl) -> None:
+    """Let ``amcl`` look at its parameters, in any room."""
+    room = PolygonMap(((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)), unit="m")
+    lidar = Lidar(max_range=found.reading.get("max_range", 100.0))
+    robot = RobotModel(floor_plan=room, lidar=lidar, motion=found.motion)
+    make("amcl", robot, **found.params, field_cell=0.1)
 
 
 def _nodes_of(path: Path) -> tuple[dict[str, Any], _Nodes, list[str]]:
