@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import NoReturn
 
@@ -73,22 +73,17 @@ def log_warnings() -> Iterator[list[str]]:
     """Collect the warnings of log readers, each sentence once; if all fails, say them."""
     from deqmcl_gym.validation import LogWarning
 
-    said: list[str] = []
+    said, failed = list[str](), True
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", LogWarning)
         try:
             yield said
-        except Exception:
-            warn(_sentences(caught))
-            raise
-        said += _sentences(caught)
-
-
-def _sentences(caught: Sequence[warnings.WarningMessage]) -> list[str]:
-    from deqmcl_gym.validation import LogWarning
-
-    words = [str(one.message) for one in caught if issubclass(one.category, LogWarning)]
-    return list(dict.fromkeys(words))
+            failed = False
+        finally:
+            words = (str(one.message) for one in caught if issubclass(one.category, LogWarning))
+            said += dict.fromkeys(words)
+            if failed:
+                warn(said)
 
 
 @contextmanager

@@ -139,7 +139,7 @@ _REACH = 0.3  # m from a wall beyond which a beam says nothing of the mounting
 _APART = 0.5  # m or rad of odometry between poses that tell of wheels
 _LATEST, _PAUSE = 3.0, 5.0  # s: of offsets looked for; between poses that tell of none
 
-Residuals = Callable[[Floats], Floats]  # by the numbers that are fitted
+_Off = Callable[[Floats], Floats]  # by the numbers that are fitted
 
 
 def doubts_of(played: LogScenario) -> list[str]:
@@ -286,7 +286,7 @@ def own_records(log: Log) -> Indices:
 
 
 def _least(
-    count: int, residuals: Sequence[Residuals], starts: Sequence[Floats], steps: Sequence[float]
+    count: int, residuals: Sequence[_Off], starts: Sequence[Floats], steps: Sequence[float]
 ) -> tuple[Floats, Floats]:
     """Fit numbers to residuals, (count,) each, by steps from the best start; their errors: sd."""
     if count < _LEAST:
