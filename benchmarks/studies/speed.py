@@ -51,6 +51,7 @@ BEARINGS = LIDAR.bearings.astype(np.float32)
 PLANNED = 100  # actions that a localizer is shown: the mean over a lap that counts down
 FEW_WORLDS = 20  # of a sweep; a larger one has more
 RUNS = 3  # of a localizer on each world, as in ``plan-sensor``
+FAN: dict[str, Any] = {"lidar": {"beams": BEAMS}}
 
 
 class Job(NamedTuple):
@@ -246,7 +247,7 @@ class TrialRatio:
 
 def env_steps() -> Job:
     """Return the job of one room along its plan, resets included."""
-    env = gym.make(ROOM, lidar={"beams": BEAMS})
+    env = gym.make(ROOM, **FAN)
     actions, at = env.reset(seed=0)[1]["planned_actions"].copy(), -1
 
     def step() -> None:
@@ -258,6 +259,42 @@ def env_steps() -> Job:
             at = -1
 
     return Job(step)
+
+
+def vector_parts(*, whole: bool, size: int = 64) -> Job:
+    """Return the job of steps of rooms along their plans, or of what is neither rays nor driving.
+
+    Steps that reset are left out.
+    """
+    envs: Any = gym.make_vec(ROOM, size, "vector_entry_point", **FAN)
+    actions, at = gym.make(ROOM, **FAN).reset(seed=0)[1]["planned_actions"], np.full(size, -1)
+    envs.reset(seed=0)
+    rooms, spent = envs.unwrapped._rooms, {"step": 0.0, "move": 0.0, "cast": 0.0}
+
+    def timed(of: Any, name: str) -> None:
+        call = getattr(of, name)
+
+        def timed_call(*given: Any) -> Any:
+            start = time.process_time()
+            result = call(*given)
+            spent[name] += (time.process_time() - start) * bool((at >= 0).any())
+            return result
+
+        vars(of)[name] = timed_call
+
+    for part, name in ((rooms, "move"), (rooms._rules.world.lidar, "cast"), (envs, "step")):
+        timed(part, name)
+
+    def step() -> None:
+        nonlocal at
+        at = (at + 1) % len(actions)
+        *_, terminated, truncated, _ = envs.step(actions[at])
+        at[terminated | truncated] = -2  # the next action only resets
+
+    def clock() -> float:
+        return spent["step"] - (0.0 if whole else spent["move"] + spent["cast"])
+
+    return Job(step, clock=clock)
 
 
 _CIRCLE = 0.2, 0.5  # m/s, rad/s of a robot below the obstacle of the paper's room
@@ -345,6 +382,8 @@ def _ratios() -> Iterator[Ratio | TrialRatio]:
     yield TrialRatio("trial_over_localizer_amcl", "amcl", "lost")
     yield Ratio("room_vs_ir_sim", "steps/s", env_steps, ir_sim_steps, "irsim ir-sim")
     yield Ratio("room_vs_navground", "steps/s", env_steps, navground_steps, "navground navground")
+    ours, other = (partial(vector_parts, whole=whole) for whole in (False, True))
+    yield Ratio("vector64_not_rays_or_driving", "µs/step", ours, other)
     ours, other = (partial(localize_steps, mode) for mode in ("vector_entry_point", "sync"))
     yield Ratio("localize64", "steps/s", ours, other)
 
