@@ -73,17 +73,17 @@ def log_warnings() -> Iterator[list[str]]:
     """Collect the warnings of log readers, each sentence once; if all fails, say them."""
     from deqmcl_gym.validation import LogWarning
 
-    said, failed = list[str](), True
+    sentences, failed = list[str](), True
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", LogWarning)
         try:
-            yield said
+            yield sentences
             failed = False
         finally:
-            words = (str(one.message) for one in caught if issubclass(one.category, LogWarning))
-            said += dict.fromkeys(words)
+            of_logs = [w.message for w in caught if issubclass(w.category, LogWarning)]
+            sentences += dict.fromkeys(map(str, of_logs))
             if failed:
-                warn(said)
+                warn(sentences)
 
 
 @contextmanager
@@ -92,9 +92,9 @@ def checking(*, shown: bool = True) -> Iterator[None]:
     if not shown:
         yield
         return
-    with doing("checking every world and localizer"), log_warnings() as said:
+    with doing("checking every world and localizer"), log_warnings() as sentences:
         yield
-    warn(said)
+    warn(sentences)
 
 
 @contextmanager

@@ -137,9 +137,9 @@ def read_nav2(path: Path, node: str | None = None) -> Amcl:
     noted = {"given twice, where rcl joins tables and takes the later value": twice}
     noted |= {f"overridden by a wildcard that stands after {name}, as in rclcpp": later}
     try:
-        found = _amcl(path, f"{path}, node {name}", given, noted)
-        _check(found)
-        return found
+        file = _amcl(path, f"{path}, node {name}", given, noted)
+        _check(file)
+        return file
     except InputError as error:
         raise InputError(f"{path}, node {name}: {error}") from None
 
@@ -238,12 +238,12 @@ def _value(name: str, default: Any, given: Mapping[str, Any]) -> Any:
     return read
 
 
-def _check(found: Amcl) -> None:
+def _check(file: Amcl) -> None:
     """Let ``amcl`` look at its parameters, in any room."""
     room = PolygonMap(((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)), unit="m")
-    lidar = Lidar(max_range=found.reading.get("max_range", 100.0))
-    robot = RobotModel(floor_plan=room, lidar=lidar, motion=found.motion)
-    make("amcl", robot, **found.params, field_cell=0.1)
+    lidar = Lidar(max_range=file.reading.get("max_range", 100.0))
+    robot = RobotModel(floor_plan=room, lidar=lidar, motion=file.motion)
+    make("amcl", robot, **file.params, field_cell=0.1)
 
 
 def _nodes_of(path: Path) -> tuple[dict[str, Any], _Nodes, list[str]]:

@@ -200,7 +200,7 @@ class Task:
         """Set up each log, let the localizer look at the ends of all ranges, and run it once."""
         for trial in self.of_logs:
             Stage.of(trial).check()
-        ends = [Overrides({name: v}) for name, own in self.space.items() for v in ends_of(own)]
+        ends = [Overrides({name: v}) for name, span in self.space.items() for v in ends_of(span)]
         try:
             check_trials([self.trial(values, self.training[0]) for values in (NOTHING, *ends)])
         except InputError as error:
