@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import NoReturn
 
@@ -73,22 +73,17 @@ def log_warnings() -> Iterator[list[str]]:
     """Collect the warnings of log readers, each sentence once; if all fails, say them."""
     from deqmcl_gym.validation import LogWarning
 
-    said: list[str] = []
+    sentences, failed = list[str](), True
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", LogWarning)
         try:
-            yield said
-        except Exception:
-            warn(_sentences(caught))
-            raise
-        said += _sentences(caught)
-
-
-def _sentences(caught: Sequence[warnings.WarningMessage]) -> list[str]:
-    from deqmcl_gym.validation import LogWarning
-
-    words = [str(one.message) for one in caught if issubclass(one.category, LogWarning)]
-    return list(dict.fromkeys(words))
+            yield sentences
+            failed = False
+        finally:
+            of_logs = [w.message for w in caught if issubclass(w.category, LogWarning)]
+            sentences += dict.fromkeys(map(str, of_logs))
+            if failed:
+                warn(sentences)
 
 
 @contextmanager
@@ -97,9 +92,9 @@ def checking(*, shown: bool = True) -> Iterator[None]:
     if not shown:
         yield
         return
-    with doing("checking every world and localizer"), log_warnings() as said:
+    with doing("checking every world and localizer"), log_warnings() as sentences:
         yield
-    warn(said)
+    warn(sentences)
 
 
 @contextmanager

@@ -6,6 +6,7 @@ here. What is heavy is imported where it runs, so that ``deqmcl new --help`` sta
 
 import argparse
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -111,17 +112,8 @@ def group(title: str, *options: Option) -> Option:
     return add
 
 
-def folder(text: str) -> Path:
-    """Return the folder of an argument; "" would be the current one."""
-    return _path(text, "a folder, as in results/mine")
-
-
-def file(text: str) -> Path:
-    """Return the file of an argument; "" would be the current folder."""
-    return _path(text, "a file")
-
-
 def _path(text: str, what: str) -> Path:
+    """Return the path of an argument; "" would be the current folder."""
     from deqmcl_gym.files import is_possible
 
     if not text.strip():
@@ -129,6 +121,10 @@ def _path(text: str, what: str) -> Path:
     if not is_possible(Path(text)):
         raise argparse.ArgumentTypeError("it has a name of more than 255 bytes: give a shorter one")
     return Path(text)
+
+
+folder = partial(_path, what="a folder, as in results/mine")
+file = partial(_path, what="a file")
 
 
 def share(text: str) -> float:
@@ -220,7 +216,7 @@ def localizers_named(listed: str) -> tuple[str, ...]:
 
 def mcap_of(options: argparse.Namespace) -> Path | None:
     """Return the absolute path of the file for Foxglove, if one is asked for."""
-    from benchmarks.report.messages import check_file
+    from benchmarks.report.laps import check_file
 
     if options.mcap is not None:
         check_file(options.mcap)

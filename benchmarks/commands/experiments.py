@@ -60,7 +60,7 @@ def paper_command(options: argparse.Namespace) -> str:
     from benchmarks.execution.processes import GUEST_SECONDS, Processes
     from benchmarks.experiment import Experiment
     from benchmarks.files import write_files
-    from benchmarks.report.figures import chosen, write_paper_figures
+    from benchmarks.report.films import chosen, write_paper_figures
     from benchmarks.report.page import load, write_report
     from benchmarks.report.verdict import conclusion
     from benchmarks.sweeps.results import summary
@@ -118,7 +118,7 @@ def run_command(options: argparse.Namespace) -> str:
 
     Writes its animation, its errors as CSV, and its trajectories as TUM files (for evo).
     """
-    from benchmarks.report.figures import run_lap
+    from benchmarks.report.laps import run_lap
     from benchmarks.sweeps.running import check
     from localizers.registry import LOCALIZER
 

@@ -93,7 +93,7 @@ def replay_command(options: argparse.Namespace) -> str:
     Writes tables, trajectories (TUM, for evo) and a page: docs/your-map-your-log.md.
     """
     from benchmarks.execution.engines import Where
-    from benchmarks.report.messages import shown_again
+    from benchmarks.report.laps import shown_again
     from benchmarks.report.runs import limits_of, within
     from benchmarks.robots.replaying import planned, run_replay, sweep_file
     from benchmarks.sweeps.running import Options, complete
@@ -277,7 +277,7 @@ def tune_command(options: argparse.Namespace) -> str:
     the same command resumes: docs/tune-on-your-log.md.
     """
     from benchmarks.execution.engines import Where
-    from benchmarks.robots.search import GOALS, searching
+    from benchmarks.robots.search import GOALS, search
     from benchmarks.robots.tuned import write_tuned
     from benchmarks.sweeps.running import Options
     from deqmcl_gym.validation import InputError, integer, number, one_of
@@ -300,10 +300,9 @@ def tune_command(options: argparse.Namespace) -> str:
     with doing("checking the segments and the ends of all ranges"):
         task.check()
     how = Options(where=where, retry_failed=options.retry_failed, progress=False)
-    with searching(task, options.out, how) as search:
-        tuning = search.run(options.candidates)
-        nav2_file = options.nav2[0] if options.nav2 else None
-        return write_tuned(tuning, options.out, options.words, nav2_file, options.node)
+    tuning = search(task, options.out, how, options.candidates)
+    nav2_file = options.nav2[0] if options.nav2 else None
+    return write_tuned(tuning, options.out, options.words, nav2_file, options.node)
 
 
 def _task(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "Task":
@@ -380,10 +379,7 @@ def _replays(options: argparse.Namespace, name: str, nav2: "Amcl | None") -> "li
     warn([*warnings, *notes, *sideways, *doubts])
     if {replay.log.unit for replay in replays} != {"m"}:
         raise InputError("a log is in px, but tune takes logs in m: give another one.")
-    if name != "amcl" and "scan.power" not in replays[0].assumed:
-        with doing("fitting the power of the scan model to the first part of the log"):
-            replays = [with_fitted_power(replay) for replay in replays]
-    return replays
+    return replays if name == "amcl" else [with_fitted_power(replay) for replay in replays]
 
 
 def _each(flag: str, given: list[Any], logs: list[str]) -> list[Any]:

@@ -5,6 +5,7 @@ method looks the same in every chart of a page.
 """
 
 import io
+import logging
 import math
 import warnings
 from collections.abc import Iterator, Sequence
@@ -26,6 +27,7 @@ if TYPE_CHECKING:  # an optional extra
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+logging.getLogger("matplotlib").setLevel(logging.ERROR)  # it warns of a home that is read-only
 _STYLE: Any = {  # over matplotlib's defaults
     "text.parse_math": False,  # a name with a $ is a name
     "svg.fonttype": "none",
@@ -298,13 +300,12 @@ def swept_charts(panels: Sequence[Panel]) -> list[Chart]:
     if any(panel.rule for panel in panels):
         return []
     places = [place_of(panel) for panel in panels]
-    axes, charts = swept_axes(places), list[Chart]()
+    axes = swept_axes(places)
     apart = {tuple(place.get(key) for key in axes) for place in places}
-    scored = all(panel.aim for panel in panels)
-    if len(axes) in (2, 3) and len(apart) == len(places) and scored:
-        charts = _maps(panels, places, list(axes))
-    if charts:
-        return charts
+    mapped = len(axes) in (2, 3) and len(apart) == len(places)
+    if mapped and all(panel.aim for panel in panels) and (maps := _maps(panels, places, [*axes])):
+        return maps
+    charts = list[Chart]()
     for key, others in axes.items():
         groups: dict[frozenset[tuple[str, Any]], list[int]] = {}
         for n, place in enumerate(places):
@@ -370,8 +371,8 @@ def _curve(
     numbers = ["score", "score_low", "score_high"]
     rows[numbers] = rows[numbers].astype(float) * scale
     axes = line(rows[rows["score"].notna()], key, *numbers)
-    values = sorted(set(rows[key]))
-    if values[0] > 0 and values[-1] / values[0] >= _TICKS:
+    values = sorted({value for value in rows[key] if math.isfinite(value)})
+    if values and values[0] > 0 and values[-1] / values[0] >= _TICKS:
         axes.set_xscale("log")
     if len(values) <= _TICKS:
         axes.set_xticks(values, [f"{value:g}" for value in values])

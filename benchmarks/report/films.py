@@ -1,6 +1,7 @@
-"""A run as frames: truth, cloud, mean, best cluster, plan and error in every one; films of a page.
+"""A run as frames: truth, cloud, mean, best cluster, plan and error in every one.
 
-Of a page these are the best, median and worst trial: those that the folder has, or drawn anew.
+The paper's figures are of world 0: no picking. Films of a page are of the best, median and worst
+world: those that the folder has, or drawn anew.
 """
 
 import io
@@ -17,6 +18,7 @@ import PIL.Image
 
 from benchmarks.execution.engines import available_cpus
 from benchmarks.execution.processes import Processes
+from benchmarks.files import write_files
 from benchmarks.tables.frames import scored
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import state_name
@@ -55,6 +57,18 @@ _BLIND: Color = (120, 80, 190)  # the protected cloud of a hedge, which is shown
 _LONGEST = 560.0  # px of the paper's room
 _LEAST_SCALE = 0.01
 _LAST = 1500  # ms that the last image stays
+_BEST: Color = (0, 114, 178)
+_PLAN: Color = (0, 158, 115)
+_LINE = 24  # image pixels per line of text
+_SIZE = 0.5  # of letters: legible where two rooms are a column wide
+_LEAST = 6.0  # image pixels: a robot's radius, that it is seen in a building
+LAP_STRIDE, LAP_MILLISECONDS = 4, 120  # steps per frame of a lap, and how long it is shown
+_STRIDE, _MILLISECONDS = 8, 200  # of a film in a page
+_PATIENCE = 300.0  # seconds for one of these
+_IN_PAPER = "mcl", "deq-mcl"  # methods in its figures
+_FIG_5_STATE = 150
+IMAGES = "images"
+_LOCALIZED = "metres_to_localize"
 
 
 @dataclass(frozen=True)
@@ -161,13 +175,6 @@ def _level(images: Sequence[Image]) -> list[Image]:
     return [with_strip(image, tallest - len(image)) for image in images]
 
 
-_BEST: Color = (0, 114, 178)
-_PLAN: Color = (0, 158, 115)
-_LINE = 24  # image pixels per line of text
-_SIZE = 0.5  # of letters: legible where two rooms are a column wide
-_LEAST = 6.0  # image pixels: a robot's radius, that it is seen in a building
-
-
 @dataclass
 class Film:
     """Draws an episode while it is run: a localizer may change its belief at the next step.
@@ -263,12 +270,45 @@ def _rows(legend: Sequence[tuple[str, Color]], width: int) -> list[list[tuple[st
     return rows
 
 
-STRIDE = 8  # steps per frame
-_MILLISECONDS = 200
-_SCALE = 1.0
-_PATIENCE = 300.0  # seconds for one animation
-IMAGES = "images"
-_LOCALIZED = "metres_to_localize"
+def chosen(trials: Sequence[Trial]) -> list[Trial]:
+    """Return trial 0 of each method that is shown."""
+    return [t for t in trials if (t.trial, t.filter_seed) == (0, 0) and t.localizer in _IN_PAPER]
+
+
+def write_paper_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
+    """Draw the figures of the trials that are ``chosen``."""
+    stages = [Stage.of(trial) for trial in trials]
+    seen = {s.trial.localizer: (camera_of(s), list(s.moments())) for s in stages}
+    contents: dict[str, bytes] = {}
+    for method, (camera, episode) in seen.items():
+        half_way = episode[(len(episode) - 1) // 2]
+        contents[f"fig4_{method}.png"] = png(camera.frame(half_way, [method]))
+    if "deq-mcl" in seen:
+        contents |= _fig_5(*seen["deq-mcl"])
+    if shown := [method for method in _IN_PAPER if method in seen]:
+        small = camera_of(stages[0], scale=1.2)
+        laps = [
+            [small.frame(moment, [method]) for moment in seen[method][1][::LAP_STRIDE]]
+            for method in shown
+        ]
+        frames = [side_by_side(row) for row in zip(*laps, strict=True)]
+        contents["lap.webp"] = webp(frames, LAP_MILLISECONDS)
+    return write_files(folder, contents)
+
+
+def _fig_5(camera: Camera, episode: Sequence[Step]) -> dict[str, bytes]:
+    """State 150 seen at step 150, and looked back at L steps later."""
+    later = _FIG_5_STATE + camera.lag
+    if later >= len(episode):
+        return {}
+    images = {}
+    truth = episode[_FIG_5_STATE].truth
+    for step, offset in ((_FIG_5_STATE, 0), (later, -camera.lag)):  # the same if L = 0
+        words = [f"deq-mcl, state {_FIG_5_STATE} seen at step {step}"]
+        ring = ("true pose then", truth.tolist()) if offset else None
+        frame = camera.frame(episode[step], words, ring, offset=offset)
+        images[f"fig5_step{step}.png"] = png(frame)
+    return images
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -292,7 +332,7 @@ def filmed(shown: Animation) -> Animation:
     rows = []
     for trial, label in zip(shown.trials, shown.labels, strict=True):
         stage = Stage.of(trial)
-        film = Film(camera_of(stage, _SCALE), label, STRIDE)
+        film = Film(camera_of(stage, scale=1.0), label, _STRIDE)
         for _ in film.of(stage.moments()):
             pass
         rows.append(film.frames)
@@ -360,7 +400,7 @@ def films_of(panel: Panel) -> list[Animation]:
                 name=f"lap-{panel.number}-{place.lower()}-{world}",
                 title=f"{place} of {len(ranked)} worlds",
                 caption=f"World {world}, {' and '.join(first)}: {what} of {focus['label']} "
-                f"{reached}. Every {STRIDE}th step; orange: present, pink: past, light blue: "
+                f"{reached}. Every {_STRIDE}th step; orange: present, pink: past, light blue: "
                 "future; at the end the ways of truth and best cluster.",
                 trials=tuple(record.trial for record in first.values()),
                 labels=tuple(first),

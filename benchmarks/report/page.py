@@ -4,7 +4,6 @@ A paper needs tables in LaTeX (booktabs), charts in PDF, and BibTeX of what is c
 """
 
 import json
-import logging
 from base64 import b64encode
 from collections.abc import Sequence
 from importlib.resources import files
@@ -75,8 +74,6 @@ def require_report() -> None:
 def load() -> None:
     """Load what a page is drawn with, if it is installed: half a second."""
     if no_report() is None:
-        # it warns of a home that it cannot write to
-        logging.getLogger("matplotlib").setLevel(logging.ERROR)
         import jinja2  # noqa: F401
         import matplotlib.figure  # noqa: F401
 
@@ -105,7 +102,6 @@ def write_report(
         files = write_files(folder, tables)  # the numbers, whatever keeps the pictures away
         if no_report() is not None:
             return files
-        load()
         pages = page_files(results, of or folder, draw=draw)
         for path in (folder / "images").glob("lap-*"):  # of worlds that are not shown any more
             if f"images/{path.name}" not in pages:

@@ -220,12 +220,12 @@ def starts_table(records: Iterable[Finished], failures: Iterable[Trial] = ()) ->
     """
     listed = list(records)
     size = metre(listed[0].unit) if listed else 1.0
-    ended = [(one.trial, *_reached(one)) for one in listed]
-    ended += [(trial, *_NEVER) for trial in failures]
-    ended = [one for one in ended if one[0].assumed.keys() & {*_ERRORS}]
-    labels = _labels([trial for trial, *_ in ended])
+    reached = [(record.trial, *_reached(record)) for record in listed]
+    reached += [(trial, *_NEVER) for trial in failures]
+    reached = [run for run in reached if run[0].assumed.keys() & {*_ERRORS}]
+    labels = _labels([trial for trial, *_ in reached])
     runs = []
-    for label, (trial, way, steps) in zip(labels, ended, strict=True):
+    for label, (trial, way, steps) in zip(labels, reached, strict=True):
         distance, angle = (trial.assumed.get(name, 0.0) for name in _ERRORS)
         within = min(WITHIN, trial.world.get("segment", math.inf) / size / 2)
         place = label, distance / size, round(math.degrees(angle), 1)
@@ -233,10 +233,10 @@ def starts_table(records: Iterable[Finished], failures: Iterable[Trial] = ()) ->
     frame = pd.DataFrame(runs, columns=[*_PLACE, "way", "steps", "localized"])
     frame["localizer"] = pd.Categorical(labels, list(dict.fromkeys(labels)))
     rows = []
-    for cell, own in frame.groupby(_PLACE, observed=True):
-        count, localized = len(own), int(own["localized"].sum())
+    for cell, group in frame.groupby(_PLACE, observed=True):
+        count, localized = len(group), int(group["localized"].sum())
         share = localized / count
-        medians = median_high(own["way"]), median_high(own["steps"])
+        medians = median_high(group["way"]), median_high(group["steps"])
         rows.append((*cell, count, localized, share, *wilson(share, count), *medians))
     return pd.DataFrame(rows, columns=_COLUMNS)
 

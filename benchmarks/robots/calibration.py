@@ -16,6 +16,7 @@ from itertools import islice
 
 import numpy as np
 
+from benchmarks.console import doing
 from benchmarks.robots.played import REPLAY_SCENARIO, Replay
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.overrides import Overrides, located
@@ -43,11 +44,13 @@ _ROOT = 25  # of the randomness: a fit is the same for every --seed
 
 
 def with_fitted_power(replay: Replay) -> Replay:
-    """Return what is played with the power that is fitted to its first part, if one can be.
+    """Return what is played with the power that is fitted to its first part, if none is set.
 
     That of the least log score of what ``mcl`` publishes, calibrated, of those with which it
     follows the robot: a region too narrow or too wide costs nothing there, only errors do.
     """
+    if "scan.power" in replay.assumed:
+        return replay
     judged = first_judged(replay.log)
     if judged is None:
         words = (
@@ -60,7 +63,8 @@ def with_fitted_power(replay: Replay) -> Replay:
     world = {name: v for name, v in replay.world.items() if name != "judged"}
     world["start"] = _first(replay)
     begun = replace(replay, assumed=Overrides(assumed), world=Overrides(world))
-    tried = {power: _followed(begun, power, count) for power in _POWERS}
+    with doing("fitting the power of the scan model to the first part of the log"):
+        tried = {power: _followed(begun, power, count) for power in _POWERS}
     scores = {power: score for power, (score, off) in tried.items() if off <= _NEAR}
     if not scores:
         return replace(
@@ -135,7 +139,7 @@ _REACH = 0.3  # m from a wall beyond which a beam says nothing of the mounting
 _APART = 0.5  # m or rad of odometry between poses that tell of wheels
 _LATEST, _PAUSE = 3.0, 5.0  # s: of offsets looked for; between poses that tell of none
 
-Residuals = Callable[[Floats], Floats]  # by the numbers that are fitted
+_Off = Callable[[Floats], Floats]  # by the numbers that are fitted
 
 
 def doubts_of(played: LogScenario) -> list[str]:
@@ -282,7 +286,7 @@ def own_records(log: Log) -> Indices:
 
 
 def _least(
-    count: int, residuals: Sequence[Residuals], starts: Sequence[Floats], steps: Sequence[float]
+    count: int, residuals: Sequence[_Off], starts: Sequence[Floats], steps: Sequence[float]
 ) -> tuple[Floats, Floats]:
     """Fit numbers to residuals, (count,) each, by steps from the best start; their errors: sd."""
     if count < _LEAST:

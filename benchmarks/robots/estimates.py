@@ -18,7 +18,7 @@ from benchmarks.files import own_folder, write_files
 from benchmarks.report.runs import run_of_track, tracks_table, tracks_trials
 from benchmarks.report.tracks import accuracy, published, tables_of, tracked
 from benchmarks.robots.calibration import first_judged, late_words, own_records
-from benchmarks.robots.played import EVERY, NO_ERROR, first_referenced
+from benchmarks.robots.played import EVERY, NO_ERROR
 from benchmarks.setup.logs import REPLAY, LogScenario, check_inside
 from benchmarks.setup.names import scenario
 from benchmarks.sweeps.results import results_in
@@ -92,7 +92,7 @@ def played_by_replay(
     """Return a log with its reference, of the records that ``replay`` would play."""
     env = LogEnv(log=log, reference=reference, reading=reading, map=floor_plan)
     whole, ground = env.log, None if floor_plan is None else env.floor_plan
-    start, most = first_referenced(whole), REPLAY.env["max_beams"]
+    start, most = next(iter(whole.referenced.tolist()), 0), REPLAY.env["max_beams"]
     played = LogEnv(log=whole, start=start, every=every or EVERY, max_beams=most).log
     if ground is not None:
         check_inside(played, ground)

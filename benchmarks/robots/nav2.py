@@ -23,7 +23,7 @@ from deqmcl_gym.files import UnreadableError, content_of, yaml_of
 from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.maps.clusters import Near
 from deqmcl_gym.validation import InputError, boolean, number, one_of, pose, shown
-from localizers import DifferentialMotion, GaussianUniform, OmniMotion, RobotModel, make
+from localizers import DifferentialMotion, OmniMotion, RobotModel, make
 from localizers.methods.amcl import DIFFERENTIAL, OMNI, amcl
 from localizers.models.nav2_motion import MotionModel, kind_of
 
@@ -36,7 +36,7 @@ _OF_LOGS = {"laser_max_range": 100.0, "laser_min_range": -1.0}  # are no paramet
 _TAKEN = sorted(signature(amcl).parameters.items())
 _DEFAULTS = {name: own.default for name, own in _TAKEN if name not in _OURS} | _OF_LOGS
 _RANGES: Mapping[str, Mapping[str, Any]] = {
-    **{name: {"low": 0} for name in ("pf_z", "alpha1", "alpha2", "alpha3")},
+    "pf_z": {"low": 0},
     "sigma_hit": {"low": 0, "above": True},
     "update_min_a": {"low": 0, "high": 6.2832},  # rad, a whole turn: more is in degrees
     "laser_max_range": {"finite": False},
@@ -70,10 +70,8 @@ class Amcl:
     params: Mapping[str, Any]  # of our ``amcl``
     reading: Mapping[str, float]  # given bounds of the ranges that are measurements: of logs
     motion: MotionModel  # what other localizers assume of the odometry
-    sigma: float  # of a beam, which they assume
     # (distance, angle rad) between records, a quarter of ``update_min_*``: so updates come in time
     every: tuple[float, float]
-    max_beams: int  # of a scan
     start: tuple[float, float, float] | None  # (x, y, θ) of the robot; None if it is not set
     unused: Mapping[str, str]  # what has no counterpart, with the reason
     remarks: Sequence[str]  # what ROS or Nav2 does otherwise, or is easily missed
@@ -114,19 +112,14 @@ class Amcl:
     def assumed(self) -> dict[str, Any]:
         """What other localizers assume, as settings of ``replay_of``."""
         motion = {"kind": kind_of(self.motion), **vars(self.motion)}
-        return {
-            **{f"assumed.motion.{name}": value for name, value in motion.items()},
-            "assumed.scan.sigma": self.sigma,
-        }
+        settings = {f"assumed.motion.{name}": value for name, value in motion.items()}
+        return settings | {"assumed.scan.sigma": self.params["sigma_hit"]}
 
     @property
     def world(self) -> dict[str, Any]:
         """What they say of the log, as settings of ``replay_of``."""
-        return {
-            "world.every": self.every,
-            "world.max_beams": self.max_beams,
-            **self.bounds,
-        }
+        records = {"world.every": self.every, "world.max_beams": self.params["max_beams"]}
+        return records | self.bounds
 
     @property
     def bounds(self) -> dict[str, Any]:
@@ -144,7 +137,9 @@ def read_nav2(path: Path, node: str | None = None) -> Amcl:
     noted = {"given twice, where rcl joins tables and takes the later value": twice}
     noted |= {f"overridden by a wildcard that stands after {name}, as in rclcpp": later}
     try:
-        return _amcl(path, f"{path}, node {name}", given, noted)
+        file = _amcl(path, f"{path}, node {name}", given, noted)
+        _check(file)
+        return file
     except InputError as error:
         raise InputError(f"{path}, node {name}: {error}") from None
 
@@ -211,21 +206,17 @@ def _amcl(file: Path, source: str, raw: Mapping[str, Any], noted: dict[str, list
     noted["above π, so that no turn is enough for an update"] = ["update_min_a"] * wide
     # not above 0: what the sensor says, as in Nav2
     bounds = {"max_range": said["laser_max_range"], "min_range": said["laser_min_range"]}
-    found = Amcl(
+    return Amcl(
         source=source,
         file=file,
         params={name: value for name, value in said.items() if name not in _OF_LOGS},
         reading={name: value for name, value in bounds.items() if 0 < value < math.inf},
         motion=model(**{name: said[name] for name in alphas}),
-        sigma=said["sigma_hit"],
         every=(said["update_min_d"] / _FINER, said["update_min_a"] / _FINER),
-        max_beams=said["max_beams"],
         start=start,
         unused=unused,
         remarks=[f"{why}: {', '.join(names)}" for why, names in noted.items() if names],
     )
-    _check(found)
-    return found
 
 
 def _value(name: str, default: Any, given: Mapping[str, Any]) -> Any:
@@ -247,16 +238,12 @@ def _value(name: str, default: Any, given: Mapping[str, Any]) -> Any:
     return read
 
 
-def _check(found: Amcl) -> None:
+def _check(file: Amcl) -> None:
     """Let ``amcl`` look at its parameters, in any room."""
     room = PolygonMap(((0.0, 0.0), (4.0, 0.0), (4.0, 3.0), (0.0, 3.0)), unit="m")
-    robot = RobotModel(
-        floor_plan=room,
-        lidar=Lidar(max_range=found.reading.get("max_range", 100.0)),
-        motion=found.motion,
-        scan=GaussianUniform(sigma=found.sigma),
-    )
-    make("amcl", robot, **found.params, field_cell=0.1)
+    lidar = Lidar(max_range=file.reading.get("max_range", 100.0))
+    robot = RobotModel(floor_plan=room, lidar=lidar, motion=file.motion)
+    make("amcl", robot, **file.params, field_cell=0.1)
 
 
 def _nodes_of(path: Path) -> tuple[dict[str, Any], _Nodes, list[str]]:
@@ -287,16 +274,12 @@ def _tables(document: Mapping[str, Any], at: str = "") -> Iterator[tuple[str, di
 
 def _fitting(name: str, patterns: Iterable[str]) -> list[str]:
     """Return the names and wildcards that fit a node, in order."""
-    parts, found = name.split("/")[1:], []
-    for pattern in patterns:
-        ends = {0}  # how many parts fit so far
-        for part in pattern.split("/")[1:]:
-            if part == "**":
-                ends = {end for end in range(len(parts) + 1) if ends and end >= min(ends)}
-            else:
-                ends = {end + 1 for end in ends if part in ("*", *parts[end : end + 1])}
-        found += [pattern] if len(parts) in ends else []
-    return found
+
+    def fits(pattern: str) -> bool:
+        some = re.escape(pattern).replace(r"/\*\*", "(/[^/]+)*").replace(r"/\*", "/[^/]+")
+        return re.fullmatch(some, name) is not None
+
+    return [*filter(fits, patterns)]
 
 
 def _node_named(last: str, nodes: _Nodes, path: Path, asked: str | None) -> str:

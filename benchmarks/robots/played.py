@@ -12,8 +12,8 @@ import numpy as np
 
 from benchmarks.setup import documents
 from benchmarks.setup.documents import parsed
-from benchmarks.setup.logs import LogScenario, check_inside, motion_noise, shows_noise
-from benchmarks.setup.names import absolute_assumed, scenario
+from benchmarks.setup.logs import REPLAY, LogScenario, check_inside, motion_noise, shows_noise
+from benchmarks.setup.names import absolute_assumed
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.setup.priors import Gaussian
 from benchmarks.trials.tracks import absolute
@@ -57,7 +57,7 @@ class Replay:
     @property
     def scenario(self) -> LogScenario:
         """The scenario with the changes."""
-        return replayed(self.world, self.assumed)
+        return REPLAY.changed(self.world, self.assumed)
 
     @property
     def log(self) -> Log:
@@ -171,7 +171,7 @@ def replay_of(
         **({} if reference is None else {"reference": os.path.abspath(reference)}),
         **given,
     }
-    whole = replayed(world).whole
+    whole = REPLAY.changed(world).whole
     if start is None:
         start = "reference" if whole.reference is not None else otherwise
     if start is None and not any(name.startswith("prior.") for name in asked):
@@ -181,8 +181,8 @@ def replay_of(
     if start == "reference":
         if not whole.referenced.size:
             raise InputError(f"--start is reference, but {named} has none: give --reference.")
-        world.setdefault("start", first_referenced(whole))
-    played, ground = replayed(world).recording()
+        world.setdefault("start", int(whole.referenced[0]))
+    played, ground = REPLAY.changed(world).recording()
     check_inside(played, ground)
     if start == "reference" and (at := played[0].reference) is not None:
         _check_free(ground, at, "the reference begins at", "--start=x,y,θ")
@@ -243,7 +243,7 @@ def _with_noise(
     world: Mapping[str, Any], assumed: Mapping[str, Any], played: Log
 ) -> tuple[dict[str, Any], str]:
     """Return what is assumed, with the noise of the motion that is not given, and its origin."""
-    noise = replayed(world, assumed).motion
+    noise = REPLAY.changed(world, assumed).motion
     names = {f"motion.{name}" for name in vars(noise)}
     told = [name.partition(".")[2] for name in assumed if name in names]
     if names - {"motion.still"} <= assumed.keys():
@@ -263,24 +263,12 @@ def _with_noise(
     return dict(assumed), origin
 
 
-def first_referenced(whole: Log) -> int:
-    """Return the record at which a log is begun: its first with a reference pose; 0 if none has."""
-    return int(whole.referenced[0]) if whole.referenced.size else 0
-
-
 def length_and_angle(option: str, text: str) -> tuple[float, float]:
     """Return metres and rad of "0.5m,15deg"."""
     length, angle = spacing(option, text, "m")
     if not (math.isfinite(length) and math.isfinite(angle)):
         raise InputError(f'{option} is {text!r}, but must have both, as in "0.5m,15deg".')
     return length, angle
-
-
-def replayed(world: Mapping[str, Any], assumed: Mapping[str, Any] = NOTHING) -> LogScenario:
-    """Return the scenario ``replay`` with some values changed."""
-    found = scenario(REPLAY_SCENARIO).changed(world, assumed)
-    assert isinstance(found, LogScenario)
-    return found
 
 
 def _start_of(start: str | Sequence[float]) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from benchmarks.console import doing, log_warnings, warn
 from benchmarks.execution.engines import Where
 from benchmarks.experiment import as_toml, knowing, named_localizers
 from benchmarks.files import write_files
-from benchmarks.report.page import load, no_report
+from benchmarks.report.page import no_report, page_files
 from benchmarks.report.runs import ended, runs_frame, tracks_table, tracks_trials
 from benchmarks.report.tracks import accuracy, differences_table, published, tables_of
 from benchmarks.report.verdict import conclusion
@@ -28,7 +28,7 @@ from benchmarks.robots.calibration import (
 )
 from benchmarks.robots.nav2 import Amcl, read_nav2
 from benchmarks.robots.played import EVERY, OFTEN, REPLAY_SCENARIO, Replay, params_among, replay_of
-from benchmarks.robots.residuals import PICTURE, TABLE, Residuals, files_of, residuals_of
+from benchmarks.robots.residuals import PICTURE, TABLE, Residuals, residuals_of
 from benchmarks.setup.documents import sweep_text
 from benchmarks.setup.overrides import NOTHING, Overrides, file_names
 from benchmarks.sweeps.design import Sweep
@@ -46,7 +46,6 @@ from localizers import parameters
 from localizers.methods.deq_mcl import Shared
 from localizers.registry import Factory
 
-_PARTICLES = "particles", "max_particles"
 _TRACKS = "tracks"
 _RUNS = (
     "Intervals and tests over runs tell what other seeds would give on this log, not other logs."
@@ -84,8 +83,10 @@ def planned(
     ``particles`` by whatever name it has for them; None: its own default.
     """
     usual: dict[str, Any] = {"world.every": OFTEN if "amcl" in localizers else EVERY}
-    if nav2:
-        usual = world_of(nav2) | nav2[0].assumed
+    if nav2:  # records as often, and beams as many, as any file needs
+        usual = nav2[0].world | nav2[0].assumed
+        usual["world.every"] = tuple(map(min, zip(*(file.every for file in nav2), strict=True)))
+        usual["world.max_beams"] = max(file.params["max_beams"] for file in nav2)
     with doing("reading the log and the map"), log_warnings() as of_reader:
         replay = replay_of(
             log,
@@ -98,10 +99,8 @@ def planned(
     warnings = warn(of_reader)  # whatever fails later
     params = params_by_localizer(params_among(settings), localizers)
     replay = judged_after_part(replay)
-    uses = any(name != "amcl" or v.get("laser_model_type") == "robot" for name, v in params.items())
-    if uses and "scan.power" not in replay.assumed:
-        with doing("fitting the power of the scan model to the first part of the log"):
-            replay = with_fitted_power(replay)
+    if any(name != "amcl" or v.get("laser_model_type") == "robot" for name, v in params.items()):
+        replay = with_fitted_power(replay)
     sweep = replay_sweep(
         replay, localizers, particles=particles, seeds=seeds, root=seed, nav2=nav2, own=params
     )
@@ -115,13 +114,6 @@ def planned(
             more = "--set params.amcl.max_particles=… makes the comparison fair"
             warnings += warn([f"--particles {particles} is not of amcl, which {own}: {more}"])
     return Planned(replay, sweep, warnings)
-
-
-def world_of(nav2: Sequence[Amcl]) -> dict[str, Any]:
-    """Return what files say of the log: records as often, and beams as many, as any needs."""
-    every = tuple(map(min, zip(*(file.every for file in nav2), strict=True)))
-    beams = max(file.max_beams for file in nav2)
-    return nav2[0].world | {"world.every": every, "world.max_beams": beams}
 
 
 def replay_sweep(
@@ -328,14 +320,10 @@ def _contents(
         **_tracks(replay, runs),
     }
     if wrong is not None:
-        contents |= files_of(wrong, drawn=no_report() is None)
+        contents |= wrong.files(drawn=no_report() is None)
     if no_report() is None and results.panels:
-        load()
-        from benchmarks.report.page import page_files
-        from benchmarks.report.tables import Part
-
         notes = [*accuracy(runs), replay.overview, _RUNS]
-        more = [] if wrong is None else [Part(*wrong.part)]
+        more = [] if wrong is None else [wrong.part]
         facts = [*replay.facts, *published(runs)]
         page = page_files(results, Path(), notes=notes, warnings=warnings, facts=facts, more=more)
         contents["report.html"] = page["report.html"]
@@ -369,25 +357,19 @@ def methods_of(
     files = {str(file.file.with_suffix("")): file for file in nav2}
     if len(files) < len(nav2):
         raise InputError(f"--nav2 names a file twice, of {', '.join(files)}: give each once.")
-    words, methods = short_names(files), list[Method]()
+    words, methods, numbers = short_names(files), list[Method](), dict[str, int]()
+    if particles is not None:
+        numbers = dict.fromkeys(("particles", "max_particles"), particles)
+        numbers["min_particles"] = min(particles, 500)
     for name in localizers:
         sets: dict[Overrides, list[str]] = {}  # files of one and the same parameters are one row
         for path, file in files.items() if name == "amcl" else ():
             sets.setdefault(Overrides(file.params) | own.get(name, {}), []).append(words[path])
         if not sets:
-            sets[Overrides(particles_by_name(name, particles)) | own.get(name, {})] = []
+            taken = parameters(name) or ()
+            usual = Overrides({word: n for word, n in numbers.items() if word in taken})
+            sets[usual | own.get(name, {})] = []
         for params, sources in sets.items():
             label = f"{name} ({' = '.join(sources)})" if sources and len(files) > 1 else ""
             methods.append(Method(name, params, label=label))
     return tuple(methods)
-
-
-def particles_by_name(name: str, particles: int | None) -> Mapping[str, Any]:
-    """Return the number of particles by whatever name a localizer takes it."""
-    if particles is None:
-        return {}
-    taken = parameters(name) or ()
-    given = {word: particles for word in _PARTICLES if word in taken}
-    if "min_particles" in taken:
-        given["min_particles"] = min(particles, 500)
-    return given

@@ -9,7 +9,7 @@ of all cells, as of a map that is right: poses · KL(s ‖ p) nats.
 
 import math
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -19,7 +19,7 @@ import pandas as pd
 
 from benchmarks.report.charts import INK, Chart, styled
 from benchmarks.report.runs import ended
-from benchmarks.report.tables import Table
+from benchmarks.report.tables import Part, Table
 from benchmarks.report.tracks import map_axes
 from benchmarks.robots.played import Replay
 from benchmarks.tables.text import percent
@@ -189,15 +189,19 @@ class Residuals:
             f"{percent(things)} of the {against:,} that do not are at these places: {words}."
         )
 
-    def csv(self) -> str:
-        """Return residuals.csv: a line per place."""
+    def files(self, *, drawn: bool) -> dict[str, bytes]:
+        """Return residuals.csv, a line per place, and residuals.png if it can be ``drawn``."""
         frame = pd.DataFrame(self.places, columns=Place._fields).drop(columns="at")
         lengths = ["x", "y", "width", "height"]
         frame[lengths] = frame[lengths].astype(object).map("{:.3f}".format)
         frame["share"] = frame["share"].astype(object).map("{:.4f}".format)
         frame.insert(0, "place", range(1, len(frame) + 1))
         named = {name: f"{name}_{self.floor_plan.unit}" for name in lengths}
-        return frame.rename(columns=named).to_csv(index=False, lineterminator="\n")
+        text = frame.rename(columns=named).to_csv(index=False, lineterminator="\n")
+        if not drawn:
+            return {TABLE: utf8(text)}
+        with styled():
+            return {TABLE: utf8(text), PICTURE: self.chart.drawn("png", dpi=200)}
 
     def table(self) -> Table:
         """Return the first places."""
@@ -238,15 +242,15 @@ class Residuals:
         )
 
     @property
-    def part(self) -> tuple[str, str, list[Table], list[Chart]]:
-        """What the page shows: heading, how to read it, table, picture."""
+    def part(self) -> Part:
+        """What the page shows."""
         note = (
             f"{self.said} A place counts if beams from {_LEAST_POSES} poses or more, at least "
             "0.5 m apart, read clearly less (hit in free space) or more (seen through) than the "
             "map says, and no more beams agree with it. Unknown cells say nothing."
         )
         with styled():
-            return HEADING, note, [self.table()] if self.places else [], [self.chart]
+            return Part(HEADING, note, [self.table()] if self.places else [], [self.chart])
 
 
 def residuals_of(replay: Replay, runs: pd.DataFrame) -> Residuals | None:
@@ -258,15 +262,6 @@ def residuals_of(replay: Replay, runs: pd.DataFrame) -> Residuals | None:
     track, floor_plan = run["track"], replay.scenario.recording()[1]
     whose = f"{run['label']}, seed {run['seed']}"
     return Residuals(floor_plan, track.log.scanner, track.best, track.log.ranges, whose)
-
-
-def files_of(residuals: Residuals, *, drawn: bool) -> Mapping[str, bytes]:
-    """Return residuals.csv and, if it can be ``drawn``, residuals.png, by name."""
-    files = {TABLE: utf8(residuals.csv())}
-    if drawn:
-        with styled():
-            files[PICTURE] = residuals.chart.drawn("png", dpi=200)
-    return files
 
 
 def _poses_apart(poses: Reals, least: float) -> Indices:

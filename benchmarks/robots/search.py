@@ -10,7 +10,6 @@ import math
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from itertools import chain
@@ -21,8 +20,9 @@ import numpy as np
 import pandas as pd
 
 from benchmarks.files import is_empty
-from benchmarks.robots.played import REPLAY_SCENARIO, Replay, replayed
-from benchmarks.robots.space import ASSUMED, Space, latin_hypercube, neighbour
+from benchmarks.robots.played import REPLAY_SCENARIO, Replay
+from benchmarks.robots.space import ASSUMED, Space, ends_of, latin_hypercube, neighbour
+from benchmarks.setup.logs import REPLAY
 from benchmarks.setup.overrides import NOTHING, Overrides
 from benchmarks.sweeps.manifest import differences
 from benchmarks.sweeps.running import Options, TrialsFailedError, run_missing
@@ -32,7 +32,7 @@ from benchmarks.trials.scores import JOURNEY_SCORES, PUBLISHED, TRACK_SCORES, Sc
 from benchmarks.trials.scoring import Finished, TrialRecord
 from benchmarks.trials.spec import Provenance, Trial
 from benchmarks.trials.stage import Stage, attempt, check_trials, key_of, provenance_of
-from benchmarks.trials.tracks import EstimatedTrack, ScoredTrack
+from benchmarks.trials.tracks import ScoredTrack
 from deqmcl_gym.files import UnreadableError, content_of, json_of, write_bytes
 from deqmcl_gym.logs import Log
 from deqmcl_gym.validation import InputError
@@ -198,7 +198,7 @@ class Task:
         """Set up each log, let the localizer look at the ends of all ranges, and run it once."""
         for trial in self.of_logs:
             Stage.of(trial).check()
-        ends = [Overrides({name: v}) for name, values in self.space.items() for v in values.ends]
+        ends = [Overrides({name: v}) for name, span in self.space.items() for v in ends_of(span)]
         try:
             check_trials([self.trial(values, self.training[0]) for values in (NOTHING, *ends)])
         except InputError as error:
@@ -251,29 +251,27 @@ def _scores(record: TrialRecord | None) -> dict[str, float]:
 @lru_cache(maxsize=2 * _MOST)
 def _log_of(world: Overrides) -> Log:
     """Return the records of a segment."""
-    return replayed(world).recording()[0]
+    return REPLAY.changed(world).recording()[0]
 
 
-def _tracks(runs: Sequence[Finished | None]) -> list[EstimatedTrack | None]:
-    """Return the tracks of runs on segments; None of one that failed."""
-    return [run.track.on(_log_of(run.trial.world)) if run and run.track else None for run in runs]
+def _judged(
+    runs: Sequence[Finished | None], by: Calibration | None = None
+) -> tuple[list[dict[str, float]], Calibration]:
+    """Return the scores of runs, those of covariances as published by a calibration, and that.
 
-
-def _calibration(runs: Sequence[Finished | None]) -> Calibration:
-    """Return what fits the errors of runs together; as believed if none is known."""
-    each = [track.deviations() for track in _tracks(runs) if track]
-    if not sum(len(off) for off, _ in each):
-        return Calibration()
-    return Calibration.fitted(*map(np.concatenate, zip(*each, strict=True)))
-
-
-def _scored(runs: Sequence[Finished | None], by: Calibration) -> list[dict[str, float]]:
-    """Return the scores of runs, those of covariances as published by a calibration."""
+    None is what fits their own errors together; as believed if none is known.
+    """
+    tracks = [run.track.on(_log_of(run.trial.world)) if run and run.track else None for run in runs]
+    if by is None:
+        each = [track.deviations() for track in tracks if track]
+        known = sum(len(off) for off, _ in each)
+        fitted = map(np.concatenate, zip(*each, strict=True))
+        by = Calibration.fitted(*fitted) if known else Calibration()
     rows = []
-    for own, track in zip(map(_scores, runs), _tracks(runs), strict=True):
+    for scores, track in zip(map(_scores, runs), tracks, strict=True):
         published = track_scores(ScoredTrack(track, 0, by), PUBLISHED) if track else {}
-        rows.append(own | {BELIEVED: own.get("coverage_95", math.nan)} | published)
-    return rows
+        rows.append(scores | {BELIEVED: scores.get("coverage_95", math.nan)} | published)
+    return rows, by
 
 
 @dataclass(frozen=True)
@@ -306,9 +304,9 @@ class Search:
         best = min(last, key=self._key)
         both, which = [NOTHING, best.values], ("default", "tuned")
         trained = self._runs(both, self.task.training, _FINAL_RUNS)
-        calibrations = dict(zip(which, map(_calibration, trained), strict=True))
+        fitted = [_judged(runs)[1] for runs in trained]
         held = self._runs(both, self.task.held_out, RUNS)
-        rows = chain(*map(_scored, held, calibrations.values()))
+        rows = chain(*(_judged(runs, by)[0] for runs, by in zip(held, fitted, strict=True)))
         index = pd.MultiIndex.from_product(
             [which, range(len(self.task.held_out)), range(RUNS)], names=["which", *RUN]
         )
@@ -320,7 +318,7 @@ class Search:
             tried=tried,
             best=best,
             held_out=held_out.assign(ms_per_step=times),
-            calibrations=calibrations,
+            calibrations=dict(zip(which, fitted, strict=True)),
         )
 
     def _drawn(self, number: int, count: int, tried: Sequence[Candidate]) -> list[Candidate]:
@@ -371,7 +369,7 @@ class Search:
         for candidate, records in zip(candidates, each, strict=True):
             rows = [*map(_scores, records)]
             if self.task.goal.name in PUBLISHED:
-                rows = _scored(records, _calibration(records))
+                rows, _ = _judged(records)
             values = [row.get(self.task.goal.name, math.nan) for row in rows]
             candidate.segments = len(segments)
             candidate.value = math.inf if np.isnan(values).any() else float(np.mean(values))
@@ -407,9 +405,8 @@ class Search:
         return [[self.store.get(self.now.key(trial), trial) for trial in own] for own in each]
 
 
-@contextmanager
-def searching(task: Task, out: Path, options: Options) -> Iterator[Search]:
-    """Open the folder of a search that was checked: a new one, or one that goes on."""
+def search(task: Task, out: Path, options: Options, candidates: int) -> Tuning:
+    """Search, if ``task`` was checked, in a new folder, or go on in that of this search."""
     now = provenance_of(task.of_logs)
     state = msgspec.json.encode({"search": task, "made_by": now}, enc_hook=Overrides.json)
     if not is_empty(out):
@@ -426,4 +423,4 @@ def searching(task: Task, out: Path, options: Options) -> Iterator[Search]:
             )
     with writing(out) as store:
         write_bytes(out / STATE, msgspec.json.format(state, indent=1) + b"\n")
-        yield Search(task, store, options, now)
+        return Search(task, store, options, now).run(candidates)

@@ -34,23 +34,14 @@ class Range(Struct, frozen=True, kw_only=True):
 
     def check(self, name: str) -> None:
         """Refuse the range of a parameter if nothing can be drawn from it."""
-        has = f"{name} has low {self.low:.10g} and high {self.high:.10g}"
-        if self.whole and not (self.low.is_integer() and self.high.is_integer()):
-            raise InputError(f"{has}, but with whole = true each must be a whole number.")
-        if not self.low < self.high:
-            raise InputError(f"{has}, but low must be below high.")
-        if self.log and self.low <= 0:
-            raise InputError(f"{has} with log = true, but a logarithm needs low above 0.")
-        if self.at(0.0) == self.at(1.0):
+        whole = not self.whole or (self.low.is_integer() and self.high.is_integer())
+        ordered = self.low < self.high and (self.low > 0 or not self.log)
+        if not (whole and ordered and self.at(0.0) != self.at(1.0)):
             raise InputError(
-                f"{has}, which are one number in {_DIGITS} digits: give a wider range, or a list "
-                "of choices."
+                f"{name} has low {self.low:.10g} and high {self.high:.10g}, but low must be below "
+                f"high also if rounded to {_DIGITS} digits, with log = true above 0, and with "
+                "whole = true both must be whole: give such a range, or a list of choices."
             )
-
-    @property
-    def ends(self) -> tuple[Value, ...]:
-        """The values at which it is tried whether the localizer takes them."""
-        return self.at(0.0), self.at(1.0)
 
     def at(self, place: float) -> Value:
         """Return the value at a place from 0 (low) to 1 (high), of three digits."""
@@ -80,11 +71,6 @@ class Choice(Struct, frozen=True):
 
     values: tuple[Value, ...]
 
-    @property
-    def ends(self) -> tuple[Value, ...]:
-        """All, as any may be refused."""
-        return self.values
-
     def at(self, place: float) -> Value:
         """Return the value at a place from 0 (the first) to 1 (the last)."""
         return self.values[min(int(place * len(self.values)), len(self.values) - 1)]
@@ -93,6 +79,11 @@ class Choice(Struct, frozen=True):
         """Return another one."""
         others = [other for other in self.values if other != value]
         return others[int(rng.integers(len(others)))]
+
+
+def ends_of(values: Range | Choice) -> tuple[Value, ...]:
+    """Return what a localizer must take: both ends of a range, all choices."""
+    return values.values if isinstance(values, Choice) else (values.at(0.0), values.at(1.0))
 
 
 Space = Mapping[str, Range | Choice]
@@ -130,21 +121,6 @@ _OF_SCAN: Space = {
 }
 
 
-def space_of(
-    path: Path | None, localizer: str, noise: Sequence[str], base: Mapping[str, Any]
-) -> Space:
-    """Return what is searched: the built-in ranges, with those of a file in their places."""
-    ranges = built_in(localizer, noise, base)
-    if path is not None:
-        return read_space(path, localizer, ranges)
-    if not ranges:
-        raise InputError(
-            f"{localizer} has no ranges built in: name what is to be searched in a file, as in "
-            "--space space.toml."
-        )
-    return ranges
-
-
 def built_in(localizer: str, noise: Sequence[str], base: Mapping[str, Any] = NOTHING) -> Space:
     """Return the ranges that are searched where no file says otherwise; none of a plug-in.
 
@@ -170,13 +146,23 @@ def _of_amcl(base: Mapping[str, Any]) -> Space:
     return {n: r for n, r in ranges.items() if isinstance(r, Choice) or r.low < r.high}
 
 
-def read_space(path: Path, localizer: str, ranges: Space) -> Space:
-    """Return these ranges with those of a TOML file in their places.
+def space_of(
+    path: Path | None, localizer: str, noise: Sequence[str], base: Mapping[str, Any] = NOTHING
+) -> Space:
+    """Return what is searched: the built-in ranges, with those of a TOML file in their places.
 
     Each key is a parameter of the localizer, ``scan.…`` or ``motion.…``; its value a list of
     choices, a table {low, high, log, whole} or {log = [low, high]}, or false: it is not searched.
     ``only = true`` leaves out all that the file does not name.
     """
+    ranges = built_in(localizer, noise, base)
+    if path is None and not ranges:
+        raise InputError(
+            f"{localizer} has no ranges built in: name what is to be searched in a file, as in "
+            "--space space.toml."
+        )
+    if path is None:
+        return ranges
     document = documents.read_toml(path, "space")
     with documents.errors_name(path):
         space = {} if boolean("only", document.pop("only", False)) else dict(ranges)
@@ -199,10 +185,12 @@ def read_space(path: Path, localizer: str, ranges: Space) -> Space:
 
 def _range(name: str, value: Any) -> Range | Choice:
     if isinstance(value, list):
-        if len({repr(choice) for choice in value}) < max(2, len(value)):
-            raise InputError(f"{name} is {value}, but must list two or more values, each once.")
-        if not all(isinstance(choice, str | bool | int | float) for choice in value):
-            raise InputError(f"{name} is {value}, but must list numbers, words, true or false.")
+        known = all(isinstance(choice, str | bool | int | float) for choice in value)
+        if not known or len({repr(choice) for choice in value}) < max(2, len(value)):
+            raise InputError(
+                f"{name} is {value}, but must list two or more numbers, words, true or false, "
+                "each once."
+            )
         return Choice(tuple(value))
     if not isinstance(value, Mapping):
         raise InputError(f"{name} is {shown(value)}, but must be {_FORM}.")

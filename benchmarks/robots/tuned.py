@@ -1,16 +1,15 @@
 """What ``deqmcl tune`` writes: the best parameters, the held-out gain, a picture."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
 import yaml
 
 from benchmarks.files import write_files
-from benchmarks.report.page import load, no_report
+from benchmarks.report.page import no_report
 from benchmarks.report.tables import Table
 from benchmarks.robots.nav2 import nav2_document
 from benchmarks.robots.replaying import sweep_file
@@ -42,7 +41,8 @@ def write_tuned(
     best, why_not = _nav2(tuning.task, tuning.best, nav2, node)
     parts = {
         f"# {tuning.task.localizer}, tuned": f"{gain(tuning, table)}{_too_sure(tuning)}\n\n"
-        f"{_scores(tuning)}\n\n{_published(tuning)}",
+        f"{_scores(tuning)}\n\nPublish its covariance by localizers.{tuning.calibrations['tuned']} "
+        f"(the default's by {tuning.calibrations['default']}), fitted to the training segments.",
         "## Best parameters": _changed(tuning),
     }
     page = {**parts, "## How this was made": _made(tuning, words)}
@@ -55,7 +55,6 @@ def write_tuned(
     if best is not None:
         contents[NAV2] = utf8(best)
     if (why := no_report()) is None:
-        load()
         contents["trade-off.png"] = _trade_off(tuning)
     files = write_files(out, contents)
     texts = [*parts.values(), why_not]
@@ -138,15 +137,6 @@ def _too_sure(tuning: Tuning) -> str:
     )
 
 
-def _published(tuning: Tuning) -> str:
-    """Say by which calibration the winner's covariance is to be published."""
-    tuned, default = tuning.calibrations["tuned"], tuning.calibrations["default"]
-    return (
-        f"Publish its covariance by localizers.{tuned} (the default's by {default}), fitted to the "
-        "training segments."
-    )
-
-
 def _scores(tuning: Tuning) -> str:
     """Return what default and winner have on the held-out segments."""
     runs = tuning.held_out.groupby("which")
@@ -161,10 +151,6 @@ def _scores(tuning: Tuning) -> str:
         "ms per step": runs["ms_per_step"].median().map(fixed),
         "segments with a failed run": failed,
     }
-    return _markdown(columns)
-
-
-def _markdown(columns: Mapping[str, Any]) -> str:
     return Table("", pd.DataFrame(columns)).text("pipe")
 
 
@@ -174,16 +160,11 @@ def _changed(tuning: Tuning) -> str:
     if best == NOTHING:
         return "The default; no value is changed."
     names = [name for name in tuning.task.space if name in best]
-    columns = {
-        "parameter": [f"`{name}`" for name in names],
-        "default": [_word(usual.get(name, "its own")) for name in names],
-        "tuned": [_word(best[name]) for name in names],
-    }
-    return _markdown(columns)
-
-
-def _word(value: Any) -> str:
-    return significant(value) if isinstance(value, float) else str(value)
+    columns = {"parameter": [f"`{name}`" for name in names]}
+    for title, values in {"default": usual, "tuned": best}.items():
+        each = [values.get(name, "its own") for name in names]
+        columns[title] = [significant(v) if isinstance(v, float) else str(v) for v in each]
+    return Table("", pd.DataFrame(columns)).text("pipe")
 
 
 def _made(tuning: Tuning, words: Sequence[str]) -> str:

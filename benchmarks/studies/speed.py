@@ -18,6 +18,7 @@ from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
 from statistics import median
+from timeit import Timer
 from typing import Any, NamedTuple
 from unittest.mock import patch
 
@@ -89,28 +90,18 @@ class Ratio:
 
 def rates(jobs: Sequence[Job], effort: Effort) -> list[float]:
     """Return the units per second of each job: they take turns; the median of its turns."""
-    calls = [_calls(job, effort.seconds) for job in jobs]
+    timers = [Timer(job.call, timer=job.clock) for job in jobs]
+    for timer in timers:
+        timer.timeit(1)  # may compile
+    calls = [max(1, round(n * effort.seconds / took)) for n, took in map(Timer.autorange, timers)]
     turns = [
-        [job.amount * n / _seconds(job, n) for job, n in zip(jobs, calls, strict=True)]
+        [
+            job.amount * n / timer.timeit(n)
+            for job, timer, n in zip(jobs, timers, calls, strict=True)
+        ]
         for _ in range(effort.turns)
     ]
     return [median(seen) for seen in zip(*turns, strict=True)]
-
-
-def _calls(job: Job, seconds: float) -> int:
-    """Return how many calls fill a turn; found by doubling, after a first call that may compile."""
-    job.call()
-    calls = 1
-    while (taken := _seconds(job, calls)) < seconds / 2:
-        calls *= 2
-    return max(1, round(calls * seconds / taken))
-
-
-def _seconds(job: Job, calls: int) -> float:
-    start = job.clock()
-    for _ in range(calls):
-        job.call()
-    return max(job.clock() - start, 1e-9)  # a clock that did not tick in so short a time
 
 
 def free_poses(floor_plan: Map, n: int) -> Singles:

@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from refusals import refused
 
 from benchmarks.report.films import way_of_plan
-from benchmarks.report.messages import check_file, showing, shown_again
+from benchmarks.report.laps import check_file, showing, shown_again
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import logs

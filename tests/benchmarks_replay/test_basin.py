@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from deqmcl_command import exit_code, lines
-from hall import recorded_in_a_hall, write_lap
 
 from benchmarks.report.runs import starts_table
 from benchmarks.setup.names import scenario
@@ -27,19 +26,6 @@ assumed.prior.distance = [0.0, 0.8, 1.2]
 [[vary]]
 assumed.prior.angle = [0.0, {RIGHT_ANGLE}]
 """
-
-
-@pytest.fixture(scope="module")
-def lap():
-    return recorded_in_a_hall(steps=60)
-
-
-@pytest.fixture
-def recorded(lap, tmp_path, monkeypatch):
-    """The current folder, with the hall, the log without poses, and its reference."""
-    monkeypatch.chdir(tmp_path)
-    write_lap(lap, tmp_path)
-    return tmp_path
 
 
 def swept(text):

@@ -71,7 +71,7 @@ def test_every_parameter_is_used_or_named_with_the_reason(params):
     for name in found.params:
         assert found.params[name] == given[name]
     assert "no parameter of Nav2's AMCL" in found.unused["kld_err"]
-    assert (found.sigma, found.every) == (0.15, (0.025, 0.05))
+    assert (found.assumed["assumed.scan.sigma"], found.every) == (0.15, (0.025, 0.05))
     assert found.reading == {"max_range": 4.0}
     assert found.start == (1.2, 1.0, 0.1)
     assert found.notes[0].endswith("not used: kld_err (no parameter of Nav2's AMCL)")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from deqmcl_command import exit_code, lines, records, stored
-from hall import recorded_in_a_hall, write_lap
+from hall import recorded_in_a_hall
 
 import benchmarks
 from benchmarks.report.runs import middle_run, runs_frame, scores_by_localizer, worst_run
@@ -46,16 +46,8 @@ def of_motion(params):
 
 @pytest.fixture(scope="module")
 def lap():
-    """A hall, and the log of a lap in it."""
+    """The hall, and the log of a shorter lap, of which less is localized."""
     return recorded_in_a_hall(steps=40)
-
-
-@pytest.fixture
-def recorded(lap, tmp_path, monkeypatch):
-    """The current folder, with the hall, the log without poses, and its reference."""
-    monkeypatch.chdir(tmp_path)
-    write_lap(lap, tmp_path)
-    return tmp_path
 
 
 def replay(*words, drawn=False):

@@ -6,18 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from deqmcl_command import exit_code, lines
-from hall import recorded_in_a_hall
 
 from benchmarks.robots.residuals import HIT, THROUGH, Residuals
 from deqmcl_gym import logs
 
 GONE, NEW = (slice(28, 40), slice(54, 60)), (slice(40, 46), slice(66, 72))  # cells of the hall
-
-
-@pytest.fixture(scope="module")
-def lap():
-    """A hall, and the log of a lap in it."""
-    return recorded_in_a_hall(steps=60)
 
 
 @pytest.fixture(scope="module")

@@ -1,16 +1,22 @@
-"""``deqmcl score``: somebody else's estimates have the numbers that our own would have."""
+"""``deqmcl score``: somebody else's estimates have the numbers that our own would have.
+
+Their APE and RPE are evo's. ``--fail-if``: which limits are broken, and by what rows.
+"""
 
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 from deqmcl_command import exit_code, lines
 from hall import recorded_in_a_hall, write_lap
+from refusals import refused
 from scipy.stats import chi2
 
+from benchmarks.report.runs import LimitError, limits_of, within
 from benchmarks.robots.estimates import played_by_replay
 from benchmarks.robots.played import replay_of
-from benchmarks.trials.tracks import calibration_of_gaussians
+from benchmarks.trials.tracks import absolute, calibration_of_gaussians, relative_errors
 from deqmcl_gym import logs
 from deqmcl_gym.logs.motion import composed, relative
 
@@ -132,16 +138,22 @@ def test_gaussians_are_calibrated_by_the_chi_squared_distribution():
         assert abs((rank <= p).mean() - p) < 4 * math.sqrt(p * (1 - p) / n)
 
 
+COVARIANCES = "time,x,y,heading,var_x,cov_xy,cov_x_heading,var_y,cov_y_heading,var_heading"
+
+
+def write_estimate(path, times, poses, spread):
+    """An estimate with the same covariance at all times, as CSV."""
+    upper = np.asarray(spread)[np.triu_indices(3)].tolist()
+    rows = [(t, *pose, *upper) for t, pose in zip(times, np.asarray(poses).tolist(), strict=True)]
+    path.write_text("\n".join([COVARIANCES, *(",".join(map(repr, row)) for row in rows)]))
+    return path
+
+
 def test_a_covariance_gives_the_columns_of_calibration(here, tmp_path):
     reference = logs.read_tum("lap.tum")
-    names = "time,x,y,heading,var_x,cov_xy,cov_x_heading,var_y,cov_y_heading,var_heading"
-    spread = [0.04, 0, 0, 0.04, 0, 0.01]
-    rows = [[t, x + 0.2, y, h, *spread] for t, (x, y, h) in
-            zip(reference.times.tolist(), reference.poses.tolist(), strict=True)]  # fmt: skip
-    texts = [names, *(",".join(map(repr, row)) for row in rows)]
-    (tmp_path / "theirs.csv").write_text("\n".join(texts))
-    words = (f"slam={tmp_path / 'theirs.csv'}", *WHOLE, "--out", tmp_path / "s")
-    assert exit_code("score", *words) == 0
+    off, spread = reference.poses + np.array([0.2, 0, 0]), np.diag([0.04, 0.04, 0.01])
+    slam = write_estimate(tmp_path / "theirs.csv", reference.times.tolist(), off, spread)
+    assert exit_code("score", f"slam={slam}", *WHOLE, "--out", tmp_path / "s") == 0
     row = table(tmp_path / "s", "results.csv")["slam"]
     # one SD off: χ² = 1, which 39 % of draws are below
     assert float(row["nees"]) == pytest.approx(1, rel=1e-3)
@@ -159,13 +171,8 @@ def test_beside_what_a_stack_published_stands_what_a_calibration_of_it_would_hav
     reference = logs.Trajectory(np.arange(float(n)), np.zeros((n, 3)))
     reference.write(tmp_path / "reference.tum")
     poses = rng.normal(size=(n, 3)) * np.sqrt(np.diag(spread))
-    told = (spread[np.triu_indices(3)] / 100).tolist()
-    rows = [(t, *pose, *told) for t, pose in enumerate(poses.tolist())]
-    names = "time,x,y,heading,var_x,cov_xy,cov_x_heading,var_y,cov_y_heading,var_heading"
-    texts = [names, *(",".join(map(repr, row)) for row in rows)]
-    (tmp_path / "slam.csv").write_text("\n".join(texts))
-    words = ("score", tmp_path / "slam.csv", "--reference", tmp_path / "reference.tum")
-    words += ("--out", tmp_path / "s")
+    slam = write_estimate(tmp_path / "slam.csv", range(n), poses, spread / 100)
+    words = ("score", slam, "--reference", tmp_path / "reference.tum", "--out", tmp_path / "s")
     assert exit_code(*words) == 0
     rows = table(tmp_path / "s", "results.csv")
     assert list(rows) == ["slam", "slam, calibrated"]
@@ -221,3 +228,87 @@ def test_records_that_an_estimate_misses_are_told(here, tmp_path, capsys):
     logs.Trajectory(reference.times[:half], reference.poses[:half]).write(tmp_path / "half.tum")
     assert exit_code("score", tmp_path / "half.tum", *WHOLE, "--out", tmp_path / "s") == 0
     assert "half covers" in capsys.readouterr().err
+
+
+TABLE = pd.DataFrame(
+    {
+        "localizer": ["mcl", "amcl (a)", "amcl (b.2)"],
+        "position_p95": [0.1, 0.2, math.nan],
+        "metres_to_localize": [3.0, math.inf, 2.0],
+        "position_median_diff": [math.nan, 0.02, -0.01],
+    }
+)
+
+
+@pytest.mark.parametrize(
+    ("words", "rows"),
+    [
+        ("position_p95 > 0.2", ["amcl (b.2) has an unknown value (position_p95 > 0.2)"]),
+        ("amcl (a).position_p95 >= .2", ["amcl (a) has 0.2"]),
+        ("mcl.position_p95<0.05", []),
+        ("amcl (b.2).position_p95 < 9", ["amcl (b.2) has an unknown value"]),
+        ("metres_to_localize > 1e3", ["amcl (a) has inf"]),
+        ("position_median_diff > 0.01", ["amcl (a) has 0.02"]),
+        ("mcl.position_median_diff > 0.01", ["mcl has an unknown value"]),
+    ],
+)
+def test_a_row_beyond_a_limit_or_unknown_is_told_after_the_output(capsys, words, rows):
+    limits = [words, "mcl.position_p95 > 5"]
+    if not rows:
+        assert within("text", TABLE, limits, "mcl") == "text"
+        return
+    with pytest.raises(LimitError) as raised:
+        within("text", TABLE, limits, "mcl")
+    told = str(raised.value).removeprefix("beyond --fail-if: ").split("; ")
+    assert [one.startswith(row) for one, row in zip(told, rows, strict=True)] == [True] * len(rows)
+    assert capsys.readouterr().out == "text\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("position_p59 > 0.2", "did you mean 'position_p95'?"),
+        ("position_p95 > much", "'position_p95 > much'"),
+        ("position_p95 = 0.2", "one of >, <, >=, <="),
+        ("acml.position_p95 > 0.2", "did you mean 'amcl'?"),
+    ],
+)
+def test_what_is_no_limit_is_refused(words, told):
+    with refused(told):
+        limits_of([words], ["mcl", "amcl"])
+
+
+def tracks(seed, n=120):
+    """A drive with turns beyond ±π, and an estimate of it."""
+    rng = np.random.default_rng(seed)
+    reference = np.cumsum(rng.normal(0.1, 0.5, (n, 3)), axis=0)
+    return reference + rng.normal(0, 0.3, (n, 3)), reference
+
+
+@pytest.mark.parametrize("part", ["translation", "rotation"])
+def test_errors_are_those_of_evo(tmp_path, part):
+    pytest.importorskip("evo")
+    from evo.core.metrics import APE, RPE, PoseRelation
+    from evo.tools.file_interface import read_tum_trajectory_file
+
+    estimate, reference = tracks(0)
+    times = 1e9 + 0.1 * np.arange(len(estimate))
+    read = []
+    for name, poses in (("reference", reference), ("estimate", estimate)):
+        logs.Trajectory(times, poses).write(tmp_path / name)
+        read.append(read_tum_trajectory_file(str(tmp_path / name)))
+    relation = {"translation": "translation_part", "rotation": "rotation_angle_rad"}[part]
+    for metric, ours in ((APE, absolute), (RPE, relative_errors)):
+        theirs = metric(pose_relation=PoseRelation[relation])
+        theirs.process_data(tuple(read))
+        found = getattr(ours(estimate, reference), part)
+        np.testing.assert_allclose(found, theirs.error, rtol=0, atol=1e-6)
+
+
+def test_poses_without_a_reference_count_for_nothing():
+    estimate, reference = tracks(0)
+    reference[::3] = np.nan
+    known = np.isfinite(reference[:, 0])
+    whole = absolute(estimate, reference)
+    assert whole.rmse == absolute(estimate[known], reference[known]).rmse
+    assert whole.translation.size == known.sum()

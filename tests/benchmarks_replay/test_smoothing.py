@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from deqmcl_command import exit_code, lines
-from hall import recorded_in_a_hall, write_lap
 
 import benchmarks
 from benchmarks.robots.smoothing import covariances, mean_poses
@@ -15,23 +14,11 @@ COMMAND = ("smooth", "lap.csv", "--map", "hall.yaml", "--particles", "200", "--s
 COMMAND += ("--set", "world.max_beams=20", "--every", "0.05m,3deg")
 
 
-@pytest.fixture(scope="module")
-def lap():
-    return recorded_in_a_hall(steps=60)
-
-
-@pytest.fixture
-def here(lap, tmp_path, monkeypatch):
-    write_lap(lap, tmp_path)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def start(log):
     return ",".join(map(str, log.reference[0].tolist()))
 
 
-def test_it_is_nearer_to_the_truth_than_the_filter_and_knows_how_near(here, lap):
+def test_it_is_nearer_to_the_truth_than_the_filter_and_knows_how_near(recorded, lap):
     _, log = lap
     smoothed = benchmarks.smooth(
         "lap.csv", "hall.yaml", start=start(log), settings=SETTINGS, particles=300, seeds=3
@@ -52,7 +39,7 @@ def test_it_is_nearer_to_the_truth_than_the_filter_and_knows_how_near(here, lap)
     assert not smoothed.doubtful.any()
 
 
-def test_the_command_writes_what_score_and_replay_read(here, lap):
+def test_the_command_writes_what_score_and_replay_read(recorded, lap):
     _, log = lap
     assert exit_code(*COMMAND, f"--start={start(log)}", "--out", "smooth") == 0
     assert (
@@ -60,21 +47,21 @@ def test_the_command_writes_what_score_and_replay_read(here, lap):
             "score", "smooth/smoothed.csv", "--reference", "lap.tum", "--out", "scored"
         ) == 0
     )  # fmt: skip
-    (row,) = lines(here / "scored", "results.csv")
+    (row,) = lines(recorded / "scored", "results.csv")
     assert float(row["position_median"]) < 0.1
     assert float(row["nees"]) < 6
     logs.read("lap.csv", reference="smooth/smoothed.tum")
-    first = (here / "smooth" / "smoothed.csv").read_bytes()
+    first = (recorded / "smooth" / "smoothed.csv").read_bytes()
     assert exit_code(*COMMAND, f"--start={start(log)}", "--out", "smooth") == 0
-    assert (here / "smooth" / "smoothed.csv").read_bytes() == first
+    assert (recorded / "smooth" / "smoothed.csv").read_bytes() == first
 
 
-def test_it_may_start_at_the_reference_of_the_log(here, lap):
+def test_it_may_start_at_the_reference_of_the_log(recorded, lap):
     logs.write(lap[1], "lap.csv")
     assert exit_code(*COMMAND, "--start", "reference", "--out", "smooth") == 0
 
 
-def test_a_stretch_that_the_map_does_not_explain_is_named_and_left_out(here, lap):
+def test_a_stretch_that_the_map_does_not_explain_is_named_and_left_out(recorded, lap):
     _, log = lap
     ranges = log.ranges.copy()
     ranges[30:45] = np.random.default_rng(0).permuted(ranges[30:45], axis=1)
@@ -99,7 +86,7 @@ def shuffled(log):
 
 
 @pytest.mark.parametrize(("scans", "words"), [(frozen, "the odometry"), (shuffled, "doubtful")])
-def test_poses_that_the_log_speaks_against_are_no_reference(here, lap, scans, words):
+def test_poses_that_the_log_speaks_against_are_no_reference(recorded, lap, scans, words):
     _, log = lap
     logs.write(logs.Log(log.scanner, log.times, log.odometry, scans(log), None, "m"), "lap.csv")
     smoothed = benchmarks.smooth(
@@ -129,7 +116,7 @@ def test_means_and_covariances_of_headings_go_round_the_circle():
         (("--start", "global", "--set", "params.particles=3"), "name of a setting of smooth"),
     ],
 )
-def test_what_is_wrong_is_refused_in_a_sentence(here, capsys, words, sentence):
+def test_what_is_wrong_is_refused_in_a_sentence(recorded, capsys, words, sentence):
     assert exit_code(*COMMAND, *words, "--out", "smooth") == 2
     assert sentence in capsys.readouterr().err
-    assert not (here / "smooth").exists()
+    assert not (recorded / "smooth").exists()

@@ -1,7 +1,8 @@
-"""Runs as MCAP files for Foxglove and Lichtblick, with the topics of docs/your-map-your-log.md.
+"""``deqmcl run``, a lap with its files; and runs as MCAP files for Foxglove and Lichtblick.
 
-Made by foxglove-sdk, an optional extra, from the moments that animations are drawn from. Lengths
-are in metres; the frames are ``map`` and ``base_link``.
+These have the topics of docs/your-map-your-log.md. They are made by foxglove-sdk, an optional
+extra, from the moments that animations are drawn from. Lengths are in metres; the frames are
+``map`` and ``base_link``.
 """
 
 import math
@@ -16,13 +17,19 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.report.films import way_of_plan
-from benchmarks.tables.text import short_names
+from benchmarks.files import own_folder, write_files
+from benchmarks.report.films import LAP_MILLISECONDS, LAP_STRIDE, Film, camera_of, way_of_plan, webp
+from benchmarks.setup import TrialEnv
+from benchmarks.tables.text import short_name, short_names, state_name
 from benchmarks.trials.episode import Step
+from benchmarks.trials.scores import directions, heading_error, position_error, state_error
+from benchmarks.trials.scoring import scores
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
+from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import PREFIX, SUFFIX
+from deqmcl_gym.logs import Log, Trajectory, check_writable, write
 from deqmcl_gym.maps import GridMap, PolygonMap
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.maps.polygons import edges_of
@@ -268,3 +275,71 @@ def _time(stage: Stage, moment: Step) -> float:
             "with later times."
         )
     return at
+
+
+def run_lap(trial: Trial, out: Path, log: Path | None, mcap: Path | None) -> str:
+    """Run one lap of one localizer; write animation, errors, poses; return what to print.
+
+    ``log`` is where to write the lap as a log, ``mcap`` what is believed, for Foxglove.
+    """
+    if log is not None:
+        check_writable(log)
+        if os.path.lexists(log):
+            raise InputError(f"{log} exists already: give another --log.")
+    own_folder(out, "lap.webp")
+    stage = Stage.of(trial)
+    unit = stage.room.floor_plan.unit
+    title = trial.localizer
+    film = Film(camera_of(stage), title, LAP_STRIDE)
+    heading = f"{title}, scenario {trial.scenario}, seed {trial.seed}"
+    with showing(mcap, {short_name(title): film.of(stage.moments())}, stage) as rows:
+        trace = trace_of((moment for (moment,) in rows), trial.offsets, stage.task)
+    files = {
+        "lap.webp": webp(film.frames, LAP_MILLISECONDS),
+        "error.csv": _curves_csv(trace).encode(),
+    } | trajectories(trace)
+    if log is not None:
+        write(_log(film.moments, stage.room), log)
+    write_files(out, files)
+    lines = [_line(row, unit) for row in scores(trace)]
+    lines.append(f"Written to {out}: {', '.join(files)}.")
+    lines += [] if log is None else [f"Log: {log}"]
+    lines += [] if mcap is None else [f"MCAP: {mcap}"]
+    return "\n".join([f"{heading}: {trace.steps} steps", *lines])
+
+
+def _line(row: Mapping[str, Any], unit: str) -> str:
+    """Say the errors at an offset: on a map in metres without eq. (4)'s mixture of units."""
+    error, position = f"error {row['error']:6.2f}", f"position RMSE {row['position_rmse']:6.2f}"
+    heading = f"heading RMSE {np.degrees(row['heading_rmse']):5.1f} deg"
+    first = [error] if unit == "px" else []
+    return f"{state_name(row['offset']):>8}: " + ", ".join([*first, f"{position} {unit}", heading])
+
+
+def _log(episode: Sequence[Step], room: TrialEnv) -> Log:
+    scans = [moment.ranges for moment in episode]
+    actions = [moment.action for moment in episode[1:] if moment.action is not None]
+    truth = [moment.truth for moment in episode]
+    return Log.of_episode(scans, actions, truth, room.lidar, unit=room.floor_plan.unit)
+
+
+def _curves_csv(trace: Trace) -> str:
+    header = "offset,state,true_x,true_y,true_heading,x,y,error,position_error,heading_error"
+    rows = [header]
+    for offset, kept in trace.offsets.items():
+        truth = trace.truth[kept.states]
+        errors = (of(kept.means, truth) for of in (state_error, position_error, heading_error))
+        for state, true, mean, *off in zip(kept.states, truth, kept.means, *errors, strict=True):
+            rows.append(",".join(map(str, (offset, state, *true, mean[0], mean[1], *off))))
+    return "\n".join(rows) + "\n"
+
+
+def trajectories(trace: Trace) -> dict[str, bytes]:
+    """TUM files by name: truth, and means of beliefs at each offset; a step is 1 s, px stay px."""
+    steps = np.arange(float(len(trace.truth)))
+    files = {"trajectory_truth.tum": Trajectory(steps, trace.truth).tum}
+    for offset, kept in trace.offsets.items():
+        poses = np.column_stack([kept.means[:, :2], directions(kept.means)])
+        name = f"trajectory_t{offset:+d}.tum" if offset else "trajectory_t.tum"
+        files[name] = Trajectory(kept.states.astype(np.float64), poses).tum
+    return files
