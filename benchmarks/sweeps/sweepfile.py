@@ -322,7 +322,7 @@ class _Names:
                 return self.scenario(value)
             if name == "agent":
                 return self.agent(value).json()
-            if group not in PARTS:
+            if group not in PARTS or group == "params":
                 return value
             return getattr(self, group)(Overrides({key: value}))[key]
 
