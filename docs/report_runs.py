@@ -31,6 +31,7 @@ from benchmarks.sweeps.running import compare_again, record_parts, sample
 from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.tables.comparison import FURTHER
 from benchmarks.tables.frames import csv_of
+from benchmarks.tables.panels import trial_words
 from benchmarks.trials.scoring import TrialRecord
 from benchmarks.trials.spec import Trial, code_digest
 from benchmarks.trials.stage import Outcome, provenance_of
@@ -140,7 +141,7 @@ def _differs(name: str, report: Report, where: Where) -> bool:
     differing = compare_again(chosen, provenance_of(sweep.cells()), where, difference)
     for trial in filter(differing.__contains__, rows):
         first = trials[trial]
-        words = f"{' '.join(first.words())}, world {first.trial}, {differing[trial]}"
+        words = f"{' '.join(trial_words(first))}, world {first.trial}, {differing[trial]}"
         print(f"{name}: {len(differing)} of {len(rows)} trials differ; the first, {words}.")
         return True
     print(f"{name}: {len(rows)} trials, none differs.")

@@ -52,8 +52,14 @@ def log_of(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> log
 
 def map_of(given: Any, unknown: Any, log: logs.Log) -> Map | None:
     """Return a map given as a ``Map``, by its path or by its corners; None is none."""
+    path = isinstance(given, str | PathLike)
+    if path and not str(given).endswith((".yaml", ".yml")):
+        raise InputError(
+            f"the map is {shown(given)}, but must be a .yaml file, which names the image and tells "
+            "its resolution: give the path of that."
+        )
     if unknown is not None:
-        if not (isinstance(given, str | PathLike) and str(given).endswith((".yaml", ".yml"))):
+        if not path:
             raise InputError(
                 f"unknown is {shown(unknown)} and map is {shown(given)}, but unknown cells are "
                 "only those of a map's yaml: give its path as map, or leave unknown out."

@@ -381,7 +381,11 @@ def main() -> None:
     parser.add_argument("--rooms", type=int, default=64)
     parser.add_argument("--seeds", default="0,1,2", help="of the trainings")
     parser.add_argument("--episodes", type=int, default=100, help="in which they are scored")
-    parser.add_argument("--against", default="spin,wall-follower,four-deep", help="policies")
+    parser.add_argument(
+        "--against",
+        default="wall-follower,spin,four-deep",
+        help="policies; gains are above the first",
+    )
     parser.add_argument(
         "--load", type=Path, nargs="*", default=[], help="policies; none is trained"
     )
@@ -398,8 +402,9 @@ def main() -> None:
     except ModuleNotFoundError as missing:
         sys.exit(f"{missing.name} is not installed: pip install '.[rl]' in the clone.")
     score = partial(evaluate, "Localize-v0", episodes=given.episodes)
-    base = score("spin", reference=None)
-    others = [score(name, reference=base) for name in given.against.split(",") if name != "spin"]
+    first, *names = given.against.split(",")
+    base = score(first, reference=None)
+    others = [score(name, reference=base) for name in names]
     for file in given.load or [given.out / f"ppo-{seed}.npz" for seed in seeds]:
         policy: Any = Policy.load(file)
         policy.__name__ = file.stem
