@@ -14,12 +14,13 @@ from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.maps.map import LENGTH
 from deqmcl_gym.numerics import Floats, Reals, Singles
 from deqmcl_gym.numerics.compiling import compiled
-from deqmcl_gym.validation import number
+from deqmcl_gym.validation import InputError, number
 from localizers.models.scan import BeamDensity, Scan, log_outside
 
 Codes = NDArray[np.uint8]  # of ranges, in steps; the last is of readings at the largest range, …
 _LAST = 255  # … or of cells without free ground
 _DIRECTIONS = 64  # a power of 2
+_MOST = 2**28  # bytes of a table; ranges take four times as much while it is made
 _BEYOND = 1.25  # largest ranges: exact ones from there on are alike
 # Where in a cell the rays start, in cells off its centre: the first that is on free ground.
 _STARTS = (0.0, 0.0), (-0.25, -0.25), (0.25, 0.25), (-0.25, 0.25), (0.25, -0.25)
@@ -77,6 +78,11 @@ class RangeTable:
         step = _BEYOND * lidar.max_range / (_LAST - 1)
         x0, y0, x1, y1 = floor_plan.bounds
         columns, rows = int(np.ceil((x1 - x0) / self.cell)), int(np.ceil((y1 - y0) / self.cell))
+        if (size := columns * rows * _DIRECTIONS) > _MOST:
+            raise InputError(
+                f"the table of this map's ranges would take {size >> 20:,} MiB, but may take "
+                f'{_MOST >> 20}: use ray casts, as scan="beams" does, or a larger cell.'
+            )
         cells = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
         bearings = np.arange(_DIRECTIONS) * (2 * np.pi / _DIRECTIONS)
         table = np.full((rows * columns + 1, _DIRECTIONS), _LAST, np.uint8)
