@@ -52,14 +52,14 @@ def log_of(given: Any, reference: Any, reading: Mapping[str, Any] | None) -> log
 
 def map_of(given: Any, unknown: Any, log: logs.Log) -> Map | None:
     """Return a map given as a ``Map``, by its path or by its corners; None is none."""
-    path = isinstance(given, str | PathLike)
-    if path and not str(given).endswith((".yaml", ".yml")):
+    path = str(given) if isinstance(given, str | PathLike) else ""
+    if path.endswith((".pgm", ".png", ".bmp")):
         raise InputError(
-            f"the map is {shown(given)}, but must be a .yaml file, which names the image and tells "
-            "its resolution: give the path of that."
+            f"the map is {shown(given)}, an image, but must be the .yaml file that names the image "
+            "and tells its resolution: give the path of that."
         )
     if unknown is not None:
-        if not path:
+        if not path.endswith((".yaml", ".yml")):
             raise InputError(
                 f"unknown is {shown(unknown)} and map is {shown(given)}, but unknown cells are "
                 "only those of a map's yaml: give its path as map, or leave unknown out."
