@@ -31,7 +31,7 @@ LIMITS = {  # the most files that each may enter
 }
 MOST_CALLS = 17_200  # of functions of ours, in a trial of mcl
 MOST_FILES = 162  # of source
-MOST_LINES = {"source": 39_945, "tests": 27_720}
+MOST_LINES = {"source": 39_950, "tests": 27_720}
 
 COMMANDS = {
     "deqmcl paper": "paper --trials 1 --jobs 1 --localizers mcl --out {out}",

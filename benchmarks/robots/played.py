@@ -244,6 +244,9 @@ def _with_noise(
 ) -> tuple[dict[str, Any], str]:
     """Return what is assumed, with the noise of the motion that is not given, and its origin."""
     noise = REPLAY.changed(world, assumed).motion
+    if isinstance(table := assumed.get("motion"), Mapping):
+        rest = {name: value for name, value in assumed.items() if name != "motion"}
+        assumed = rest | {f"motion.{name}": value for name, value in table.items()}
     names = {f"motion.{name}" for name in vars(noise)}
     told = [name.partition(".")[2] for name in assumed if name in names]
     if names - {"motion.still"} <= assumed.keys():

@@ -275,6 +275,9 @@ def test_motion_given_in_part_leaves_the_rest_as_it_would_be(recorded, kind, par
     assert vars(whole) == vars(whole) | part | rest
     assert replays[1].noise.startswith(f"{name} given; the rest {origin}")
     assert replays[2].noise == "given"
+    table = {"assumed.motion": chosen | part}
+    as_table = replay_of("lap.csv", "hall.yaml", settings=table, reference="lap.tum")
+    assert (as_table.motion, as_table.noise) == (partly, replays[1].noise)
     unknown = replay_of("lap.csv", "hall.yaml", settings=of_motion(chosen), start="1.2,1,0")
     assert unknown.motion == unknown_motion(kind, "m")
     assert unknown.noise == "assumed, as there is no reference"
