@@ -5,6 +5,7 @@ casts, and nearly as informative where beams are noisy: for training.
 """
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -15,12 +16,12 @@ from deqmcl_gym.maps.map import LENGTH
 from deqmcl_gym.numerics import Floats, Reals, Singles
 from deqmcl_gym.numerics.compiling import compiled
 from deqmcl_gym.validation import InputError, number
-from localizers.models.scan import BeamDensity, Scan, log_outside
+from localizers.models.scan import CensoredGaussianUniform, Scan, log_outside
 
 Codes = NDArray[np.uint8]  # of ranges, in steps; the last is of readings at the largest range, …
 _LAST = 255  # … or of cells without free ground
 _DIRECTIONS = 64  # a power of 2
-_MOST = 2**28  # bytes of a table; ranges take four times as much while it is made
+_MOST = 2**26  # bytes of a table; it takes some 16 times as much while it is made
 _BEYOND = 1.25  # largest ranges: exact ones from there on are alike
 # Where in a cell the rays start, in cells off its centre: the first that is on free ground.
 _STARTS = (0.0, 0.0), (-0.25, -0.25), (0.25, 0.25), (-0.25, 0.25), (0.25, -0.25)
@@ -67,7 +68,7 @@ class RangeTable:
     Rays start up to half a cell's diagonal off, and end, at a distance d, up to πd/64 aside.
     """
 
-    beam: BeamDensity
+    beam: CensoredGaussianUniform
     cell: float = field(metadata=LENGTH)  #: side of the table's cells, in the map's unit
 
     def __post_init__(self) -> None:
@@ -93,14 +94,19 @@ class RangeTable:
             exact = floor_plan.ranges(poses, bearings)
             free = ~np.isnan(exact[:, 0])
             table[left[free]] = np.rint(exact[free] / step).clip(max=_LAST - 1).astype(np.uint8)
-        levels = step * np.arange(_LAST + 1.0)
-        logs = np.full((_LAST + 1, _LAST + 1), log_outside(self.beam, lidar.max_range))
-        for code, reading in enumerate([*levels[:_LAST], lidar.max_range]):
-            seen = np.array([min(reading, lidar.max_range)])
-            expected = levels[:_LAST, None].astype(np.float32)
-            logs[code, :_LAST] = self.beam.log_likelihood(seen, expected, lidar.max_range)
-        frame = x0, y0, self.cell
+        logs, frame = _logs(self.beam, lidar.max_range, step), (x0, y0, self.cell)
         return TableOfMap(lidar, step, logs, table.ravel(), (rows, columns), frame)
+
+
+@lru_cache(4)
+def _logs(beam: CensoredGaussianUniform, max_range: float, step: float) -> Floats:
+    """Log-likelihood of each reading given each exact range, by their codes, (256, 256)."""
+    levels = step * np.arange(_LAST)
+    logs = np.full((_LAST + 1, _LAST + 1), log_outside(beam, max_range))
+    for code, reading in enumerate([*levels.clip(max=max_range), max_range]):
+        expected = levels[:, None].astype(np.float32)
+        logs[code, :_LAST] = beam.log_likelihood(np.array([reading]), expected, max_range)
+    return logs
 
 
 class TableOfMap(NamedTuple):
