@@ -154,18 +154,21 @@ def test_odometry_that_loses_the_sign_of_some_drives_leaves_them_possible_and_th
     assert found.alpha2 == pytest.approx(clean.alpha2, rel=0.2)
 
 
+@pytest.mark.parametrize("distance", [0.2, 0.06])
 @pytest.mark.parametrize("model", [DifferentialMotion, OmniMotion])
-def test_a_reference_with_noise_does_not_inflate_what_it_cannot_tell(model):
-    # at rest between steps and on the spot the reference jitters by 1 cm; drives are 0.2 m
+def test_a_reference_with_noise_does_not_inflate_what_it_cannot_tell(model, distance):
+    # at rest between steps, on the spot and to the side the reference jitters by 1 cm
     rng = np.random.default_rng(8)
-    meant = np.tile([[0.2, 0.0, 0.01], [0.001, 0.0, 0.3]], (1000, 1))
+    meant = np.tile([[distance, 0.0, 0.01], [0.001, 0.0, 0.3]], (1000, 1))
     done = meant + rng.normal(0, [0.01, 0.01, 0.003], meant.shape)
     found = model.fitted(meant, done)
     # of drives all alike only the sum is told; the standard deviation is right to 1 / √2,000 = 2 %,
     # its 99 % point to 5 %
-    variance = found.alpha3 * 0.2**2 + found.alpha4 * 0.01**2
+    variance = found.alpha3 * distance**2 + found.alpha4 * 0.01**2
     assert math.sqrt(variance) == pytest.approx(0.01, rel=0.15)
-    assert math.sqrt(found.alpha2) * 0.2 < 0.1  # rad in 0.2 m
+    # headings jitter by 0.003 rad, the direction of a drive by 0.01 / distance
+    turns = 2 if model is DifferentialMotion else 1
+    assert math.sqrt(turns * found.alpha2) * distance == pytest.approx(0.003, rel=0.15)
 
 
 @pytest.mark.parametrize("model", [DifferentialMotion, OmniMotion, OdometryMotion])
