@@ -15,12 +15,11 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode, SyncVectorEnv, VectorEnv
-from gymnasium.vector.utils import batch_space, iterate
-from numpy.typing import NDArray
+from gymnasium.vector.utils import batch_space
 
 from deqmcl_gym.envs import vector_kernels
 from deqmcl_gym.envs.acting import RIGHT
-from deqmcl_gym.envs.vector import checked_mode, checked_seeds, chosen_rooms
+from deqmcl_gym.envs.vector import ManyEpisodes, checked_mode
 from deqmcl_gym.envs.vector_rooms import Grounds, NormalTable, wide
 from deqmcl_gym.maps import GridMap, Offices
 from deqmcl_gym.maps.map import metre
@@ -69,14 +68,13 @@ def _is_native(env: Localize, task: dict[str, Any]) -> bool:
     )
 
 
-class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
+class LocalizeVectorEnv(ManyEpisodes):
     """n rooms of a ``Localize`` env, each with its own seed, building, robot and filter."""
 
     def __init__(self, single: Localize, num_envs: int, autoreset_mode: Any) -> None:
         """Make ``num_envs`` rooms like a single one."""
-        self._single, self._mode = single, checked_mode(autoreset_mode)
-        self.num_envs = n = num_envs
-        self.metadata = {"autoreset_mode": self._mode}
+        super().__init__(n := num_envs, autoreset_mode)
+        self._single = single
         self.single_observation_space = single.observation_space
         self.single_action_space = single.action_space
         self.observation_space = batch_space(single.observation_space, n)
@@ -86,7 +84,7 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
         localizer: Any = single._localizer
         self._count = count = int(localizer.filter.particles)
         robot = localizer.robot
-        self._scan, (_, self._table) = robot.scan, _place(self.world, None, None, robot.scan)
+        self._source, (_, self._table) = robot.scan, _place(self.world, None, None, robot.scan)
         self._noise = tuple(vars(robot.motion)[name] for name in ("drive", "turn", "drift"))
         # of the robots
         self._grounds = Grounds(self.world, n, own=True)
@@ -113,7 +111,6 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
         # of the episodes
         self.buildings, self.steps = np.zeros(n, np.int64), np.zeros(n, np.int64)
         self._confident, self._right = np.zeros((2, n), np.int64)
-        self._ended, self._begun = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
         # random generators: each room's, its filter's, and that of the particles it shows
         self._streams: list[np.random.Generator | None] = [None] * n
         self._of_filters: list[Any] = [None] * n
@@ -122,32 +119,10 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
         self._threads = min(n, len(affinity(0)) if affinity else os.cpu_count() or 1)
         self._pool: ThreadPoolExecutor | None = None
 
-    def reset(
-        self,
-        *,
-        seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
-    ) -> tuple[Any, dict[str, Any]]:
-        """Begin an episode in all rooms or those of a ``reset_mask``, as ``RoomVectorEnv``."""
-        chosen = chosen_rooms(options, self.num_envs)
-        rooms = np.flatnonzero(chosen)
-        self._begin(rooms, checked_seeds(seed, self.num_envs))
-        none = np.zeros(self.num_envs, np.bool_)
-        nothing = np.zeros((self.num_envs, 2), np.float32)
-        return self._seen(), self._info(chosen, nothing, none, none)
-
     def step(self, actions: Singles) -> tuple[Any, Floats, Bools, Bools, dict[str, Any]]:
         """Declare, or move and update in each room; begin the next episode where one ended."""
-        if not self._begun.all():
-            raise RuntimeError("the episodes have not begun: call reset() before step().")
-        again = np.flatnonzero(self._ended)
-        if again.size and self._mode is AutoresetMode.DISABLED:
-            raise RuntimeError(
-                f"the episode in room {again[0]} has ended: call reset() with its reset_mask "
-                "before step()."
-            )
-        given = self._single._commands.checked_each(actions, self._ended)
-        resting = self._ended.copy()
+        again, resting = self._due(), self._ended
+        given = self._single._commands.checked_each(actions, resting)
         declared = (given[:, 2] >= 0.5) & ~resting
         commands = given[:, :2].copy()
         commands[resting | declared] = 0.0
@@ -160,11 +135,8 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
         self._ended = declared | truncated
         if again.size:
             self._begin(again)
-        final: dict[str, Any] = {}
-        if self._mode is AutoresetMode.SAME_STEP and self._ended.any():
-            final = self._begun_again(commands, collided, success)
-        info = self._info(np.ones_like(resting), commands, collided, success)
-        return self._seen(), rewards, declared.copy(), truncated, info | final
+        info = self._info_of_step(commands, collided, success)
+        return self._seen(), rewards, declared, truncated, info
 
     def ranges(self, poses: Floats) -> Singles:
         """Return what each room's lidar would measure at a pose, (n, 3), without noise, (n, B)."""
@@ -183,7 +155,7 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
         """Threads are begun anew."""
         return vars(self) | {"_pool": None}
 
-    def _begin(self, rooms: Indices, seeds: Sequence[int | None] | None = None) -> None:
+    def _draw(self, rooms: Indices, seeds: Sequence[int | None] | None) -> None:
         for room in rooms.tolist():
             seed, rng = seeds[room] if seeds else None, self._streams[room]
             if seed is not None or rng is None:
@@ -192,7 +164,7 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
             sites, building = self._single._sites, None
             if sites is not None:
                 building = self.buildings[room] = sites.offices.drawn(rng.spawn(1)[0])
-            world, scan = _place(self.world, sites and sites.offices, building, self._scan)
+            world, scan = _place(self.world, sites and sites.offices, building, self._source)
             radius = world.body + world.skin
             x, y, heading = random_poses(world.floor_plan, 1, start, radius)[:, 0].tolist()
             pose = self._robots.poses[room] = x, y, centred_heading(heading)
@@ -209,7 +181,6 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
             self._tables[room, :size] = scan.table
             self._shapes[room], self._frames[room] = scan.shape, scan.frame
         self.steps[rooms] = self._confident[rooms] = self._right[rooms] = 0
-        self._ended[rooms], self._begun[rooms] = False, True
         self._summarize(rooms)
 
     def _moved(self, commands: Singles, still: Bools) -> Bools:
@@ -261,7 +232,6 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
         list(self._pool.map(lambda part: kernel(part, *arguments), parts))
 
     def _seen(self) -> dict[str, Any]:
-        """Return the observations of all rooms, as fresh arrays."""
         view = self._single._view
         seen = {
             "scan": self.scans.copy(),
@@ -282,31 +252,11 @@ class LocalizeVectorEnv(VectorEnv[Any, Singles, NDArray[Any]]):
             for space in [self._spaces[name]]
         }
 
-    def _info(
-        self, among: Bools, commands: Singles, collided: Bools, success: Bools
-    ) -> dict[str, Any]:
-        told: dict[str, Any] = {
-            "command": commands.copy(),
-            "collided": collided.astype(np.float64),
-            "is_success": success.astype(np.float64),
-            "truth": self._robots.poses.copy(),
-        }
+    def _told(self) -> dict[str, Any]:
+        told: dict[str, Any] = {"truth": self._robots.poses.copy()}
         if self._single._sites is not None:
             told["building"] = self.buildings.copy()
-        for values in told.values():
-            values[~among] = 0
-        return told | {f"_{key}": among.copy() for key in told}
-
-    def _begun_again(self, commands: Singles, collided: Bools, success: Bools) -> dict[str, Any]:
-        """Begin the next episode where one has ended; return its last observation and info."""
-        ended, last = self._ended.copy(), np.full(self.num_envs, None, dtype=object)
-        for room, seen in enumerate(iterate(self.observation_space, self._seen())):
-            if ended[room]:
-                last[room] = seen
-        final = {"final_obs": last, "final_info": self._info(ended, commands, collided, success)}
-        self._begin(np.flatnonzero(ended))
-        commands[ended], collided[ended], success[ended] = 0.0, False, False
-        return final | {f"_{key}": ended.copy() for key in final}
+        return told
 
 
 @lru_cache(_KEPT)

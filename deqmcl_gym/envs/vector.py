@@ -30,7 +30,108 @@ _MODES = {mode.value: mode for mode in AutoresetMode}
 MOST_ROOM_BYTES = 16 * 2**30  # of all rooms
 
 
-class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
+class ManyEpisodes(VectorEnv[Any, RoomActions, NDArray[Any]]):
+    """What n rooms with episodes of their own share: resets by mask or automatic, and ``info``."""
+
+    def __init__(self, rooms: int, autoreset_mode: str | AutoresetMode) -> None:
+        self.num_envs, self._mode = rooms, checked_mode(autoreset_mode)
+        self.metadata = {"autoreset_mode": self._mode}
+        self._begun, self._ended = np.zeros((2, rooms), np.bool_)
+        self._all, self._all_begun = np.ones(rooms, np.bool_), False
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Any, Info]:
+        """Begin an episode in all rooms, or in those of ``options["reset_mask"]``, (n,) bool.
+
+        The seed s gives room i the seed s + i; a list gives each its own; a room without one begins
+        the next episode in the order of its last seed. If one is refused, or no start is free, all
+        episodes continue.
+        """
+        chosen = _chosen_rooms(options, self.num_envs)
+        rooms = np.flatnonzero(chosen)
+        self._begin(rooms, _checked_seeds(seed, self.num_envs))
+        self._scan(rooms)
+        none = np.zeros_like(chosen)
+        nothing = np.zeros((self.num_envs, 2), np.float32)
+        return self._seen(), self._info(chosen, nothing, none, none)
+
+    def _begin(self, rooms: Indices, seeds: Sequence[int | None] | None = None) -> None:
+        """Begin an episode in each of ``rooms``, with ``seeds`` (n,) or as the room's next one."""
+        self._draw(rooms, seeds)
+        self._begun[rooms] = True
+        self._all_begun = bool(self._begun.all())
+        self._ended = self._ended.copy()  # step() still uses the old array
+        self._ended[rooms] = False
+
+    def _draw(self, rooms: Indices, seeds: Sequence[int | None] | None) -> None:
+        """Draw what begins an episode in each of ``rooms``."""
+        raise NotImplementedError
+
+    def _scan(self, rooms: Indices) -> None:
+        """Take the first scan in each of ``rooms``, if that is not part of how they begin."""
+
+    def _seen(self) -> Any:
+        """Return the observations of all rooms, as fresh arrays."""
+        raise NotImplementedError
+
+    def _told(self) -> Info:
+        """Return what ``info`` has of the rooms as they are, fresh arrays (n, …)."""
+        raise NotImplementedError
+
+    def _due(self) -> Indices:
+        """Return the rooms that a step begins anew; refuse one that a user must reset first."""
+        self._check_begun("step")
+        again = self._ended.nonzero()[0]  # none with SAME_STEP
+        if again.size and self._mode is AutoresetMode.DISABLED:
+            raise RuntimeError(
+                f"the episode in room {again[0]} has ended: call reset() with its "
+                "reset_mask before step()."
+            )
+        return again
+
+    def _info_of_step(self, commands: RoomActions, collided: Bools, success: Bools) -> Info:
+        """Return ``info`` of a step; with SAME_STEP begin the next episode where one has ended."""
+        final: Info = {}
+        if self._mode is AutoresetMode.SAME_STEP and np.count_nonzero(self._ended):
+            ended, last = self._ended, np.full(self.num_envs, None, dtype=object)
+            for room, seen in enumerate(iterate(self.observation_space, self._seen())):
+                if ended[room]:
+                    last[room] = seen
+            said = self._info(ended, commands.copy(), collided, success)
+            final = {"final_obs": last, "final_info": said}
+            final |= {f"_{key}": ended.copy() for key in final}
+            rooms = np.flatnonzero(ended)
+            self._begin(rooms)
+            self._scan(rooms)
+            commands[ended], collided[ended], success[ended] = 0.0, False, False
+        return final | self._info(self._all, commands, collided, success)
+
+    def _info(self, among: Bools, commands: RoomActions, collided: Bools, success: Bools) -> Info:
+        """Return ``RoomInfo`` as arrays over the rooms, zero if not ``among``."""
+        told = self._told() | {
+            "command": commands,
+            "collided": collided.astype(np.float64),
+            "is_success": success.astype(np.float64),
+        }
+        if among is not self._all:
+            for values in told.values():
+                values[~among] = 0
+        told.update({f"_{key}": among.copy() for key in told})
+        return told
+
+    def _check_begun(self, wish: str) -> None:
+        if not self._all_begun:
+            raise NoEpisodeError(
+                f"the episode in room {self._begun.argmin()} has not begun: call reset() before "
+                f"{wish}()."
+            )
+
+
+class RoomVectorEnv(ManyEpisodes):
     """n rooms of :class:`deqmcl_gym.envs.room.RoomEnv`, each with its own seed and episodes.
 
     docs/environment.md describes what differs from one room. Where episodes draw offices,
@@ -54,18 +155,13 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
             autoreset_mode: "NextStep", "SameStep" or "Disabled", or Gymnasium's own constant.
             room: further arguments of :class:`deqmcl_gym.envs.room.RoomEnv`.
         """
-        self._limit = _limit(max_episode_steps)
-        self._mode = checked_mode(autoreset_mode)
+        self._limit, mode = _limit(max_episode_steps), checked_mode(autoreset_mode)
         self._rules = rules = RoomRules.of(**room)
         _check_together(rules)
-        self.num_envs = _number(num_envs, rules)
+        super().__init__(_number(num_envs, rules), mode)
         self.world = rules.world
         self.floor_plan, self.lidar = self.world.floor_plan, self.world.lidar
-        self.metadata = {
-            "render_modes": ["rgb_array"],
-            "render_fps": 30,
-            "autoreset_mode": self._mode,
-        }
+        self.metadata |= {"render_modes": ["rgb_array"], "render_fps": 30}
         if render_mode is not None:
             one_of("render_mode", render_mode, self.metadata["render_modes"])
             _ = rules.view  # refuses a room too large for a picture
@@ -77,9 +173,6 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         self._rooms = Rooms(rules, self.num_envs, self._limit)
         # seed and number since the seed of each room's episode
         self._episodes: list[tuple[int, int] | None] = [None] * self.num_envs
-        self._all_begun = False
-        self._all = np.ones(self.num_envs, np.bool_)
-        self._ended = np.zeros(self.num_envs, np.bool_)
 
     @property
     def floor_plans(self) -> tuple[Map, ...]:
@@ -97,26 +190,6 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         """The seed of each room, None before its first reset."""
         return tuple(None if episode is None else episode[0] for episode in self._episodes)
 
-    def reset(
-        self,
-        *,
-        seed: int | Sequence[int | None] | None = None,
-        options: dict[str, Any] | None = None,
-    ) -> tuple[Any, Info]:
-        """Begin an episode in all rooms, or in those of ``options["reset_mask"]``, (n,) bool.
-
-        The seed s gives room i the seed s + i; a list gives each its own; a room without one begins
-        the next episode in the order of its last seed. If one is refused, or no start is free, all
-        episodes continue.
-        """
-        chosen = chosen_rooms(options, self.num_envs)
-        rooms = np.flatnonzero(chosen)
-        self._begin(rooms, checked_seeds(seed, self.num_envs))
-        self._rooms.observe(rooms)
-        nothing = np.zeros((self.num_envs, 2), np.float32)
-        none = np.zeros_like(chosen)
-        return self._seen(), self._info(chosen, nothing, none, none)
-
     def step(
         self, actions: RoomActions
     ) -> tuple[Any, NDArray[Any], NDArray[Any], NDArray[Any], Info]:
@@ -124,26 +197,16 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
 
         If actions are refused, no room has taken its step.
         """
-        self._check_begun("step")
-        resting = self._ended  # all False with SAME_STEP
-        again = resting.nonzero()[0]
-        if again.size and self._mode is AutoresetMode.DISABLED:
-            raise RuntimeError(
-                f"the episode in room {again[0]} has ended: call reset() with its "
-                "reset_mask before step()."
-            )
+        again, resting = self._due(), self._ended
         commands = self._rules.commands.checked_each(actions, resting)
         if again.size:
             self._begin(again)
             commands[again] = 0.0
         rewards, collided, terminated, truncated = self._rooms.move(commands, resting)
         self._rooms.observe()
-        self._ended, success = terminated | truncated, terminated.copy()
-        final: Info = {}
-        if self._mode is AutoresetMode.SAME_STEP and np.count_nonzero(self._ended):
-            final = self._begun_again(commands, collided, success)
-        info = self._info(self._all, commands, collided, success)
-        return self._seen(), rewards, terminated, truncated, final | info
+        self._ended = terminated | truncated
+        info = self._info_of_step(commands, collided, terminated.copy())
+        return self._seen(), rewards, terminated, truncated, info
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """Return each room as it is, (h, w, 3) RGB, or None without a render mode."""
@@ -158,16 +221,15 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
             for room, (course, (x, y, heading), scan, step) in enumerate(states)
         )
 
-    def _begin(self, rooms: Indices, seeds: Sequence[int | None] | None = None) -> None:
-        """Begin an episode in each of ``rooms``, with ``seeds`` (n,) or as the room's next one."""
+    def _draw(self, rooms: Indices, seeds: Sequence[int | None] | None) -> None:
         numbers = rooms.tolist()
         episodes = [self._next_episode(room, seeds[room] if seeds else None) for room in numbers]
         self._rooms.begin(rooms, episodes)
         for room, episode in zip(numbers, episodes, strict=True):
             self._episodes[room] = episode
-        self._all_begun = self._all_begun or None not in self._episodes
-        self._ended = self._ended.copy()  # step() still uses the old array
-        self._ended[rooms] = False
+
+    def _scan(self, rooms: Indices) -> None:
+        self._rooms.observe(rooms)
 
     def _next_episode(self, room: int, seed: int | None) -> tuple[int, int]:
         """Seed and number of a room's next episode."""
@@ -178,23 +240,7 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
             return last[0], last[1] + 1
         return secrets.randbits(128), 0
 
-    def _begun_again(self, commands: RoomActions, collided: Bools, success: Bools) -> Info:
-        """Begin the next episode where one has ended; return its last observation and info."""
-        ended = self._ended.copy()
-        rooms = np.flatnonzero(ended)
-        last = np.full(self.num_envs, None, dtype=object)
-        for room, seen in enumerate(iterate(self.observation_space, self._seen())):
-            if ended[room]:
-                last[room] = seen
-        said = self._info(ended, commands.copy(), collided, success)
-        final: Info = {"final_obs": last, "final_info": said}
-        self._begin(rooms)
-        self._rooms.observe(rooms)
-        commands[ended], collided[ended], success[ended] = 0.0, False, False
-        return final | {f"_{key}": ended.copy() for key in final}
-
     def _seen(self) -> Any:
-        """Return the observations of all rooms, as fresh arrays."""
         rooms, rules = self._rooms, self._rules
         if rules.observation == "scan":
             return rooms.scans.copy()
@@ -203,33 +249,18 @@ class RoomVectorEnv(VectorEnv[Any, RoomActions, NDArray[Any]]):
         shares = rooms.progress / courses.lengths, rooms.steps / courses.limits
         return rules.seen(rooms.scans, rooms.plans()[0], *shares, goals, rooms.poses)
 
-    def _info(self, among: Bools, commands: RoomActions, collided: Bools, success: Bools) -> Info:
-        """Return ``RoomInfo`` as arrays over the rooms, zero if not ``among``."""
+    def _told(self) -> Info:
         planned, count = self._rooms.plans()
         told: Info = {
             "planned_actions": planned,
             "planned_count": count,
-            "command": commands,
-            "collided": collided.astype(np.float64),
-            "is_success": success.astype(np.float64),
             "truth": self._rooms.poses.copy(),
         }
         if self._rules.journeys is not None and self._rules.observation == "scan":
             told["goal"] = self._rooms.courses.goals.copy()
         if self._rules.offices is not None:
             told["building"] = self._rooms.buildings.copy()
-        if among is not self._all:
-            for values in told.values():
-                values[~among] = 0
-        told.update({f"_{key}": among.copy() for key in told})
         return told
-
-    def _check_begun(self, wish: str) -> None:
-        if not self._all_begun:
-            raise NoEpisodeError(
-                f"the episode in room {self._episodes.index(None)} has not begun: call reset() "
-                f"before {wish}()."
-            )
 
 
 def checked_mode(mode: Any) -> AutoresetMode:
@@ -237,7 +268,7 @@ def checked_mode(mode: Any) -> AutoresetMode:
     return _MODES[one_of("autoreset_mode", getattr(mode, "value", mode), _MODES)]
 
 
-def chosen_rooms(options: Mapping[str, Any] | None, number: int) -> Bools:
+def _chosen_rooms(options: Mapping[str, Any] | None, number: int) -> Bools:
     """Return which rooms a reset begins, (n,)."""
     check_options(options)
     mask = options.get("reset_mask") if options else None
@@ -252,8 +283,8 @@ def chosen_rooms(options: Mapping[str, Any] | None, number: int) -> Bools:
     return chosen.copy()
 
 
-def checked_seeds(seed: object, number: int) -> list[int | None]:
-    """Return a seed for each room, or None; see ``RoomVectorEnv.reset``."""
+def _checked_seeds(seed: object, number: int) -> list[int | None]:
+    """Return a seed for each room, or None; see ``ManyEpisodes.reset``."""
     if seed is None:
         return [None] * number
     if not isinstance(seed, Sequence | np.ndarray) or isinstance(seed, str):

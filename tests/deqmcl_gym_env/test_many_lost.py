@@ -172,7 +172,7 @@ def test_a_table_that_would_take_too_much_memory_is_refused_before_it_is_made():
 
 def test_bad_actions_are_refused_and_no_room_moves():
     envs = gym.make_vec(ID, num_envs=2, **TASK)
-    with pytest.raises(RuntimeError, match="have not begun"):
+    with pytest.raises(RuntimeError, match="has not begun"):
         envs.step(np.zeros((2, 3), np.float32))
     envs.reset(seed=0)
     before = envs._robots.poses.copy()
