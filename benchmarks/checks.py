@@ -29,7 +29,7 @@ from localizers.checks.subject import (
     robot_on,
 )
 from localizers.models.scan import Scan, ScanModel
-from localizers.registry import SCAN_MODEL, is_code
+from localizers.registry import SCAN_MODEL
 
 _STEPS = 40
 FREE, ANYWHERE = 200, 100  # poses that a scan is held against; the last on and around the map
@@ -248,7 +248,7 @@ def _agent(name: str, scenario: str | None) -> Subject:
 
 
 def _scan_model(name: str, scenario: str | None) -> Subject:
-    kind = absolute_name(SCAN_MODEL.complete(name)) if is_code(name) else name
+    kind = absolute_name(SCAN_MODEL.complete(name)) if SCAN_MODEL.reference(name) else name
     return ScanTests.of(kind, scenario)
 
 

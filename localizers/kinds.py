@@ -16,7 +16,6 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache, reduce
 from importlib.metadata import distributions
@@ -52,10 +51,10 @@ class Kind:
 
     def names(self) -> tuple[str, ...]:
         """Names that are built in, registered or installed; none is loaded."""
-        return tuple(dict.fromkeys((*self.builtin, *self.added, *sorted(self.installed()))))
+        return tuple(dict.fromkeys((*self.builtin, *self.added, *sorted(self._installed))))
 
-    def installed(self) -> Mapping[str, str]:
-        """References of the entry points of installed packages, by name; none is loaded."""
+    @property
+    def _installed(self) -> Mapping[str, str]:
         return _entry_points(tuple(sys.path)).get(self.group, {})
 
     def register(self, name: str, factory: Any) -> None:
@@ -77,40 +76,41 @@ class Kind:
             )
         self.added[name] = factory
 
-    @contextmanager
+    @contextlib.contextmanager
     def registered(self, name: str, factory: Any) -> Iterator[None]:
         """Know ``factory`` as ``name`` in a ``with`` block, or in a function that it decorates."""
-        before = self.added.pop(name, None)
+        before = dict(self.added)
+        self.added.pop(name, None)
         self.register(name, factory)
         try:
             yield
         finally:
             del self.added[name]
-            if before is not None:
-                self.added[name] = before
+            self.added.update({name: before[name]} if name in before else {})
 
     def is_plug_in(self, name: str) -> bool:
         """Whether a name leads to other people's code, which ``resolve`` runs."""
-        return not any(name in known for known in (self.builtin, self.added, self.gone))
+        return not any(name in names for names in (self.builtin, self.added, self.gone))
 
-    def reference(self, name: str) -> str:
-        """Return where the code is of a name that is neither built in nor registered."""
-        if isinstance(name, str) and (":" in name or name.endswith(".py")):
-            return name
-        if name in self.gone:
-            raise InputError(f"{name} is gone: {self.gone[name]}")
-        try:
-            return self.installed()[one_of(self.word, name, self.names())]
-        except InputError as error:
-            own = "path/to/file.py:NAME or package.module:NAME"
-            raise InputError(f"{str(error).rstrip('.')}, or your own as {own}.") from None
+    def reference(self, name: object) -> str:
+        """Return where a name says that its code is, "" if it does not; nothing is loaded."""
+        if not isinstance(name, str):
+            return ""
+        return name if ":" in name or name.endswith(".py") else self._installed.get(name, "")
 
     def complete(self, name: str) -> str:
         """Return ``file.py:NAME`` for a ``file.py`` that holds one of the kind, else the name."""
         if not name.endswith(".py"):
             return name
         module = self._module(name, absolute_name(name))
-        fitting = [one for one, value in vars(module).items() if self._is_in(module, one, value)]
+        fitting = [
+            own
+            for own, value in vars(module).items()
+            if inspect.isclass(value)
+            and _is_of(module, value)
+            and not own.startswith("_")
+            and not self._lacking(value)
+        ]
         if len(fitting) == 1:
             return name + f":{fitting[0]}"
         none = f"no class with {' and '.join(self._methods)}"
@@ -123,7 +123,12 @@ class Kind:
         """Return the factory that a name leads to; this runs a plug-in's code."""
         if name in (ours := {**self.builtin, **self.added}):
             return ours[name]
+        if name in self.gone:
+            raise InputError(f"{name} is gone: {self.gone[name]}")
         named, reference = f"the {self.word} {name!r}", self.complete(self.reference(name))
+        if not reference:
+            own = "path/to/file.py:NAME or package.module:NAME"
+            one_of(self.word, name, self.names(), f", or your own as {own}")
         place, _, attribute = _split(absolute_name(reference))
         if not place or not all(part.isidentifier() for part in attribute.split(".")):
             raise InputError(
@@ -147,19 +152,23 @@ class Kind:
     def make(self, name: str, params: Mapping[str, Any], *given: Any, **named: Any) -> Any:
         """Make one of what all of the kind are given, and of its parameters."""
         factory = self.resolve(name)
-        known = parameters_of(factory, len(given), named)
-        for param in params if known is not None else ():
-            one_of(f"parameter of {self.word} {name!r}", param, known or ())
+        self.check_parameters(name, params, parameters_of(factory, len(given), named))
         if name in self.builtin:
             return factory(*given, **named, **params)
         place = _split(absolute_name(name))[0]
         what = f"the {self.word} {name!r} cannot be made by {self.call}"
         return self.checked(name, _called(what, place, factory, *given, **named, **params))
 
+    def check_parameters(
+        self, name: str, params: Iterable[str], taken: Iterable[str] | None
+    ) -> None:
+        """Refuse parameters of a name that are not among those taken (None: any)."""
+        for param in params if taken is not None else ():
+            one_of(f"parameter of {self.word} {name!r}", param, taken or ())
+
     def checked(self, name: str, made: Any) -> Any:
         """Return what was made if it has the methods of the kind, else refuse it."""
-        lacking = [verb for verb in self._methods if not callable(getattr(made, verb, None))]
-        if lacking:
+        if lacking := self._lacking(made):
             raise InputError(
                 f"the {self.word} {name!r} is of type {type(made).__name__}, without "
                 f"{' and '.join(lacking)}: one has {' and '.join(self.verbs)}."
@@ -172,35 +181,29 @@ class Kind:
             return loaded_digest(self.added[name])
         if name in self.builtin:
             return ""
-        is_place = ":" in name or name.endswith(".py")
-        place = _split(absolute_name(name if is_place else self.installed().get(name, "")))[0]
+        place = _split(absolute_name(self.reference(name)))[0]
         return (source_digest_of_file(place) if _is_path(place) else module_digest(place)) or ""
 
     @property
     def _methods(self) -> list[str]:
         return [verb.partition("(")[0] for verb in self.verbs]
 
-    def _is_in(self, module: ModuleType, name: str, value: Any) -> bool:
-        """Whether a public value of a module is one, or a class of its own that makes one."""
-        if name.startswith("_"):
-            return False
-        methods = (getattr(value, verb, None) for verb in self._methods)
-        return inspect.isclass(value) and _is_of(module, value) and all(map(callable, methods))
+    def _lacking(self, thing: Any) -> list[str]:
+        return [verb for verb in self._methods if not callable(getattr(thing, verb, None))]
 
     def _module(self, name: str, place: str) -> ModuleType:
         """Return the module at a place; a file is run, once per content."""
-        named, run = f"the {self.word} {name!r}", (importlib.import_module, place)
+        run: tuple[Any, ...] = (importlib.import_module, place)
         if _is_path(place):
             path = Path(place)
             try:
-                run = (_run, place, content_of(path))  # type: ignore[assignment]
-            except UnreadableError as error:
-                raise InputError(f"{named} cannot be read: {path} {error}.") from None
-            except FileNotFoundError as error:
-                hint = _nearest(path.name, [file.name for file in path.parent.glob("*.py")])
-                words = f"{path}: {error.strerror}{hint}"
-                raise InputError(f"{named} cannot be read: {words}.") from None
-        module: ModuleType = _called(f"{named} cannot be imported", place, *run)
+                run = (_run, place, content_of(path))
+            except (UnreadableError, FileNotFoundError) as error:
+                words, beside = f"{path} {error}", [file.name for file in path.parent.glob("*.py")]
+                if isinstance(error, FileNotFoundError):
+                    words = f"{path}: {error.strerror}{_nearest(path.name, beside)}"
+                raise InputError(f"the {self.word} {name!r} cannot be read: {words}.") from None
+        module: ModuleType = _called(f"the {self.word} {name!r} cannot be imported", place, *run)
         return module
 
 
@@ -263,6 +266,15 @@ def split_path(name: str) -> tuple[str, str]:
     return (place, colon + attribute) if _is_path(place) else ("", name)
 
 
+def _split(name: str) -> tuple[str, str, str]:
+    """Return the place of a name, the colon, and what follows; a plain name has no place."""
+    return (name, "", "") if name.endswith((".py", ".toml")) else name.rpartition(":")
+
+
+def _is_path(place: str) -> bool:
+    return place.endswith((".py", ".toml")) or "/" in place or "\\" in place
+
+
 def is_ctrl_c(error: BaseException) -> bool:
     """Whether an error is the user's Ctrl-C; in a worker it can only come from a plug-in."""
     return isinstance(error, KeyboardInterrupt) and multiprocessing.parent_process() is None
@@ -271,12 +283,13 @@ def is_ctrl_c(error: BaseException) -> bool:
 def raised(error: BaseException, file: str | None = None) -> str:
     """Say what was raised and where, deepest in ``file``: "ValueError: words (name.py, line 7)"."""
     words = reason_of(error).rstrip(".")
-    if isinstance(error, SyntaxError):  # they say where
+    frames = [
+        f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith(_LOADERS)
+    ]
+    own = [frame for frame in frames if frame.filename == file] or frames
+    if not own or isinstance(error, SyntaxError):  # it says where
         return words
-    frames = traceback.extract_tb(error.__traceback__)
-    theirs = [frame for frame in frames if not frame.filename.startswith(_LOADERS)]
-    own = [frame for frame in theirs if frame.filename == file] or theirs
-    return f"{words} ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else words
+    return f"{words} ({Path(own[-1].filename).name}, line {own[-1].lineno})"
 
 
 def reason_of(error: BaseException) -> str:
@@ -338,12 +351,3 @@ def _is_of(module: ModuleType, value: Any) -> bool:
 def _nearest(name: str, names: Iterable[str]) -> str:
     nearest = difflib.get_close_matches(name, list(names), n=1, cutoff=0.4)
     return f" (did you mean {nearest[0]!r}?)" if nearest else ""
-
-
-def _split(name: str) -> tuple[str, str, str]:
-    """Return the place of a name, the colon, and what follows; a plain name has no place."""
-    return (name, "", "") if name.endswith((".py", ".toml")) else name.rpartition(":")
-
-
-def _is_path(place: str) -> bool:
-    return place.endswith((".py", ".toml")) or "/" in place or "\\" in place

@@ -24,7 +24,7 @@ from deqmcl_gym.maps import Lidar, Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Floats
 from deqmcl_gym.numerics.arrays import wrapped
-from deqmcl_gym.validation import SUM_TOLERANCE, digits, one_of
+from deqmcl_gym.validation import SUM_TOLERANCE, digits
 from localizers.api import Belief, Localizer, mean_pose
 from localizers.kinds import absolute_name, parameters_of
 from localizers.models.motion import OdometryMotion
@@ -259,9 +259,7 @@ def localizer_drive(
         source = factory if name in LOCALIZER.added else absolute_name(name)
     else:
         name, factory = getattr(localizer, "__name__", repr(localizer)), localizer
-    names = parameters_of(factory)
-    for param in params if names is not None else ():
-        one_of(f"parameter of localizer {name!r}", param, names or ())
+    LOCALIZER.check_parameters(name, params, parameters_of(factory))
     imported = tuple(changes_since(before))
     return LocalizerDrive(
         name=name, source=source, params=params, robot=robot, imported=imported,
