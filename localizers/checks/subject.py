@@ -11,7 +11,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import zip_longest
@@ -52,12 +52,9 @@ class LawSkippedError(Exception):
 
 def default_robot() -> RobotModel:
     """Return a robot with eight beams in a rectangular corridor."""
-    return robot_on(
-        PolygonMap(
-            outer=[(0, 0), (350, 0), (350, 300), (0, 300)],
-            obstacles=([(100, 100), (250, 100), (250, 200), (100, 200)],),
-        )
-    )
+    block = [(100, 100), (250, 100), (250, 200), (100, 200)]
+    outer = [(0, 0), (350, 0), (350, 300), (0, 300)]
+    return robot_on(PolygonMap(outer=outer, obstacles=(block,)))
 
 
 def robot_on(floor_plan: Map) -> RobotModel:
@@ -216,8 +213,7 @@ class LocalizerDrive(Subject):
         for t, offset, (poses, weights) in ((t, *each) for t, held in run for each in held.items()):
             where = f"points({offset}) at step {t}"
             for name, array in (("pose", poses), ("weight", weights)):
-                if not np.isfinite(array).all():
-                    bad = array[~np.isfinite(array)][0]
+                for bad in array[~np.isfinite(array)]:
                     raise LawBrokenError(f"a {name} of {where} is {bad:g}")
             total, least = float(weights.sum(dtype=np.float64)), weights.min()
             if sums and (least < 0 or abs(total - 1) > SUM_TOLERANCE):
@@ -261,24 +257,16 @@ def localizer_drive(
         name, factory = getattr(localizer, "__name__", repr(localizer)), localizer
     LOCALIZER.check_parameters(name, params, parameters_of(factory))
     imported = tuple(changes_since(before))
-    return LocalizerDrive(
-        name=name, source=source, params=params, robot=robot, imported=imported,
-        **random_drive(robot, np.random.default_rng(0)),
-    )  # fmt: skip
+    subject = {"name": name, "source": source, "params": params, "robot": robot}
+    drive = random_drive(robot, np.random.default_rng(0))
+    return LocalizerDrive(**subject, imported=imported, **drive)
 
 
 def snapshot(belief: Belief, t: int) -> Snapshot:
-    """Copy all points of a belief at step t.
-
-    Raises:
-        LawBrokenError: it has none, or not in the form of ``Belief.points``.
-    """
+    """Copy all points of a belief at step t; they must be in the form of ``Belief.points``."""
     held = getattr(belief, "points", lambda _: None)
-    by_offset = {
-        offset: _copied(points, f"points({offset}) at step {t}")
-        for offset in OFFSETS
-        if (points := held(offset)) is not None
-    }
+    all_points = {offset: held(offset) for offset in OFFSETS}
+    by_offset = {n: _copied(p, n, t) for n, p in all_points.items() if p is not None}
     if 0 not in by_offset:
         raise LawBrokenError(
             f"{'update' if t else 'reset'} (step {t}) returned {_kind(belief)}, but must return a "
@@ -287,15 +275,15 @@ def snapshot(belief: Belief, t: int) -> Snapshot:
     return by_offset
 
 
-def _copied(points: Any, where: str) -> tuple[Floats, Floats]:
+def _copied(points: Any, offset: int, t: int) -> tuple[Floats, Floats]:
     match points:
         case (np.ndarray(shape=(n, 3)) as poses, np.ndarray(shape=(m,)) as weights) if n == m > 0:
             is_of_floats = poses.dtype.kind == weights.dtype.kind == "f"
             if is_of_floats and not any(map(np.ma.isMaskedArray, points)):
                 return poses.copy(), weights.copy()
     raise LawBrokenError(
-        f"{where} is {_kind(points)}, but must be None or (poses, weights), arrays of floats of "
-        "shapes (n, 3) and (n,), n ≥ 1"
+        f"points({offset}) at step {t} is {_kind(points)}, but must be None or (poses, weights), "
+        "arrays of floats of shapes (n, 3) and (n,), n ≥ 1"
     )
 
 
@@ -306,84 +294,50 @@ def _kind(thing: object) -> str:
     return "None" if thing is None else f"an object of type {type(thing).__name__}{of}"
 
 
-def difference(before: object, after: object) -> str | None:
+def difference(before: Any, after: Any, name: str = "", depth: int = 8) -> str | None:
     """Name the first number, word or array inside ``before`` that is another one in ``after``.
 
     What an object has only ``after``, such as caches, is no difference.
     """
-    values = dict(_values(after))
-    for name, value in _values(before):
-        numeric = np.asarray(value).dtype.kind == "f"
-        if name not in values or not np.array_equal(value, values[name], equal_nan=numeric):
-            return name
+    if before is None or isinstance(before, np.ndarray | np.generic | int | float | str):
+        numeric = np.asarray(before).dtype.kind == "f"
+        return None if np.array_equal(before, after, equal_nan=numeric) else name
+    held, now = _parts(before), _parts(after)
+    if isinstance(before, tuple | list | Mapping) and len(held) != len(now):
+        return name
+    for key, value in held.items() if depth else ():
+        numbered = isinstance(before, tuple | list)
+        where = f"{name}[{key}]" if numbered else f"{name}.{key}".lstrip(".")
+        if key not in now:
+            return where
+        if (at := difference(value, now[key], where, depth - 1)) is not None:
+            return at
     return None
 
 
-def _values(thing: Any, name: str = "", depth: int = 8) -> Iterator[tuple[str, Any]]:
-    """Yield all numbers, words, arrays and lengths inside an object, by where they are."""
-    parts: Iterable[tuple[str, Any]] = ()
-    if thing is None or isinstance(thing, np.ndarray | np.generic | int | float | str):
-        yield name, thing
-    elif isinstance(thing, tuple | list):
-        yield name, len(thing)
-        parts = ((f"{name}[{index}]", value) for index, value in enumerate(thing))
-    elif isinstance(thing, Mapping):
-        yield name, len(thing)
-        parts = ((f"{name}.{key}".lstrip("."), value) for key, value in thing.items())
-    elif hasattr(thing, "__dict__"):
-        parts = ((f"{name}.{key}", value) for key, value in vars(thing).items())
-    if depth:
-        for where, value in parts:
-            yield from _values(value, where, depth - 1)
+def _parts(thing: Any) -> Mapping[Any, Any]:
+    if isinstance(thing, tuple | list):
+        return dict(enumerate(thing))
+    return thing if isinstance(thing, Mapping) else getattr(thing, "__dict__", {})
 
 
 GLOBAL_RNG = "the global random numbers of numpy or random"
 ADDED_BY_IMPORTS = ("the filters of warnings", "os.environ", "sys.path", GLOBAL_RNG)
 
 
-def _set_handlers(handlers: Mapping[int, Any]) -> None:
-    for number, handler in handlers.items():
-        if handler is not None and handler != signal.getsignal(number):
-            signal.signal(number, handler)
-
-
-def _set_environment(variables: Mapping[str, str]) -> None:
-    os.environ.clear()
-    os.environ.update(variables)
-
-
-def _global_rng() -> bytes:
-    return pickle.dumps((np.random.get_state(), random.getstate()))  # noqa: NPY002
-
-
-def _set_global_rng(states: bytes) -> None:
-    of_numpy, of_random = pickle.loads(states)
-    np.random.set_state(of_numpy)  # noqa: NPY002
-    random.setstate(of_random)
-
-
-_STATES: dict[str, tuple[Callable[[], Any], Callable[[Any], object]]] = {  # how to read and set it
-    "the working folder": (os.getcwd, os.chdir),
-    "signal handlers": (
-        lambda: {number: signal.getsignal(number) for number in signal.valid_signals()},
-        _set_handlers,
-    ),
-    "np.seterr": (np.geterr, lambda kept: np.seterr(**kept)),
-    "np.set_printoptions": (np.get_printoptions, lambda kept: np.set_printoptions(**kept)),
-    "the filters of warnings": (
-        lambda: list(warnings.filters),
-        lambda kept: setattr(warnings, "filters", kept),
-    ),
-    "os.environ": (lambda: dict(os.environ), _set_environment),
-    "the recursion limit": (sys.getrecursionlimit, sys.setrecursionlimit),
-    "sys.path": (lambda: list(sys.path), lambda kept: setattr(sys, "path", kept)),
-    GLOBAL_RNG: (_global_rng, _set_global_rng),
-}
-
-
 def process_state() -> dict[str, Any]:
     """Return the global state of this process, by name."""
-    return {name: read() for name, (read, _) in _STATES.items()}
+    return {
+        "the working folder": os.getcwd(),
+        "signal handlers": {n: signal.getsignal(n) for n in signal.valid_signals()},
+        "np.seterr": np.geterr(),
+        "np.set_printoptions": np.get_printoptions(),
+        "the filters of warnings": list(warnings.filters),
+        "os.environ": dict(os.environ),
+        "the recursion limit": sys.getrecursionlimit(),
+        "sys.path": list(sys.path),
+        GLOBAL_RNG: pickle.dumps((np.random.get_state(), random.getstate())),  # noqa: NPY002
+    }
 
 
 def changes_since(before: Mapping[str, Any]) -> list[str]:
@@ -394,12 +348,27 @@ def changes_since(before: Mapping[str, Any]) -> list[str]:
 @contextmanager
 def state_kept() -> Iterator[None]:
     """Put the global state of this process back after a block."""
-    before = process_state()
+    folder, handlers, errors, printed, filters, variables, limit, path, rngs = (
+        process_state().values()
+    )
     try:
         yield
     finally:
-        for name in changes_since(before):
-            _STATES[name][1](before[name])
+        os.chdir(folder)
+        for number, handler in handlers.items():
+            if handler not in (None, signal.getsignal(number)):
+                signal.signal(number, handler)
+        np.seterr(**errors)
+        np.set_printoptions(**printed)
+        warnings.filters[:] = filters  # type: ignore[index]
+        if variables != dict(os.environ):
+            os.environ.clear()
+            os.environ.update(variables)
+        sys.setrecursionlimit(limit)
+        sys.path[:] = path
+        of_numpy, of_random = pickle.loads(rngs)
+        np.random.set_state(of_numpy)  # noqa: NPY002
+        random.setstate(of_random)
 
 
 def running() -> dict[str, str]:
