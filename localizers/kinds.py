@@ -25,7 +25,7 @@ from typing import Any, Self
 
 from deqmcl_gym.files import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, in_words, one_of
-from localizers.digests import loaded_digest, module_digest, source_digest_of_file
+from localizers.digests import file_digest, loaded_digest, module_digest
 
 _MODULE = "_localizer_"  # begins the name of a module that is a file of its own
 _LOADERS = (__file__, str(importlib.__file__), "<frozen importlib")  # of code, in a traceback
@@ -47,7 +47,7 @@ class Kind:
     # names that there were, which folders may hold, and what to use instead
     gone: Mapping[str, str] = field(default_factory=dict)
     added: dict[str, Any] = field(default_factory=dict)  # by name; no other process knows them
-    received: set[str] = field(default_factory=set)  # names from the process that sends the trials
+    received: dict[str, bytes] = field(default_factory=dict)  # those that came with the trials
 
     def names(self) -> tuple[str, ...]:
         """Names that are built in, registered or installed; none is loaded."""
@@ -182,7 +182,7 @@ class Kind:
         if name in self.builtin:
             return ""
         place = _split(absolute_name(self.reference(name)))[0]
-        return (source_digest_of_file(place) if _is_path(place) else module_digest(place)) or ""
+        return (file_digest(place) if _is_path(place) else module_digest(place)) or ""
 
     @property
     def _methods(self) -> list[str]:

@@ -141,9 +141,9 @@ def _packed(name: str) -> bytes:
 
 
 def _attempt(packed: bytes | None, trial: Trial, key: str) -> Outcome:
-    if packed is not None and trial.localizer not in LOCALIZER.added:
-        LOCALIZER.added[trial.localizer] = pickle.loads(packed)
-        LOCALIZER.received.add(trial.localizer)
+    name = trial.localizer
+    if packed is not None and LOCALIZER.received.get(name) != packed:
+        LOCALIZER.added[name], LOCALIZER.received[name] = pickle.loads(packed), packed
     return attempt(trial, key)
 
 
