@@ -125,24 +125,27 @@ class Kind:
             return ours[name]
         if name in self.gone:
             raise InputError(f"{name} is gone: {self.gone[name]}")
-        named, reference = f"the {self.word} {name!r}", self.complete(self.reference(name))
-        if not reference:
-            own = "path/to/file.py:NAME or package.module:NAME"
-            one_of(self.word, name, self.names(), f", or your own as {own}")
-        place, _, attribute = _split(absolute_name(reference))
+        own = ", or your own as path/to/file.py:NAME or package.module:NAME"
+        reference = self.complete(
+            self.reference(name) or one_of(self.word, name, self.names(), own)
+        )
+        named, (place, _, attribute) = f"the {self.word} {name!r}", _split(absolute_name(reference))
         if not place or not all(part.isidentifier() for part in attribute.split(".")):
-            raise InputError(
-                f"{named} leads to {reference!r}, but must be package.module:NAME or "
-                "path/to/file.py:NAME."
-            )
+            own = "package.module:NAME or path/to/file.py:NAME"
+            raise InputError(f"{named} leads to {reference!r}, but must be {own}.")
         module = self._module(name, place)
-        asked = (_attribute, named, module, place, attribute)
-        thing = _called(f"{named} cannot be imported", place, *asked)
-        if not callable(thing):
+        parts = attribute.split(".")
+        thing = self._asked(name, "imported", place, reduce, _attribute, parts, module)
+        if thing is None:
+            own = [name for name, value in vars(module).items() if _is_of(module, value)]
             raise InputError(
-                f"{named} is of type {type(thing).__name__}, but must be a class or a function for "
-                f"{self.call}."
+                f"{named} does not exist: {place} has no {attribute!r}{_nearest(attribute, own)}; "
+                f"it defines {', '.join(own) or 'nothing'}."
             )
+        if not callable(thing):
+            kind = type(thing).__name__
+            must = f"must be a class or a function for {self.call}"
+            raise InputError(f"{named} is of type {kind}, but {must}.")
         return thing
 
     def parameters(self, name: str) -> tuple[str, ...] | None:
@@ -155,9 +158,8 @@ class Kind:
         self.check_parameters(name, params, parameters_of(factory, len(given), named))
         if name in self.builtin:
             return factory(*given, **named, **params)
-        place = _split(absolute_name(name))[0]
-        what = f"the {self.word} {name!r} cannot be made by {self.call}"
-        return self.checked(name, _called(what, place, factory, *given, **named, **params))
+        place, how = _split(absolute_name(name))[0], f"made by {self.call}"
+        return self.checked(name, self._asked(name, how, place, factory, *given, **named, **params))
 
     def check_parameters(
         self, name: str, params: Iterable[str], taken: Iterable[str] | None
@@ -191,20 +193,35 @@ class Kind:
     def _lacking(self, thing: Any) -> list[str]:
         return [verb for verb in self._methods if not callable(getattr(thing, verb, None))]
 
-    def _module(self, name: str, place: str) -> ModuleType:
+    def _module(self, name: str, place: str) -> Any:
         """Return the module at a place; a file is run, once per content."""
-        run: tuple[Any, ...] = (importlib.import_module, place)
-        if _is_path(place):
-            path = Path(place)
-            try:
-                run = (_run, place, content_of(path))
-            except (UnreadableError, FileNotFoundError) as error:
-                words, beside = f"{path} {error}", [file.name for file in path.parent.glob("*.py")]
-                if isinstance(error, FileNotFoundError):
-                    words = f"{path}: {error.strerror}{_nearest(path.name, beside)}"
-                raise InputError(f"the {self.word} {name!r} cannot be read: {words}.") from None
-        module: ModuleType = _called(f"the {self.word} {name!r} cannot be imported", place, *run)
-        return module
+        if not _is_path(place):
+            return self._asked(name, "imported", place, importlib.import_module, place)
+        path = Path(place)
+        try:
+            content = content_of(path)
+        except (UnreadableError, FileNotFoundError) as error:
+            words = f"{path} {error}"
+            if isinstance(error, FileNotFoundError):
+                near = _nearest(path.name, [file.name for file in path.parent.glob("*.py")])
+                words = f"{path}: {error.strerror}{near}"
+            raise InputError(f"the {self.word} {name!r} cannot be read: {words}.") from None
+        return self._asked(name, "imported", place, _run, place, content)
+
+    def _asked(
+        self, name: str, how: str, place: str, function: Callable[..., Any], /, *a: Any, **k: Any
+    ) -> Any:
+        """Call code from elsewhere, the folder kept; what it raises, SystemExit too, is refused."""
+        try:
+            with contextlib.chdir(os.curdir):
+                return function(*a, **k)
+        except BaseException as error:
+            if isinstance(error, InputError) or is_ctrl_c(error):
+                raise
+            words = raised(error, place)
+            missing = isinstance(error, ModuleNotFoundError)
+            words = f"{words}: {_MISSING}" if missing else f"its own code raised {words}"
+            raise InputError(f"the {self.word} {name!r} cannot be {how}: {words}.") from error
 
 
 @cache
@@ -301,22 +318,6 @@ def reason_of(error: BaseException) -> str:
     return f"{in_words(error).rstrip('.')}: {remedy}"
 
 
-def _called(
-    what: str, place: str, function: Callable[..., Any], /, *given: Any, **named: Any
-) -> Any:
-    """Call code from elsewhere, the folder kept; what it raises, SystemExit too, is refused."""
-    try:
-        with contextlib.chdir(os.curdir):
-            return function(*given, **named)
-    except BaseException as error:
-        if isinstance(error, InputError) or is_ctrl_c(error):
-            raise
-        words = raised(error, place)
-        missing = isinstance(error, ModuleNotFoundError)
-        words = f"{words}: {_MISSING}" if missing else f"its own code raised {words}"
-        raise InputError(f"{what}: {words}.") from error
-
-
 def _run(path: str, source: bytes) -> ModuleType:
     """Run a file as a module of its own, once per content: an edited file is another module."""
     content = hashlib.sha256(b"\0".join((path.encode(), source))).hexdigest()
@@ -333,15 +334,8 @@ def _run(path: str, source: bytes) -> ModuleType:
     return sys.modules[name]
 
 
-def _attribute(named: str, module: ModuleType, place: str, attribute: str) -> Any:
-    try:
-        return reduce(getattr, attribute.split("."), module)
-    except AttributeError:
-        own = [name for name, value in vars(module).items() if _is_of(module, value)]
-        raise InputError(
-            f"{named} does not exist: {place} has no {attribute!r}"
-            f"{_nearest(attribute, own)}; it defines {', '.join(own) or 'nothing'}."
-        ) from None
+def _attribute(thing: Any, name: str) -> Any:
+    return getattr(thing, name, None)
 
 
 def _is_of(module: ModuleType, value: Any) -> bool:

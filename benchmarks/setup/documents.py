@@ -139,11 +139,10 @@ def settings(words: Iterable[str]) -> dict[str, Any]:
     """Return the values by dotted name of ``NAME=VALUE`` words, as ``--set`` has them."""
     values: dict[str, Any] = {}
     for word in words:
-        name, equals, text = map(str.strip, word.partition("="))
-        if not (name and equals and text):
-            raise InputError(
-                f"--set has {word!r}, but must be NAME=VALUE, as params.mcl.particles=500."
-            )
+        name, _, text = map(str.strip, word.partition("="))
+        if not (name and text):
+            usual = "NAME=VALUE, as params.mcl.particles=500"
+            raise InputError(f"--set has {word!r}, but must be {usual}.")
         if name in values:
             raise InputError(f"--set gives {name} twice: give it once.")
         values[name] = parsed(f"--set {name}", text)
@@ -172,18 +171,12 @@ def sweep_text(
     notes: Iterable[str], top: Mapping[str, Any], tables: Mapping[str, Mapping[str, Any]]
 ) -> str:
     """Return a sweep file: comments, values before all tables, and tables by name."""
-    clean = (
-        "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in n) for n in notes
-    )
-    lines = [*(f"# {note}" for note in clean), *_lines(top)]
-    for name, own in tables.items():
-        lines += ["", f"[{name}]", *_lines(own)]
+    unknown = "\N{REPLACEMENT CHARACTER}"
+    lines = ["# " + "".join(c if c.isprintable() else unknown for c in note) for note in notes]
+    for name, table in {"": top, **tables}.items():
+        lines += ["", f"[{name}]"] if name else []
+        lines += [f"{key} = {_toml(value)}" for key, value in table.items()]
     return "\n".join(lines) + "\n"
-
-
-def _lines(table: Mapping[str, Any]) -> Iterator[str]:
-    for name, value in table.items():
-        yield f"{name} = {_toml(value)}"
 
 
 def _toml(value: Any) -> str:

@@ -8,7 +8,6 @@ import pytest
 from sweep_command import write_small
 
 RUN = ("run", "--localizer", "mcl", "--out", "out")
-MAP = ("new", "map", "--out", "out")
 
 BAD = [  # arguments, and what the sentence must name
     ([], ["COMMAND"]),
@@ -37,7 +36,6 @@ BAD = [  # arguments, and what the sentence must name
     (["run", "--localizer", "mcl", "--out", ""], ["--out: it is empty"]),
     (["new", "localizer", "my_localizer"], ["must end in .py"]),
     (["new", "localizer", "no/such/folder/mine.py"], ["the folder of the new file"]),
-    ([*MAP, "--door", "0.85"], ["door", "0.85"]),
     (["report", "."], ["holds no manifest.json", "give the folder of a sweep or replay."]),
 ]
 
