@@ -80,6 +80,17 @@ def opened(path: Path) -> Iterator[io.BufferedReader]:
             raise UnreadableError(f"cannot be read ({error.strerror or error})") from None
 
 
+@contextmanager
+def refusing(named: str | Path, remedy: str = "give another file") -> Iterator[None]:
+    """Refuse in a sentence a file that is not there, or that cannot be used."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise InputError(f"{named} does not exist: give a file that does.") from None
+    except UnreadableError as error:
+        raise InputError(f"{named} {error}: {remedy}.") from None
+
+
 def content_of(path: Path) -> bytes:
     """Return the bytes of a regular file of at most ``MOST_BYTES``."""
     with opened(path) as file:
@@ -205,13 +216,8 @@ def text_of(path: Path) -> str:
 @contextmanager
 def opened_log(path: Path) -> Iterator[io.BufferedReader]:
     """Open a regular file that can be read, else refuse it."""
-    try:
-        with opened(path) as file:
-            yield file
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist: give the path of a file.") from None
-    except UnreadableError as error:
-        raise InputError(f"{path} {error}: give another file.") from None
+    with refusing(path), opened(path) as file:
+        yield file
 
 
 def names_of(paths: Sequence[Path]) -> str:
@@ -239,11 +245,6 @@ def writable_folder(path: Path) -> Path:
     except OSError as error:
         why = f"cannot be written to ({error.strerror})"
         raise InputError(f"{named} {why}: give another one.") from None
-
-
-def is_possible(path: Path) -> bool:
-    """Whether a file may have this path: file systems take names of up to 255 bytes."""
-    return all(len(os.fsencode(part)) <= 255 for part in path.parts)
 
 
 def is_temporary(path: Path) -> bool:

@@ -113,12 +113,8 @@ def group(title: str, *options: Option) -> Option:
 
 def _path(text: str, what: str) -> Path:
     """Return the path of an argument; "" would be the current folder."""
-    from deqmcl_gym.files import is_possible
-
     if not text.strip():
         raise argparse.ArgumentTypeError(f"it is empty: name {what}")
-    if not is_possible(Path(text)):
-        raise argparse.ArgumentTypeError("it has a name of more than 255 bytes: give a shorter one")
     return Path(text)
 
 

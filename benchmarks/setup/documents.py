@@ -13,7 +13,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from deqmcl_gym.files import UnreadableError, content_of, yaml_of
+from deqmcl_gym.files import UnreadableError, content_of, refusing, yaml_of
 from deqmcl_gym.validation import InputError, one_of, shown
 from localizers.digests import content_digest
 from localizers.kinds import Placed
@@ -25,14 +25,10 @@ _LARGEST = 1e100  # magnitude of a number: charts take no larger ones
 def read_toml(path: Path, what: str) -> dict[str, Any]:
     """Return the document in the file of a ``what``: UTF-8, with or without a byte order mark."""
     named = f"the {what} file {path}"
-    try:
+    with refusing(named):
         content = content_of(path)
-        document = io.StringIO(content.decode("utf-8-sig"), newline=None).read()
-        return tomllib.loads(document)
-    except FileNotFoundError:
-        raise InputError(f"{named} is not there: give an existing file.") from None
-    except UnreadableError as error:
-        raise InputError(f"{named} {error}: give another one.") from None
+    try:
+        return tomllib.loads(io.StringIO(content.decode("utf-8-sig"), newline=None).read())
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         found = f"byte 0x{content[error.start]:02x} in line {line}"
