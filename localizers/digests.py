@@ -23,8 +23,10 @@ from deqmcl_gym.files import UnreadableError, opened
 UNREAD = "unread"  # in place of the digest of what is there, but not in a file
 OURS = ("deqmcl_gym", "localizers", "benchmarks")  # results have a digest of their own
 _MADE = {"__pycache__", ".git"}
-_CODE = ("code", "consts", "names", "varnames", "freevars", "cellvars", "flags", "exceptiontable")
-_CODE += ("name", "argcount", "posonlyargcount", "kwonlyargcount")
+_CODE = (
+    *("code", "consts", "names", "varnames", "freevars", "cellvars", "flags", "exceptiontable"),
+    *("name", "argcount", "posonlyargcount", "kwonlyargcount"),
+)
 _WRAPPERS = (staticmethod, classmethod, property, cached_property)
 _WRAPPED = ("__wrapped__", "func", "fget", "fset", "fdel")
 

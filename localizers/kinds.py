@@ -29,6 +29,7 @@ from localizers.digests import file_digest, loaded_digest, module_digest
 
 _MODULE = "_localizer_"  # begins the name of a module that is a file of its own
 _LOADERS = (__file__, str(importlib.__file__), "<frozen importlib")  # of code, in a traceback
+_OWN = "package.module:NAME or path/to/file.py:NAME"
 _MISSING = (
     "install it, put its folder on PYTHONPATH, or give path/to/file.py:NAME; a file stands alone, "
     "so make it and what it imports beside it a package"
@@ -125,27 +126,26 @@ class Kind:
             return ours[name]
         if name in self.gone:
             raise InputError(f"{name} is gone: {self.gone[name]}")
-        own = ", or your own as path/to/file.py:NAME or package.module:NAME"
-        reference = self.complete(
-            self.reference(name) or one_of(self.word, name, self.names(), own)
-        )
-        named, (place, _, attribute) = f"the {self.word} {name!r}", _split(absolute_name(reference))
-        if not place or not all(part.isidentifier() for part in attribute.split(".")):
-            own = "package.module:NAME or path/to/file.py:NAME"
-            raise InputError(f"{named} leads to {reference!r}, but must be {own}.")
+        if not (reference := self.reference(name)):
+            one_of(self.word, name, self.names(), f", or your own as {_OWN}")
+        reference = self.complete(reference)
+        place, _, attribute = _split(absolute_name(reference))
+        named, parts = f"the {self.word} {name!r}", attribute.split(".")
+        if not place or not all(map(str.isidentifier, parts)):
+            raise InputError(f"{named} leads to {reference!r}, but must be {_OWN}.")
         module = self._module(name, place)
-        parts = attribute.split(".")
         thing = self._asked(name, "imported", place, reduce, _attribute, parts, module)
         if thing is None:
-            own = [name for name, value in vars(module).items() if _is_of(module, value)]
+            defined = [own for own, value in vars(module).items() if _is_of(module, value)]
             raise InputError(
-                f"{named} does not exist: {place} has no {attribute!r}{_nearest(attribute, own)}; "
-                f"it defines {', '.join(own) or 'nothing'}."
+                f"{named} does not exist: {place} has no {attribute!r}"
+                f"{_nearest(attribute, defined)}; it defines {', '.join(defined) or 'nothing'}."
             )
         if not callable(thing):
-            kind = type(thing).__name__
-            must = f"must be a class or a function for {self.call}"
-            raise InputError(f"{named} is of type {kind}, but {must}.")
+            raise InputError(
+                f"{named} is of type {type(thing).__name__}, but must be a class or a function for "
+                f"{self.call}."
+            )
         return thing
 
     def parameters(self, name: str) -> tuple[str, ...] | None:

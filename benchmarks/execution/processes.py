@@ -105,7 +105,7 @@ class Processes:
                 continue
             try:
                 patience = GUEST_SECONDS if guest and self._timeout is None else self._timeout
-                held[guest] = held.pop(guest, None) or self._started()
+                held[guest] = held.pop(guest) if guest in held else self._started()
                 future.set_result(held[guest].returned(call, patience))
             except BaseException as error:
                 if guest in held:

@@ -257,9 +257,9 @@ def localizer_drive(
         name, factory = getattr(localizer, "__name__", repr(localizer)), localizer
     LOCALIZER.check_parameters(name, params, parameters_of(factory))
     imported = tuple(changes_since(before))
-    subject = {"name": name, "source": source, "params": params, "robot": robot}
     drive = random_drive(robot, np.random.default_rng(0))
-    return LocalizerDrive(**subject, imported=imported, **drive)
+    drive |= {"source": source, "params": params, "robot": robot, "imported": imported}
+    return LocalizerDrive(name=name, **drive)
 
 
 def snapshot(belief: Belief, t: int) -> Snapshot:
@@ -294,12 +294,15 @@ def _kind(thing: object) -> str:
     return "None" if thing is None else f"an object of type {type(thing).__name__}{of}"
 
 
+_PLAIN: Any = (type(None), np.ndarray, np.generic, int, float, str)
+
+
 def difference(before: Any, after: Any, name: str = "", depth: int = 8) -> str | None:
     """Name the first number, word or array inside ``before`` that is another one in ``after``.
 
     What an object has only ``after``, such as caches, is no difference.
     """
-    if before is None or isinstance(before, np.ndarray | np.generic | int | float | str):
+    if isinstance(before, _PLAIN):
         numeric = np.asarray(before).dtype.kind == "f"
         return None if np.array_equal(before, after, equal_nan=numeric) else name
     held, now = _parts(before), _parts(after)
