@@ -69,49 +69,33 @@ def robot_on(floor_plan: Map) -> RobotModel:
 
 
 def random_drive(robot: RobotModel, rng: np.random.Generator) -> dict[str, Any]:
-    """Return a drive from a free pose, turning near walls; only half of the plan is driven.
+    """Return a drive from a free pose, which turns on the spot from the first wall on.
 
-    The noise is small and not that which the robot assumes: a check tests whether a localizer
-    keeps the laws, not how accurate it is. It starts where it sees far, heading slightly below 0:
-    that can be written 2π higher, and half a turn from it lies ±π.
+    Only half of the plan is driven. The noise is small and not that which the robot assumes: a
+    check tests whether a localizer keeps the laws, not how accurate it is. It starts where it sees
+    far, and heads slightly below 0: that can be written 2π higher, and half a turn from it is ±π.
     """
-    floor_plan, lidar = robot.floor_plan, robot.lidar
+    floor_plan, lidar, steps = robot.floor_plan, robot.lidar, 2 * DRIVE_STEPS
     x0, y0, x1, y1 = floor_plan.bounds
     stride = min((x1 - x0) / 30, (y1 - y0) / 30, _LONGEST * pixel(floor_plan.unit))
     poses = UniformPrior(floor_plan=floor_plan, radius=robot.radius).sample(_TRIES, rng)
     poses[:, 2] = rng.uniform(-0.1, 0.0, _TRIES)
-    start = pose = poses[floor_plan.ranges(poses, [0.0])[:, 0].argmax()]
-    actions, ends = [], []
-    for _ in range(2 * DRIVE_STEPS):
-        action, pose = _free_step(robot, pose, stride, rng)
-        actions.append(action)
-        ends.append(pose)
-    ranges = np.asarray(lidar.ranges(floor_plan, np.array(ends[:DRIVE_STEPS]).T), float)
+    start = poses[floor_plan.ranges(poses, [0.0])[:, 0].argmax()]
+    headings, distances = rng.normal(0.0, 0.2, steps), rng.uniform(0.5, 1.0, steps) * stride
+    moves = distances[:, None] * np.column_stack([np.cos(headings), np.sin(headings)])
+    path = np.vstack([start, np.column_stack([start[:2] + np.cumsum(moves, axis=0), headings])])
+    free = ~floor_plan.collides(path[:-1], path[1:], robot.radius)
+    driven = np.logical_and.accumulate(free)
+    path[1:, :2] = start[:2] + np.cumsum(moves * driven[:, None], axis=0)
+    actions = np.column_stack([distances * driven, np.diff(path[:, 2])])
+    ranges = np.asarray(lidar.ranges(floor_plan, path[1 : DRIVE_STEPS + 1].T), float)
     x, y, heading = start.tolist()
     return {
         "prior": GaussianPrior(mean=(x, y, heading), sd_position=0.5 * stride, sd_heading=0.1),
-        "actions": np.array(actions[:DRIVE_STEPS]),
+        "actions": actions[:DRIVE_STEPS],
         "scans": np.clip(rng.normal(ranges, 0.01 * stride), 0.0, lidar.max_range),
-        "plans": [np.array(actions[t:]) for t in range(DRIVE_STEPS + 1)],
+        "plans": [actions[t:] for t in range(DRIVE_STEPS + 1)],
     }
-
-
-def _free_step(
-    robot: RobotModel, pose: Floats, stride: float, rng: np.random.Generator
-) -> tuple[Floats, Floats]:
-    """Draw a step that touches no wall, (d, φ), and where it ends; a turn on the spot if none.
-
-    As long as there is room the heading stays about 0.
-    """
-    distances = np.append(rng.uniform(0.5, 1.0, _TRIES - 1) * stride, 0.0)
-    turns = rng.normal(-0.5 * pose[2], np.linspace(0.1, 2.0, _TRIES))
-    headings = pose[2] + turns
-    moves = [distances * np.cos(headings), distances * np.sin(headings), turns]
-    ends = pose + np.column_stack(moves)
-    starts = np.broadcast_to(pose, ends.shape)
-    touches = robot.floor_plan.collides(starts, ends, robot.radius) & (distances > 0)
-    first = touches.argmin()
-    return np.array([distances[first], turns[first]]), ends[first]
 
 
 @dataclass(frozen=True, kw_only=True)
