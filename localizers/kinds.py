@@ -129,8 +129,9 @@ class Kind:
         if not (reference := self.reference(name)):
             one_of(self.word, name, self.names(), f", or your own as {_OWN}")
         reference = self.complete(reference)
-        place, _, attribute = _split(absolute_name(reference))
-        named, parts = f"the {self.word} {name!r}", attribute.split(".")
+        place, rest = split(absolute_name(reference))
+        named, attribute = f"the {self.word} {name!r}", rest.removeprefix(":")
+        parts = attribute.split(".")
         if not place or not all(map(str.isidentifier, parts)):
             raise InputError(f"{named} leads to {reference!r}, but must be {_OWN}.")
         module = self._module(name, place)
@@ -158,7 +159,7 @@ class Kind:
         self.check_parameters(name, params, parameters_of(factory, len(given), named))
         if name in self.builtin:
             return factory(*given, **named, **params)
-        place, how = _split(absolute_name(name))[0], f"made by {self.call}"
+        place, how = split(absolute_name(name))[0], f"made by {self.call}"
         return self.checked(name, self._asked(name, how, place, factory, *given, **named, **params))
 
     def check_parameters(
@@ -183,8 +184,8 @@ class Kind:
             return loaded_digest(self.added[name])
         if name in self.builtin:
             return ""
-        place = _split(absolute_name(self.reference(name)))[0]
-        return (file_digest(place) if _is_path(place) else module_digest(place)) or ""
+        place, _ = split(absolute_name(self.reference(name)))
+        return (file_digest(place) if is_path(place) else module_digest(place)) or ""
 
     @property
     def _methods(self) -> list[str]:
@@ -195,7 +196,7 @@ class Kind:
 
     def _module(self, name: str, place: str) -> Any:
         """Return the module at a place; a file is run, once per content."""
-        if not _is_path(place):
+        if not is_path(place):
             return self._asked(name, "imported", place, importlib.import_module, place)
         path = Path(place)
         try:
@@ -273,22 +274,18 @@ def absolute_name(name: str) -> str:
     """Return a name, its path absolute, by which a process in any folder finds the same thing."""
     if isinstance(name, Placed):
         return name.place
-    path, rest = split_path(name)
-    return f"{Path(os.path.expanduser(path)).absolute()}{rest}" if path else name
+    place, rest = split(name)
+    return f"{Path(os.path.expanduser(place)).absolute()}{rest}" if is_path(place) else name
 
 
-def split_path(name: str) -> tuple[str, str]:
-    """Return the path that a name begins with, "" if it has none, and the rest of the name."""
-    place, colon, attribute = _split(name)
-    return (place, colon + attribute) if _is_path(place) else ("", name)
+def split(name: str) -> tuple[str, str]:
+    """Return the place of a name, and what follows, with the colon; a plain name has no place."""
+    place, colon, attribute = name.rpartition(":")
+    return (name, "") if name.endswith((".py", ".toml")) else (place, colon + attribute)
 
 
-def _split(name: str) -> tuple[str, str, str]:
-    """Return the place of a name, the colon, and what follows; a plain name has no place."""
-    return (name, "", "") if name.endswith((".py", ".toml")) else name.rpartition(":")
-
-
-def _is_path(place: str) -> bool:
+def is_path(place: str) -> bool:
+    """Whether a place is a file, not a module."""
     return place.endswith((".py", ".toml")) or "/" in place or "\\" in place
 
 

@@ -12,7 +12,7 @@ from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics import Floats, Singles
 from deqmcl_gym.validation import number, shown
 from localizers.api import Localizer
-from localizers.kinds import Kind, absolute_name, raised, split_path
+from localizers.kinds import Kind, absolute_name, raised, split
 from localizers.methods.amcl import amcl
 from localizers.methods.cbgl import cbgl
 from localizers.methods.classical import dead_reckoning, ekf
@@ -107,7 +107,7 @@ class ScanPlugIn:
 
     def __str__(self) -> str:
         """Return the name without the folder of its file."""
-        return repr(Path(self.kind).name if split_path(self.kind)[0] else self.kind)
+        return repr(Path(self.kind).name)
 
     def __getattr__(self, name: str) -> Any:
         """Say what to ask instead of ``robot.scan``, of which others ask what single beams are."""
@@ -156,7 +156,7 @@ class CheckedScan:
             answer = self.model.log_likelihood(np.ascontiguousarray(states), scan)
             logs = np.asarray(answer, np.float64)
         except Exception as error:
-            words = raised(error, split_path(self.of.kind)[0])
+            words = raised(error, split(self.of.kind)[0])
             raise RuntimeError(f"the scan model {self.of} raised {words}.") from error
         if logs.shape != (n,):
             raise RuntimeError(

@@ -6,7 +6,6 @@ here. What is heavy is imported where it runs, so that ``deqmcl new --help`` sta
 
 import argparse
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -111,15 +110,14 @@ def group(title: str, *options: Option) -> Option:
     return add
 
 
-def _path(text: str, what: str) -> Path:
+def file(text: str) -> Path:
     """Return the path of an argument; "" would be the current folder."""
     if not text.strip():
-        raise argparse.ArgumentTypeError(f"it is empty: name {what}")
+        raise argparse.ArgumentTypeError("it is empty: name a file, or a folder as results/mine")
     return Path(text)
 
 
-folder = partial(_path, what="a folder, as in results/mine")
-file = partial(_path, what="a file")
+folder = file
 
 
 def share(text: str) -> float:

@@ -19,7 +19,7 @@ from deqmcl_gym.validation import InputError, one_of, part
 from deqmcl_gym.world.config import WORLDS
 from localizers import RobotModel, absolute_name
 from localizers.digests import content_digest
-from localizers.kinds import Kind, Placed, split_path
+from localizers.kinds import Kind, Placed, is_path, split
 from localizers.registry import LOCALIZER, SCAN_MODEL, ScanPlugIn
 
 # loaded when asked for: a trial in a room needs no readers of logs
@@ -37,14 +37,13 @@ _KEYS = (
     *("words", "base", "env", "assumed", "prior"),
     *("agent", "disturbance", "buildings", "thresholds"),
 )
-_DEEPEST = 8  # files, each the base of the next
 SCAN_KIND = "scan.kind"
 
 
 def absolute_reference(kind: Kind, name: str, folder: Path = Path()) -> str:
     """Return a name, its path from a folder, by which any process finds the same thing."""
-    place, rest = split_path(name)
-    if place and not isinstance(name, Placed):
+    place, rest = split(name)
+    if is_path(place) and not isinstance(name, Placed):
         name = from_folder(folder, place) + rest
     return kind.complete(name)
 
@@ -72,7 +71,7 @@ def absolute_assumed(assumed: Overrides, folder: Path = Path()) -> Overrides:
         return assumed
     kind = assumed[SCAN_KIND]
     placed = tuple(  # a scenario refuses what is none
-        absolute_reference(SCAN_MODEL, name, folder) if SCAN_MODEL.reference(name) else name
+        absolute_reference(SCAN_MODEL, name, folder) if isinstance(name, str) else name
         for name in (kind if isinstance(kind, tuple) else (kind,))
     )
     return assumed | {SCAN_KIND: placed if isinstance(kind, tuple) else placed[0]}
@@ -107,8 +106,6 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
     """Return the scenario of an absolute name that stands ``within`` files."""
     if name in within:
         raise InputError(f"the scenario {name} is its own base: name another base.")
-    if len(within) > _DEEPEST:
-        raise InputError(f"more than {_DEEPEST} scenario files build on each other: use fewer.")
     if name in _TABLES:
         return _built_in(name)
     if name in _OF_LOGS:
