@@ -186,7 +186,7 @@ class ParameterWords(NamedTuple):
         return "required" if self.default is inspect.Parameter.empty else shown(self.default)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Description:
     """What a localizer is, and its parameters; a shell and a notebook show it as a table."""
 
@@ -194,20 +194,13 @@ class Description:
     sentence: str  # first line of its docstring
     parameters: tuple[ParameterWords, ...]
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         from tabulate import tabulate  # few ask
 
         head = f"{self.name}: {self.sentence.replace('``', '')}".removesuffix(": ")
         rows = [("", p.name, p.default_words, p.meaning) for p in self.parameters]
         table = tabulate(rows, tablefmt="plain", disable_numparse=True)
         return f"{head}\n\n{table}" if rows else head
-
-    def _repr_markdown_(self) -> str:
-        rows = [(f"`{p.name}`", f"`{p.default_words}`", p.meaning) for p in self.parameters]
-        cells = [("parameter", "default", "what it is"), ("---",) * 3, *rows]
-        lines = ("| " + " | ".join(c.replace("|", r"\|") for c in row) + " |" for row in cells)
-        head = f"**{self.name}**: {self.sentence.replace('``', '`')}"
-        return "\n".join([head, *(["", *lines] if rows else [])]) + "\n"
 
 
 def describe(name: str | Callable[..., Any]) -> Description:
