@@ -72,7 +72,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ["MPLBACKEND"] = "agg"  # a notebook's may not be installed here
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # θ, for a terminal that has none
-    with console.standard_streams(), warnings.catch_warnings():
+    console.open_streams()
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore", console.FailedWarning)
         try:
             code = _run(given, leaving=arguments is None)
