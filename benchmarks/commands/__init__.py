@@ -28,7 +28,7 @@ GROUPS = {  # of the commands
         "tune": "search the parameters of a localizer on your logs",
     },
     "for authors": {
-        "new": "write a small working localizer to start from",
+        "new": "write a small working localizer, or a generated building, to start from",
         "verify": "see whether today's code, libraries and plug-ins get the numbers in a folder",
     },
 }
@@ -44,7 +44,7 @@ GONE = {  # said to whoever still types them
     "from-nav2": "deqmcl replay LOG --map MAP.yaml --nav2 FILE --dry-run prints the sweep file",
     "leaderboard": "deqmcl report A B C --out DIR makes one report of folders of the same worlds",
     "new-localizer": "deqmcl new localizer FILE.py writes one",
-    "new-map": "in Python, deqmcl_gym.Office(seed=3).grid.save('office.yaml') writes one",
+    "new-map": "deqmcl new map --out DIR writes one",
     "phase": "in a clone, docs/examples/theta_phase.py draws the queue as theta phase",
     "speed": "in a clone, python -m benchmarks.studies.speed --out DIR measures it",
 }

@@ -9,7 +9,7 @@ from shlex import quote
 from traceback import format_exception
 from typing import TYPE_CHECKING, Any
 
-from benchmarks.commands import command, file, option, switch
+from benchmarks.commands import command, file, folder, option, switch
 from benchmarks.console import doing, say
 
 if TYPE_CHECKING:  # loaded when needed
@@ -94,16 +94,41 @@ def _parameters(name: str) -> str:
     return "any parameters" if known is None else ", ".join(known)
 
 
-@command(
-    option("kind", choices=["localizer"], help="a file with a small working class MyLocalizer"),
-    option("file", type=file, metavar="FILE.py", help="the file; must not exist yet"),
+_OFFICE = (  # parameters of ``Office``, each with its own default
+    ("seed", int, "seed of the building (0)"),
+    ("wings", int, "wings side by side, 1 to 8, each 16 to 24 m long (2)"),
+    ("corridors", int, "corridors through all wings, 1 to 6 (2)"),
+    ("corridor", float, "width of all corridors, m (2.0)"),
+    ("door", float, "width of all doors, m (0.9)"),
+    ("repeated", bool, "make all wings identical"),
+    ("symmetric", bool, "make the building the same after a half turn"),
 )
+
+
+def _new(parser: argparse.ArgumentParser) -> None:
+    """Add what can be new."""
+    kinds = parser.add_subparsers(dest="kind", required=True, metavar="localizer|map")
+    words = "a file with a small working localizer, class MyLocalizer"
+    localizer = kinds.add_parser("localizer", allow_abbrev=False, help=words)
+    option("file", type=file, metavar="FILE.py", help="the file; must not exist yet")(localizer)
+    words = "an office from a seed: a ROS map of 0.1 m cells"
+    office = kinds.add_parser("map", allow_abbrev=False, help=words, description=f"Write {words}.")
+    for name, kind, meaning in _OFFICE:
+        how: Any = {"action": "store_true"} if kind is bool else {"type": kind, "metavar": "N"}
+        office.add_argument(f"--{name}", default=argparse.SUPPRESS, help=meaning, **how)
+    option("--out", type=folder, required=True, metavar="DIR", help="a new or empty folder")(office)
+
+
+@command(_new)
 def new_command(options: argparse.Namespace) -> str:
-    """Write something to start from: a small working localizer."""
+    """Write something to start from: a small working localizer, or a building as a map."""
+    return _map(options) if options.kind == "map" else _localizer(options.file)
+
+
+def _localizer(path: Path) -> str:
     from deqmcl_gym.files import write_text
     from deqmcl_gym.validation import InputError
 
-    path: Path = options.file
     if "," in str(path):
         raise InputError(f"the new file is {path}, but --with takes names separated by commas.")
     if path.suffix != ".py":
@@ -119,6 +144,24 @@ def new_command(options: argparse.Namespace) -> str:
         f"Written: {path}, a working localizer. Check it and run it:\n"
         f"  deqmcl check {name}\n"
         f"  deqmcl sweep quick --with {name} --out results/mine"
+    )
+
+
+def _map(options: argparse.Namespace) -> str:
+    from deqmcl_gym.files import writable_folder
+    from deqmcl_gym.maps import Office
+    from deqmcl_gym.validation import InputError
+
+    given = vars(options)
+    office = Office(**{name: given[name] for name, _, _ in _OFFICE if name in given})
+    out: Path = options.out
+    if out.is_dir() and any(out.iterdir()):
+        raise InputError(f"the output folder {out} is not empty: give a new or an empty one.")
+    office.grid.save(writable_folder(out) / "office.yaml")
+    _, _, width, height = office.grid.bounds
+    return (
+        f"Written to {out}: an office of {width:.1f} x {height:.1f} m, as office.yaml with "
+        f'office.pgm. Drive in it: floor_plan = "{out / "office.yaml"}".'
     )
 
 

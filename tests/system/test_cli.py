@@ -132,12 +132,12 @@ def test_the_list_shows_six_of_each_and_all_of_the_kind_that_is_named(capsys):
 
 
 def test_tab_completes_options_of_a_command(tmp_path):
-    told, line = tmp_path / "offered", "deqmcl sweep --tr"
+    told, line = tmp_path / "offered", "deqmcl new map --co"
     shell = {"_ARGCOMPLETE": "1", "_ARGCOMPLETE_STDOUT_FILENAME": str(told)}
     shell |= {"_ARGCOMPLETE_IFS": "|", "COMP_LINE": line, "COMP_POINT": str(len(line))}
     process(DEQMCL, env=os.environ | shell)
     offered = {word.strip() for word in told.read_text().split("|")}
-    assert offered == {"--trials"}
+    assert offered == {"--corridor", "--corridors"}
 
 
 ROOT = Path(__file__).parents[2]

@@ -8,6 +8,7 @@ import pytest
 from sweep_command import write_small
 
 RUN = ("run", "--localizer", "mcl", "--out", "out")
+MAP = ("new", "map", "--out", "out")
 
 BAD = [  # arguments, and what the sentence must name
     ([], ["COMMAND"]),
@@ -36,6 +37,7 @@ BAD = [  # arguments, and what the sentence must name
     (["run", "--localizer", "mcl", "--out", ""], ["--out: it is empty"]),
     (["new", "localizer", "my_localizer"], ["must end in .py"]),
     (["new", "localizer", "no/such/folder/mine.py"], ["the folder of the new file"]),
+    ([*MAP, "--door", "0.85"], ["door", "0.85"]),
     (["report", "."], ["holds no manifest.json", "give the folder of a sweep or replay."]),
 ]
 
@@ -106,7 +108,7 @@ def test_a_sweep_that_cannot_be_run_is_refused_before_anything_is_written(
     assert os.listdir() == ["small.toml"]
 
 
-@pytest.mark.parametrize("words", ["sweep quick --out", "report"])
+@pytest.mark.parametrize("words", ["sweep quick --out", "new map --out", "report"])
 def test_a_name_that_no_file_can_have_is_refused(refusal, words):
     refusal([*words.split(), "n" * 256], "File name too long")
     assert os.listdir() == []

@@ -1,10 +1,11 @@
-"""A scenario with a map, found beside its file, and a route."""
+"""A scenario with a map, found beside its file, and a route; the office of ``deqmcl new map``."""
 
 import numpy as np
 import pytest
+from deqmcl_command import exit_code, files
 
 from benchmarks.setup.names import scenario, scenario_digest
-from deqmcl_gym import GridMap
+from deqmcl_gym import GridMap, Office
 
 ROUTE = """[env.lap]
 waypoints = [[1.0, 1.0], [3.4, 1.0], [3.4, 2.4], [1.0, 2.4]]
@@ -48,3 +49,17 @@ def test_an_edit_of_the_map_is_another_scenario(hall):
     yaml = hall / "maps" / "hall.yaml"
     yaml.write_text(yaml.read_text().replace("0.05", "0.051"))
     assert scenario_digest("../hall.toml") != before
+
+
+def test_a_new_map_is_the_office(tmp_path, capsys, refusal):
+    out = tmp_path / "new"
+    size = ["--wings", "2", "--corridors", "1", "--corridor", "1.5", "--door", "1.1"]
+    given = ["new", "map", "--seed", "5", *size, "--symmetric", "--out", out]
+    assert exit_code(*given) == 0
+    assert "office.yaml" in capsys.readouterr().out
+    office = Office(seed=5, wings=2, corridors=1, corridor=1.5, door=1.1, symmetric=True)
+    assert (GridMap.load(out / "office.yaml").solid == office.grid.solid).all()
+    written = files(out)
+    assert [*written] == ["office.pgm", "office.yaml"]
+    refusal(given, "is not empty")
+    assert files(out) == written
