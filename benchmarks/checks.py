@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from benchmarks.setup import Agent
-from benchmarks.setup.names import absolute_agent, absolute_scenario, make_agent
+from benchmarks.setup.names import AGENT, absolute_reference, absolute_scenario, make_agent
 from benchmarks.setup.overrides import Named, Overrides
 from benchmarks.trials.episode import moments
 from benchmarks.trials.spec import Trial
@@ -19,7 +19,7 @@ from benchmarks.trials.stage import Stage
 from deqmcl_gym.maps import GridMap
 from deqmcl_gym.numerics import Reals, Singles
 from deqmcl_gym.validation import InputError, array
-from localizers import Belief, UniformPrior, absolute_name, make
+from localizers import Belief, UniformPrior, make
 from localizers.checks import Report, laws, report_of
 from localizers.checks.subject import (
     LawBrokenError,
@@ -29,7 +29,7 @@ from localizers.checks.subject import (
     robot_on,
 )
 from localizers.models.scan import Scan, ScanModel
-from localizers.registry import SCAN_MODEL, is_code
+from localizers.registry import SCAN_MODEL
 
 _STEPS = 40
 FREE, ANYWHERE = 200, 100  # poses that a scan is held against; the last on and around the map
@@ -244,12 +244,11 @@ def _localizer(name: str, map_file: str | None) -> Subject:
 
 
 def _agent(name: str, scenario: str | None) -> Subject:
-    return AgentDrive.of(absolute_agent(Named(name)).name, scenario)
+    return AgentDrive.of(absolute_reference(AGENT, name), scenario)
 
 
 def _scan_model(name: str, scenario: str | None) -> Subject:
-    kind = absolute_name(SCAN_MODEL.complete(name)) if is_code(name) else name
-    return ScanTests.of(kind, scenario)
+    return ScanTests.of(absolute_reference(SCAN_MODEL, name), scenario)
 
 
 def _in_time(*others: laws.Law) -> laws.Laws:

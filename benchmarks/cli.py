@@ -41,18 +41,16 @@ class _Parser(argparse.ArgumentParser):
         console.say(self.format_help().rstrip("\n"))
 
     def error(self, message: str) -> NoReturn:
-        sentence = message.rstrip(".")
-        if message.startswith("unrecognized arguments: "):
-            word = message.removeprefix("unrecognized arguments: ").split()[0]
-            sentence = f"unknown argument {word!r}"
-            flag = word.split("=")[0]
-            known = [flag for action in self._actions for flag in action.option_strings]
-            nearest = difflib.get_close_matches(flag, known, n=1)
-            if flag in known:  # argparse knows the options of a command only after its name
+        sentence, unknown = message.rstrip("."), message.partition("unrecognized arguments: ")[2]
+        if unknown:
+            word = unknown.split()[0]
+            flag, sentence = word.split("=")[0], f"unknown argument {word!r}"
+            flags = [name for action in self._actions for name in action.option_strings]
+            if flag in flags:  # argparse knows the options of a command only after its name
                 sentence = f"{flag} stands before the command: write it after {self.prog}"
             elif flag in GONE_OPTIONS:
                 sentence = f"there is no {flag} here: write {GONE_OPTIONS[flag]}"
-            elif nearest:
+            elif nearest := difflib.get_close_matches(flag, flags, n=1):
                 sentence += f" (did you mean {nearest[0]}?)"
         if message.endswith("expected one argument"):  # argparse takes -1,0,0 for a flag
             flag = message.removeprefix("argument ").split(":")[0]
@@ -74,7 +72,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ["MPLBACKEND"] = "agg"  # a notebook's may not be installed here
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")  # θ, for a terminal that has none
-    with console.standard_streams(), warnings.catch_warnings():
+    console.open_streams()
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore", console.FailedWarning)
         try:
             code = _run(given, leaving=arguments is None)

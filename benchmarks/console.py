@@ -97,8 +97,7 @@ def checking(*, shown: bool = True) -> Iterator[None]:
     warn(sentences)
 
 
-@contextmanager
-def standard_streams() -> Iterator[None]:
+def open_streams() -> None:
     """Lead standard streams that are closed to the null device.
 
     Else the next file opened gets their number, and what libraries print.
@@ -108,13 +107,8 @@ def standard_streams() -> Iterator[None]:
             os.fstat(number)
         except OSError:
             os.open(os.devnull, os.O_RDWR)  # takes the lowest free number: this one
-    before = sys.stdout, sys.stderr
-    with open(os.devnull, "w", encoding="utf-8") as nowhere:
-        sys.stdout, sys.stderr = sys.stdout or nowhere, sys.stderr or nowhere
-        try:
-            yield
-        finally:
-            sys.stdout, sys.stderr = before
+    sys.stdout = sys.stdout or os.fdopen(1, "w", closefd=False)
+    sys.stderr = sys.stderr or os.fdopen(2, "w", closefd=False)
 
 
 class OutputError(Exception):

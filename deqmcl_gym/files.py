@@ -9,7 +9,6 @@ import gzip
 import io
 import json
 import os
-import re
 import secrets
 import shlex
 import stat
@@ -52,9 +51,6 @@ MOST_OF_LOGS = 2**30  # bytes, unpacked
 _DEEPEST = 20  # levels of a YAML file
 
 _BLOCK = 2**20  # bytes
-_UNLIKE = re.compile(r"Expected `(?P<expected>.*)`, got `(?P<given>.*)`")
-_OUTSIDE = re.compile(r"Expected `\w+` ([<>]=?|matching regex) .*|Number out of range")
-_LACKING = re.compile(r"Object missing required field `(.*)`")
 
 
 class UnreadableError(ValueError):
@@ -72,16 +68,27 @@ def opened(path: Path) -> Iterator[io.BufferedReader]:
         raise UnreadableError(f"cannot be read ({error.strerror})") from None
     except ValueError:  # a name with a null character
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path)) from None
-    kind = os.fstat(handle).st_mode
-    if not stat.S_ISREG(kind):
+    kind = stat.S_IFMT(os.fstat(handle).st_mode)
+    if kind != stat.S_IFREG:
         os.close(handle)
-        what = "a named pipe" if stat.S_ISFIFO(kind) else "a device or a socket"
-        raise UnreadableError(f"is {'a folder' if stat.S_ISDIR(kind) else what}")
+        named = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a named pipe"}
+        raise UnreadableError(f"is {named.get(kind, 'a device or a socket')}")
     with os.fdopen(handle, "rb") as file:
         try:
             yield file
         except OSError as error:
             raise UnreadableError(f"cannot be read ({error.strerror or error})") from None
+
+
+@contextmanager
+def refusing(named: str | Path, remedy: str = "give another file") -> Iterator[None]:
+    """Refuse in a sentence a file that is not there, or that cannot be used."""
+    try:
+        yield
+    except FileNotFoundError:
+        raise InputError(f"{named} does not exist: give a file that does.") from None
+    except UnreadableError as error:
+        raise InputError(f"{named} {error}: {remedy}.") from None
 
 
 def content_of(path: Path) -> bytes:
@@ -160,17 +167,8 @@ def typed(value: Any, kind: type[T]) -> T:
     try:
         return msgspec.convert(value, kind, str_keys=True)
     except msgspec.ValidationError as error:
-        what, _, place = str(error).partition(" - at ")
-        at = place.replace("`", "").replace("$.", "").replace("[...]", "[]")
-        if unlike := _UNLIKE.fullmatch(what):
-            what = f"has {unlike['given']} instead of {unlike['expected']}"
-        elif _OUTSIDE.fullmatch(what):
-            what = "has a value out of range"
-        elif lacking := _LACKING.fullmatch(what):
-            what = f"has no {lacking[1]}"
-        else:
-            at = "$"  # its parts do not belong together
-        raise UnreadableError(what if at in ("", "$") else f"{what} at {at}") from None
+        words = str(error).replace("`", "").replace(" - at $.", " at ").removesuffix(" - at $")
+        raise UnreadableError(f"has the wrong form ({words[:1].lower()}{words[1:]})") from None
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -191,9 +189,8 @@ def save(path: Path, content: bytes) -> None:
     try:
         write_bytes(path, gzip.compress(content, mtime=0) if packed else content)
     except OSError as error:
-        raise InputError(
-            f"{path} cannot be written ({error.strerror}): give another path."
-        ) from None
+        words = f"{path} cannot be written ({error.strerror}): give another path."
+        raise InputError(words) from None
 
 
 def text_of(path: Path) -> str:
@@ -207,28 +204,20 @@ def text_of(path: Path) -> str:
             try:
                 packed = at_most(MOST_OF_LOGS, gzip.GzipFile(fileobj=io.BytesIO(packed)))
             except (EOFError, zlib.error, OSError) as error:
-                raise InputError(
-                    f"{path} is a truncated or damaged gzip file ({error}): fetch it again."
-                ) from None
+                damaged = f"is a truncated or damaged gzip file ({error})"
+                raise InputError(f"{path} {damaged}: fetch it again.") from None
     if packed[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return packed.decode("utf-16", errors="replace")
     if b"\0" in packed[:4096]:
-        raise InputError(
-            f"{path} is a binary file, but must be text: check the ending of its name."
-        )
+        raise InputError(f"{path} is binary, but must be text: check the ending of its name.")
     return packed.decode("utf-8-sig", errors="replace")
 
 
 @contextmanager
 def opened_log(path: Path) -> Iterator[io.BufferedReader]:
     """Open a regular file that can be read, else refuse it."""
-    try:
-        with opened(path) as file:
-            yield file
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist: give the path of a file.") from None
-    except UnreadableError as error:
-        raise InputError(f"{path} {error}: give another file.") from None
+    with refusing(path), opened(path) as file:
+        yield file
 
 
 def names_of(paths: Sequence[Path]) -> str:
@@ -244,34 +233,24 @@ def numbers_of(words: list[str]) -> list[float]:
     return [float(word) for word in words]
 
 
-_TEMPORARY = re.compile(f"{re.escape(PREFIX)}[a-z0-9_]{{8}}{re.escape(SUFFIX)}")
-
-
 def writable_folder(path: Path) -> Path:
     """Make a folder if it is missing; refuse one that cannot be written to."""
+    named = f"the output folder {path}"
     try:
         path.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path):
-            pass
+            return path
     except (FileExistsError, NotADirectoryError):
-        raise InputError(
-            f"the output folder {path} is a file, or is inside one: give a folder."
-        ) from None
+        raise InputError(f"{named} is a file, or is inside one: give a folder.") from None
     except OSError as error:
-        raise InputError(
-            f"the output folder {path} cannot be written to ({error.strerror}): give another one."
-        ) from None
-    return path
-
-
-def is_possible(path: Path) -> bool:
-    """Whether a file may have this path: file systems take names of up to 255 bytes."""
-    return all(len(os.fsencode(part)) <= 255 for part in path.parts)
+        why = f"cannot be written to ({error.strerror})"
+        raise InputError(f"{named} {why}: give another one.") from None
 
 
 def is_temporary(path: Path) -> bool:
     """Whether a file is what an interrupted write of ours has left."""
-    return _TEMPORARY.fullmatch(path.name) is not None and path.is_file() and not path.is_symlink()
+    named = path.name.startswith(PREFIX) and path.suffix == SUFFIX
+    return named and path.is_file() and not path.is_symlink()
 
 
 def utf8(text: str) -> bytes:
@@ -281,15 +260,15 @@ def utf8(text: str) -> bytes:
 
 def command_line(words: Sequence[str]) -> str:
     r"""Quote words for a shell, on one line of text; bytes that are no UTF-8 as ``$'\xe9'``."""
-    return " ".join(
-        shlex.quote(word) if word.isprintable() else f"$'{_escaped(word)}'" for word in words
-    )
+    return " ".join(map(_quoted, words))
 
 
-def _escaped(word: str) -> str:
-    plain = set(range(32, 127)) - set(b"'\\")
-    content = word.encode(errors="surrogateescape")
-    return "".join(chr(byte) if byte in plain else f"\\x{byte:02x}" for byte in content)
+def _quoted(word: str) -> str:
+    if word.isprintable():
+        return shlex.quote(word)
+    plain, content = {*range(32, 127)} - {*b"'\\"}, word.encode(errors="surrogateescape")
+    escaped = (chr(byte) if byte in plain else f"\\x{byte:02x}" for byte in content)
+    return f"$'{''.join(escaped)}'"
 
 
 def write_text(path: Path, text: str) -> None:

@@ -102,15 +102,18 @@ def digits(value: float) -> str:
     return short if math.isnan(value) or float(short) == value else repr(float(value))
 
 
-def one_of(what: str, name: object, valid: Iterable[str]) -> str:
-    """Return ``name`` if it is among ``valid``, else refuse it with the nearest valid one."""
+def one_of(what: str, name: object, valid: Iterable[str], further: str = "") -> str:
+    """Return ``name`` if it is among ``valid``, else refuse it with the nearest valid one.
+
+    The refusal ends with what is allowed ``further``.
+    """
     names = sorted(valid)
     if isinstance(name, str) and name in names:
         return name
     nearest = difflib.get_close_matches(str(name), names, n=1, cutoff=0.4)
     hint = f"did you mean {nearest[0]!r}? " if nearest else ""
     allowed = ", ".join(names) or "none"
-    raise InputError(f"unknown {what} {shown(name)}: {hint}allowed values: {allowed}.")
+    raise InputError(f"unknown {what} {shown(name)}: {hint}allowed values: {allowed}{further}.")
 
 
 def check_arguments(given: Iterable[str], valid: Iterable[str]) -> None:

@@ -16,7 +16,6 @@ import sys
 import traceback
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache, reduce
 from importlib.metadata import distributions
@@ -26,10 +25,11 @@ from typing import Any, Self
 
 from deqmcl_gym.files import UnreadableError, content_of
 from deqmcl_gym.validation import InputError, in_words, one_of
-from localizers.digests import loaded_digest, module_digest, source_digest_of_file
+from localizers.digests import file_digest, loaded_digest, module_digest
 
 _MODULE = "_localizer_"  # begins the name of a module that is a file of its own
 _LOADERS = (__file__, str(importlib.__file__), "<frozen importlib")  # of code, in a traceback
+_OWN = "package.module:NAME or path/to/file.py:NAME"
 _MISSING = (
     "install it, put its folder on PYTHONPATH, or give path/to/file.py:NAME; a file stands alone, "
     "so make it and what it imports beside it a package"
@@ -48,14 +48,14 @@ class Kind:
     # names that there were, which folders may hold, and what to use instead
     gone: Mapping[str, str] = field(default_factory=dict)
     added: dict[str, Any] = field(default_factory=dict)  # by name; no other process knows them
-    received: set[str] = field(default_factory=set)  # names from the process that sends the trials
+    received: dict[str, bytes] = field(default_factory=dict)  # those that came with the trials
 
     def names(self) -> tuple[str, ...]:
         """Names that are built in, registered or installed; none is loaded."""
-        return tuple(dict.fromkeys((*self.builtin, *self.added, *sorted(self.installed()))))
+        return tuple(dict.fromkeys((*self.builtin, *self.added, *sorted(self._installed))))
 
-    def installed(self) -> Mapping[str, str]:
-        """References of the entry points of installed packages, by name; none is loaded."""
+    @property
+    def _installed(self) -> Mapping[str, str]:
         return _entry_points(tuple(sys.path)).get(self.group, {})
 
     def register(self, name: str, factory: Any) -> None:
@@ -77,40 +77,41 @@ class Kind:
             )
         self.added[name] = factory
 
-    @contextmanager
+    @contextlib.contextmanager
     def registered(self, name: str, factory: Any) -> Iterator[None]:
         """Know ``factory`` as ``name`` in a ``with`` block, or in a function that it decorates."""
-        before = self.added.pop(name, None)
+        before = dict(self.added)
+        self.added.pop(name, None)
         self.register(name, factory)
         try:
             yield
         finally:
             del self.added[name]
-            if before is not None:
-                self.added[name] = before
+            self.added.update({name: before[name]} if name in before else {})
 
     def is_plug_in(self, name: str) -> bool:
         """Whether a name leads to other people's code, which ``resolve`` runs."""
-        return not any(name in known for known in (self.builtin, self.added, self.gone))
+        return not any(name in names for names in (self.builtin, self.added, self.gone))
 
-    def reference(self, name: str) -> str:
-        """Return where the code is of a name that is neither built in nor registered."""
-        if isinstance(name, str) and (":" in name or name.endswith(".py")):
-            return name
-        if name in self.gone:
-            raise InputError(f"{name} is gone: {self.gone[name]}")
-        try:
-            return self.installed()[one_of(self.word, name, self.names())]
-        except InputError as error:
-            own = "path/to/file.py:NAME or package.module:NAME"
-            raise InputError(f"{str(error).rstrip('.')}, or your own as {own}.") from None
+    def reference(self, name: object) -> str:
+        """Return where a name says that its code is, "" if it does not; nothing is loaded."""
+        if not isinstance(name, str):
+            return ""
+        return name if ":" in name or name.endswith(".py") else self._installed.get(name, "")
 
     def complete(self, name: str) -> str:
         """Return ``file.py:NAME`` for a ``file.py`` that holds one of the kind, else the name."""
         if not name.endswith(".py"):
             return name
         module = self._module(name, absolute_name(name))
-        fitting = [one for one, value in vars(module).items() if self._is_in(module, one, value)]
+        fitting = [
+            own
+            for own, value in vars(module).items()
+            if inspect.isclass(value)
+            and _is_of(module, value)
+            and not own.startswith("_")
+            and not self._lacking(value)
+        ]
         if len(fitting) == 1:
             return name + f":{fitting[0]}"
         none = f"no class with {' and '.join(self._methods)}"
@@ -123,16 +124,24 @@ class Kind:
         """Return the factory that a name leads to; this runs a plug-in's code."""
         if name in (ours := {**self.builtin, **self.added}):
             return ours[name]
-        named, reference = f"the {self.word} {name!r}", self.complete(self.reference(name))
-        place, _, attribute = _split(absolute_name(reference))
-        if not place or not all(part.isidentifier() for part in attribute.split(".")):
-            raise InputError(
-                f"{named} leads to {reference!r}, but must be package.module:NAME or "
-                "path/to/file.py:NAME."
-            )
+        if name in self.gone:
+            raise InputError(f"{name} is gone: {self.gone[name]}")
+        if not (reference := self.reference(name)):
+            one_of(self.word, name, self.names(), f", or your own as {_OWN}")
+        reference = self.complete(reference)
+        place, rest = split(absolute_name(reference))
+        named, attribute = f"the {self.word} {name!r}", rest.removeprefix(":")
+        parts = attribute.split(".")
+        if not place or not all(map(str.isidentifier, parts)):
+            raise InputError(f"{named} leads to {reference!r}, but must be {_OWN}.")
         module = self._module(name, place)
-        asked = (_attribute, named, module, place, attribute)
-        thing = _called(f"{named} cannot be imported", place, *asked)
+        thing = self._asked(name, "imported", place, reduce, _attribute, parts, module)
+        if thing is None:
+            defined = [own for own, value in vars(module).items() if _is_of(module, value)]
+            raise InputError(
+                f"{named} does not exist: {place} has no {attribute!r}"
+                f"{_nearest(attribute, defined)}; it defines {', '.join(defined) or 'nothing'}."
+            )
         if not callable(thing):
             raise InputError(
                 f"{named} is of type {type(thing).__name__}, but must be a class or a function for "
@@ -147,19 +156,22 @@ class Kind:
     def make(self, name: str, params: Mapping[str, Any], *given: Any, **named: Any) -> Any:
         """Make one of what all of the kind are given, and of its parameters."""
         factory = self.resolve(name)
-        known = parameters_of(factory, len(given), named)
-        for param in params if known is not None else ():
-            one_of(f"parameter of {self.word} {name!r}", param, known or ())
+        self.check_parameters(name, params, parameters_of(factory, len(given), named))
         if name in self.builtin:
             return factory(*given, **named, **params)
-        place = _split(absolute_name(name))[0]
-        what = f"the {self.word} {name!r} cannot be made by {self.call}"
-        return self.checked(name, _called(what, place, factory, *given, **named, **params))
+        place, how = split(absolute_name(name))[0], f"made by {self.call}"
+        return self.checked(name, self._asked(name, how, place, factory, *given, **named, **params))
+
+    def check_parameters(
+        self, name: str, params: Iterable[str], taken: Iterable[str] | None
+    ) -> None:
+        """Refuse parameters of a name that are not among those taken (None: any)."""
+        for param in params if taken is not None else ():
+            one_of(f"parameter of {self.word} {name!r}", param, taken or ())
 
     def checked(self, name: str, made: Any) -> Any:
         """Return what was made if it has the methods of the kind, else refuse it."""
-        lacking = [verb for verb in self._methods if not callable(getattr(made, verb, None))]
-        if lacking:
+        if lacking := self._lacking(made):
             raise InputError(
                 f"the {self.word} {name!r} is of type {type(made).__name__}, without "
                 f"{' and '.join(lacking)}: one has {' and '.join(self.verbs)}."
@@ -172,36 +184,45 @@ class Kind:
             return loaded_digest(self.added[name])
         if name in self.builtin:
             return ""
-        is_place = ":" in name or name.endswith(".py")
-        place = _split(absolute_name(name if is_place else self.installed().get(name, "")))[0]
-        return (source_digest_of_file(place) if _is_path(place) else module_digest(place)) or ""
+        place, _ = split(absolute_name(self.reference(name)))
+        return (file_digest(place) if is_path(place) else module_digest(place)) or ""
 
     @property
     def _methods(self) -> list[str]:
         return [verb.partition("(")[0] for verb in self.verbs]
 
-    def _is_in(self, module: ModuleType, name: str, value: Any) -> bool:
-        """Whether a public value of a module is one, or a class of its own that makes one."""
-        if name.startswith("_"):
-            return False
-        methods = (getattr(value, verb, None) for verb in self._methods)
-        return inspect.isclass(value) and _is_of(module, value) and all(map(callable, methods))
+    def _lacking(self, thing: Any) -> list[str]:
+        return [verb for verb in self._methods if not callable(getattr(thing, verb, None))]
 
-    def _module(self, name: str, place: str) -> ModuleType:
+    def _module(self, name: str, place: str) -> Any:
         """Return the module at a place; a file is run, once per content."""
-        named, run = f"the {self.word} {name!r}", (importlib.import_module, place)
-        if _is_path(place):
-            path = Path(place)
-            try:
-                run = (_run, place, content_of(path))  # type: ignore[assignment]
-            except UnreadableError as error:
-                raise InputError(f"{named} cannot be read: {path} {error}.") from None
-            except FileNotFoundError as error:
-                hint = _nearest(path.name, [file.name for file in path.parent.glob("*.py")])
-                words = f"{path}: {error.strerror}{hint}"
-                raise InputError(f"{named} cannot be read: {words}.") from None
-        module: ModuleType = _called(f"{named} cannot be imported", place, *run)
-        return module
+        if not is_path(place):
+            return self._asked(name, "imported", place, importlib.import_module, place)
+        path = Path(place)
+        try:
+            content = content_of(path)
+        except (UnreadableError, FileNotFoundError) as error:
+            words = f"{path} {error}"
+            if isinstance(error, FileNotFoundError):
+                near = _nearest(path.name, [file.name for file in path.parent.glob("*.py")])
+                words = f"{path}: {error.strerror}{near}"
+            raise InputError(f"the {self.word} {name!r} cannot be read: {words}.") from None
+        return self._asked(name, "imported", place, _run, place, content)
+
+    def _asked(
+        self, name: str, how: str, place: str, function: Callable[..., Any], /, *a: Any, **k: Any
+    ) -> Any:
+        """Call code from elsewhere, the folder kept; what it raises, SystemExit too, is refused."""
+        try:
+            with contextlib.chdir(os.curdir):
+                return function(*a, **k)
+        except BaseException as error:
+            if isinstance(error, InputError) or is_ctrl_c(error):
+                raise
+            words = raised(error, place)
+            missing = isinstance(error, ModuleNotFoundError)
+            words = f"{words}: {_MISSING}" if missing else f"its own code raised {words}"
+            raise InputError(f"the {self.word} {name!r} cannot be {how}: {words}.") from error
 
 
 @cache
@@ -253,14 +274,19 @@ def absolute_name(name: str) -> str:
     """Return a name, its path absolute, by which a process in any folder finds the same thing."""
     if isinstance(name, Placed):
         return name.place
-    path, rest = split_path(name)
-    return f"{Path(os.path.expanduser(path)).absolute()}{rest}" if path else name
+    place, rest = split(name)
+    return f"{Path(os.path.expanduser(place)).absolute()}{rest}" if is_path(place) else name
 
 
-def split_path(name: str) -> tuple[str, str]:
-    """Return the path that a name begins with, "" if it has none, and the rest of the name."""
-    place, colon, attribute = _split(name)
-    return (place, colon + attribute) if _is_path(place) else ("", name)
+def split(name: str) -> tuple[str, str]:
+    """Return the place of a name, and what follows, with the colon; a plain name has no place."""
+    place, colon, attribute = name.rpartition(":")
+    return (name, "") if name.endswith((".py", ".toml")) else (place, colon + attribute)
+
+
+def is_path(place: str) -> bool:
+    """Whether a place is a file, not a module."""
+    return place.endswith((".py", ".toml")) or "/" in place or "\\" in place
 
 
 def is_ctrl_c(error: BaseException) -> bool:
@@ -271,12 +297,13 @@ def is_ctrl_c(error: BaseException) -> bool:
 def raised(error: BaseException, file: str | None = None) -> str:
     """Say what was raised and where, deepest in ``file``: "ValueError: words (name.py, line 7)"."""
     words = reason_of(error).rstrip(".")
-    if isinstance(error, SyntaxError):  # they say where
+    frames = [
+        f for f in traceback.extract_tb(error.__traceback__) if not f.filename.startswith(_LOADERS)
+    ]
+    own = [frame for frame in frames if frame.filename == file] or frames
+    if not own or isinstance(error, SyntaxError):  # it says where
         return words
-    frames = traceback.extract_tb(error.__traceback__)
-    theirs = [frame for frame in frames if not frame.filename.startswith(_LOADERS)]
-    own = [frame for frame in theirs if frame.filename == file] or theirs
-    return f"{words} ({Path(own[-1].filename).name}, line {own[-1].lineno})" if own else words
+    return f"{words} ({Path(own[-1].filename).name}, line {own[-1].lineno})"
 
 
 def reason_of(error: BaseException) -> str:
@@ -286,22 +313,6 @@ def reason_of(error: BaseException) -> str:
         return in_words(error)
     remedy = "its file.py cannot be imported by processes that it starts, so make it a package"
     return f"{in_words(error).rstrip('.')}: {remedy}"
-
-
-def _called(
-    what: str, place: str, function: Callable[..., Any], /, *given: Any, **named: Any
-) -> Any:
-    """Call code from elsewhere, the folder kept; what it raises, SystemExit too, is refused."""
-    try:
-        with contextlib.chdir(os.curdir):
-            return function(*given, **named)
-    except BaseException as error:
-        if isinstance(error, InputError) or is_ctrl_c(error):
-            raise
-        words = raised(error, place)
-        missing = isinstance(error, ModuleNotFoundError)
-        words = f"{words}: {_MISSING}" if missing else f"its own code raised {words}"
-        raise InputError(f"{what}: {words}.") from error
 
 
 def _run(path: str, source: bytes) -> ModuleType:
@@ -320,15 +331,8 @@ def _run(path: str, source: bytes) -> ModuleType:
     return sys.modules[name]
 
 
-def _attribute(named: str, module: ModuleType, place: str, attribute: str) -> Any:
-    try:
-        return reduce(getattr, attribute.split("."), module)
-    except AttributeError:
-        own = [name for name, value in vars(module).items() if _is_of(module, value)]
-        raise InputError(
-            f"{named} does not exist: {place} has no {attribute!r}"
-            f"{_nearest(attribute, own)}; it defines {', '.join(own) or 'nothing'}."
-        ) from None
+def _attribute(thing: Any, name: str) -> Any:
+    return getattr(thing, name, None)
 
 
 def _is_of(module: ModuleType, value: Any) -> bool:
@@ -338,12 +342,3 @@ def _is_of(module: ModuleType, value: Any) -> bool:
 def _nearest(name: str, names: Iterable[str]) -> str:
     nearest = difflib.get_close_matches(name, list(names), n=1, cutoff=0.4)
     return f" (did you mean {nearest[0]!r}?)" if nearest else ""
-
-
-def _split(name: str) -> tuple[str, str, str]:
-    """Return the place of a name, the colon, and what follows; a plain name has no place."""
-    return (name, "", "") if name.endswith((".py", ".toml")) else name.rpartition(":")
-
-
-def _is_path(place: str) -> bool:
-    return place.endswith((".py", ".toml")) or "/" in place or "\\" in place

@@ -12,7 +12,7 @@ from deqmcl_gym.maps import Lidar, Map
 from deqmcl_gym.numerics import Floats, Singles
 from deqmcl_gym.validation import number, shown
 from localizers.api import Localizer
-from localizers.kinds import Kind, absolute_name, raised, split_path
+from localizers.kinds import Kind, absolute_name, raised, split
 from localizers.methods.amcl import amcl
 from localizers.methods.cbgl import cbgl
 from localizers.methods.classical import dead_reckoning, ekf
@@ -85,7 +85,6 @@ SCAN_MODEL = Kind(
     call="NAME(floor_plan=…, lidar=…, **params)",
     verbs=("log_likelihood(states, scan)",),
 )
-_OF_BEAMS = ("log_likelihood", "least_density", "hit_moments")
 _BLOCK = 8192  # poses that a model is asked for at once, at most
 
 
@@ -107,17 +106,19 @@ class ScanPlugIn:
         number("scan.power", self.power, low=0, high=1, above=True)
 
     def __str__(self) -> str:
-        return repr(scan_name(self.kind))
+        """Return the name without the folder of its file."""
+        return repr(Path(self.kind).name)
 
     def __getattr__(self, name: str) -> Any:
         """Say what to ask instead of ``robot.scan``, of which others ask what single beams are."""
-        if name in _OF_BEAMS:
-            raise AttributeError(
+        words = f"{type(self).__name__!r} object has no attribute {name!r}"
+        if name in ("log_likelihood", "least_density", "hit_moments"):
+            words = (
                 f"the scan model {self} tells only of whole scans, so robot.scan has no {name}: "
                 "ask robot.scan_model().log_likelihood(states, Scan.of(ranges, max_range)), or "
                 "assume a model of single beams"
             )
-        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        raise AttributeError(words)
 
     def changed(self, **changes: Any) -> Self:
         """Return it with another ``power`` or parameters changed."""
@@ -127,7 +128,7 @@ class ScanPlugIn:
     def made(self, floor_plan: Map, lidar: Lidar) -> "CheckedScan":
         """Return the model of scans by a lidar on a map."""
         model = SCAN_MODEL.make(self.kind, self.params, floor_plan=floor_plan, lidar=lidar)
-        return CheckedScan(model, self.kind, self.power)
+        return CheckedScan(model, self)
 
 
 @final
@@ -136,8 +137,7 @@ class CheckedScan:
     """Somebody else's scan model, asked for at most 8192 poses at a time, its values looked at."""
 
     model: ScanModel
-    kind: str
-    power: float = 1.0
+    of: ScanPlugIn
 
     def log_likelihood(self, states: Singles, scan: Scan) -> Floats:
         """Log-likelihood at each pose (3, n), (n,); 0 of a scan without a usable beam.
@@ -145,44 +145,32 @@ class CheckedScan:
         A model that fails, or answers with another shape, NaN or inf, raises ``RuntimeError``.
         """
         n = states.shape[1]
-        out = np.zeros(n)
-        if scan.beams > 0:
-            for start in range(0, n, _BLOCK):
-                some = np.ascontiguousarray(states[:, start : start + _BLOCK])
-                out[start : start + _BLOCK] = self._asked(some, scan)
-        return out
+        if scan.beams == 0:
+            return np.zeros(n)
+        blocks = [states[:, start : start + _BLOCK] for start in range(0, n, _BLOCK)]
+        return np.concatenate([np.zeros(0), *(self._asked(some, scan) for some in blocks)])
 
     def _asked(self, states: Singles, scan: Scan) -> Floats:
-        n, named = states.shape[1], f"the scan model {scan_name(self.kind)!r}"
+        n = states.shape[1]
         try:
-            logs = np.asarray(self.model.log_likelihood(states, scan), np.float64)
+            answer = self.model.log_likelihood(np.ascontiguousarray(states), scan)
+            logs = np.asarray(answer, np.float64)
         except Exception as error:
-            words = raised(error, split_path(self.kind)[0])
-            raise RuntimeError(f"{named} raised {words}.") from error
+            words = raised(error, split(self.of.kind)[0])
+            raise RuntimeError(f"the scan model {self.of} raised {words}.") from error
         if logs.shape != (n,):
             raise RuntimeError(
-                f"{named} answered with shape {logs.shape} to {n} poses, but must with ({n},)."
+                f"the scan model {self.of} answered with shape {logs.shape} to {n} poses, but must "
+                f"with ({n},)."
             )
         amiss = np.flatnonzero(np.isnan(logs) | (logs == np.inf))
         if amiss.size:
-            x, y, heading = states[:, amiss[0]].tolist()
+            at = ", ".join(f"{number:.6g}" for number in states[:, amiss[0]].tolist())
             raise RuntimeError(
-                f"{named} answered {logs[amiss[0]]} at the pose ({x:.6g}, {y:.6g}, "
-                f"{heading:.6g}), but must with a finite number or -inf."
+                f"the scan model {self.of} answered {logs[amiss[0]]} at the pose ({at}), but must "
+                "with a finite number or -inf."
             )
-        return self.power * logs
-
-
-def is_code(kind: object) -> bool:
-    """Whether a kind of scan model says where its code is."""
-    return isinstance(kind, str) and (
-        ":" in kind or kind.endswith(".py") or kind in SCAN_MODEL.installed()
-    )
-
-
-def scan_name(kind: str) -> str:
-    """Return a scan model's name without the folder of its file."""
-    return Path(kind).name if split_path(kind)[0] else kind
+        return self.of.power * logs
 
 
 class ParameterWords(NamedTuple):
@@ -198,7 +186,7 @@ class ParameterWords(NamedTuple):
         return "required" if self.default is inspect.Parameter.empty else shown(self.default)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Description:
     """What a localizer is, and its parameters; a shell and a notebook show it as a table."""
 
@@ -206,22 +194,13 @@ class Description:
     sentence: str  # first line of its docstring
     parameters: tuple[ParameterWords, ...]
 
-    def __str__(self) -> str:
-        rows = [(p.name, p.default_words, p.meaning) for p in self.parameters]
-        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-        lines = (
-            "  " + "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True)).rstrip()
-            for row in rows
-        )
-        head = f"{self.name}: {self.sentence.replace('``', '')}".removesuffix(": ")
-        return "\n".join([head, *(["", *lines] if rows else [])])
+    def __repr__(self) -> str:
+        from tabulate import tabulate  # few ask
 
-    def _repr_markdown_(self) -> str:
-        rows = [(f"`{p.name}`", f"`{p.default_words}`", p.meaning) for p in self.parameters]
-        cells = [("parameter", "default", "what it is"), ("---",) * 3, *rows]
-        lines = ("| " + " | ".join(c.replace("|", r"\|") for c in row) + " |" for row in cells)
-        head = f"**{self.name}**: {self.sentence.replace('``', '`')}"
-        return "\n".join([head, *(["", *lines] if rows else [])]) + "\n"
+        head = f"{self.name}: {self.sentence.replace('``', '')}".removesuffix(": ")
+        rows = [("", p.name, p.default_words, p.meaning) for p in self.parameters]
+        table = tabulate(rows, tablefmt="plain", disable_numparse=True)
+        return f"{head}\n\n{table}" if rows else head
 
 
 def describe(name: str | Callable[..., Any]) -> Description:

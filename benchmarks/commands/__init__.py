@@ -6,7 +6,6 @@ here. What is heavy is imported where it runs, so that ``deqmcl new --help`` sta
 
 import argparse
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -42,8 +41,7 @@ MODULES = {  # that they are in
 GONE = {  # said to whoever still types them
     "basin": "deqmcl sweep basin --set world.log=LOG --set world.map=MAP.yaml asks that",
     "export": "deqmcl report DIR --latex --pdf writes them into DIR/export",
-    "from-nav2": "deqmcl replay LOG --map MAP.yaml --nav2 PARAMS.yaml runs it, with --dry-run it "
-    "prints the sweep file",
+    "from-nav2": "deqmcl replay LOG --map MAP.yaml --nav2 FILE --dry-run prints the sweep file",
     "leaderboard": "deqmcl report A B C --out DIR makes one report of folders of the same worlds",
     "new-localizer": "deqmcl new localizer FILE.py writes one",
     "new-map": "deqmcl new map --out DIR writes one",
@@ -112,19 +110,14 @@ def group(title: str, *options: Option) -> Option:
     return add
 
 
-def _path(text: str, what: str) -> Path:
+def file(text: str) -> Path:
     """Return the path of an argument; "" would be the current folder."""
-    from deqmcl_gym.files import is_possible
-
     if not text.strip():
-        raise argparse.ArgumentTypeError(f"it is empty: name {what}")
-    if not is_possible(Path(text)):
-        raise argparse.ArgumentTypeError("it has a name of more than 255 bytes: give a shorter one")
+        raise argparse.ArgumentTypeError("it is empty: name a file, or a folder as results/mine")
     return Path(text)
 
 
-folder = partial(_path, what="a folder, as in results/mine")
-file = partial(_path, what="a file")
+folder = file
 
 
 def share(text: str) -> float:
@@ -137,13 +130,11 @@ def share(text: str) -> float:
 
 
 JOBS = option("--jobs", type=int, metavar="J", help="trials or runs at a time (one per processor)")
-MCAP = option("--mcap", type=file, metavar="FILE.mcap",
-    help="also write what is believed, for Foxglove and Lichtblick (needs the extra view)",
-)  # fmt: skip
+_VIEWED = "also write what is believed, for Foxglove and Lichtblick (needs the extra view)"
+MCAP = option("--mcap", type=file, metavar="FILE.mcap", help=_VIEWED)
 RETRY_FAILED = switch("--retry-failed", "run again what failed before")
-TIMEOUT = option("--timeout", type=float, metavar="S",
-    help="seconds allowed per trial or run (no limit; for a plug-in 3600)",
-)  # fmt: skip
+_ALLOWED = "seconds allowed per trial or run (no limit; for a plug-in 3600)"
+TIMEOUT = option("--timeout", type=float, metavar="S", help=_ALLOWED)
 
 
 def out(default: str | None = None, *, without: str | None = None) -> Option:
@@ -191,20 +182,13 @@ def setting_sweep(
     options: argparse.Namespace, localizers: Sequence[str], trials: int = 1
 ) -> "Sweep":
     """Return the localizers on the worlds of a setting, with what is set."""
-    from benchmarks.setup import documents
+    from benchmarks.setup.documents import settings
     from benchmarks.sweeps.sweepfile import check_localizers, paper_sweep, with_settings
-    from deqmcl_gym.validation import integer
 
     check_localizers(localizers)
-    sweep = paper_sweep(
-        localizers=localizers,
-        scenario=options.scenario,
-        trials=integer("--trials", trials, low=1, high=100_000),
-        seed=integer("--seed", options.seed),
-        lag=integer("--lag", options.lag),
-        particles=integer("--particles", options.particles, low=1),
-    )
-    return with_settings(sweep, documents.settings(options.set))
+    given = {name: getattr(options, name) for name in ("scenario", "seed", "lag", "particles")}
+    sweep = paper_sweep(localizers=localizers, trials=trials, **given)
+    return with_settings(sweep, settings(options.set))
 
 
 def localizers_named(listed: str) -> tuple[str, ...]:
@@ -218,6 +202,7 @@ def mcap_of(options: argparse.Namespace) -> Path | None:
     """Return the absolute path of the file for Foxglove, if one is asked for."""
     from benchmarks.report.laps import check_file
 
-    if options.mcap is not None:
-        check_file(options.mcap)
-    return None if options.mcap is None else Path(options.mcap).absolute()
+    if options.mcap is None:
+        return None
+    check_file(options.mcap)
+    return Path(options.mcap).absolute()

@@ -83,8 +83,8 @@ def paper_command(options: argparse.Namespace) -> str:
             files = write_report(target, results, draw=False) + drawn
             complete(results, summary(sweep, results, target, files))
         write_files(target, {"table.md": _paper_table(sweep, results, "github").encode()})
-    written = [file.relative_to(target) for file in files if file.parent.name != "images"]
     table = _paper_table(sweep, results, "simple")
+    written = [file.relative_to(target) for file in files if file.parent.name != "images"]
     names = ", ".join(map(str, written))
     return f"{table}\n{conclusion(results)}\n\nWritten to {target}: table.md, {names}."
 
@@ -205,17 +205,13 @@ def _doubts(sweep: "Sweep") -> list[str]:
 def asked(options: argparse.Namespace) -> "Sweep":
     """Return the sweep that ``deqmcl sweep`` is asked for."""
     from benchmarks.experiment import sweep
-    from benchmarks.setup import documents
+    from benchmarks.setup.documents import settings
     from benchmarks.sweeps.sweepfile import sweep_named
     from deqmcl_gym.validation import InputError, integer
-    from localizers import parameters
 
     added = [name for listed in options.added for name in localizers_named(listed)]
-    keys: dict[str, Any] = {}
-    if options.trials is not None:
-        keys["trials"] = integer("--trials", options.trials, low=1, high=100_000)
-    if options.seed is not None:
-        keys["seed"] = integer("--seed", options.seed)
+    given = {"trials": options.trials, "seed": options.seed}
+    keys: dict[str, Any] = {name: value for name, value in given.items() if value is not None}
     for flag, value in (("--margin", options.margin), ("--max-worlds", options.max_worlds)):
         if value is not None and not options.until_decided:
             raise InputError(f"{flag} is of --until-decided: give that too.")
@@ -225,10 +221,8 @@ def asked(options: argparse.Namespace) -> "Sweep":
         most = 1000 if options.max_worlds is None else options.max_worlds
         keys["trials"] = integer("--max-worlds", most, low=1, high=100_000)
         keys["until_decided"] = {} if options.margin is None else {"margin": options.margin}
-    values = documents.settings(options.set)
-    made = sweep(sweep_named(options.suite, added), settings=values, **keys).sweep
-    for name in added:
-        parameters(name)
+    suite, values = sweep_named(options.suite, added), settings(options.set)
+    made = sweep(suite, settings=values, **keys).sweep
     if options.shard and made.until_decided is not None:
         raise InputError(
             "--shard runs a part of all trials, but until all comparisons are decided nobody knows "

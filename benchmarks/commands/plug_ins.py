@@ -1,6 +1,7 @@
 """What there is to name, how it is begun, and the laws that it must keep."""
 
 import argparse
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -32,21 +33,23 @@ _FIRST = "paper", "quick", "lost-quick", "wrong-map-quick", "plan-sensor", "basi
 )
 def list_command(options: argparse.Namespace) -> str:
     """List suites, localizers, scenarios and agents; or describe a localizer."""
+    from tabulate import tabulate
+
     from benchmarks.agents import AGENTS
     from benchmarks.setup.names import SCENARIOS, scenario
     from benchmarks.sweeps.sweepfile import SUITES
     from deqmcl_gym.validation import one_of
-    from localizers import describe, names
+    from localizers import describe
+    from localizers import names as localizers_known
 
     with doing("loading the localizers"):
-        localizers = list(names())
+        localizers = localizers_known()
     if options.kind is not None and options.kind not in _KINDS:
         if ":" not in options.kind and not options.kind.endswith(".py"):
             one_of("kind or localizer", options.kind, (*_KINDS, *localizers))
         return str(describe(options.kind))
-    suites = [name for name in _FIRST if name in SUITES]
-    suites += [name for name in SUITES if name not in suites]
-    kinds = {
+    suites = dict.fromkeys((*(name for name in _FIRST if name in SUITES), *SUITES))
+    kinds: dict[str, tuple[str, Iterable[str], Callable[[str], str]]] = {
         "suites": ("deqmcl sweep NAME", suites, _suite),
         "localizers": ("deqmcl list NAME says what they take", localizers, _parameters),
         "scenarios": (
@@ -56,20 +59,19 @@ def list_command(options: argparse.Namespace) -> str:
         ),
         "agents": (
             "--set agent=NAME",
-            list(AGENTS),
+            AGENTS,
             lambda name: str(AGENTS[name].__doc__).partition("\n")[0],
         ),
     }
     parts = []
     for kind in kinds if options.kind is None else [options.kind]:
-        title, listed, words_of = kinds[kind]
-        shown = listed if options.all or options.kind else listed[:_FEW]
-        rows = [(name, words_of(name)) for name in shown]
-        if len(shown) < len(listed):
-            rows.append(("…", f"{len(listed) - len(shown)} more: deqmcl list {kind}"))
-        width = max(len(name) for name, _ in rows)
-        lines = [f"  {name:<{width}}  {words}".rstrip() for name, words in rows]
-        parts.append("\n".join([f"{kind.capitalize()} ({title})", *lines]))
+        title, names, words_of = kinds[kind]
+        shown = list(names)[: None if options.all or options.kind else _FEW]
+        rows = [("", name, words_of(name)) for name in shown]
+        if more := len(list(names)) - len(shown):
+            rows.append(("", "…", f"{more} more: deqmcl list {kind}"))
+        table = tabulate(rows, tablefmt="plain", disable_numparse=True)
+        parts.append(f"{kind.capitalize()} ({title})\n{table}")
     return "\n\n".join(parts)
 
 
@@ -92,16 +94,15 @@ def _parameters(name: str) -> str:
     return "any parameters" if known is None else ", ".join(known)
 
 
-_OFFICE: dict[str, dict[str, Any]] = {  # parameters of ``Office``, each with its own default
-    "seed": {"type": int, "metavar": "N", "help": "seed of the building (0)"},
-    "wings": {"type": int, "metavar": "N",
-        "help": "wings side by side, 1 to 8, each 16 to 24 m long (2)"},
-    "corridors": {"type": int, "metavar": "N", "help": "corridors through all wings, 1 to 6 (2)"},
-    "corridor": {"type": float, "metavar": "N", "help": "width of all corridors, m (2.0)"},
-    "door": {"type": float, "metavar": "N", "help": "width of all doors, m (0.9)"},
-    "repeated": {"action": "store_true", "help": "make all wings identical"},
-    "symmetric": {"action": "store_true", "help": "make the building the same after a half turn"},
-}  # fmt: skip
+_OFFICE = (  # parameters of ``Office``, each with its own default
+    ("seed", int, "seed of the building (0)"),
+    ("wings", int, "wings side by side, 1 to 8, each 16 to 24 m long (2)"),
+    ("corridors", int, "corridors through all wings, 1 to 6 (2)"),
+    ("corridor", float, "width of all corridors, m (2.0)"),
+    ("door", float, "width of all doors, m (0.9)"),
+    ("repeated", bool, "make all wings identical"),
+    ("symmetric", bool, "make the building the same after a half turn"),
+)
 
 
 def _new(parser: argparse.ArgumentParser) -> None:
@@ -112,8 +113,9 @@ def _new(parser: argparse.ArgumentParser) -> None:
     option("file", type=file, metavar="FILE.py", help="the file; must not exist yet")(localizer)
     words = "an office from a seed: a ROS map of 0.1 m cells"
     office = kinds.add_parser("map", allow_abbrev=False, help=words, description=f"Write {words}.")
-    for name, how in _OFFICE.items():
-        office.add_argument(f"--{name}", default=argparse.SUPPRESS, **how)
+    for name, kind, meaning in _OFFICE:
+        how: Any = {"action": "store_true"} if kind is bool else {"type": kind, "metavar": "N"}
+        office.add_argument(f"--{name}", default=argparse.SUPPRESS, help=meaning, **how)
     option("--out", type=folder, required=True, metavar="DIR", help="a new or empty folder")(office)
 
 
@@ -124,8 +126,6 @@ def new_command(options: argparse.Namespace) -> str:
 
 
 def _localizer(path: Path) -> str:
-    from importlib.util import find_spec
-
     from deqmcl_gym.files import write_text
     from deqmcl_gym.validation import InputError
 
@@ -137,9 +137,7 @@ def _localizer(path: Path) -> str:
         raise InputError(f"the new file {path} already exists: choose another name.")
     if not path.parent.is_dir():
         raise InputError(f"the folder of the new file {path} does not exist: create it.")
-    package = find_spec("localizers")  # without loading it
-    assert package is not None, "the packages are installed together"
-    template = Path(str(package.origin)).with_name("template.py")
+    template = Path(__file__).parents[2] / "localizers" / "template.py"
     write_text(path, template.read_text(encoding="utf-8"))
     name = quote(f"{path if path.is_absolute() else f'./{path}'}:MyLocalizer")
     return (
@@ -154,7 +152,8 @@ def _map(options: argparse.Namespace) -> str:
     from deqmcl_gym.maps import Office
     from deqmcl_gym.validation import InputError
 
-    office = Office(**{name: value for name, value in vars(options).items() if name in _OFFICE})
+    given = vars(options)
+    office = Office(**{name: given[name] for name, _, _ in _OFFICE if name in given})
     out: Path = options.out
     if out.is_dir() and any(out.iterdir()):
         raise InputError(f"the output folder {out} is not empty: give a new or an empty one.")
@@ -179,12 +178,10 @@ def _kind_of_plug_in(parser: argparse.ArgumentParser) -> None:
 @command(
     option("name", metavar="NAME", help="a name (deqmcl list), package.module:NAME or "
         "path/to/file.py[:NAME]"),
-    option("--map", metavar="MAP.yaml", help="try it on this map, in m, instead of a small room of "
-        "polygons"),
+    option("--map", metavar="MAP.yaml", help="try it on this map, in m, instead of a small room"),
     _kind_of_plug_in,
-    option("--scenario", metavar="NAME", help="where an agent drives (guided; with a goal, "
-        "driving), or whose map and lidar a scan model is for (sharp; if it needs a map of cells, "
-        "lost)"),
+    option("--scenario", metavar="NAME", help="where an agent drives (guided or driving), or whose "
+        "map and lidar a scan model is for (sharp or, if it needs a map of cells, lost)"),
     option("--timeout", type=float, default=60.0, metavar="S", help="seconds allowed per law (60)"),
 )  # fmt: skip
 def check_command(options: argparse.Namespace) -> str:
@@ -206,12 +203,11 @@ def check_command(options: argparse.Namespace) -> str:
     from benchmarks.checks import KINDS
     from localizers.checks import LawVerdict, Report, law_name
 
-    def attempt(law: "Law") -> LawVerdict:
-        where = options.scenario or options.map
+    subject = kind, options.name, options.scenario or options.map, options.timeout
+
+    def attempt(law: "Law") -> Any:
         try:
-            subject = kind, options.name, where, options.timeout
-            verdict: LawVerdict = worker.submit(_verdict, law, *subject).result()
-            return verdict
+            return worker.submit(_verdict, law, *subject).result()
         except TimedOutError:
             note = f"no answer within {options.timeout:g} s; --timeout S allows more"
         except WorkerDiedError as error:
@@ -220,9 +216,9 @@ def check_command(options: argparse.Namespace) -> str:
 
     report = Report(options.name, KINDS[kind][1], attempt)
     with Processes(1, timeout=options.timeout) as worker:
-        for name in map(law_name, report.laws):
-            with doing(f"trying the law {name!r}"):
-                verdict = report.verdict(name)
+        for law in report.laws:
+            with doing(f"trying the law {law_name(law)!r}"):
+                verdict = report.verdict(law)
             say(str(verdict))
     verdicts, failed = report.verdicts, report.failed
     if failed:
@@ -231,8 +227,8 @@ def check_command(options: argparse.Namespace) -> str:
         hint = " If it is for maps of cells alone, give one: --map MAP.yaml." * at_once
         words = f"{len(failed)} of {len(verdicts)} laws failed: {named}.{hint}"
         raise LawsBrokenError(words) from failed[0].error
-    skipped = sum(verdict.status == "skipped" for verdict in verdicts)
-    more = f" ({skipped} skipped)" if skipped else ""
+    skipped = [verdict for verdict in verdicts if verdict.status == "skipped"]
+    more = f" ({len(skipped)} skipped)" if skipped else ""
     return f"{options.name} keeps all laws of {kind}{more}."
 
 

@@ -34,16 +34,19 @@ CONNECT_SECONDS = 10  # how long a scheduler may take to answer
 _CLOSE_SECONDS = 1
 _ALIKE = 64  # most trials of one episode that wait for the worker that has driven it
 _LOOK_SECONDS = 2
+_AGAIN = "finished trials are kept, run the command again for the rest"
+_InFlight = dict[Future[Outcome], tuple[str, Trial, float]]  # key, trial, when it was submitted
+Submit = Callable[[Trial, str], Future[Outcome]]  # of a trial and its key; can raise InputError
 
 
 @dataclass(frozen=True, kw_only=True)
 class Engine:
     """What trials are submitted to."""
 
-    submit: Callable[[Trial, str], Future[Outcome]]  # of a trial and its key; can raise InputError
+    submit: Submit
     slots: int  # trials in flight at a time
     timeout: float | None = None  # s until a trial is given up; None: the engine sees to it
-    lost: Callable[[], str] | None = None  # says why nothing more will come of it; "" if it works
+    lost: Callable[[], str] = str  # says why nothing more will come of it; "" if it works
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,14 +72,13 @@ class Where:
     @contextmanager
     def engine(self, trials: Collection[Trial]) -> Iterator[Engine]:
         """Start an engine for these trials, and end it with all that still runs."""
-        jobs = self.jobs or available_cpus()
         if self.dask is not None:
             with _dask(self.dask) as engine:
                 patient = self.timeout is None and any(map(guest_of, trials))
                 timeout = GUEST_SECONDS if patient else self.timeout
                 yield replace(engine, slots=self.jobs or engine.slots, timeout=timeout)
             return
-        workers = max(1, min(jobs, len(trials)))
+        workers = max(1, min(self.jobs or available_cpus(), len(trials)))
         with Processes(workers, timeout=self.timeout) as pool:
             sent = _sender(pool)
             if workers == 1 and self.timeout is None:
@@ -84,9 +86,6 @@ class Where:
             else:  # enough wait beside the workers that each has episodes of its own
                 alike = max(Counter(trial.episode for trial in trials).values(), default=1)
                 yield Engine(submit=sent, slots=workers * min(alike, _ALIKE) + 1)
-
-
-Submit = Callable[[Trial, str], Future[Outcome]]
 
 
 def _run_here(elsewhere: Submit, trial: Trial, key: str) -> Future[Outcome]:
@@ -105,10 +104,9 @@ def _run_here(elsewhere: Submit, trial: Trial, key: str) -> Future[Outcome]:
 
 def _sender(executor: Any) -> Submit:
     """Return what submits trials, each with the localizer registered in this process, if any."""
-    packed = dict[str, bytes]()
+    packed, pooled = dict[str, bytes](), isinstance(executor, Processes)
 
     def submit(trial: Trial, key: str) -> Future[Outcome]:
-        pooled = isinstance(executor, Processes)
         how = {"guest": guest_of(trial), "group": trial.episode} if pooled else {}
         if (name := trial.localizer) in LOCALIZER.added and name not in packed:
             packed[name] = _packed(name)
@@ -122,11 +120,10 @@ def _packed(name: str) -> bytes:
     """Return a registered localizer as bytes, with the code of its module if that is one's own."""
     import cloudpickle
 
-    factory: Any = LOCALIZER.resolve(name)
-    whole = factory
-    while isinstance(whole, partial):
-        whole = whole.func
-    home = sys.modules.get(getattr(whole, "__module__", ""))
+    factory = made_by = LOCALIZER.resolve(name)
+    while isinstance(made_by, partial):
+        made_by = made_by.func
+    home: Any = sys.modules.get(getattr(made_by, "__module__", ""))
     file = getattr(home, "__file__", None)
     installed = [*map(Path, (sys.prefix, *sysconfig.get_paths().values()))]
     installed += [Path(__file__).parents[2] / package for package in OURS]
@@ -144,9 +141,9 @@ def _packed(name: str) -> bytes:
 
 
 def _attempt(packed: bytes | None, trial: Trial, key: str) -> Outcome:
-    if packed is not None and trial.localizer not in LOCALIZER.added:
-        LOCALIZER.added[trial.localizer] = pickle.loads(packed)
-        LOCALIZER.received.add(trial.localizer)
+    name = trial.localizer
+    if packed is not None and LOCALIZER.received.get(name) != packed:
+        LOCALIZER.added[name], LOCALIZER.received[name] = pickle.loads(packed), packed
     return attempt(trial, key)
 
 
@@ -173,11 +170,10 @@ def _dask(scheduler: str) -> Iterator[Engine]:
             raise InputError(f"the Dask scheduler {scheduler} has no workers: start some.")
 
         def lost() -> str:
-            gone = client.status not in ("running", "connecting")
-            return "the Dask scheduler is lost" if gone else ""
+            works = client.status in ("running", "connecting")
+            return "" if works else "the Dask scheduler is lost"
 
-        submit = _sender(client.get_executor(retries=0))
-        yield Engine(submit=submit, slots=threads, lost=lost)
+        yield Engine(submit=_sender(client.get_executor(retries=0)), slots=threads, lost=lost)
     finally:
         with contextlib.suppress(TimeoutError):
             client.close(timeout=_CLOSE_SECONDS)
@@ -200,9 +196,6 @@ def _quota(groups: Path = Path("/sys/fs/cgroup")) -> float:
     return math.inf
 
 
-_InFlight = dict[Future[Outcome], tuple[str, Trial, float]]  # key, trial, when it was submitted
-
-
 def outcomes(
     jobs: Iterable[tuple[str, Trial]], engine: Engine
 ) -> Generator[tuple[str, Outcome], None, None]:
@@ -218,10 +211,7 @@ def outcomes(
     hung = 0
     while waiting or in_flight:
         if hung == engine.slots:
-            raise RuntimeError(
-                f"all {hung} workers hang; finished trials are kept, run the command again for "
-                "the rest."
-            )
+            raise RuntimeError(f"all {hung} workers hang; {_AGAIN}.")
         while waiting and len(in_flight) + hung < engine.slots:
             key, trial = waiting.popleft()
             future = engine.submit(trial, key)
@@ -235,27 +225,25 @@ def outcomes(
                 yield key, Outcome(reason=f"no result within {engine.timeout:g} s")
                 continue
             tries[key] += 1
-            outcome = _outcome(future, tries[key])
-            if outcome is None:
-                waiting.appendleft((key, trial))
-            else:
+            if outcome := _outcome(future, tries[key]):
                 yield key, outcome
+            else:
+                waiting.appendleft((key, trial))
 
 
 def _landed(in_flight: _InFlight, engine: Engine) -> set[Future[Outcome]]:
     """Wait for futures that are done, or have been in flight for too long."""
-    first, longest = min(began for _, _, began in in_flight.values()), engine.timeout or math.inf
+    longest = engine.timeout or math.inf
+    first = min(began for _, _, began in in_flight.values())
     while True:
         left = max(0.0, first + longest - time.monotonic())
-        patience = min(left, math.inf if engine.lost is None else _LOOK_SECONDS)
-        limit = None if math.isinf(patience) else patience
-        if done := wait(in_flight, timeout=limit, return_when=FIRST_COMPLETED).done:
+        if done := wait(in_flight, min(left, _LOOK_SECONDS), FIRST_COMPLETED).done:
             return done
         late = time.monotonic() - longest
         if over := {future for future, (_, _, began) in in_flight.items() if began <= late}:
             return over
-        if engine.lost is not None and (why := engine.lost()):
-            raise RuntimeError(f"{why}; finished trials are kept, run the command again.")
+        if why := engine.lost():
+            raise RuntimeError(f"{why}; {_AGAIN}.")
 
 
 def _outcome(future: Future[Outcome], tries: int) -> Outcome | None:
@@ -268,6 +256,5 @@ def _outcome(future: Future[Outcome], tries: int) -> Outcome | None:
         words = str(error) or in_words(error)
         raise RuntimeError(f"the executor broke ({words}); finished trials are kept.") from error
     except (Exception, SystemExit) as error:  # of the engine: a trial's own errors are outcomes
-        if tries < TRIES:
-            return None
-        return Outcome(reason=f"lost {tries} times by its worker; last: {in_words(error)}")
+        lost = Outcome(reason=f"lost {tries} times by its worker; last: {in_words(error)}")
+        return None if tries < TRIES else lost

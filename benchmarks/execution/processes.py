@@ -30,8 +30,6 @@ _Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
 
 class _Waiting(NamedTuple):
-    """A call that waits for a process."""
-
     future: Future[Any]
     guest: str
     group: Hashable
@@ -64,9 +62,10 @@ class Processes:
         self._groups: dict[int, Hashable] = {}  # that of the last call of each thread
         self._closed = False
         self._living: set[_Worker] = set()
-        self._threads = [threading.Thread(target=self._look_after_one) for _ in range(workers)]
+        self._threads = [
+            threading.Thread(target=self._look_after_one, daemon=True) for _ in range(workers)
+        ]
         for thread in self._threads:
-            thread.daemon = True
             thread.start()
         # Ctrl-C may come in the midst of leaving: multiprocessing would wait for those left
         atexit.register(self._kill)
@@ -106,19 +105,16 @@ class Processes:
                 continue
             try:
                 patience = GUEST_SECONDS if guest and self._timeout is None else self._timeout
-                worker = held.pop(guest) if guest in held else self._started()
-                held[guest] = worker
-                answer = worker.returned(call, patience)
+                held[guest] = held.pop(guest) if guest in held else self._started()
+                future.set_result(held[guest].returned(call, patience))
             except BaseException as error:
                 if guest in held:
-                    self._ended(held.pop(guest))
+                    self._end(held.pop(guest))
                 future.set_exception(error)
-            else:
-                future.set_result(answer)
             if len(held) > _HELD:
-                self._ended(held.pop(next(iter(held))))
+                self._end(held.pop(next(iter(held))))
         for worker in held.values():
-            self._ended(worker)
+            self._end(worker)
 
     def _taken(self) -> _Waiting | None:
         """Wait for a call: of this thread's group, else of nobody's, else the first; None: end."""
@@ -142,7 +138,7 @@ class Processes:
             self._living.add(worker)
         return worker
 
-    def _ended(self, worker: "_Worker") -> None:
+    def _end(self, worker: "_Worker") -> None:
         with self._lock:
             self._living.discard(worker)
         worker.close()

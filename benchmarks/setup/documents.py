@@ -13,7 +13,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from deqmcl_gym.files import UnreadableError, content_of, yaml_of
+from deqmcl_gym.files import UnreadableError, content_of, refusing, yaml_of
 from deqmcl_gym.validation import InputError, one_of, shown
 from localizers.digests import content_digest
 from localizers.kinds import Placed
@@ -25,14 +25,10 @@ _LARGEST = 1e100  # magnitude of a number: charts take no larger ones
 def read_toml(path: Path, what: str) -> dict[str, Any]:
     """Return the document in the file of a ``what``: UTF-8, with or without a byte order mark."""
     named = f"the {what} file {path}"
-    try:
+    with refusing(named):
         content = content_of(path)
-        document = io.StringIO(content.decode("utf-8-sig"), newline=None).read()
-        return tomllib.loads(document)
-    except FileNotFoundError:
-        raise InputError(f"{named} is not there: give an existing file.") from None
-    except UnreadableError as error:
-        raise InputError(f"{named} {error}: give another one.") from None
+    try:
+        return tomllib.loads(io.StringIO(content.decode("utf-8-sig"), newline=None).read())
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         found = f"byte 0x{content[error.start]:02x} in line {line}"
@@ -139,11 +135,10 @@ def settings(words: Iterable[str]) -> dict[str, Any]:
     """Return the values by dotted name of ``NAME=VALUE`` words, as ``--set`` has them."""
     values: dict[str, Any] = {}
     for word in words:
-        name, equals, text = map(str.strip, word.partition("="))
-        if not (name and equals and text):
-            raise InputError(
-                f"--set has {word!r}, but must be NAME=VALUE, as params.mcl.particles=500."
-            )
+        name, _, text = map(str.strip, word.partition("="))
+        if not (name and text):
+            usual = "NAME=VALUE, as params.mcl.particles=500"
+            raise InputError(f"--set has {word!r}, but must be {usual}.")
         if name in values:
             raise InputError(f"--set gives {name} twice: give it once.")
         values[name] = parsed(f"--set {name}", text)
@@ -172,18 +167,12 @@ def sweep_text(
     notes: Iterable[str], top: Mapping[str, Any], tables: Mapping[str, Mapping[str, Any]]
 ) -> str:
     """Return a sweep file: comments, values before all tables, and tables by name."""
-    clean = (
-        "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in n) for n in notes
-    )
-    lines = [*(f"# {note}" for note in clean), *_lines(top)]
-    for name, own in tables.items():
-        lines += ["", f"[{name}]", *_lines(own)]
+    unknown = "\N{REPLACEMENT CHARACTER}"
+    lines = ["# " + "".join(c if c.isprintable() else unknown for c in note) for note in notes]
+    for name, table in {"": top, **tables}.items():
+        lines += ["", f"[{name}]"] if name else []
+        lines += [f"{key} = {_toml(value)}" for key, value in table.items()]
     return "\n".join(lines) + "\n"
-
-
-def _lines(table: Mapping[str, Any]) -> Iterator[str]:
-    for name, value in table.items():
-        yield f"{name} = {_toml(value)}"
 
 
 def _toml(value: Any) -> str:

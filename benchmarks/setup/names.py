@@ -19,8 +19,8 @@ from deqmcl_gym.validation import InputError, one_of, part
 from deqmcl_gym.world.config import WORLDS
 from localizers import RobotModel, absolute_name
 from localizers.digests import content_digest
-from localizers.kinds import Kind, Placed, split_path
-from localizers.registry import LOCALIZER, SCAN_MODEL, ScanPlugIn, is_code
+from localizers.kinds import Kind, Placed, is_path, split
+from localizers.registry import LOCALIZER, SCAN_MODEL, ScanPlugIn
 
 # loaded when asked for: a trial in a room needs no readers of logs
 _OF_LOGS = ("log", "log-short", "replay")
@@ -37,28 +37,22 @@ _KEYS = (
     *("words", "base", "env", "assumed", "prior"),
     *("agent", "disturbance", "buildings", "thresholds"),
 )
-_DEEPEST = 8  # files, each the base of the next
 SCAN_KIND = "scan.kind"
 
 
 def absolute_reference(kind: Kind, name: str, folder: Path = Path()) -> str:
     """Return a name, its path from a folder, by which any process finds the same thing."""
-    place, rest = split_path(name)
-    if place and not isinstance(name, Placed):
+    place, rest = split(name)
+    if is_path(place) and not isinstance(name, Placed):
         name = from_folder(folder, place) + rest
     return kind.complete(name)
 
 
 def absolute_scenario(name: str, folder: Path = Path()) -> str:
     """Return the name of a scenario, a file's with its path from a folder."""
-    if isinstance(name, Placed):
-        return name
     if isinstance(name, str) and name.endswith(".toml"):
-        return from_folder(folder, name)
-    try:
-        return one_of("scenario", name, SCENARIOS)
-    except InputError as error:
-        raise InputError(f"{str(error).rstrip('.')}, or your own as room.toml.") from None
+        return name if isinstance(name, Placed) else from_folder(folder, name)
+    return one_of("scenario", name, SCENARIOS, ", or your own as room.toml")
 
 
 def scenario(name: str) -> Scenario:
@@ -73,16 +67,14 @@ def absolute_agent(agent: Named, folder: Path = Path()) -> Named:
 
 def absolute_assumed(assumed: Overrides, folder: Path = Path()) -> Overrides:
     """Return what is assumed with the absolute names of a scan model, or of those varied."""
-
-    def placed(kind: Any) -> Any:  # a scenario refuses what is none
-        return absolute_reference(SCAN_MODEL, kind, folder) if is_code(kind) else kind
-
     if SCAN_KIND not in assumed:
         return assumed
     kind = assumed[SCAN_KIND]
-    return assumed | {
-        SCAN_KIND: tuple(map(placed, kind)) if isinstance(kind, tuple) else placed(kind)
-    }
+    placed = tuple(  # a scenario refuses what is none
+        absolute_reference(SCAN_MODEL, name, folder) if isinstance(name, str) else name
+        for name in (kind if isinstance(kind, tuple) else (kind,))
+    )
+    return assumed | {SCAN_KIND: placed if isinstance(kind, tuple) else placed[0]}
 
 
 def make_agent(agent: Named | str, robot: RobotModel) -> Agent:
@@ -95,7 +87,7 @@ def make_agent(agent: Named | str, robot: RobotModel) -> Agent:
 def plug_ins_of(agent: Named | None, scan: object) -> tuple[str, ...]:
     """Return the names of an agent and of a kind of scan model whose code is not ours."""
     driver = (agent.name,) if agent is not None and AGENT.is_plug_in(agent.name) else ()
-    return (*driver, scan) if isinstance(scan, str) and is_code(scan) else driver
+    return (*driver, scan) if isinstance(scan, str) and SCAN_MODEL.reference(scan) else driver
 
 
 def is_plug_in(localizer: str, agent: Named | None) -> bool:
@@ -105,17 +97,15 @@ def is_plug_in(localizer: str, agent: Named | None) -> bool:
 
 def scenario_digest(name: str) -> str:
     """Return a digest of the files of a scenario, its agent and scan model; "" if built-in."""
-    found = scenario(name)
-    scan = SCAN_MODEL.digest(found.scan.kind) if isinstance(found.scan, ScanPlugIn) else ""
-    return found.source + AGENT.digest(found.agent.name) + scan
+    of = scenario(name)
+    scan = SCAN_MODEL.digest(of.scan.kind) if isinstance(of.scan, ScanPlugIn) else ""
+    return of.source + AGENT.digest(of.agent.name) + scan
 
 
 def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
     """Return the scenario of an absolute name that stands ``within`` files."""
     if name in within:
         raise InputError(f"the scenario {name} is its own base: name another base.")
-    if len(within) > _DEEPEST:
-        raise InputError(f"more than {_DEEPEST} scenario files build on each other: use fewer.")
     if name in _TABLES:
         return _built_in(name)
     if name in _OF_LOGS:
@@ -135,10 +125,8 @@ def _scenario(name: str, within: tuple[str, ...]) -> Scenario:
 def _built_in(name: str) -> Scenario:
     """Return a scenario of scenarios.toml; without a base it is in the preset of its name."""
     table = _TABLES[name]
-    if "base" in table:
-        base = _built_in(table["base"])
-    else:
-        base = RoomScenario(words=name, world=WORLDS[name])
+    plain = "base" not in table
+    base = RoomScenario(words=name, world=WORLDS[name]) if plain else _built_in(table["base"])
     return _changed(base, table, Path(name), "")
 
 
@@ -165,5 +153,5 @@ def _agent(given: Any, base: Named) -> Named:
     """Return the agent that a scenario file says, as changes to that of its base."""
     if not isinstance(given, Mapping) or "name" in given:
         return Named.told("agent", given)
-    own = Named.told("agent", {"name": base.name, **given})
-    return Named(own.name, base.params | own.params)
+    changes = Named.told("agent", {"name": base.name, **given})
+    return Named(base.name, base.params | changes.params)

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -89,9 +89,8 @@ class Overrides(dict[str, Any]):
         plan = self.get("floor_plan")
         named = [self[name] for name in FILES if name in self]
         named += [plan.get("file")] if isinstance(plan, Mapping) else []
-        several = [one if isinstance(one, tuple) else (one,) for one in named]
-        found = [path for one in several for path in one if isinstance(path, str | Path)]
-        return [str(path) if isinstance(path, Path) else path for path in found]
+        parts = [path for each in named for path in (each if isinstance(each, tuple) else [each])]
+        return [str(p) if isinstance(p, Path) else p for p in parts if isinstance(p, str | Path)]
 
     def beside(self, folder: Path) -> Self:
         """Return a world's changes with the paths of files absolute, from a folder; ~ is home."""
@@ -126,13 +125,13 @@ class Named:
         """Return what a TOML document names: "name", or {name = …, params = {…}}."""
         if isinstance(given, str):
             return cls(as_text(what, given))
-        known = as_table(what, given, "a name, or {name = …, params = {…}}")
-        for key in known:
+        table = as_table(what, given, "a name, or {name = …, params = {…}}")
+        for key in table:
             one_of(f"key of {what}", key, ("name", "params"))
-        if "name" not in known:
+        if "name" not in table:
             raise InputError(f"{what} has no name: write {{name = …, params = {{…}}}}.")
-        params = as_table(f"params of {what}", known.get("params", {}), "a table")
-        return cls(as_text(f"name of {what}", known["name"]), Overrides(params))
+        params = as_table(f"params of {what}", table.get("params", {}), "a table")
+        return cls(as_text(f"name of {what}", table["name"]), Overrides(params))
 
     def __str__(self) -> str:
         return " ".join([self.name, *(f"{name}={value}" for name, value in self.params.items())])
@@ -161,15 +160,23 @@ def jsonable(value: Any) -> Any:
     return str(value) if isinstance(value, float) and math.isinf(value) else value
 
 
+def _mapped(value: Any, change: Callable[[Any], Any]) -> Any:
+    """Return a value with all in it changed that is neither a list nor a table."""
+    if isinstance(value, list | tuple):
+        return type(value)(_mapped(inner, change) for inner in value)
+    if isinstance(value, dict):
+        return type(value)({name: _mapped(inner, change) for name, inner in value.items()})
+    return change(value)
+
+
 def of_json(value: Any) -> Any:
     """Return the value of which ``jsonable`` has made this one, but for lists and dicts."""
-    if isinstance(value, list):
-        return list(map(of_json, value))
-    if isinstance(value, dict):
-        return {name: of_json(inner) for name, inner in value.items()}
-    if isinstance(value, str) and value.lstrip("'") in _WORDS:
-        return _WORDS.get(value, value[1:])
-    return value
+
+    def read(leaf: Any) -> Any:
+        is_word = isinstance(leaf, str) and leaf.lstrip("'") in _WORDS
+        return _WORDS.get(leaf, leaf[1:]) if is_word else leaf
+
+    return _mapped(value, read)
 
 
 def spelt(value: Any) -> str:
@@ -187,43 +194,30 @@ def _absolute(folder: Path, value: Any) -> Any:
 
 def located(value: Any) -> Any:
     """Return a value of a trial with absolute paths in place of those that are said."""
-    if isinstance(value, Overrides):
-        return Overrides({name: located(inner) for name, inner in value.items()})
-    if isinstance(value, tuple):
-        return tuple(map(located, value))
-    return value.place if isinstance(value, Placed) else value
+    return _mapped(value, lambda leaf: leaf.place if isinstance(leaf, Placed) else leaf)
 
 
 def renamed(value: Any, names: Mapping[str, str]) -> Any:
     """Return JSON with other texts in place of those that are ``names``."""
-    if isinstance(value, dict):
-        return {key: renamed(inner, names) for key, inner in value.items()}
-    if isinstance(value, list):
-        return [renamed(inner, names) for inner in value]
-    return names.get(value, value) if isinstance(value, str) else value
+    return _mapped(value, lambda leaf: names.get(leaf, leaf) if isinstance(leaf, str) else leaf)
 
 
 def wrappers(what: str, value: Any) -> tuple[Overrides, ...]:
     """Return disturbances, tables of a list, with repeated actions written out."""
-    wanted = "a table like {kind = 'kidnap', step = 100}"
-    tables = (as_table(f"an entry of {what}", one, wanted) for one in listed(what, value))
-    return tuple(
-        Overrides({k: _repeated(v) if k == "actions" else v for k, v in table.items()})
-        for table in tables
-    )
+    tables = []
+    for entry in listed(what, value):
+        wanted = "a table like {kind = 'kidnap', step = 100}"
+        tables.append(dict(as_table(f"an entry of {what}", entry, wanted)))
+        if isinstance(actions := tables[-1].get("actions"), list | tuple):
+            tables[-1]["actions"] = [each for action in actions for each in _repeated(action)]
+    return tuple(map(Overrides, tables))
 
 
-def _repeated(actions: Any) -> Any:
-    """Return a list of actions with each [drive, turn, steps] as so many [drive, turn]."""
-    if not isinstance(actions, list | tuple):
-        return actions
-    found = []
-    for action in actions:
-        if isinstance(action, list | tuple) and len(action) == 3:
-            found += [action[:2]] * integer("steps of an action", action[2], low=1, high=100_000)
-        else:
-            found.append(action)
-    return found
+def _repeated(action: Any) -> list[Any]:
+    """Return [drive, turn, steps] as so many [drive, turn]."""
+    if not isinstance(action, list | tuple) or len(action) != 3:
+        return [action]
+    return [action[:2]] * integer("steps of an action", action[2], low=1, high=100_000)
 
 
 def listed(what: str, value: Any) -> Sequence[Any]:

@@ -25,7 +25,7 @@ from localizers import (
     UniformPrior,
 )
 from localizers.models.nav2_motion import unknown_motion
-from localizers.registry import ScanPlugIn, is_code
+from localizers.registry import SCAN_MODEL, ScanPlugIn
 
 Part = TypeVar("Part")
 Rng = np.random.Generator | None  # that of a displaced prior; others draw nothing
@@ -190,12 +190,13 @@ def changed(part: str, current: Part, keys: Any, unit: str, kinds: Mapping[str, 
         names = ", ".join(_names(part, current))
         raise InputError(f"{part} is {keys!r}, but must name a key: {names}.")
     changes = dict(keys)
-    if part == "scan" and is_code(changes.get("kind")):
+    if part == "scan" and SCAN_MODEL.reference(changes.get("kind")):
         return ScanPlugIn(kind=changes.pop("kind")).changed(**changes)  # type: ignore[return-value]
     if isinstance(current, ScanPlugIn) and "kind" not in changes:
         return current.changed(**changes)  # type: ignore[return-value]
     if "kind" in changes:
-        given = _kind_of(part, changes.pop("kind"), kinds)
+        further = ", or your own as file.py:NAME" if part == "scan" else ""
+        given = one_of(f"kind of {part}", changes.pop("kind"), kinds, further)
         kind = kinds[given]
         if type(current) is not kind:
             known = {own.name for own in fields(kind)}
@@ -206,15 +207,6 @@ def changed(part: str, current: Part, keys: Any, unit: str, kinds: Mapping[str, 
     for key in changes:
         one_of("assumption", f"{part}.{key}", _names(part, current))
     return replace(current, **changes)  # type: ignore[type-var]
-
-
-def _kind_of(part: str, given: Any, kinds: Mapping[str, Any]) -> str:
-    try:
-        return one_of(f"kind of {part}", given, kinds)
-    except InputError as error:
-        if part != "scan":
-            raise
-        raise InputError(f"{str(error).rstrip('.')}, or your own as file.py:NAME.") from None
 
 
 def _names(part: str, current: Any) -> list[str]:

@@ -109,18 +109,13 @@ def _base(name: Any, files: Sequence[Path]) -> Sweep:
 
 def _suite_file(what: str, name: str, others: Iterable[str] = ()) -> Path:
     """Return the sweep file of a suite; a refusal names ``others`` that are allowed, too."""
-    try:
-        return _SUITES / f"{one_of(what, name, [*SUITES, *others])}.toml"
-    except InputError as error:
-        if Path(name).exists():
-            raise InputError(
-                f"{what} is the file {name}: the name of a sweep file must end in .toml, so save "
-                "it under such a name."
-            ) from None
+    if name not in SUITES and Path(name).exists():
         raise InputError(
-            f"{str(error).rstrip('.')}, or a file that ends in .toml; docs/reports of the "
-            "repository has those of its reports."
-        ) from None
+            f"{what} is the file {name}: the name of a sweep file must end in .toml, so save it "
+            "under such a name."
+        )
+    own = ", or a file that ends in .toml; docs/reports of the repository has those of its reports"
+    return _SUITES / f"{one_of(what, name, [*SUITES, *others], own)}.toml"
 
 
 def sweep_of(
@@ -222,9 +217,7 @@ def with_params(sweep: Sweep, params: Mapping[str, Overrides]) -> Sweep:
     own = {}
     for given, values in params.items():
         name = one_of("localizer in params", names.get(absolute_name(given), given), sweep.names)
-        taken = parameters(name)
-        for key in values if taken is not None else ():
-            one_of(f"parameter of localizer {name!r}", key, taken or ())
+        LOCALIZER.check_parameters(name, values, parameters(name))
         own[name] = values
     methods = [replace(m, params=m.params | own.get(m.name, {})) for m in sweep.localizers]
     return replace(sweep, localizers=tuple(methods)) if own else sweep

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from deqmcl_gym.files import UnreadableError, as_number, content_of, write_bytes, yaml_of
+from deqmcl_gym.files import as_number, content_of, refusing, write_bytes, yaml_of
 from deqmcl_gym.numerics import Floats, T
 from deqmcl_gym.validation import InputError, number, one_of, pose
 
@@ -109,12 +109,8 @@ def _path(given: Any) -> Path:
 
 def _document(path: Path) -> dict[str, Any]:
     """Read a yaml file; its values are checked."""
-    try:
+    with refusing(f"the map file {path}"):
         given = yaml_of(content_of(path))
-    except FileNotFoundError:
-        raise InputError(f"the map file {path} does not exist: give one that does.") from None
-    except UnreadableError as error:
-        raise InputError(f"the map file {path} {error}.") from None
     if not isinstance(given, Mapping) or (missing := [key for key in _KEYS if key not in given]):
         what = f"has no {', '.join(missing)}" if isinstance(given, Mapping) else "is not a mapping"
         raise InputError(f"the map file {path} {what}, but needs {', '.join(_KEYS)}.")

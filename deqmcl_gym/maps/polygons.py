@@ -15,7 +15,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from deqmcl_gym.files import UnreadableError, content_of, json_of
+from deqmcl_gym.files import content_of, json_of, refusing
 from deqmcl_gym.maps import drive_kernels, ray_kernels
 from deqmcl_gym.maps.map import Box, Map, pixel
 from deqmcl_gym.maps.ray_kernels import AllWalls
@@ -284,12 +284,8 @@ def _singles(columns: list[Floats]) -> Singles:
 
 def read_polygons(path: str | os.PathLike[str]) -> PolygonMap:
     """Read a map."""
-    try:
+    with refusing(f"the map file {path}"):
         given = json_of(content_of(Path(os.path.expanduser(path))))
-    except FileNotFoundError:
-        raise InputError(f"the map file {path} does not exist: give one that does.") from None
-    except UnreadableError as error:
-        raise InputError(f"the map file {path} {error}.") from None
     try:
         for key in given:
             one_of("key", key, KEYS)

@@ -62,7 +62,7 @@ class Report:
     @property
     def verdicts(self) -> tuple[LawVerdict, ...]:
         """One per law, in their order."""
-        return tuple(map(self._verdict, self.laws))
+        return tuple(map(self.verdict, self.laws))
 
     @property
     def failed(self) -> tuple[LawVerdict, ...]:
@@ -77,14 +77,12 @@ class Report:
     def __str__(self) -> str:
         return "\n".join([f"{self.name}:", *map(str, self.verdicts)])
 
-    def verdict(self, law: str) -> LawVerdict:
-        """Return the verdict on a law by its name."""
-        return self._verdict(next(one for one in self.laws if law_name(one) == law))
-
-    def _verdict(self, law: Law) -> LawVerdict:
-        """Return the verdict on a law; one that needs a law that failed is skipped."""
+    def verdict(self, law: str | Law) -> LawVerdict:
+        """Return the verdict on a law, or on that of a name; after a need that failed, skip it."""
+        if isinstance(law, str):
+            law = next(own for own in self.laws if law_name(own) == law)
         need = self.laws[law]
-        while need is not None and self._verdict(need).status != "FAILED":
+        while need is not None and self.verdict(need).status != "FAILED":
             need = self.laws[need]
         if need is not None:
             return LawVerdict(law_name(law), "skipped", f"it fails {law_name(need)!r}")
@@ -150,18 +148,14 @@ def parametrize_with_laws(
     names = list(map(law_name, LAWS))
     for name in reasons:
         one_of("law", name, names)
-    cases = []
-    for name in names:
-        marks = [pytest.mark.xfail(reason=reasons[name], strict=True)] if name in reasons else []
-        cases.append(pytest.param(partial(_hold, report, name), id=name, marks=marks))
+
+    def hold(law: str) -> None:
+        verdict = report.verdict(law)
+        if verdict.status == "skipped":
+            pytest.skip(verdict.note)
+        if verdict.error is not None:
+            raise verdict.error
+
+    marks = {n: pytest.mark.xfail(reason=why, strict=True) for n, why in reasons.items()}
+    cases = [pytest.param(partial(hold, n), id=n, marks=marks.get(n, ())) for n in names]
     return pytest.mark.parametrize("law", cases)
-
-
-def _hold(report: Report, law: str) -> None:
-    import pytest
-
-    verdict = report.verdict(law)
-    if verdict.status == "skipped":
-        pytest.skip(verdict.note)
-    if verdict.error is not None:
-        raise verdict.error

@@ -35,7 +35,6 @@ from localizers.checks.subject import (
     LawBrokenError,
     LawSkippedError,
     LocalizerDrive,
-    Snapshot,
     Subject,
     changes_since,
     difference,
@@ -155,13 +154,12 @@ def other_rng_other_result(subject: LocalizerDrive) -> str | None:
 
 def global_rng_untouched(subject: Subject) -> None:
     """Neither NumPy's global random state nor that of ``random`` changes."""
-    with state_kept():
-        np.random.seed(2_718_281)  # noqa: NPY002
-        random.seed(2_718_281)
-        before = process_state()
-        subject.history()
-        if GLOBAL_RNG in changes_since(before):
-            raise LawBrokenError(f"it uses {GLOBAL_RNG}: {subject.remedy}")
+    np.random.seed(2_718_281)  # noqa: NPY002
+    random.seed(2_718_281)
+    before = process_state()
+    subject.history()
+    if GLOBAL_RNG in changes_since(before):
+        raise LawBrokenError(f"it uses {GLOBAL_RNG}: {subject.remedy}")
 
 
 def process_state_untouched(subject: LocalizerDrive) -> None:
@@ -203,9 +201,9 @@ def inputs_not_changed(subject: Subject) -> None:
 def robot_and_prior_not_changed(subject: LocalizerDrive) -> None:
     """No number and no array of the robot, its map and the prior changes during a run."""
     robot, prior = subject.robot, subject.prior
-    ends = np.array([prior.mean, prior.mean])
-    robot.floor_plan.ranges(ends, robot.lidar.bearings)  # fills caches
-    robot.floor_plan.collides(ends[:1], ends[1:], robot.radius)
+    at = np.array([prior.mean])
+    robot.floor_plan.ranges(at, robot.lidar.bearings)  # fills caches
+    robot.floor_plan.collides(at, at, robot.radius)
     before = {"robot": robot, "prior": prior}
     given: dict[str, Any] = deepcopy(before)
     subject.history(**given)
@@ -302,13 +300,10 @@ def one_particle(subject: LocalizerDrive) -> str | None:
 
 def short_plan(subject: LocalizerDrive) -> None:
     """A plan that is empty, that shows two steps at a time, or that runs out is followed."""
-    plans = subject.plans
-    for shorter in (
-        [plan[:0] for plan in plans],
-        [plan[:2] for plan in plans],
-        [plan[: DRIVE_STEPS - t] for t, plan in enumerate(plans)],
-    ):
-        subject.require_valid(plans=shorter)
+    shown = [0] * (DRIVE_STEPS + 1), [2] * (DRIVE_STEPS + 1), range(DRIVE_STEPS, -1, -1)
+    for steps in shown:
+        plans = [plan[:n] for plan, n in zip(subject.plans, steps, strict=True)]
+        subject.require_valid(plans=plans)
 
 
 def changed_plan(subject: LocalizerDrive) -> None:
@@ -333,10 +328,8 @@ def picklable(subject: LocalizerDrive) -> None:
     half = islice(subject.steps(original), _HALF + 1)
     run = [snapshot(belief, t) for t, (belief, _) in enumerate(half)]
     copy = pickle.loads(pickle.dumps(original))
-    run += [
-        snapshot(copy.update(*subject.inputs(t).values()), t)
-        for t in range(_HALF + 1, DRIVE_STEPS + 1)
-    ]
+    rest = range(_HALF + 1, DRIVE_STEPS + 1)
+    run += [snapshot(copy.update(*subject.inputs(t).values()), t) for t in rest]
     subject.require_same(run, "a copy pickled halfway differs")
 
 
@@ -360,13 +353,12 @@ def runs_in_a_worker(subject: LocalizerDrive) -> None:
     subject.require_same(answer, "a spawned process gives different results")
 
 
-def _history_of(subject: bytes) -> list[Snapshot] | str:
+def _history_of(subject: bytes) -> Any:
     """Return what a spawned process computes, or what was raised there."""
     try:
-        history: list[Snapshot] = pickle.loads(subject).history()
+        return pickle.loads(subject).history()
     except Exception as error:
         return str(error) if isinstance(error, LawBrokenError) else f"it raised {raised(error)}"
-    return history
 
 
 def _valid_or_refused(subject: LocalizerDrive, **changes: Any) -> str | None:
@@ -394,34 +386,25 @@ def _half_turned(poses: Floats) -> Floats:
     return turned
 
 
+_OF_BELIEFS = (
+    *(same_rng_same_result, global_rng_untouched, process_state_untouched, nothing_left_running),
+    *(inputs_not_changed, robot_and_prior_not_changed, beliefs_stay),
+)
+_OF_WEIGHTS = (
+    *(whole_turn, half_turn, prior_without_mean, zero_likelihood, max_range_scan, bad_beams),
+    *(huge_actions, one_particle, short_plan, changed_plan),
+)
+_OF_REPETITION = (
+    *(increments_of_three, other_rng_other_result, inputs_not_kept, outputs_are_fresh),
+    *(reset_starts_anew, picklable, runs_in_a_worker),
+)
 LAWS: Laws = {
     answers_in_time: None,
     makes_a_localizer: answers_in_time,
     answers_with_beliefs: makes_a_localizer,
     finite: answers_with_beliefs,
     weights_sum_to_one: finite,
-    whole_turn: weights_sum_to_one,
-    half_turn: weights_sum_to_one,
-    same_rng_same_result: answers_with_beliefs,
-    increments_of_three: same_rng_same_result,
-    other_rng_other_result: same_rng_same_result,
-    global_rng_untouched: answers_with_beliefs,
-    process_state_untouched: answers_with_beliefs,
-    nothing_left_running: answers_with_beliefs,
-    inputs_not_changed: answers_with_beliefs,
-    robot_and_prior_not_changed: answers_with_beliefs,
-    inputs_not_kept: same_rng_same_result,
-    outputs_are_fresh: same_rng_same_result,
-    beliefs_stay: answers_with_beliefs,
-    prior_without_mean: weights_sum_to_one,
-    zero_likelihood: weights_sum_to_one,
-    max_range_scan: weights_sum_to_one,
-    bad_beams: weights_sum_to_one,
-    huge_actions: weights_sum_to_one,
-    one_particle: weights_sum_to_one,
-    short_plan: weights_sum_to_one,
-    changed_plan: weights_sum_to_one,
-    reset_starts_anew: same_rng_same_result,
-    picklable: same_rng_same_result,
-    runs_in_a_worker: same_rng_same_result,
+    **dict.fromkeys(_OF_WEIGHTS, weights_sum_to_one),
+    **dict.fromkeys(_OF_BELIEFS, answers_with_beliefs),
+    **dict.fromkeys(_OF_REPETITION, same_rng_same_result),
 }

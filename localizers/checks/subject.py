@@ -11,7 +11,7 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import zip_longest
@@ -24,7 +24,7 @@ from deqmcl_gym.maps import Lidar, Map, PolygonMap
 from deqmcl_gym.maps.map import pixel
 from deqmcl_gym.numerics import Floats
 from deqmcl_gym.numerics.arrays import wrapped
-from deqmcl_gym.validation import SUM_TOLERANCE, digits, one_of
+from deqmcl_gym.validation import SUM_TOLERANCE, digits
 from localizers.api import Belief, Localizer, mean_pose
 from localizers.kinds import absolute_name, parameters_of
 from localizers.models.motion import OdometryMotion
@@ -52,12 +52,9 @@ class LawSkippedError(Exception):
 
 def default_robot() -> RobotModel:
     """Return a robot with eight beams in a rectangular corridor."""
-    return robot_on(
-        PolygonMap(
-            outer=[(0, 0), (350, 0), (350, 300), (0, 300)],
-            obstacles=([(100, 100), (250, 100), (250, 200), (100, 200)],),
-        )
-    )
+    block = [(100, 100), (250, 100), (250, 200), (100, 200)]
+    outer = [(0, 0), (350, 0), (350, 300), (0, 300)]
+    return robot_on(PolygonMap(outer=outer, obstacles=(block,)))
 
 
 def robot_on(floor_plan: Map) -> RobotModel:
@@ -72,49 +69,33 @@ def robot_on(floor_plan: Map) -> RobotModel:
 
 
 def random_drive(robot: RobotModel, rng: np.random.Generator) -> dict[str, Any]:
-    """Return a drive from a free pose, turning near walls; only half of the plan is driven.
+    """Return a drive from a free pose, which turns on the spot from the first wall on.
 
-    The noise is small and not that which the robot assumes: a check tests whether a localizer
-    keeps the laws, not how accurate it is. It starts where it sees far, heading slightly below 0:
-    that can be written 2π higher, and half a turn from it lies ±π.
+    Only half of the plan is driven. The noise is small and not that which the robot assumes: a
+    check tests whether a localizer keeps the laws, not how accurate it is. It starts where it sees
+    far, and heads slightly below 0: that can be written 2π higher, and half a turn from it is ±π.
     """
-    floor_plan, lidar = robot.floor_plan, robot.lidar
+    floor_plan, lidar, steps = robot.floor_plan, robot.lidar, 2 * DRIVE_STEPS
     x0, y0, x1, y1 = floor_plan.bounds
     stride = min((x1 - x0) / 30, (y1 - y0) / 30, _LONGEST * pixel(floor_plan.unit))
     poses = UniformPrior(floor_plan=floor_plan, radius=robot.radius).sample(_TRIES, rng)
     poses[:, 2] = rng.uniform(-0.1, 0.0, _TRIES)
-    start = pose = poses[floor_plan.ranges(poses, [0.0])[:, 0].argmax()]
-    actions, ends = [], []
-    for _ in range(2 * DRIVE_STEPS):
-        action, pose = _free_step(robot, pose, stride, rng)
-        actions.append(action)
-        ends.append(pose)
-    ranges = np.asarray(lidar.ranges(floor_plan, np.array(ends[:DRIVE_STEPS]).T), float)
+    start = poses[floor_plan.ranges(poses, [0.0])[:, 0].argmax()]
+    headings, distances = rng.normal(0.0, 0.2, steps), rng.uniform(0.5, 1.0, steps) * stride
+    moves = distances[:, None] * np.column_stack([np.cos(headings), np.sin(headings)])
+    path = np.vstack([start, np.column_stack([start[:2] + np.cumsum(moves, axis=0), headings])])
+    free = ~floor_plan.collides(path[:-1], path[1:], robot.radius)
+    driven = np.logical_and.accumulate(free)
+    path[1:, :2] = start[:2] + np.cumsum(moves * driven[:, None], axis=0)
+    actions = np.column_stack([distances * driven, np.diff(path[:, 2])])
+    ranges = np.asarray(lidar.ranges(floor_plan, path[1 : DRIVE_STEPS + 1].T), float)
     x, y, heading = start.tolist()
     return {
         "prior": GaussianPrior(mean=(x, y, heading), sd_position=0.5 * stride, sd_heading=0.1),
-        "actions": np.array(actions[:DRIVE_STEPS]),
+        "actions": actions[:DRIVE_STEPS],
         "scans": np.clip(rng.normal(ranges, 0.01 * stride), 0.0, lidar.max_range),
-        "plans": [np.array(actions[t:]) for t in range(DRIVE_STEPS + 1)],
+        "plans": [actions[t:] for t in range(DRIVE_STEPS + 1)],
     }
-
-
-def _free_step(
-    robot: RobotModel, pose: Floats, stride: float, rng: np.random.Generator
-) -> tuple[Floats, Floats]:
-    """Draw a step that touches no wall, (d, φ), and where it ends; a turn on the spot if none.
-
-    As long as there is room the heading stays about 0.
-    """
-    distances = np.append(rng.uniform(0.5, 1.0, _TRIES - 1) * stride, 0.0)
-    turns = rng.normal(-0.5 * pose[2], np.linspace(0.1, 2.0, _TRIES))
-    headings = pose[2] + turns
-    moves = [distances * np.cos(headings), distances * np.sin(headings), turns]
-    ends = pose + np.column_stack(moves)
-    starts = np.broadcast_to(pose, ends.shape)
-    touches = robot.floor_plan.collides(starts, ends, robot.radius) & (distances > 0)
-    first = touches.argmin()
-    return np.array([distances[first], turns[first]]), ends[first]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,8 +197,7 @@ class LocalizerDrive(Subject):
         for t, offset, (poses, weights) in ((t, *each) for t, held in run for each in held.items()):
             where = f"points({offset}) at step {t}"
             for name, array in (("pose", poses), ("weight", weights)):
-                if not np.isfinite(array).all():
-                    bad = array[~np.isfinite(array)][0]
+                for bad in array[~np.isfinite(array)]:
                     raise LawBrokenError(f"a {name} of {where} is {bad:g}")
             total, least = float(weights.sum(dtype=np.float64)), weights.min()
             if sums and (least < 0 or abs(total - 1) > SUM_TOLERANCE):
@@ -259,28 +239,18 @@ def localizer_drive(
         source = factory if name in LOCALIZER.added else absolute_name(name)
     else:
         name, factory = getattr(localizer, "__name__", repr(localizer)), localizer
-    names = parameters_of(factory)
-    for param in params if names is not None else ():
-        one_of(f"parameter of localizer {name!r}", param, names or ())
+    LOCALIZER.check_parameters(name, params, parameters_of(factory))
     imported = tuple(changes_since(before))
-    return LocalizerDrive(
-        name=name, source=source, params=params, robot=robot, imported=imported,
-        **random_drive(robot, np.random.default_rng(0)),
-    )  # fmt: skip
+    drive = random_drive(robot, np.random.default_rng(0))
+    drive |= {"source": source, "params": params, "robot": robot, "imported": imported}
+    return LocalizerDrive(name=name, **drive)
 
 
 def snapshot(belief: Belief, t: int) -> Snapshot:
-    """Copy all points of a belief at step t.
-
-    Raises:
-        LawBrokenError: it has none, or not in the form of ``Belief.points``.
-    """
+    """Copy all points of a belief at step t; they must be in the form of ``Belief.points``."""
     held = getattr(belief, "points", lambda _: None)
-    by_offset = {
-        offset: _copied(points, f"points({offset}) at step {t}")
-        for offset in OFFSETS
-        if (points := held(offset)) is not None
-    }
+    all_points = {offset: held(offset) for offset in OFFSETS}
+    by_offset = {n: _copied(p, n, t) for n, p in all_points.items() if p is not None}
     if 0 not in by_offset:
         raise LawBrokenError(
             f"{'update' if t else 'reset'} (step {t}) returned {_kind(belief)}, but must return a "
@@ -289,15 +259,15 @@ def snapshot(belief: Belief, t: int) -> Snapshot:
     return by_offset
 
 
-def _copied(points: Any, where: str) -> tuple[Floats, Floats]:
+def _copied(points: Any, offset: int, t: int) -> tuple[Floats, Floats]:
     match points:
         case (np.ndarray(shape=(n, 3)) as poses, np.ndarray(shape=(m,)) as weights) if n == m > 0:
             is_of_floats = poses.dtype.kind == weights.dtype.kind == "f"
             if is_of_floats and not any(map(np.ma.isMaskedArray, points)):
                 return poses.copy(), weights.copy()
     raise LawBrokenError(
-        f"{where} is {_kind(points)}, but must be None or (poses, weights), arrays of floats of "
-        "shapes (n, 3) and (n,), n ≥ 1"
+        f"points({offset}) at step {t} is {_kind(points)}, but must be None or (poses, weights), "
+        "arrays of floats of shapes (n, 3) and (n,), n ≥ 1"
     )
 
 
@@ -308,84 +278,53 @@ def _kind(thing: object) -> str:
     return "None" if thing is None else f"an object of type {type(thing).__name__}{of}"
 
 
-def difference(before: object, after: object) -> str | None:
+_PLAIN: Any = (type(None), np.ndarray, np.generic, int, float, str)
+
+
+def difference(before: Any, after: Any, name: str = "", depth: int = 8) -> str | None:
     """Name the first number, word or array inside ``before`` that is another one in ``after``.
 
     What an object has only ``after``, such as caches, is no difference.
     """
-    values = dict(_values(after))
-    for name, value in _values(before):
-        numeric = np.asarray(value).dtype.kind == "f"
-        if name not in values or not np.array_equal(value, values[name], equal_nan=numeric):
-            return name
+    if isinstance(before, _PLAIN):
+        numeric = np.asarray(before).dtype.kind == "f"
+        return None if np.array_equal(before, after, equal_nan=numeric) else name
+    held, now = _parts(before), _parts(after)
+    if isinstance(before, tuple | list | Mapping) and len(held) != len(now):
+        return name
+    for key, value in held.items() if depth else ():
+        numbered = isinstance(before, tuple | list)
+        where = f"{name}[{key}]" if numbered else f"{name}.{key}".lstrip(".")
+        if key not in now:
+            return where
+        if (at := difference(value, now[key], where, depth - 1)) is not None:
+            return at
     return None
 
 
-def _values(thing: Any, name: str = "", depth: int = 8) -> Iterator[tuple[str, Any]]:
-    """Yield all numbers, words, arrays and lengths inside an object, by where they are."""
-    parts: Iterable[tuple[str, Any]] = ()
-    if thing is None or isinstance(thing, np.ndarray | np.generic | int | float | str):
-        yield name, thing
-    elif isinstance(thing, tuple | list):
-        yield name, len(thing)
-        parts = ((f"{name}[{index}]", value) for index, value in enumerate(thing))
-    elif isinstance(thing, Mapping):
-        yield name, len(thing)
-        parts = ((f"{name}.{key}".lstrip("."), value) for key, value in thing.items())
-    elif hasattr(thing, "__dict__"):
-        parts = ((f"{name}.{key}", value) for key, value in vars(thing).items())
-    if depth:
-        for where, value in parts:
-            yield from _values(value, where, depth - 1)
+def _parts(thing: Any) -> Mapping[Any, Any]:
+    if isinstance(thing, tuple | list):
+        return dict(enumerate(thing))
+    return thing if isinstance(thing, Mapping) else getattr(thing, "__dict__", {})
 
 
 GLOBAL_RNG = "the global random numbers of numpy or random"
 ADDED_BY_IMPORTS = ("the filters of warnings", "os.environ", "sys.path", GLOBAL_RNG)
 
 
-def _set_handlers(handlers: Mapping[int, Any]) -> None:
-    for number, handler in handlers.items():
-        if handler is not None and handler != signal.getsignal(number):
-            signal.signal(number, handler)
-
-
-def _set_environment(variables: Mapping[str, str]) -> None:
-    os.environ.clear()
-    os.environ.update(variables)
-
-
-def _global_rng() -> bytes:
-    return pickle.dumps((np.random.get_state(), random.getstate()))  # noqa: NPY002
-
-
-def _set_global_rng(states: bytes) -> None:
-    of_numpy, of_random = pickle.loads(states)
-    np.random.set_state(of_numpy)  # noqa: NPY002
-    random.setstate(of_random)
-
-
-_STATES: dict[str, tuple[Callable[[], Any], Callable[[Any], object]]] = {  # how to read and set it
-    "the working folder": (os.getcwd, os.chdir),
-    "signal handlers": (
-        lambda: {number: signal.getsignal(number) for number in signal.valid_signals()},
-        _set_handlers,
-    ),
-    "np.seterr": (np.geterr, lambda kept: np.seterr(**kept)),
-    "np.set_printoptions": (np.get_printoptions, lambda kept: np.set_printoptions(**kept)),
-    "the filters of warnings": (
-        lambda: list(warnings.filters),
-        lambda kept: setattr(warnings, "filters", kept),
-    ),
-    "os.environ": (lambda: dict(os.environ), _set_environment),
-    "the recursion limit": (sys.getrecursionlimit, sys.setrecursionlimit),
-    "sys.path": (lambda: list(sys.path), lambda kept: setattr(sys, "path", kept)),
-    GLOBAL_RNG: (_global_rng, _set_global_rng),
-}
-
-
 def process_state() -> dict[str, Any]:
     """Return the global state of this process, by name."""
-    return {name: read() for name, (read, _) in _STATES.items()}
+    return {
+        "the working folder": os.getcwd(),
+        "signal handlers": {n: signal.getsignal(n) for n in signal.valid_signals()},
+        "np.seterr": np.geterr(),
+        "np.set_printoptions": np.get_printoptions(),
+        "the filters of warnings": list(warnings.filters),
+        "os.environ": dict(os.environ),
+        "the recursion limit": sys.getrecursionlimit(),
+        "sys.path": list(sys.path),
+        GLOBAL_RNG: pickle.dumps((np.random.get_state(), random.getstate())),  # noqa: NPY002
+    }
 
 
 def changes_since(before: Mapping[str, Any]) -> list[str]:
@@ -396,12 +335,27 @@ def changes_since(before: Mapping[str, Any]) -> list[str]:
 @contextmanager
 def state_kept() -> Iterator[None]:
     """Put the global state of this process back after a block."""
-    before = process_state()
+    folder, handlers, errors, printed, filters, variables, limit, path, rngs = (
+        process_state().values()
+    )
     try:
         yield
     finally:
-        for name in changes_since(before):
-            _STATES[name][1](before[name])
+        os.chdir(folder)
+        for number, handler in handlers.items():
+            if handler not in (None, signal.getsignal(number)):
+                signal.signal(number, handler)
+        np.seterr(**errors)
+        np.set_printoptions(**printed)
+        warnings.filters[:] = filters  # type: ignore[index]
+        if variables != dict(os.environ):
+            os.environ.clear()
+            os.environ.update(variables)
+        sys.setrecursionlimit(limit)
+        sys.path[:] = path
+        of_numpy, of_random = pickle.loads(rngs)
+        np.random.set_state(of_numpy)  # noqa: NPY002
+        random.setstate(of_random)
 
 
 def running() -> dict[str, str]:

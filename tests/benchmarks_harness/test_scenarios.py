@@ -252,7 +252,7 @@ def test_a_file_that_is_edited_makes_results_of_another_key(room, edited):
 BAD_FILES = [
     ("wrods = 'x'", ["'wrods'", "did you mean 'words'?"]),
     ("base = 'room.toml'", ["its own base"]),
-    ("base = '~nobody/x.toml'", ["x.toml", "is not there"]),
+    ("base = '~nobody/x.toml'", ["x.toml", "does not exist"]),
     ("[env]\nfloor_plan = '~nobody/x.yaml'", ["x.yaml", "does not exist"]),
     ("env = 3", ["env", "3", "table"]),
     ("[env.floor_plan]\nouter = [[0, 0], [1, 0]]", ["outer", "3"]),

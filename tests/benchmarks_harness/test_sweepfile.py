@@ -202,7 +202,7 @@ def test_a_bad_file_is_refused_with_the_name_of_file_and_key(tmp_path, text, nam
 
 
 def test_a_file_that_cannot_be_read_is_refused(tmp_path):
-    with refused("gone.toml is not there"):
+    with refused("gone.toml does not exist"):
         read_sweep(tmp_path / "gone.toml")
     with refused("is a folder"):
         read_sweep(tmp_path)

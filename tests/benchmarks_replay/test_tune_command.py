@@ -405,7 +405,7 @@ def test_a_candidate_beside_another_stays_in_the_space_and_moves_something():
         ("particles = [[1], [2]]", "numbers, words, true or false"),
         ("particles = { low = 5, high = 5 }", "low must be below high"),
         ("particles = { low = 2000, high = 2004, whole = true }", "rounded to 3 digits"),
-        ("particles = { low = 1, high = inf }", "out of range at high"),
+        ("particles = { low = 1, high = inf }", "at high), but must be"),
         ("only = true", "nothing is left"),
         ("particles = [", "not valid TOML"),
     ],

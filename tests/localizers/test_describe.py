@@ -45,8 +45,7 @@ def test_a_plug_in_is_described_by_its_annotations_and_the_first_line_of_its_doc
         ("b", 0.5, ""),
         ("c", inspect.Parameter.empty, ""),
     ]
-    assert "  c  required" in str(described).splitlines()
-    assert "| `a` | `3` | at least 1 |" in described._repr_markdown_().splitlines()
+    assert "  c  required" in repr(described).splitlines()
 
 
 def test_a_class_and_a_partial_are_described_without_a_name():

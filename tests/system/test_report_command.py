@@ -100,7 +100,7 @@ def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_p
         ("[" * 100_000, "is nested too deeply"),
         ('{"schema": 3}', "an older version"),
         (f'{{"schema": {SCHEMA + 1}}}', "a newer version"),
-        (f'{{"schema": {SCHEMA}, "identity": {{"sweep": null}}}}', "null instead of object"),
+        (f'{{"schema": {SCHEMA}, "identity": {{"sweep": null}}}}', "expected object, got null"),
     ],
 )
 def test_a_folder_without_results_is_refused_in_one_sentence(tmp_path, refusal, content, why):
