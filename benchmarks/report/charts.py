@@ -236,9 +236,7 @@ def points_chart(panel: Panel) -> Chart | None:
 
 def offset_chart(panel: Panel) -> Chart | None:
     """Error against the offset in the queue, over the same states for every offset."""
-    profiles = {
-        label: errors_by_offset(records) for label, records in panel.records_by_label.items()
-    }
+    profiles = {label: errors_by_offset(records) for label, records in panel.records.items()}
     if all(len(own) < 2 for own in profiles.values()):
         return None
     lines = [(label, k, *one) for label, own in profiles.items() for k, one in own.items()]

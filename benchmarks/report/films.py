@@ -391,7 +391,7 @@ def films_of(panel: Panel) -> list[Animation]:
         first = {
             label: record
             for label in dict.fromkeys((focus["reference"], focus["label"]))
-            for record in reversed(panel.records_by_label[label])
+            for record in reversed(panel.records[label])
             if record.trial.trial == world
         }
         reached = f"{value:.1f}" if math.isfinite(value) else "never"

@@ -173,15 +173,15 @@ def page_files(
         drawn = {chart.name: chart.drawn("svg") for chart in (*swept, *charts)}
     figures = pictures_of_paper(folder)
     methods = dict.fromkeys(name for panel in panels for name in panel.rows["method"])
+    agents = [method.agent for panel in panels for method in panel.methods.values()]
     telling = {
         "results": results,
         "conclusion": conclusion(results),
         "progress": progress(results),
         "methods": list(map(short_name, methods)),
-        "agents": list(dict.fromkeys(name for panel in panels for name in panel.agents)),
+        "agents": list(dict.fromkeys(short_name(one.name) for one in agents if one)),
         "worlds": sorted({int(n) for panel in panels for n in panel.rows["worlds"]}),
         "filter_seeds": len({record.trial.filter_seed for record in results.records}),
-        "params": panels[0].shared_params if panels else {},
         "world": next((panel.world for panel in panels), "world"),
         "most": percent(1 - TOLERATED),
         "notes": notes,

@@ -47,7 +47,7 @@ def tracked(panel: Panel) -> tuple[pd.DataFrame, Map] | None:
 
     None also where log and map are not there any more, or need somebody's code.
     """
-    records = panel.records_by_label
+    records = panel.records
     if any(record.track is None for finished in records.values() for record in finished):
         return None
     try:

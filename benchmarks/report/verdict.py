@@ -124,7 +124,7 @@ def _of_several(panels: Sequence[Panel], results: Results) -> str:
 
 def plug_in_labels(panel: Panel) -> set[str]:
     """Return the methods whose localizer or agent is somebody's own."""
-    return {label for one, label in panel.labels.items() if is_plug_in(one.name, one.agent)}
+    return {label for label, one in panel.methods.items() if is_plug_in(one.name, one.agent)}
 
 
 def _plug_ins(panel: Panel, winner: Any) -> list[Any]:
@@ -231,7 +231,7 @@ def _on_a_log(panel: Panel) -> str:
             "the end separates no methods."
         )
     held = {}
-    for label, records in panel.records_by_label.items():
+    for label, records in panel.records.items():
         shares = [one.track.scores.get("coverage_95") for one in records if one.track is not None]
         if known := [share for share in shares if share is not None]:
             held[label] = sum(known) / len(known)
@@ -249,8 +249,8 @@ def _unfitted(panel: Panel) -> list[str]:
     """Methods with default assumptions beside others that are fitted to a part of the log."""
     waits = [
         label
-        for method, label in panel.labels.items()
+        for label, method in panel.methods.items()
         if method.name == "amcl" and "alpha1" not in method.params
     ]
     fitted = "scan.power" in panel.setting.assumed and "judged" in panel.setting.world
-    return waits[:1] if fitted and len(panel.labels) > len(waits) else []
+    return waits[:1] if fitted and len(panel.methods) > len(waits) else []
