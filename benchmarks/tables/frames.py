@@ -193,9 +193,10 @@ def share_curve(runs: pd.Series) -> pd.DataFrame:
     return pd.DataFrame({"metres": metres, "share": shares, "low": low, "high": high})
 
 
-def errors_by_offset(records: Sequence[Finished]) -> dict[int, Interval]:
-    """Return the error by offset, each over the same states, in the order of the offsets."""
+def errors_by_offset(records: Iterable[Finished]) -> pd.DataFrame:
+    """Return the error by offset, each over the same states: offset, mean, low, high."""
     rows = [(k, *record.trial.run, e) for record in records for k, e in record.profile.items()]
-    frame = by_run(pd.DataFrame(rows, columns=["offset", *RUN, "error"]))
-    errors = {k: frame.loc[frame["offset"] == k, "error"] for k in sorted({k for k, *_ in rows})}
-    return {k: estimate(by_world(own).to_numpy()) for k, own in errors.items()}
+    errors = by_run(pd.DataFrame(rows, columns=["offset", *RUN, "error"]))
+    each = errors.groupby("offset")["error"]
+    means = [(k, *estimate(by_world(own).to_numpy())) for k, own in each]
+    return pd.DataFrame(means, columns=["offset", *Interval._fields])
