@@ -410,14 +410,14 @@ def _maps(
     if not squares:
         return [_share_map(frame, x, y, panels[0].aim)] if panels[0].aim else []
     return [
-        _regimes(frame[frame["label"] == label].copy(), (x, y, *squares), score, number)
+        _regimes(frame[frame["label"] == label].copy(), (x, y, squares[0]), score, number)
         for number, label in enumerate(frame.loc[~frame["is_baseline"], "label"].unique(), 1)
         for score in JOURNEY_SCORES.values()
         if score.tested and score.name in frame
     ]
 
 
-def _regimes(rows: pd.DataFrame, axes: Sequence[str], score: Score, number: int) -> Chart:
+def _regimes(rows: pd.DataFrame, axes: tuple[str, str, str], score: Score, number: int) -> Chart:
     """A map of where a method is ahead of its baseline in a score."""
     name, share = score.name, score.unit == "share"
     differences = means(

@@ -215,9 +215,10 @@ def glance_table(panels: Sequence[Panel]) -> Table:
     lines, strong = [], []
     for n, panel in enumerate(panels):
         rows, tell = panel.ranked, percent if panel.aim else fixed
+        marks = (_mark(relation, panel.aim) for relation in rows["relation"])
         marked = {
-            row.label: f"{tell(row.score)} {_mark(row.relation, panel.aim)}".rstrip()
-            for row in rows.itertuples()
+            label: f"{tell(score)} {mark}".rstrip()
+            for label, score, mark in zip(rows["label"], rows["score"], marks, strict=True)
         }
         best = rows.loc[rows["order"] == rows["order"].iloc[0], "label"]
         strong += [(n, 1 + labels.index(label)) for label in best]

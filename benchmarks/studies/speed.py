@@ -340,9 +340,8 @@ def localize_steps(mode: str, size: int = 64) -> Job:
 
 
 def _ratios() -> Iterator[Ratio]:
-    yield beside(
-        "rays_vs_numpy", "rays/s", *(partial(rays, of) for of in (our_ranges, numpy_ranges))
-    )
+    ours, other = (partial(rays, ranges) for ranges in (our_ranges, numpy_ranges))
+    yield beside("rays_vs_numpy", "rays/s", ours, other)
     deq, other = (partial(filter_steps, name, N_10K) for name in ("deq-mcl", "mcl-map"))
     yield beside("deq_vs_map_step", "µs/step", partial(deq, lag=20), other)
     yield beside("deq_lag80_vs_lag10", "µs/step", partial(deq, lag=80), partial(deq, lag=10))
