@@ -105,11 +105,6 @@ def canvas(width: float = 4.8, height: float = 3.2) -> "Axes":
     return Figure(figsize=(width, height), layout="constrained").subplots()
 
 
-def look(place: int) -> dict[str, Any]:
-    """Return colour and mark of the label at a place among all."""
-    return {"color": f"C{place % 10}", "marker": _MARKS[(place + place // 10) % len(_MARKS)]}
-
-
 def line(
     frame: pd.DataFrame,
     x: str,
@@ -123,9 +118,9 @@ def line(
 ) -> "Axes":
     """Draw column y over x, a line per label, with intervals, if any, as bars or a ``band``."""
     axes = canvas() if axes is None else axes
-    for label, place, rows in _labels(frame):
-        color, mark = look(place).values()
-        style = {"color": color, "label": label} | ({} if band else {"marker": mark, "ms": 5}) | how
+    for label, (color, mark), rows in _labels(frame):
+        style: dict[str, Any] = {"color": color, "label": label}
+        style |= ({} if band else {"marker": mark, "ms": 5}) | how
         axes.plot(rows[x], rows[y], **style)
         if low and band:
             across, low_end, high_end = rows[[x, low, high]].astype(float).to_numpy().T
@@ -176,12 +171,15 @@ def cells(
     return figure
 
 
-def _labels(frame: pd.DataFrame) -> list[tuple[str, int, pd.DataFrame]]:
-    """Labels, their places among all, and their rows, in the order of the frame."""
+def _labels(frame: pd.DataFrame) -> Iterator[tuple[str, tuple[str, str], pd.DataFrame]]:
+    """Labels in the order of the frame, colour and mark of their places among all, their rows."""
     labels = list(frame["label"].unique())
     whole = isinstance(frame["label"].dtype, pd.CategoricalDtype)
     every = list(frame["label"].cat.categories) if whole else labels
-    return [(str(one), every.index(one), frame[frame["label"] == one]) for one in labels]
+    for label in labels:
+        place = every.index(label)
+        look = f"C{place % 10}", _MARKS[(place + place // 10) % len(_MARKS)]
+        yield str(label), look, frame[frame["label"] == label]
 
 
 def _legend(axes: "Axes") -> None:
@@ -217,9 +215,9 @@ def points_chart(panel: Panel) -> Chart | None:
     axes = canvas(4.8, 0.9 + 0.42 * len(rows))
     faint = min(0.35, 8 / len(table))
     axes.plot(table.to_numpy().T, places, color=INK, alpha=faint, lw=0.7)
-    for place, (label, number, own) in enumerate(_labels(rows)):
-        style = look(number) | {"ls": "", "ms": 4, "mew": 0, "alpha": 0.75}
-        axes.plot(table[label], np.full(len(table), place), **style)
+    for place, (label, (color, mark), own) in enumerate(_labels(rows)):
+        marks = axes.plot(table[label], np.full(len(table), place), mark, color=color, ls="")
+        marks[0].set(ms=4, mew=0, alpha=0.75)
         axes.plot(own[["error_low", "error_high"]].iloc[0], [place - 0.3] * 2, color=INK, lw=1.6)
         axes.plot(own["error"], [place - 0.3], "|", color=INK, ms=8, mew=2)
     axes.set_yticks(places, [fill(str(label), 28) for label in rows["label"]])

@@ -180,8 +180,6 @@ def page_files(
         "progress": progress(results),
         "methods": list(map(short_name, methods)),
         "agents": list(dict.fromkeys(short_name(one.name) for one in agents if one)),
-        "worlds": sorted({int(n) for panel in panels for n in panel.rows["worlds"]}),
-        "filter_seeds": len({record.trial.filter_seed for record in results.records}),
         "world": next((panel.world for panel in panels), "world"),
         "most": percent(1 - TOLERATED),
         "notes": notes,

@@ -93,11 +93,11 @@ def scores_by_localizer(runs: pd.DataFrame) -> pd.DataFrame:
 
 def _scores(runs: pd.DataFrame, seeds: int) -> dict[str, float]:
     scores = {name: float(np.mean([*runs[name]])) for name in _SCORES}
-    tracks = list(runs["track"])
-    position = np.concatenate([track.errors.translation for track in tracks])
-    heading = np.concatenate([track.errors.rotation for track in tracks])
-    near = np.concatenate([track.errors.translation[track.at_stamps] for track in tracks])
-    turned = np.concatenate([track.errors.rotation[track.at_stamps] for track in tracks])
+    off = [(track.errors, track.at_stamps) for track in runs["track"]]
+    position = np.concatenate([errors.translation for errors, _ in off])
+    heading = np.concatenate([errors.rotation for errors, _ in off])
+    near = np.concatenate([errors.translation[at] for errors, at in off])
+    turned = np.concatenate([errors.rotation[at] for errors, at in off])
     shares = {f"success_{name}": scores[f"success_{name}"] * len(runs) / seeds for name in NEAR}
     low, high = wilson(shares[REACHED], seeds)
     metres = [*runs["metres_to_localize"], *[math.inf] * (seeds - len(runs))]

@@ -256,7 +256,7 @@ def nees_words(*ends: float) -> str:
 
 def detection_table(panel: Panel) -> Table | None:
     """The AUROC of each method; None if no method gives a quality and was far off, not always."""
-    rows, far = panel.present, panel.far
+    rows, far = panel.present, f"e > {panel.thresholds.far:g} {panel.unit}"
     if rows["auroc"].isna().all():
         return None
 

@@ -33,14 +33,13 @@ from tqdm import tqdm
 import benchmarks
 from benchmarks.sweeps.design import Sweep
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Method
+from benchmarks.trials.spec import Method, Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import ENV_ID as ROOM
-from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import Lidar, Map, PolygonMap
-from deqmcl_gym.numerics import Reals, Singles
+from deqmcl_gym.numerics import Singles
 from deqmcl_gym.world.config import PAPER_ROOM
-from localizers import GaussianPrior, GaussianUniform, OdometryMotion, Prior, RobotModel, make
+from localizers import make
 
 BEAMS, POSES = 16, 20_000
 N_10K = 10_000  # particles
@@ -164,55 +163,35 @@ def numpy_ranges(room: PolygonMap, poses: Singles) -> Singles:
     return out.T
 
 
-class Lap(NamedTuple):
-    """A lap as a localizer sees it: the ``first`` plan, (h, 2), then scan, action, plan by step."""
-
-    robot: RobotModel
-    prior: Prior
-    first: Reals
-    steps: Sequence[tuple[Any, ...]]
-
-
 @cache
-def recorded_lap() -> Lap:
-    """Drive a lap of the paper's room without motion noise: it ends where it starts."""
-    room = RoomEnv(lidar=LIDAR, noise={"drive": 0.0, "turn": 0.0, "drift": 0.0}, ends_at_goal=False)
-    room.reset(seed=0)
-    scans = [room.step(action)[0] for action in room.plan]
-    plan = room.plan.astype(np.float64)
-    laps = np.tile(plan, (2 + PLANNED // len(plan), 1))
-    motion = OdometryMotion(drive=0.1, turn=0.1, drift=0.01)
-    beam = GaussianUniform(sigma=10.0)
-    robot = RobotModel(floor_plan=room.floor_plan, lidar=LIDAR, motion=motion, scan=beam)
-    steps = [(scan, plan[t], laps[t + 1 : t + 1 + PLANNED]) for t, scan in enumerate(scans)]
-    return Lap(robot, GaussianPrior(mean=room.course.start), laps[:PLANNED], steps)
+def lap(scenario: str) -> tuple[Stage, list[tuple[Any, ...]]]:
+    """Drive a lap: scan, action and plan by step, of step 0 those of ``reset``.
 
-
-@cache
-def replanned_lap() -> Lap:
-    """Drive a lap of scenario ``guided``, whose plan is another one at every step."""
-    (trial,) = benchmarks.sweep("guided", localizers=["dead-reckoning"], trials=1).sweep.distinct()
-    stage = Stage.of(trial)
-    first, *rest = stage.moments()
-    assert first.plan is not None, "a driver shows its plan"
-    steps = [(moment.ranges, moment.action, moment.plan) for moment in rest]
-    return Lap(stage.robot, stage.prior(), first.plan, steps)
-
-
-def filter_steps(name: str, particles: int, *, replanned: bool = False, **params: int) -> Job:
-    """Return the job of a step of one of our localizers on a lap, its queue full.
-
-    It begins anew with each lap whose plan changes; the recorded one goes on.
+    The plan of ``guided`` is another one at every step, that of ``paper`` goes on and on, so that a
+    queue only shifts.
     """
-    lap = replanned_lap() if replanned else recorded_lap()
-    localizer = make(name, lap.robot, particles=particles, **params)
+    fan = {"lidar.beams": BEAMS, "lidar.field_of_view": LIDAR.field_of_view, "lidar.sigma": 10.0}
+    run: dict[str, Any] = {"localizer": "dead-reckoning", "params": {}, "lag": 0, "trial": 0}
+    run |= {"world": fan if scenario == "paper" else {}, "seed": 0}
+    stage = Stage.of(Trial(scenario=scenario, **run))
+    steps = [(moment.ranges, moment.action, moment.plan) for moment in stage.moments()]
+    if scenario == "paper":
+        laps = np.tile(np.array(steps[0][2]), (2, 1))
+        steps = [(*seen[:2], laps[t : t + PLANNED]) for t, seen in enumerate(steps)]
+    return stage, steps
+
+
+def filter_steps(name: str, particles: int, scenario: str = "paper", **params: int) -> Job:
+    """Return the job of a step of one of our localizers on a lap, over and over, its queue full."""
+    stage, (first, *steps) = lap(scenario)
+    localizer = make(name, stage.robot, particles=particles, **params)
     numbers = count()
 
     def step() -> None:
-        lap_number, t = divmod(next(numbers), len(lap.steps))
-        if t == 0 and (replanned or lap_number == 0):
-            localizer.reset(lap.prior, lap.first, np.random.default_rng(1))
-        localizer.update(*lap.steps[t])
+        laps, t = divmod(next(numbers), len(steps))
+        if t == 0 and (laps == 0 or scenario != "paper"):  # which ends where it starts
+            localizer.reset(stage.prior(), first[2], np.random.default_rng(1))
+        localizer.update(*steps[t])
 
     for _ in range(params.get("lag", 0)):
         step()
@@ -347,7 +326,7 @@ def _ratios() -> Iterator[Ratio]:
     yield beside("deq_lag80_vs_lag10", "µs/step", partial(deq, lag=80), partial(deq, lag=10))
     for size, n in (("1k", 1_000), ("10k", N_10K)):
         plan, hedged, other = (
-            partial(filter_steps, method, particles, replanned=True)
+            partial(filter_steps, method, particles, "guided")
             for method, particles in (("mcl-plan", n), ("mcl-plan-hedged", 2 * n), ("mcl-map", n))
         )
         yield beside(f"plan_vs_map_step{size}", "µs/step", plan, other)

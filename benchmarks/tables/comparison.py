@@ -10,19 +10,8 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import pandas as pd
 
-from benchmarks.tables import stats
-from benchmarks.tables.frames import (
-    PANEL,
-    by_world,
-    ends,
-    longest_ways,
-    method_columns,
-    milliseconds_per_step,
-    paired_worlds,
-    restricted,
-    scored,
-    whole_runs,
-)
+from benchmarks.tables import frames, stats
+from benchmarks.tables.frames import PANEL, ends
 from benchmarks.tables.panels import Panel, score_columns
 from benchmarks.tables.signals import detection
 from benchmarks.tables.stats import ALPHA, NOT_KNOWN, Interval, Rule
@@ -79,7 +68,7 @@ def results_table(panels: Sequence[Panel]) -> pd.DataFrame:
 
 def _panel_rows(panel: Panel) -> list[dict[str, Any]]:
     members = {label: panel.runs_of(label) for label in panel.methods}
-    longest = longest_ways(members.values())
+    longest = frames.longest_ways(members.values())
     rows = []
     for label, runs in members.items():
         for offset in runs.loc[~runs["failed"], "offset"].unique():
@@ -96,9 +85,9 @@ def _row(panel: Panel, label: str, offset: int, members: Members) -> dict[str, A
     """Return the row of a method at an offset, without what needs the other rows."""
     reference = panel.baselines[label]
     method, baseline = panel.methods[label], panel.methods[reference]
-    times = [milliseconds_per_step(panel.records[one]) for one in (label, reference)]
-    runs = scored(members[label], offset)
-    worlds = {name: by_world(runs[name]).to_numpy() for name in SCORE_NAMES}
+    times = [frames.milliseconds_per_step(panel.records[one]) for one in (label, reference)]
+    runs = frames.scored(members[label], offset)
+    worlds = {name: frames.by_world(runs[name]).to_numpy() for name in SCORE_NAMES}
     n, lost = len(worlds["error"]), float(worlds["lost"].mean())
     row = {
         **panel.columns(label),
@@ -121,7 +110,7 @@ def _row(panel: Panel, label: str, offset: int, members: Members) -> dict[str, A
         row |= ends(name, stats.estimate(worlds[name]))
     if row["is_baseline"]:
         return row
-    pairs = paired_worlds(runs["error"], scored(members[reference])["error"])
+    pairs = frames.paired_worlds(runs["error"], frames.scored(members[reference])["error"])
     apart, others = pairs.to_numpy().T
     return row | {
         "paired_worlds": apart.size,
@@ -146,13 +135,15 @@ def _journey(
     test; else of the signed-rank test.
     """
     name, own = score.name, members[row["label"]]
-    if whole_runs(scored(own), score).empty:
+    if frames.whole_runs(frames.scored(own), score).empty:
         return {}
-    runs = whole_runs(own, score)
-    values = by_world(runs).to_numpy()
+    runs = frames.whole_runs(own, score)
+    values = frames.by_world(runs).to_numpy()
     if score.censored:
         told = ends(name, stats.median_estimate(runs.groupby("trial").median().to_numpy()))
-        told[f"{name}_restricted"] = by_world(restricted(own, score, longest)).to_numpy().mean()
+        told[f"{name}_restricted"] = (
+            frames.by_world(frames.restricted(own, score, longest)).to_numpy().mean()
+        )
     elif score.unit == "share":
         share = float(values.mean())
         told = ends(name, (share, *stats.wilson(share, values.size)))
@@ -161,7 +152,7 @@ def _journey(
     if row["is_baseline"] or not score.tested:
         return told
     pair = (own, members[row["reference"]])
-    pairs = paired_worlds(*(restricted(one, score, longest) for one in pair))
+    pairs = frames.paired_worlds(*(frames.restricted(one, score, longest) for one in pair))
     apart = pairs["apart"].to_numpy()
     p = stats.sign_test(apart) if score.unit == "share" else stats.wilcoxon(apart)
     return told | ends(f"{name}_diff", stats.estimate(apart)) | {f"{name}_p": p}
@@ -211,7 +202,7 @@ def decisions_table(panels: Sequence[Panel]) -> pd.DataFrame:
     rows = [
         {
             **panel.columns(label),
-            **method_columns(panel.methods[reference], "baseline", "baseline_params"),
+            **frames.method_columns(panel.methods[reference], "baseline", "baseline_params"),
             "score": "error" if panel.aim is None else panel.aim.name,
             "margin": panel.rule.margin,
             "worlds": look.worlds,
@@ -244,9 +235,10 @@ def decide(
     ``aim`` is a share of runs; None compares errors at x_t.
     """
     pair = (
-        scored(rows)["error"] if aim is None else whole_runs(rows, aim) for rows in (ours, baseline)
+        frames.scored(rows)["error"] if aim is None else frames.whole_runs(rows, aim)
+        for rows in (ours, baseline)
     )
-    pairs, alpha = paired_worlds(*pair), ALPHA / rule.family
+    pairs, alpha = frames.paired_worlds(*pair), ALPHA / rule.family
     apart, reference = pairs.to_numpy().T
     bets = [] if aim is None else [NOT_KNOWN, *stats.shares(apart, alpha)]
     ended, looks = min(_ended(ours), _ended(baseline)), [Look()]

@@ -35,7 +35,8 @@ def trials_frame(records: Iterable[Finished], failures: Iterable[Trial] = ()) ->
     """Return a row per trial and offset; scores of whole runs at offset 0.
 
     Beside the columns of trials.csv there are ``way``, what the robot drove in m, and ``failed``: a
-    trial that failed is a row with the scores of a whole run in which nothing happened.
+    trial that failed is a row with the scores of a whole run in which nothing happened; it is of
+    the same setting as the records.
     """
     listed = list(records)
     whole = scores_in(listed)
@@ -49,13 +50,8 @@ def trials_frame(records: Iterable[Finished], failures: Iterable[Trial] = ()) ->
         for record in listed
         for score in record.scores
     ]
-    known = {
-        record.trial.setting: scores_in([record]) for record in listed if record.journey is not None
-    }
     rows += [
-        run_columns(trial)
-        | {"offset": 0, "failed": True}
-        | {one.name: one.failed for one in known.get(trial.setting, ())}
+        run_columns(trial) | {"offset": 0, "failed": True} | {one.name: one.failed for one in whole}
         for trial in failures
     ]
     names = [one.name for one in whole]

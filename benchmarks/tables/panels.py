@@ -65,11 +65,6 @@ class Panel:
         return self._first.unit
 
     @property
-    def far(self) -> str:
-        """What is far off: e > 50 px."""
-        return f"e > {self.thresholds.far:g} {self.unit}"
-
-    @property
     def aim(self) -> Score | None:
         """The share of whole runs that it is about; None if it is about the error.
 

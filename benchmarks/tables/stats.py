@@ -158,12 +158,10 @@ def wilson(share: float, n: int) -> tuple[float, float]:
 
 def multiplicities(n: int) -> Floats:
     """How often each of n worlds is drawn in each of the 10,000 resamples, (10,000, n)."""
-    blocks = []
-    for drawn in _resamples(n):
-        of_resample = np.arange(len(drawn))[:, None] * n + drawn
-        counts = np.bincount(of_resample.ravel(), minlength=drawn.size)
-        blocks.append(counts.reshape(drawn.shape))
-    return np.concatenate(blocks).astype(np.float64)
+    drawn = np.concatenate(_resamples(n))
+    of_resample = np.arange(len(drawn))[:, None] * n + drawn
+    counts = np.bincount(of_resample.ravel(), minlength=drawn.size)
+    return counts.reshape(drawn.shape).astype(np.float64)
 
 
 def _middle(blocks: Sequence[Floats], ends: tuple[float, float]) -> tuple[float, float]:
@@ -253,11 +251,9 @@ def ratio(apart: Floats, reference: Floats, alpha: float) -> Interval:
     if n < 2 or np.isnan(apart).any() or np.isnan(reference).any() or not reference.mean() > 0:
         return NOT_KNOWN
     d, b = float(apart.mean()), float(reference.mean())
-    if not (reach := _reach(n, alpha) / n) < math.inf:
-        return Interval(d / b, -math.inf, math.inf)
-    (dd, db), (_, bb) = np.cov(apart, reference)
+    reach, (dd, db, _, bb) = _reach(n, alpha) / n, np.cov(apart, reference).ravel().tolist()
     square, linear, constant = b * b - reach * bb, d * b - reach * db, d * d - reach * dd
-    if square <= 0:
+    if not square > 0:  # also where the reach is infinite
         return Interval(d / b, -math.inf, math.inf)
     half = math.sqrt(max(0.0, linear * linear - square * constant))  # d / b is one of the ratios
     return Interval(d / b, (linear - half) / square, (linear + half) / square)
