@@ -346,7 +346,11 @@ def films(panels: Sequence[Panel], folder: Path, *, draw: bool) -> tuple[list[An
     or exits there does no harm.
     """
     chosen = films_of(panels[0]) if panels else []
-    kept = [film for one in chosen if (film := _of(one, folder)) is not None]
+    kept = []
+    for film in chosen:
+        moving, still = (folder / IMAGES / f"{film.name}.{ending}" for ending in ("webp", "png"))
+        if moving.is_file() and still.is_file():
+            kept.append(replace(film, webp=content_of(moving), png=content_of(still)))
     if len(kept) == len(chosen) or not draw:
         why = "the folder has none of these worlds; `deqmcl sweep` draws them."
         return kept, "" if kept or not chosen else why
@@ -407,11 +411,3 @@ def _focus(rows: pd.DataFrame) -> pd.Series:
     apart = others[others["diff"].notna()]
     apart = apart.iloc[(-apart["diff"].abs()).argsort(kind="stable")]
     return pd.concat([named, apart, rows]).iloc[0]
-
-
-def _of(film: Animation, folder: Path) -> Animation | None:
-    """Return a film with its pictures; None if the folder has not both."""
-    moving, still = (folder / IMAGES / f"{film.name}.{ending}" for ending in ("webp", "png"))
-    if not moving.is_file() or not still.is_file():
-        return None
-    return replace(film, webp=content_of(moving), png=content_of(still))

@@ -162,8 +162,15 @@ def verdict_table(panel: Panel) -> Table:
         numbers = {**_score_columns(rows, aim), **relation}
         if panel.world == "world":  # on a log, the table of best clusters has the error
             numbers |= {**error, "difference of e (95 %)": differences(rows, "diff")}
-    numbers |= {"ms per step (ratio)": words(rows, _cost, "ms_per_step", "cost")}
-    numbers |= {f"{panel.world}s": words(rows, str, "worlds")}
+    numbers |= {
+        "ms per step (ratio)": words(
+            rows,
+            lambda ms, ratio: f"{fixed(ms)} ({significant(ratio, 2)} ×)",
+            "ms_per_step",
+            "cost",
+        ),
+        f"{panel.world}s": words(rows, str, "worlds"),
+    }
     best = [n for n, order in enumerate(rows["order"]) if order == rows["order"].iloc[0]]
     strong = [(n, column) for n in best for column in (0, 1)]
     return Table("verdict", pd.DataFrame({"method": names, **numbers}), strong, panel)
@@ -171,10 +178,6 @@ def verdict_table(panel: Panel) -> Table:
 
 def _lost(share: float, runs: int, low: float, high: float) -> str:
     return f"{percent(share)} of {runs} ({100 * low:.0f} to {100 * high:.0f})"
-
-
-def _cost(milliseconds: float, ratio: float) -> str:
-    return f"{fixed(milliseconds)} ({significant(ratio, 2)} ×)"
 
 
 def journey_table(panel: Panel, group: ScoreGroup) -> Table | None:
@@ -215,10 +218,11 @@ def glance_table(panels: Sequence[Panel]) -> Table:
     lines, strong = [], []
     for n, panel in enumerate(panels):
         rows, tell = panel.ranked, percent if panel.aim else fixed
-        marks = (_mark(relation, panel.aim) for relation in rows["relation"])
+        turned = _OF_SHARES if panel.aim else {}
+        cells = zip(rows["label"], rows["score"], rows["relation"], strict=True)
         marked = {
-            label: f"{tell(score)} {mark}".rstrip()
-            for label, score, mark in zip(rows["label"], rows["score"], marks, strict=True)
+            label: f"{tell(score)} {_MARKED.get(turned.get(relation, relation), '')}".rstrip()
+            for label, score, relation in cells
         }
         best = rows.loc[rows["order"] == rows["order"].iloc[0], "label"]
         strong += [(n, 1 + labels.index(label)) for label in best]
@@ -226,10 +230,6 @@ def glance_table(panels: Sequence[Panel]) -> Table:
     scores = dict.fromkeys(panel.aim.words if panel.aim else "error e of x[t]" for panel in panels)
     about = {"scores": scores, "common": common_words({panel.setting: None for panel in panels})}
     return Table("glance", pd.DataFrame(lines, columns=["setting", *labels]), strong, about)
-
-
-def _mark(relation: str, aim: Score | None) -> str:
-    return _MARKED.get(_OF_SHARES.get(relation, relation) if aim else relation, "")
 
 
 def calibration_table(panel: Panel) -> Table:

@@ -114,7 +114,11 @@ def wilcoxon(differences: Floats) -> float:
     positive = int(doubled[nonzero > 0].sum())
     if n <= _EXACT:
         least = min(positive, n * (n + 1) - positive)
-        return float(min(1.0, 2 * _subsets_by_sum(doubled)[: least + 1].sum() / 2**n))
+        subsets = np.zeros(doubled.sum() + 1, np.int64)  # how many have the sum 0, 1, …
+        subsets[0] = 1
+        for rank in doubled:
+            subsets[rank:] += subsets[:-rank].copy()
+        return float(min(1.0, 2 * subsets[: least + 1].sum() / 2**n))
     variance = n * (n + 1) * (2 * n + 1) / 24 - float((counts**3 - counts).sum()) / 48
     z = (positive / 2 - n * (n + 1) / 4) / math.sqrt(variance)
     return float(math.erfc(abs(z) / math.sqrt(2)))
@@ -175,15 +179,6 @@ def _resamples(n: int) -> list[NDArray[np.int32]]:
     rng = np.random.default_rng(0)
     shape = (_BLOCK, n)
     return [rng.integers(n, size=shape).astype(np.int32) for _ in range(_RESAMPLES // _BLOCK)]
-
-
-def _subsets_by_sum(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
-    """How many subsets of at most 62 numbers have the sums 0, 1, … their total."""
-    ways = np.zeros(numbers.sum() + 1, np.int64)
-    ways[0] = 1
-    for number in numbers:
-        ways[number:] += ways[:-number].copy()
-    return ways
 
 
 POWER = 0.8
