@@ -154,10 +154,7 @@ def accuracy(runs: pd.DataFrame) -> list[str]:
     rows = scores_by_localizer(runs[runs["label"].isin(known["label"])]).sort_values(
         "position_median"
     )
-    errors = ", ".join(
-        f"{label} {error:.3f} m"
-        for label, error in zip(rows["label"], rows["position_median"], strict=True)
-    )
+    errors = ", ".join(words(rows, "{} {:.3f} m".format, "label", "position_median"))
     worst = worst_run(known)
     said = f"Worst run: {_whose(worst, runs)}: {run_words(worst)}"
     farthest = max((run for _, run in known.iterrows()), key=_largest)
