@@ -81,13 +81,10 @@ def test_a_plan_is_laid_from_a_pose_by_turning_before_each_drive():
 FORMS = ("systematic", "stratified")
 
 
-def trials_of(lap):
-    return [run.trial for run in lap.runs.values()]
-
-
 def shown(lap):
     """Resampler, world and filter seed of the trials of an animation, side by side."""
-    return [(dict(t.params)["resampler"], t.trial, t.filter_seed) for t in trials_of(lap)]
+    trials = [run.trial for run in lap.runs.values()]
+    return [(dict(t.params)["resampler"], t.trial, t.filter_seed) for t in trials]
 
 
 def form(resampler, world, error, filter_seed=0):
@@ -117,8 +114,7 @@ def test_a_baseline_without_a_trial_on_the_world_is_not_named():
 
 def lap_of(*trials):
     runs = [SimpleNamespace(trial=trial, key=key_of(trial)) for trial in trials]
-    named = dict(zip("ab", runs, strict=True))
-    return Animation(name="lap", title="", caption="", runs=named)
+    return Animation(name="lap", title="", caption="", runs=dict(zip("ab", runs, strict=True)))
 
 
 def test_an_animation_shows_the_whole_way_of_each_method_side_by_side():

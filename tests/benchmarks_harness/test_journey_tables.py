@@ -18,7 +18,6 @@ from report_cases import (
     trials_csv,
     whole,
 )
-from test_animations import trials_of
 from test_store import TRIAL, record_of
 
 from benchmarks.report.charts import journey_charts
@@ -217,7 +216,10 @@ def test_a_glance_at_settings_shows_shares_beside_errors():
 
 def test_lost_robots_are_shown_by_when_they_were_localized():
     best, median_one, worst = films_of(shown())
-    laps = [[(t.localizer, t.trial) for t in trials_of(lap)] for lap in (best, median_one, worst)]
+    laps = [
+        [(r.trial.localizer, r.trial.trial) for r in lap.runs.values()]
+        for lap in (best, median_one, worst)
+    ]
     assert laps == [[("mcl-map", world), ("mcl-plan", world)] for world in (0, 1, 2)]
     assert "metres to localize of mcl-plan 2.0" in best.caption
 
