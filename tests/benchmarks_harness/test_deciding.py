@@ -45,7 +45,6 @@ def rows_of(records, failed=()):
 
 
 def relation(*compared):
-    """How a method stands at the last look."""
     return decide(*compared)[0][-1].relation
 
 
