@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from benchmarks.report.tables import means
 from benchmarks.tables.frames import errors_by_offset, share_curve, whole_runs
 from benchmarks.tables.panels import Panel, disturbance_words, is_number
-from benchmarks.tables.stats import ALPHA, Interval
-from benchmarks.tables.text import estimated, percent
+from benchmarks.tables.stats import ALPHA
+from benchmarks.tables.text import percent
 from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.tracks import TOLERATED
 
@@ -104,11 +105,6 @@ def canvas(width: float = 4.8, height: float = 3.2) -> "Axes":
     return Figure(figsize=(width, height), layout="constrained").subplots()
 
 
-def look(place: int) -> dict[str, Any]:
-    """Return colour and mark of the label at a place among all."""
-    return {"color": f"C{place % 10}", "marker": _MARKS[(place + place // 10) % len(_MARKS)]}
-
-
 def line(
     frame: pd.DataFrame,
     x: str,
@@ -122,9 +118,9 @@ def line(
 ) -> "Axes":
     """Draw column y over x, a line per label, with intervals, if any, as bars or a ``band``."""
     axes = canvas() if axes is None else axes
-    for label, place, rows in _labels(frame):
-        color, mark = look(place).values()
-        style = {"color": color, "label": label} | ({} if band else {"marker": mark, "ms": 5}) | how
+    for label, (color, mark), rows in _labels(frame):
+        style: dict[str, Any] = {"color": color, "label": label}
+        style |= ({} if band else {"marker": mark, "ms": 5}) | how
         axes.plot(rows[x], rows[y], **style)
         if low and band:
             across, low_end, high_end = rows[[x, low, high]].astype(float).to_numpy().T
@@ -175,12 +171,15 @@ def cells(
     return figure
 
 
-def _labels(frame: pd.DataFrame) -> list[tuple[str, int, pd.DataFrame]]:
-    """Labels, their places among all, and their rows, in the order of the frame."""
+def _labels(frame: pd.DataFrame) -> Iterator[tuple[str, tuple[str, str], pd.DataFrame]]:
+    """Labels in the order of the frame, colour and mark of their places among all, their rows."""
     labels = list(frame["label"].unique())
     whole = isinstance(frame["label"].dtype, pd.CategoricalDtype)
     every = list(frame["label"].cat.categories) if whole else labels
-    return [(str(one), every.index(one), frame[frame["label"] == one]) for one in labels]
+    for label in labels:
+        place = every.index(label)
+        look = f"C{place % 10}", _MARKS[(place + place // 10) % len(_MARKS)]
+        yield str(label), look, frame[frame["label"] == label]
 
 
 def _legend(axes: "Axes") -> None:
@@ -216,9 +215,9 @@ def points_chart(panel: Panel) -> Chart | None:
     axes = canvas(4.8, 0.9 + 0.42 * len(rows))
     faint = min(0.35, 8 / len(table))
     axes.plot(table.to_numpy().T, places, color=INK, alpha=faint, lw=0.7)
-    for place, (label, number, own) in enumerate(_labels(rows)):
-        style = look(number) | {"ls": "", "ms": 4, "mew": 0, "alpha": 0.75}
-        axes.plot(table[label], np.full(len(table), place), **style)
+    for place, (label, (color, mark), own) in enumerate(_labels(rows)):
+        marks = axes.plot(table[label], np.full(len(table), place), mark, color=color, ls="")
+        marks[0].set(ms=4, mew=0, alpha=0.75)
         axes.plot(own[["error_low", "error_high"]].iloc[0], [place - 0.3] * 2, color=INK, lw=1.6)
         axes.plot(own["error"], [place - 0.3], "|", color=INK, ms=8, mew=2)
     axes.set_yticks(places, [fill(str(label), 28) for label in rows["label"]])
@@ -236,14 +235,12 @@ def points_chart(panel: Panel) -> Chart | None:
 
 def offset_chart(panel: Panel) -> Chart | None:
     """Error against the offset in the queue, over the same states for every offset."""
-    profiles = {
-        label: errors_by_offset(records) for label, records in panel.records_by_label.items()
-    }
-    if all(len(own) < 2 for own in profiles.values()):
+    curves = [
+        errors_by_offset(records).assign(label=label) for label, records in panel.records.items()
+    ]
+    if all(len(own) < 2 for own in curves):
         return None
-    lines = [(label, k, *one) for label, own in profiles.items() for k, one in own.items()]
-    frame = panel.labelled(pd.DataFrame(lines, columns=["label", "offset", *Interval._fields]))
-    axes = line(frame, "offset", "mean", "low", "high")
+    axes = line(panel.labelled(pd.concat(curves)), "offset", "mean", "low", "high")
     axes.axvline(0, color=INK, lw=0.8)
     axes.set(xlabel="offset k of the state x[t+k] (past < 0 < future)", ylabel="error e")
     axes.set_ylim(0, None)
@@ -261,8 +258,7 @@ def journey_charts(panel: Panel) -> list[Chart]:
     """Shares of runs against the metres driven, for each score with censoring."""
     charts = []
     stays = f"is at {percent(1 - TOLERATED)} of the records" if panel.world == "run" else "stays"
-    runs = (run for own in panel.records.values() for run in own if run.journey)
-    end = max((run.journey.curves["way"][-1] for run in runs if run.journey), default=0.0)
+    end = panel.runs["way"].max()
     for name, (title, axis, caption) in _CURVES.items():
         if name not in panel.rows:
             continue
@@ -410,47 +406,45 @@ def _maps(
     )
     x, y, *squares = told.values()
     if not squares:
-        return [_share_map(frame, x, y, aim) for aim in {panel.aim for panel in panels} if aim]
-    (square,) = squares
-    scores = [one for n, one in JOURNEY_SCORES.items() if one.tested and n in frame]
-    charts = []
-    for number, label in enumerate(frame.loc[~frame["is_baseline"], "label"].unique(), 1):
-        for score in scores:
-            rows = frame[frame["label"] == label].copy()
-            share, name = score.unit == "share", score.name
-            scale = 100 if share else 1
-            ends = rows[[f"{name}_diff{end}" for end in ("", "_low", "_high")]] * scale
-            form = "+.0f" if share else "+.1f"
-            clear = rows[f"{name}_p_holm"] < ALPHA
-            rows["words"] = [
-                estimated(Interval(*one), form).replace(" (", f"{' *' * sure}\n(")
-                for one, sure in zip(ends.itertuples(index=False), clear, strict=True)
-            ]
-            rows["ahead"] = (-1 if score.censored else 1) * rows[f"{name}_diff"].fillna(0)
-            file, what = name.replace("_", "-"), score.words.removesuffix(", median")
-            caption = (
-                f"Difference to the baseline in {'points' if share else 'metres'}, and its 95 % "
-                "interval. Blue: ahead; red: behind; *: p < 0.05, corrected for the tests of a "
-                "setting, not for the number of settings."
-            )
-            drawn = cells(rows, x, y, square, "ahead", "words", least=0.1 if share else 1.0)
-            title = f"Where {label} is ahead: {what}"
-            charts.append(Chart(f"regimes-{file}-{number}", title, caption, drawn))
-    return charts
+        return [_share_map(frame, x, y, panels[0].aim)] if panels[0].aim else []
+    return [
+        _regimes(frame[frame["label"] == label].copy(), (x, y, squares[0]), score, number)
+        for number, label in enumerate(frame.loc[~frame["is_baseline"], "label"].unique(), 1)
+        for score in JOURNEY_SCORES.values()
+        if score.tested and score.name in frame
+    ]
+
+
+def _regimes(rows: pd.DataFrame, axes: tuple[str, str, str], score: Score, number: int) -> Chart:
+    """A map of where a method is ahead of its baseline in a score."""
+    name, share = score.name, score.unit == "share"
+    differences = means(
+        rows, f"{name}_diff", "+.0f" if share else "+.1f", scale=100 if share else 1
+    )
+    rows["words"] = [
+        cell.replace(" (", f"{' *' * clear}\n(")
+        for cell, clear in zip(differences, rows[f"{name}_p_holm"] < ALPHA, strict=True)
+    ]
+    rows["ahead"] = (-1 if score.censored else 1) * rows[f"{name}_diff"].fillna(0)
+    return Chart(
+        f"regimes-{name.replace('_', '-')}-{number}",
+        f"Where {rows['label'].iloc[0]} is ahead: {score.words.removesuffix(', median')}",
+        f"Difference to the baseline in {'points' if share else 'metres'}, and its 95 % interval. "
+        "Blue: ahead; red: behind; *: p < 0.05, corrected for the tests of a setting, not for the "
+        "number of settings.",
+        cells(rows, *axes, "ahead", "words", least=0.1 if share else 1.0),
+    )
 
 
 def _share_map(frame: pd.DataFrame, x: str, y: str, aim: Score) -> Chart:
     """A map of the share of runs for each method."""
-    shares = frame[[aim.name, f"{aim.name}_low", f"{aim.name}_high"]].astype(float)
-    told = (
-        estimated(Interval(*one).percent, ".0f", " %").replace(" (", "\n(")
-        for one in shares.itertuples(index=False)
-    )
-    share, method = shares[aim.name], frame["label"].astype(str)
-    rows = frame.assign(method=method, share=share, words=[*told], mostly=share >= _MOSTLY)
-    drawn = cells(rows, x, y, "method", "share", "words", least=1.0, bold="mostly")
-    caption = (
+    shares = [cell.replace(" (", "\n(") for cell in means(frame, aim.name, ".0f", " %", 100)]
+    method, share = frame["label"].astype(str), frame[aim.name].astype(float)
+    rows = frame.assign(method=method, share=share, words=shares, mostly=share >= _MOSTLY)
+    return Chart(
+        "shares",
+        f"Runs {aim.words}",
         "Share of runs, and Wilson's 95 % interval, with every value of the two numbers; "
-        f"{percent(_MOSTLY)} or more is bold."
+        f"{percent(_MOSTLY)} or more is bold.",
+        cells(rows, x, y, "method", "share", "words", least=1.0, bold="mostly"),
     )
-    return Chart("shares", f"Runs {aim.words}", caption, drawn)

@@ -6,6 +6,7 @@ world: those that the folder has, or drawn anew.
 
 import io
 import math
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,6 +24,7 @@ from benchmarks.tables.frames import scored
 from benchmarks.tables.panels import Panel
 from benchmarks.tables.text import state_name
 from benchmarks.trials.episode import Step
+from benchmarks.trials.scoring import Finished
 from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage, key_of
 from deqmcl_gym.envs.room import RoomEnv
@@ -62,6 +64,7 @@ _PLAN: Color = (0, 158, 115)
 _LINE = 24  # image pixels per line of text
 _SIZE = 0.5  # of letters: legible where two rooms are a column wide
 _LEAST = 6.0  # image pixels: a robot's radius, that it is seen in a building
+_ARM = 5.0  # image pixels of the cross at the mean, right and up
 LAP_STRIDE, LAP_MILLISECONDS = 4, 120  # steps per frame of a lap, and how long it is shown
 _STRIDE, _MILLISECONDS = 8, 200  # of a film in a page
 _PATIENCE = 300.0  # seconds for one of these
@@ -84,7 +87,7 @@ class Camera:
         self,
         moment: Step,
         words: Sequence[str],
-        ring: tuple[str, Sequence[float]] | None = None,
+        ring: tuple[str, Reals] | None = None,
         *,
         offset: int = 0,
         ways: Sequence[tuple[Any, Color]] = (),
@@ -93,24 +96,30 @@ class Camera:
 
         The mean is of the state at an offset; ``ring`` names a pose, ``ways`` are below the robot.
         """
-        drawing, clouds = self.scene(moment), self._clouds(moment.belief)
+        drawing = self.scene(moment)
+        legend = [(name, color) for name, color, _ in reversed(self._clouds(moment.belief))]
+        legend += [("truth", GRAY), ("mean", BLACK)]
         for way, color in ways:
             drawing.path(way, color, 2)
-        marks = [("truth", GRAY), ("mean", BLACK)]
         if moment.plan is not None and len(moment.plan):
             drawing.path(way_of_plan(moment.truth, moment.plan), _PLAN, 2)
-            marks.append(("plan", _PLAN))
-        radius = max(self.radius, _LEAST / self.view.per_length)
+            legend.append(("plan", _PLAN))
+        pixel_length = 1 / self.view.per_length
+        radius = max(self.radius, _LEAST * pixel_length)
         drawing.robot(moment.truth, radius)
         if ring is not None:
-            _ring(drawing, ring[1], 1.3 * radius)
-            marks.append((ring[0], _BEST))
+            name, (x, y, heading) = ring
+            angles = heading + np.linspace(0.0, 2.0 * math.pi, 49)
+            rim = np.column_stack([np.cos(angles), np.sin(angles)])
+            drawing.path((x, y) + 1.3 * radius * rim, _BEST, 2)
+            drawing.path([(x, y), (x, y) + 2.34 * radius * rim[0]], _BEST, 2)
+            legend.append((name, _BEST))
         if (held := moment.belief.points(offset)) is not None:
-            (place,) = drawing.view.pixels([mean_pose(*held)[:2]])
-            cross = BLACK, cv2.MARKER_TILTED_CROSS, 11, 2, cv2.LINE_AA
-            cv2.drawMarker(drawing.image, _at(place), *cross)
-        legend = [(name, color) for name, color, _ in reversed(clouds)]
-        return _captioned(drawing, words, [*legend, *marks])
+            x, y, _ = mean_pose(*held)
+            arm = _ARM * pixel_length
+            for side in (arm, -arm):
+                drawing.path([(x - arm, y - side), (x + arm, y + side)], BLACK, 2)
+        return _captioned(drawing, words, legend)
 
     def _clouds(self, belief: Belief) -> list[tuple[str, Color, tuple[Reals, Floats]]]:
         """The clouds that a belief holds, back to front: names, colours, points."""
@@ -187,14 +196,13 @@ class Film:
     stride: int  # steps per frame
     frames: list[Image] = field(default_factory=list, init=False)  # drawn so far
     moments: list[Step] = field(default_factory=list, init=False)  # seen so far
-    _best: list[tuple[float, float, float]] = field(default_factory=list, init=False)
+    _best: list[Reals] = field(default_factory=list, init=False)
 
     def of(self, episode: Iterable[Step]) -> Iterator[Step]:
         """Pass the episode on; draw moments after they were looked at."""
         for moment in episode:
             yield moment
-            unit = self.camera.view.floor_plan.unit
-            self._best.append(best_cluster(*_present(moment.belief), unit=unit).mean)
+            self._best.append(best_of(moment, self.camera.view.floor_plan.unit))
             self.moments.append(moment)
             if moment.t % self.stride == 0:
                 self.frames.append(self._frame(moment))
@@ -202,10 +210,11 @@ class Film:
 
     def _frame(self, moment: Step, *ways: tuple[Any, Color]) -> Image:
         best, belief, unit = self._best[-1], moment.belief, self.camera.view.floor_plan.unit
-        x, y, _ = moment.truth.tolist()
-        off = (math.hypot(p[0] - x, p[1] - y) for p in (best, mean_pose(*_present(belief))))
         digits = 0 if unit == "px" else 2
-        best_off, mean_off = (f"{one:.{digits}f} {unit}" for one in off)
+        best_off, mean_off = (
+            f"{math.dist(pose[:2], moment.truth[:2]):.{digits}f} {unit}"
+            for pose in (best, mean_pose(*_present(moment)))
+        )
         title = self.title
         if isinstance(belief, HedgedBelief):
             title += f", trust in plans {belief.trusted:.2f}"
@@ -214,9 +223,14 @@ class Film:
         return self.camera.frame(moment, words, ("best cluster", best), ways=[driven, *ways])
 
 
-def _present(belief: Belief) -> tuple[Reals, Floats]:
-    points = belief.points()
-    assert points is not None, "a belief has points of the present"
+def best_of(moment: Step, unit: str) -> Reals:
+    """Return the mean of the best cluster, (3,)."""
+    return np.array(best_cluster(*_present(moment), unit=unit).mean)
+
+
+def _present(moment: Step) -> tuple[Reals, Floats]:
+    if (points := moment.belief.points()) is None:
+        raise InputError(f"its belief of state {moment.t} holds no points of the present.")
     return points
 
 
@@ -229,45 +243,26 @@ def way_of_plan(pose: Reals, plan: Reals) -> Floats:
     return np.vstack([pose[:2], pose[:2] + np.cumsum(steps, axis=0)])
 
 
-def _ring(drawing: Drawing, pose: Sequence[float], radius: float) -> None:
-    """Draw a pose as a circle with a line along its heading."""
-    nose = pose[0] + 1.8 * radius * math.cos(pose[2]), pose[1] + 1.8 * radius * math.sin(pose[2])
-    centre, tip = drawing.view.pixels([pose[:2], nose])
-    around = round(radius * drawing.view.per_length)
-    cv2.circle(drawing.image, _at(centre), around, _BEST, 2, cv2.LINE_AA)
-    cv2.line(drawing.image, _at(centre), _at(tip), _BEST, 2, cv2.LINE_AA)
-
-
-def _at(place: Floats) -> tuple[int, int]:
-    column, row = np.rint(place).astype(int).tolist()
-    return column, row
-
-
 def _captioned(
     drawing: Drawing, words: Sequence[str], legend: Sequence[tuple[str, Color]]
 ) -> Image:
     """Return the drawing above lines of words and a legend."""
     left, (width, below) = drawing.view.margin, drawing.view.size
-    rows = _rows(legend, width - 2 * left)
+    rows: list[list[tuple[str, Color]]] = [[]]
+    used = 0
+    for entry in legend:
+        (letters, _), _ = cv2.getTextSize(entry[0], cv2.FONT_HERSHEY_SIMPLEX, _SIZE, 1)
+        used += letters + 36
+        if used > width - 2 * left and rows[-1]:
+            rows.append([])
+            used = letters + 36
+        rows[-1].append(entry)
     image = with_strip(drawing.image, 2 * math.ceil(_LINE * (len(words) + len(rows)) / 2) + 8)
     for place, line in enumerate(words, 1):
         write_words(image, line, (left, below + place * _LINE - 6), _SIZE)
     for place, row in enumerate(rows, len(words) + 1):
         write_legend(image, row, (left, below + place * _LINE - 6), _SIZE)
     return image
-
-
-def _rows(legend: Sequence[tuple[str, Color]], width: int) -> list[list[tuple[str, Color]]]:
-    rows: list[list[tuple[str, Color]]] = [[]]
-    used = 0
-    for entry in legend:
-        (letters, _), _ = cv2.getTextSize(entry[0], cv2.FONT_HERSHEY_SIMPLEX, _SIZE, 1)
-        used += letters + 36
-        if used > width and rows[-1]:
-            rows.append([])
-            used = letters + 36
-        rows[-1].append(entry)
-    return rows
 
 
 def chosen(trials: Sequence[Trial]) -> list[Trial]:
@@ -277,18 +272,18 @@ def chosen(trials: Sequence[Trial]) -> list[Trial]:
 
 def write_paper_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
     """Draw the figures of the trials that are ``chosen``."""
-    stages = [Stage.of(trial) for trial in trials]
-    seen = {s.trial.localizer: (camera_of(s), list(s.moments())) for s in stages}
+    stages = {trial.localizer: Stage.of(trial) for trial in trials}
+    episodes = {method: list(stage.moments()) for method, stage in stages.items()}
     contents: dict[str, bytes] = {}
-    for method, (camera, episode) in seen.items():
+    for method, episode in episodes.items():
         half_way = episode[(len(episode) - 1) // 2]
-        contents[f"fig4_{method}.png"] = png(camera.frame(half_way, [method]))
-    if "deq-mcl" in seen:
-        contents |= _fig_5(*seen["deq-mcl"])
-    if shown := [method for method in _IN_PAPER if method in seen]:
-        small = camera_of(stages[0], scale=1.2)
+        contents[f"fig4_{method}.png"] = png(camera_of(stages[method]).frame(half_way, [method]))
+    if "deq-mcl" in episodes:
+        contents |= _fig_5(camera_of(stages["deq-mcl"]), episodes["deq-mcl"])
+    if shown := [method for method in _IN_PAPER if method in episodes]:
+        small = camera_of(stages[shown[0]], scale=1.2)
         laps = [
-            [small.frame(moment, [method]) for moment in seen[method][1][::LAP_STRIDE]]
+            [small.frame(moment, [method]) for moment in episodes[method][::LAP_STRIDE]]
             for method in shown
         ]
         frames = [side_by_side(row) for row in zip(*laps, strict=True)]
@@ -297,17 +292,15 @@ def write_paper_figures(trials: Sequence[Trial], folder: Path) -> list[Path]:
 
 
 def _fig_5(camera: Camera, episode: Sequence[Step]) -> dict[str, bytes]:
-    """State 150 seen at step 150, and looked back at L steps later."""
+    """State 150 seen at step 150, and looked back at L steps later; the same if L = 0."""
+    images: dict[str, bytes] = {}
     later = _FIG_5_STATE + camera.lag
-    if later >= len(episode):
-        return {}
-    images = {}
-    truth = episode[_FIG_5_STATE].truth
-    for step, offset in ((_FIG_5_STATE, 0), (later, -camera.lag)):  # the same if L = 0
-        words = [f"deq-mcl, state {_FIG_5_STATE} seen at step {step}"]
-        ring = ("true pose then", truth.tolist()) if offset else None
-        frame = camera.frame(episode[step], words, ring, offset=offset)
-        images[f"fig5_step{step}.png"] = png(frame)
+    if later < len(episode):
+        for step, offset in ((_FIG_5_STATE, 0), (later, -camera.lag)):
+            words = [f"deq-mcl, state {_FIG_5_STATE} seen at step {step}"]
+            ring = ("true pose then", episode[_FIG_5_STATE].truth) if offset else None
+            frame = camera.frame(episode[step], words, ring, offset=offset)
+            images[f"fig5_step{step}.png"] = png(frame)
     return images
 
 
@@ -318,23 +311,20 @@ class Animation:
     name: str  # of its files, without ending
     title: str  # what is to be seen
     caption: str
-    trials: tuple[Trial, ...]  # one of each method
-    labels: tuple[str, ...]
-    keys: tuple[str, ...]  # under which their results are kept
+    runs: dict[str, Finished]  # one of each method, by label
     webp: bytes = b""  # the animation; empty until it is filmed
     png: bytes = b""  # its end, for those who want no motion
 
 
 def filmed(shown: Animation) -> Animation:
     """Return an animation with its pictures: its trials are run again."""
-    if tuple(map(key_of, shown.trials)) != shown.keys:
+    if any(key_of(run.trial) != run.key for run in shown.runs.values()):
         raise InputError("code, libraries or a plug-in were changed since its trials were run.")
     rows = []
-    for trial, label in zip(shown.trials, shown.labels, strict=True):
-        stage = Stage.of(trial)
+    for label, run in shown.runs.items():
+        stage = Stage.of(run.trial)
         film = Film(camera_of(stage, scale=1.0), label, _STRIDE)
-        for _ in film.of(stage.moments()):
-            pass
+        deque(film.of(stage.moments()), maxlen=0)
         rows.append(film.frames)
     longest = max(map(len, rows))
     padded = [[*row, *[row[-1]] * (longest - len(row))] for row in rows]  # who ends first waits
@@ -356,7 +346,11 @@ def films(panels: Sequence[Panel], folder: Path, *, draw: bool) -> tuple[list[An
     or exits there does no harm.
     """
     chosen = films_of(panels[0]) if panels else []
-    kept = [film for one in chosen if (film := _of(one, folder)) is not None]
+    kept = []
+    for film in chosen:
+        moving, still = (folder / IMAGES / f"{film.name}.{ending}" for ending in ("webp", "png"))
+        if moving.is_file() and still.is_file():
+            kept.append(replace(film, webp=content_of(moving), png=content_of(still)))
     if len(kept) == len(chosen) or not draw:
         why = "the folder has none of these worlds; `deqmcl sweep` draws them."
         return kept, "" if kept or not chosen else why
@@ -391,7 +385,7 @@ def films_of(panel: Panel) -> list[Animation]:
         first = {
             label: record
             for label in dict.fromkeys((focus["reference"], focus["label"]))
-            for record in reversed(panel.records_by_label[label])
+            for record in reversed(panel.records[label])
             if record.trial.trial == world
         }
         reached = f"{value:.1f}" if math.isfinite(value) else "never"
@@ -402,9 +396,7 @@ def films_of(panel: Panel) -> list[Animation]:
                 caption=f"World {world}, {' and '.join(first)}: {what} of {focus['label']} "
                 f"{reached}. Every {_STRIDE}th step; orange: present, pink: past, light blue: "
                 "future; at the end the ways of truth and best cluster.",
-                trials=tuple(record.trial for record in first.values()),
-                labels=tuple(first),
-                keys=tuple(record.key for record in first.values()),
+                runs=first,
             )
         )
     return chosen
@@ -419,11 +411,3 @@ def _focus(rows: pd.DataFrame) -> pd.Series:
     apart = others[others["diff"].notna()]
     apart = apart.iloc[(-apart["diff"].abs()).argsort(kind="stable")]
     return pd.concat([named, apart, rows]).iloc[0]
-
-
-def _of(film: Animation, folder: Path) -> Animation | None:
-    """Return a film with its pictures; None if the folder has not both."""
-    moving, still = (folder / IMAGES / f"{film.name}.{ending}" for ending in ("webp", "png"))
-    if not moving.is_file() or not still.is_file():
-        return None
-    return replace(film, webp=content_of(moving), png=content_of(still))

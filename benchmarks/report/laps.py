@@ -9,8 +9,8 @@ import math
 import os
 import secrets
 from collections import deque
-from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import closing, contextmanager
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -18,8 +18,15 @@ from typing import Any
 import numpy as np
 
 from benchmarks.files import own_folder, write_files
-from benchmarks.report.films import LAP_MILLISECONDS, LAP_STRIDE, Film, camera_of, way_of_plan, webp
-from benchmarks.setup import TrialEnv
+from benchmarks.report.films import (
+    LAP_MILLISECONDS,
+    LAP_STRIDE,
+    Film,
+    best_of,
+    camera_of,
+    way_of_plan,
+    webp,
+)
 from benchmarks.tables.text import short_name, short_names, state_name
 from benchmarks.trials.episode import Step
 from benchmarks.trials.scores import directions, heading_error, position_error, state_error
@@ -30,17 +37,16 @@ from benchmarks.trials.trace import Trace, trace_of
 from deqmcl_gym.envs.log import LogEnv
 from deqmcl_gym.files import PREFIX, SUFFIX
 from deqmcl_gym.logs import Log, Trajectory, check_writable, write
-from deqmcl_gym.maps import GridMap, PolygonMap
+from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.maps.map import metre
 from deqmcl_gym.maps.polygons import edges_of
 from deqmcl_gym.numerics import Floats, Reals, arrays
 from deqmcl_gym.validation import InputError
-from localizers import best_cluster, quality_of
+from localizers import quality_of
 from localizers.inference.hedge import HedgedBelief
 
 _MAP, _BASE = "map", "base_link"
 _WALL, _UNKNOWN, _FREE = (31, 35, 40, 255), (176, 184, 192, 255), (255, 255, 255, 255)
-_POINT = ("x", "y", "z", "heading", "weight")
 _GREEN, _BLACK = (0.0, 0.62, 0.45), (0.12, 0.14, 0.16)
 _NUMBERS = ("step", "quality", "trusted", "position_error_m", "heading_error_deg")
 _SERIES = {
@@ -51,31 +57,27 @@ _SERIES = {
 
 
 class Messages:
-    """Logs what localizers believe after each step; the map with the first."""
+    """Logs what localizers believe after each step; the map with the first.
+
+    ``context`` is one of foxglove with a file, ``stage`` that of any of their runs.
+    """
 
     def __init__(self, context: Any, stage: Stage, names: Sequence[str]) -> None:
-        """Log to a context of foxglove with a file, of these localizers; ``stage`` of any run."""
-        from foxglove import channels, messages
+        from foxglove import messages
 
-        self._context, self._fox = context, messages
-        self._kinds: Mapping[str, Any] = vars(channels)
-        self._names, self._map, self._lidar = names, stage.room.floor_plan, stage.room.lidar
-        self._metre, self._lag = metre(self._map.unit), stage.trial.lag
+        self._context, self._fox, self._stage, self._names = context, messages, stage, names
+        self._metre = metre(stage.room.floor_plan.unit)
         self._channels: dict[str, Any] = {}
 
-    def write(self, time: float, moments: Sequence[Step]) -> None:
-        """Log what the localizers believe after a step, at a time in s; the map first."""
-        self._time = round(time * 1e9)
+    def passed(self, moments: tuple[Step, ...]) -> tuple[Step, ...]:
+        """Log what the localizers believe after a step that was just run, and return it."""
+        first, unit = moments[0], self._stage.room.floor_plan.unit
+        self._time = round(_time(self._stage, first) * 1e9)
         self._stamp = self._fox.Timestamp(*divmod(self._time, 10**9))
-        if "/map" not in self._channels and isinstance(self._map, GridMap):
-            self._log("/map", self._grid(self._map))
-        elif "/map" not in self._channels and isinstance(self._map, PolygonMap):
-            walls = [np.array(corners) for corners in (self._map.outer, *self._map.obstacles)]
-            ends = np.vstack([edges_of(corners) for corners in walls]).reshape(-1, 2)
-            self._log("/map", self._lines("walls", ends, "LineList", _BLACK))
-        first = moments[0]
+        if "/map" not in self._channels:
+            self._log("/map", self._map(self._stage.room.floor_plan))
         truth = first.truth if np.isfinite(first.truth).all() else None
-        best = [self._best(moment) for moment in moments]
+        best = [best_of(moment, unit) for moment in moments]
         position, orientation = self._placed(best[0] if truth is None else truth)
         moved = self._fox.FrameTransform(
             timestamp=self._stamp,
@@ -90,15 +92,22 @@ class Messages:
         self._log("/scan", self._scan(first.ranges))
         for name, moment, at in zip(self._names, moments, best, strict=True):
             self._write_belief(name, moment, at, truth)
+        return moments
 
     def _write_belief(self, name: str, moment: Step, best: Reals, truth: Reals | None) -> None:
-        belief = moment.belief
-        self._log(f"/{name}/estimate", self._framed("PoseInFrame", pose=self._pose(best)))
+        belief, lag = moment.belief, self._stage.trial.lag
+        series: dict[str, float | None] = {"step": moment.t, "quality": quality_of(belief)}
         clouds = {"cloud": belief.points()}
-        if self._lag:
-            clouds |= {"past": belief.points(-self._lag), "future": belief.points(self._lag)}
+        if lag:
+            clouds |= {"past": belief.points(-lag), "future": belief.points(lag)}
         if isinstance(belief, HedgedBelief):
             clouds |= {"advised": belief.advised.points(), "protected": belief.protected.points()}
+            series["trusted"] = belief.trusted
+        if truth is not None:
+            off = (best - truth) / np.array([self._metre, self._metre, 1.0])
+            series["position_error_m"] = math.hypot(off[0], off[1])
+            series["heading_error_deg"] = math.degrees(abs(float(arrays.wrapped(off[2:])[0])))
+        self._log(f"/{name}/estimate", self._framed("PoseInFrame", pose=self._pose(best)))
         for kind, points in clouds.items():
             if points is not None:
                 self._log(f"/{name}/{kind}", self._cloud(np.asarray(points[0]), points[1]))
@@ -106,26 +115,13 @@ class Messages:
             start = best if truth is None else truth
             way = way_of_plan(start, moment.plan) if len(moment.plan) else np.empty((0, 2))
             self._log(f"/{name}/plan", self._lines("plan", way, "LineStrip", _GREEN))
-        series: dict[str, float | None] = {"step": moment.t, "quality": quality_of(belief)}
-        if isinstance(belief, HedgedBelief):
-            series["trusted"] = belief.trusted
-        if truth is not None:
-            off = (np.asarray(best) - truth) / np.array([self._metre, self._metre, 1.0])
-            series["position_error_m"] = math.hypot(off[0], off[1])
-            series["heading_error_deg"] = math.degrees(abs(float(arrays.wrapped(off[2:])[0])))
         self._log(f"/{name}/series", {k: value for k, value in series.items() if value is not None})
-
-    def _best(self, moment: Step) -> Reals:
-        points = moment.belief.points()
-        if points is None:
-            raise InputError(f"its belief of state {moment.t} holds no points of the present.")
-        return np.array(best_cluster(*points, unit=self._map.unit).mean)
 
     def _log(self, topic: str, message: Any) -> None:
         if topic not in self._channels:
-            from foxglove import Channel
+            from foxglove import Channel, channels
 
-            kind = self._kinds.get(f"{type(message).__name__}Channel", Channel)
+            kind: Any = getattr(channels, f"{type(message).__name__}Channel", Channel)
             schema = {"schema": _SERIES} if isinstance(message, dict) else {}
             self._channels[topic] = kind(topic, context=self._context, **schema)
         self._channels[topic].log(message, log_time=self._time)
@@ -148,23 +144,22 @@ class Messages:
 
     def _scan(self, ranges: Reals) -> Any:
         """The ends of the beams that return: lidars may be several, and their angles uneven."""
-        rays, seen = self._lidar.rays(np.zeros(3)), np.asarray(ranges, np.float64)
-        hit = seen <= self._lidar.max_range  # false for NaN
-        x, y, bearings = rays[hit].T
+        lidar, seen = self._stage.room.lidar, np.asarray(ranges, np.float64)
+        hit = seen <= lidar.max_range  # false for NaN
+        x, y, bearings = lidar.rays(np.zeros(3))[hit].T
         ends = [x + seen[hit] * np.cos(bearings), y + seen[hit] * np.sin(bearings), bearings]
         return self._cloud(np.column_stack(ends), np.ones(int(hit.sum())), _BASE)
 
     def _cloud(self, poses: Reals, weights: Reals, frame: str = _MAP) -> Any:
-        table = np.zeros((len(poses), len(_POINT)), "<f4")
-        table[:, :2] = np.asarray(poses)[:, :2] / self._metre
-        table[:, 3], table[:, 4] = np.asarray(poses)[:, 2], weights
+        height = np.zeros(len(poses))
+        table = np.column_stack([poses[:, :2] / self._metre, height, poses[:, 2], weights])
         return self._framed(
             "PointCloud",
             frame,
             pose=self._pose(),
-            point_stride=4 * len(_POINT),
-            fields=self._fields(_POINT, 4, "Float32"),
-            data=table.tobytes(),
+            point_stride=4 * table.shape[1],
+            fields=self._fields(("x", "y", "z", "heading", "weight"), 4, "Float32"),
+            data=table.astype("<f4").tobytes(),
         )
 
     def _fields(self, names: Sequence[str], size: int, kind: str) -> list[Any]:
@@ -189,10 +184,13 @@ class Messages:
         entity = self._framed("SceneEntity", id=name, lines=[line] if len(way) else [])
         return self._fox.SceneUpdate(entities=[entity])
 
-    def _grid(self, floor_plan: GridMap) -> Any:
+    def _map(self, floor_plan: Any) -> Any:
+        if isinstance(floor_plan, PolygonMap):
+            walls = [np.array(corners) for corners in (floor_plan.outer, *floor_plan.obstacles)]
+            ends = np.vstack([edges_of(corners) for corners in walls]).reshape(-1, 2)
+            return self._lines("walls", ends, "LineList", _BLACK)
         cells = floor_plan.occupancy
-        colors = np.empty((*cells.shape, 4), np.uint8)
-        colors[:] = _FREE
+        colors = np.full((*cells.shape, 4), _FREE, np.uint8)
         colors[floor_plan.solid] = _WALL
         colors[cells < 0] = _UNKNOWN
         size = floor_plan.resolution / self._metre
@@ -223,17 +221,27 @@ def check_file(path: Path) -> None:
 @contextmanager
 def showing(
     path: Path | None, runs: Mapping[str, Iterable[Step]], stage: Stage
-) -> Iterator[Iterator[tuple[Step, ...]]]:
+) -> Iterator[Iterable[tuple[Step, ...]]]:
     """Yield runs of one world by localizer, side by side, that are written to a file as they go on.
 
-    The file is there whole when the runs have ended; times before 0 s are refused.
+    The file is there, whole, if the runs have ended; times before 0 s are refused.
     """
     rows = zip(*runs.values(), strict=True)
     if path is None:
         yield rows
         return
-    with closing(_written(path, rows, tuple(runs), stage)) as written:
-        yield written
+    from foxglove import Context, open_mcap
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    beside = path.with_name(f"{PREFIX}{secrets.token_hex(4)}{SUFFIX}")
+    try:
+        with open_mcap(beside, context=(context := Context())):
+            messages = Messages(context, stage, tuple(runs))
+            yield map(messages.passed, rows)
+        if next(rows, None) is None:
+            beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)
 
 
 def shown_again(trials: Sequence[Trial], path: Path) -> None:
@@ -243,25 +251,6 @@ def shown_again(trials: Sequence[Trial], path: Path) -> None:
     runs = {short[stage.trial.localizer]: stage.moments() for stage in stages}
     with showing(path, runs, stages[0]) as rows:
         deque(rows, maxlen=0)
-
-
-def _written(
-    path: Path, rows: Iterable[tuple[Step, ...]], names: Sequence[str], stage: Stage
-) -> Generator[tuple[Step, ...], None, None]:
-    """Pass runs on, and write them."""
-    from foxglove import Context, open_mcap
-
-    path.parent.mkdir(parents=True, exist_ok=True)
-    beside = path.with_name(f"{PREFIX}{secrets.token_hex(4)}{SUFFIX}")
-    try:
-        with open_mcap(beside, context=(context := Context())):
-            messages = Messages(context, stage, names)
-            for moments in rows:
-                messages.write(_time(stage, moments[0]), moments)
-                yield moments
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def _time(stage: Stage, moment: Step) -> float:
@@ -299,7 +288,9 @@ def run_lap(trial: Trial, out: Path, log: Path | None, mcap: Path | None) -> str
         "error.csv": _curves_csv(trace).encode(),
     } | trajectories(trace)
     if log is not None:
-        write(_log(film.moments, stage.room), log)
+        scans, truth = zip(*((moment.ranges, moment.truth) for moment in film.moments), strict=True)
+        actions = [moment.action for moment in film.moments[1:] if moment.action is not None]
+        write(Log.of_episode(scans, actions, truth, stage.room.lidar, unit=unit), log)
     write_files(out, files)
     lines = [_line(row, unit) for row in scores(trace)]
     lines.append(f"Written to {out}: {', '.join(files)}.")
@@ -314,13 +305,6 @@ def _line(row: Mapping[str, Any], unit: str) -> str:
     heading = f"heading RMSE {np.degrees(row['heading_rmse']):5.1f} deg"
     first = [error] if unit == "px" else []
     return f"{state_name(row['offset']):>8}: " + ", ".join([*first, f"{position} {unit}", heading])
-
-
-def _log(episode: Sequence[Step], room: TrialEnv) -> Log:
-    scans = [moment.ranges for moment in episode]
-    actions = [moment.action for moment in episode[1:] if moment.action is not None]
-    truth = [moment.truth for moment in episode]
-    return Log.of_episode(scans, actions, truth, room.lidar, unit=room.floor_plan.unit)
 
 
 def _curves_csv(trace: Trace) -> str:

@@ -111,16 +111,16 @@ def write_report(
 
 def _tables(results: Results) -> dict[str, bytes]:
     tables = {
-        "results.csv": csv_of(results.table, FURTHER),
-        "trials.csv": csv_of(trials_frame(results.records), INNER),
-        "timings.csv": csv_of(timings_table(results.records)),
+        "results": csv_of(results.table, FURTHER),
+        "trials": csv_of(trials_frame(results.records), INNER),
+        "timings": csv_of(timings_table(results.records)),
     }
+    if results.rule is not None:
+        tables["decisions"] = csv_of(results.decisions)
     starts = starts_table(results.records, (failure.trial for failure in results.failures))
     further = {"plans": results.plans, "maps": results.maps, "basin": starts}
-    if results.rule is not None:
-        tables["decisions.csv"] = csv_of(results.decisions)
-    tables |= {f"{name}.csv": csv_of(own) for name, own in further.items() if len(own)}
-    return {name: utf8(text) for name, text in tables.items()}
+    tables |= {name: csv_of(own) for name, own in further.items() if len(own)}
+    return {f"{name}.csv": utf8(text) for name, text in tables.items()}
 
 
 def parts_of(panel: Panel, *, pictured: bool = True) -> list[Part]:
@@ -158,42 +158,30 @@ def page_files(
     stand below, beside the command, and ``more`` is part of the first section.
     """
     panels = results.panels
-    several = len(panels) > 1
     animations, no_films = films(panels, folder, draw=draw)
     with styled():
         parts = [parts_of(panel, pictured=panel.number <= _PICTURED) for panel in panels]
         for first in parts[:1]:
             first.extend(more)
-        sections = [
-            {"panel": panel, "verdict": verdict_on(panel) if several else "", "parts": content}
-            for panel, content in zip(panels, parts, strict=True)
-        ]
         swept = swept_charts(panels)
         charts = [chart for content in parts for part in content for chart in part.charts]
         drawn = {chart.name: chart.drawn("svg") for chart in (*swept, *charts)}
-    figures = pictures_of_paper(folder)
-    methods = dict.fromkeys(name for panel in panels for name in panel.rows["method"])
     telling = {
         "results": results,
         "conclusion": conclusion(results),
         "progress": progress(results),
-        "methods": list(map(short_name, methods)),
-        "agents": list(dict.fromkeys(name for panel in panels for name in panel.agents)),
-        "worlds": sorted({int(n) for panel in panels for n in panel.rows["worlds"]}),
-        "filter_seeds": len({record.trial.filter_seed for record in results.records}),
-        "params": panels[0].shared_params if panels else {},
         "world": next((panel.world for panel in panels), "world"),
         "most": percent(1 - TOLERATED),
         "notes": notes,
         "warnings": warnings,
         "facts": facts,
-        "glance": tables.glance_table(panels) if several else None,
+        "glance": tables.glance_table(panels) if len(panels) > 1 else None,
         "swept": swept,
-        "sections": sections,
+        "sections": list(zip(panels, map(verdict_on, panels), parts, strict=True)),
         "films": animations,
         "no_films": no_films,
         "pictured": _PICTURED,
-        "figures": figures,
+        "figures": pictures_of_paper(folder),
         "failed": tables.failed_table(results),
         "command": command_line(results.command),
         "environment": json.dumps(results.environment, indent=2),
@@ -219,6 +207,7 @@ def _engine() -> Any:
         lstrip_blocks=True,
     )
     engine.filters |= {
+        "short": short_name,
         "base64": lambda content: b64encode(content).decode(),
         "table": lambda table: Markup(table.html),  # its cells are escaped
         "tex": escaped,

@@ -7,7 +7,7 @@ scores. Lengths are in m, angles in rad; errors are those of best clusters.
 import math
 import operator
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence, Set
 from statistics import median_high
 from typing import Any
 
@@ -93,11 +93,11 @@ def scores_by_localizer(runs: pd.DataFrame) -> pd.DataFrame:
 
 def _scores(runs: pd.DataFrame, seeds: int) -> dict[str, float]:
     scores = {name: float(np.mean([*runs[name]])) for name in _SCORES}
-    tracks = list(runs["track"])
-    position = np.concatenate([track.errors.translation for track in tracks])
-    heading = np.concatenate([track.errors.rotation for track in tracks])
-    near = np.concatenate([track.errors.translation[track.at_stamps] for track in tracks])
-    turned = np.concatenate([track.errors.rotation[track.at_stamps] for track in tracks])
+    off = [(track.errors, track.at_stamps) for track in runs["track"]]
+    position = np.concatenate([errors.translation for errors, _ in off])
+    heading = np.concatenate([errors.rotation for errors, _ in off])
+    near = np.concatenate([errors.translation[at] for errors, at in off])
+    turned = np.concatenate([errors.rotation[at] for errors, at in off])
     shares = {f"success_{name}": scores[f"success_{name}"] * len(runs) / seeds for name in NEAR}
     low, high = wilson(shares[REACHED], seeds)
     metres = [*runs["metres_to_localize"], *[math.inf] * (seeds - len(runs))]
@@ -252,18 +252,17 @@ def _reached(record: Finished) -> tuple[float, float]:
 
 def _labels(trials: Sequence[Trial]) -> list[str]:
     """Name the localizer of each trial, with what else its trials differ in than the error."""
-    short = short_names({trial.localizer for trial in trials})
-    first: dict[str, dict[str, Any]] = {}
-    apart: dict[str, set[str]] = {name: set() for name in short}
-    places = []
-    for trial in trials:
-        place = {"scenario": trial.scenario, **trial.world, **trial.assumed, **trial.params}
-        place = {name: value for name, value in place.items() if name not in _ERRORS}
-        usual = first.setdefault(trial.localizer, place)
-        names = place.keys() | usual.keys()
-        apart[trial.localizer] |= {n for n in names if place.get(n) != usual.get(n)}
-        places.append(place)
+    names = [trial.localizer for trial in trials]
+    places = [{"scenario": t.scenario, **t.world, **t.assumed, **t.params}.items() for t in trials]
+    short, shared = short_names(set(names)), dict[str, Set[tuple[str, Any]]]()
+    for name, place in zip(names, places, strict=True):
+        shared[name] = shared.get(name, place) & place
     return [
-        " ".join([short[name], *(f"{n} {place[n]}" for n in sorted(apart[name]) if n in place)])
-        for name, place in zip((trial.localizer for trial in trials), places, strict=True)
+        " ".join(
+            [
+                short[name],
+                *(f"{n} {v}" for n, v in sorted(place - shared[name]) if n not in _ERRORS),
+            ]
+        )
+        for name, place in zip(names, places, strict=True)
     ]

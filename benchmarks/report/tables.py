@@ -1,9 +1,11 @@
-"""Tables of a panel: frames of words, which pandas writes as HTML, Markdown, text and LaTeX."""
+"""Tables of a panel: frames of words, which pandas writes as HTML, Markdown, text and LaTeX.
+
+A column is a list of cells, in the order of the rows that it is made of.
+"""
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Collection, Sequence
 from html import escape
 from typing import Any, NamedTuple
 
@@ -24,16 +26,11 @@ from benchmarks.tables.text import (
 )
 from benchmarks.trials.scores import LEVELS, Score, ScoreGroup
 
-_MARKED = {
-    "better": "▼",
-    "worse": "▲",
-    "inconclusive": "○",
-    "open": "○",
-    "equivalent": "=",
-    "equal": "=",
-}
-Writer = Callable[[pd.DataFrame], Iterable[Any]]
-Columns = Mapping[str, str | Writer]  # by title: a column of a frame, or how rows are told
+_MARKED = {"better": "▼", "worse": "▲", "inconclusive": "○", "open": "○"}
+_MARKED |= dict.fromkeys(("equivalent", "equal"), "=")
+_OF_SHARES = {"better": "worse", "worse": "better"}  # the larger is better
+
+Cells = dict[str, list[str]]  # by the title of their column
 
 
 class Table(NamedTuple):
@@ -93,36 +90,30 @@ def html_cell(text: str) -> str:
     return f"{escape(value)} <span>{escape(ends)}</span>" if ends else escape(value)
 
 
-def of_rows(rows: pd.DataFrame, columns: Columns) -> pd.DataFrame:
-    """Return rows as words, a line each."""
-    cells = {
-        name: rows[own] if isinstance(own, str) else own(rows) for name, own in columns.items()
-    }
-    return pd.DataFrame({name: list(own) for name, own in cells.items()}, dtype=str)
-
-
-def words(write: Callable[..., str], *names: str) -> Writer:
+def words(rows: pd.DataFrame, write: Callable[..., str], *names: str) -> list[str]:
     """Tell the values of columns, row by row."""
-    return lambda rows: [write(*one) for one in zip(*(rows[name] for name in names), strict=True)]
+    return [write(*values) for values in zip(*(rows[name] for name in names), strict=True)]
 
 
-def means(name: str, form: str = ".2f", unit: str = "", scale: float = 1) -> Writer:
+def means(
+    rows: pd.DataFrame, name: str, form: str = ".2f", unit: str = "", scale: float = 1
+) -> list[str]:
     """Tell means with the intervals of name_low and name_high, if there are any."""
 
     def write(*ends: float) -> str:
         return estimated(Interval(*(scale * float(end) for end in ends)), form, unit)
 
-    ends = (name, f"{name}_low", f"{name}_high")
-    return lambda rows: words(write, *(end for end in ends if end in rows))(rows)
+    return words(
+        rows, write, *(end for end in (name, f"{name}_low", f"{name}_high") if end in rows)
+    )
 
 
-def apart(name: str, form: str = "+.2f", unit: str = "", scale: float = 1) -> Writer:
+def differences(
+    rows: pd.DataFrame, name: str, form: str = "+.2f", unit: str = "", scale: float = 1
+) -> list[str]:
     """Tell differences to the baseline in this way."""
-    told = means(name, form, unit, scale)
-    return lambda rows: [
-        "baseline" if itself else cell
-        for itself, cell in zip(rows["is_baseline"], told(rows), strict=True)
-    ]
+    cells = zip(rows["is_baseline"], means(rows, name, form, unit, scale), strict=True)
+    return ["baseline" if itself else cell for itself, cell in cells]
 
 
 def dashed(write: Callable[[float], str]) -> Callable[[float], str]:
@@ -130,57 +121,63 @@ def dashed(write: Callable[[float], str]) -> Callable[[float], str]:
     return lambda value: "–" if math.isnan(value) else write(value)
 
 
+def _tenths(share: float) -> str:
+    return percent(share, 1)
+
+
 def _mean_sd(mean: float, sd: float) -> str:
     return f"{fixed(mean)} ({fixed(sd)})"
-
-
-_tenths = partial(percent, digits=1)
-_METHOD: Columns = {"method": "label", "belief about": words(state_name, "offset")}
 
 
 def verdict_table(panel: Panel) -> Table:
     """The methods, the best first, and how they compare with the baseline."""
     rows, aim, unit = panel.ranked, panel.aim, panel.unit
     plug_ins = plug_in_labels(panel)
-    error: Columns = {f"error e, {unit} (SD)": words(_mean_sd, "error", "error_sd")}
-    relation: Columns = {"verdict": "relation"}
+    names = [
+        label + (" (baseline)" if itself else " (plug-in)" if label in plug_ins else "")
+        for label, itself in zip(rows["label"], rows["is_baseline"], strict=True)
+    ]
+    error = {f"error e, {unit} (SD)": words(rows, _mean_sd, "error", "error_sd")}
+    relation = {"verdict": list(rows["relation"])}
     if panel.rule:
-        decided = apart("decided", "+.1f", " %" if aim is None else " points", 100)
+        decided = differences(rows, "decided", "+.1f", " points" if aim else " %", 100)
         numbers = {
-            f"difference to the baseline ({AT_ALL_LOOKS})": lambda rows: [
-                re.sub(r" \(.*inf.*\)", "", cell) for cell in decided(rows)
+            f"difference to the baseline ({AT_ALL_LOOKS})": [
+                re.sub(r" \(.*inf.*\)", "", cell) for cell in decided
             ],
             **relation,
-            "after worlds": words(dashed("{:.0f}".format), "decided_worlds"),
-            **(error if aim is None else {aim.words: words(percent, "score")}),
+            "after worlds": words(rows, dashed("{:.0f}".format), "decided_worlds"),
+            **({aim.words: words(rows, percent, "score")} if aim else error),
         }
     elif aim is None:
         numbers = {
             **error,
-            "difference to the baseline (95 %)": apart("diff"),
+            "difference to the baseline (95 %)": differences(rows, "diff"),
             **relation,
-            "wins": words(dashed(percent), "win_rate"),
-            "p, Holm": words(dashed(p_value), "p_holm"),
-            "lost runs (95 %)": words(_lost, "lost_rate", "runs", "lost_low", "lost_high"),
+            "wins": words(rows, dashed(percent), "win_rate"),
+            "p, Holm": words(rows, dashed(p_value), "p_holm"),
+            "lost runs (95 %)": words(rows, _lost, "lost_rate", "runs", "lost_low", "lost_high"),
         }
     else:
-        numbers = {**_score_columns(aim), **relation}
+        numbers = {**_score_columns(rows, aim), **relation}
         if panel.world == "world":  # on a log, the table of best clusters has the error
-            numbers |= {**error, "difference of e (95 %)": apart("diff")}
-    columns: Columns = {
-        "method": lambda rows: [
-            label + (" (baseline)" if itself else " (plug-in)" if label in plug_ins else "")
-            for label, itself in zip(rows["label"], rows["is_baseline"], strict=True)
-        ],
-        **numbers,
+            numbers |= {**error, "difference of e (95 %)": differences(rows, "diff")}
+    numbers |= {
         "ms per step (ratio)": words(
-            lambda ms, ratio: f"{fixed(ms)} ({significant(ratio, 2)} ×)", "ms_per_step", "cost"
+            rows,
+            lambda ms, ratio: f"{fixed(ms)} ({significant(ratio, 2)} ×)",
+            "ms_per_step",
+            "cost",
         ),
-        f"{panel.world}s": "worlds",
+        f"{panel.world}s": words(rows, str, "worlds"),
     }
     best = [n for n, order in enumerate(rows["order"]) if order == rows["order"].iloc[0]]
     strong = [(n, column) for n in best for column in (0, 1)]
-    return Table("verdict", of_rows(rows, columns), strong, panel)
+    return Table("verdict", pd.DataFrame({"method": names, **numbers}), strong, panel)
+
+
+def _lost(share: float, runs: int, low: float, high: float) -> str:
+    return f"{percent(share)} of {runs} ({100 * low:.0f} to {100 * high:.0f})"
 
 
 def journey_table(panel: Panel, group: ScoreGroup) -> Table | None:
@@ -189,24 +186,43 @@ def journey_table(panel: Panel, group: ScoreGroup) -> Table | None:
     scores = [score for score in group.scores if score.name in rows and score is not ranked_by]
     if not scores:
         return None
-    columns: dict[str, str | Writer] = {"method": "label"}
+    columns = {"method": list(rows["label"])}
     for score in scores:
-        columns |= _score_columns(score)
+        columns |= _score_columns(rows, score)
     tested = any(score.tested for score in scores)
-    return Table(group.name, of_rows(rows, columns), about=tested)
+    return Table(group.name, pd.DataFrame(columns), about=tested)
+
+
+def _score_columns(rows: pd.DataFrame, score: Score) -> Cells:
+    """A score of whole runs, and how it compares with the baseline's."""
+    name, share = score.name, score.unit == "share"
+    scale, unit = (100, "percentage points") if share else (1, score.unit)
+    digits = {"share": 0, "m": 1, "steps": 1}.get(score.unit, 2)
+    digits = digits if score.digits is None else score.digits
+    numbers = means(rows, name, f".{digits}f", " %" * share, scale)
+    columns = {score.words: [cell.replace("inf", "never") for cell in numbers]}
+    if score.tested:
+        of = "" if share else f" of {score.words.partition(',')[0]}"
+        apart = differences(rows, f"{name}_diff", f"+.{digits}f", scale=scale)
+        columns[f"difference, {unit} (95 %)"] = apart
+        columns[f"p{of}, Holm"] = words(rows, dashed(p_value), f"{name}_p_holm")
+    return columns
 
 
 def glance_table(panels: Sequence[Panel]) -> Table:
-    """What all methods are ranked by, on all settings, with marks, the best in bold."""
+    """What all methods are ranked by, on all settings, the best in bold.
+
+    ▼ is smaller than the baseline's, ▲ larger.
+    """
     labels = list(dict.fromkeys(label for panel in panels for label in panel.present["label"]))
     lines, strong = [], []
     for n, panel in enumerate(panels):
-        rows, aim = panel.ranked, panel.aim
+        rows, tell = panel.ranked, percent if panel.aim else fixed
+        turned = _OF_SHARES if panel.aim else {}
+        cells = zip(rows["label"], rows["score"], rows["relation"], strict=True)
         marked = {
-            label: f"{fixed(score) if aim is None else percent(score)} {mark}".rstrip()
-            for label, score, mark in zip(
-                rows["label"], rows["score"], _marks(rows["relation"], aim), strict=True
-            )
+            label: f"{tell(score)} {_MARKED.get(turned.get(relation, relation), '')}".rstrip()
+            for label, score, relation in cells
         }
         best = rows.loc[rows["order"] == rows["order"].iloc[0], "label"]
         strong += [(n, 1 + labels.index(label)) for label in best]
@@ -218,15 +234,17 @@ def glance_table(panels: Sequence[Panel]) -> Table:
 
 def calibration_table(panel: Panel) -> Table:
     """Calibration of the beliefs at every offset."""
-    columns: Columns = {
-        **_METHOD,
-        f"energy score, {panel.unit}": words(fixed, "energy_score"),
-        **{f"inside {at} %": means(f"coverage_{at}", ".0f", " %", 100) for at in LEVELS},
-        "NEES (3)": words(nees_words, "nees", "nees_low", "nees_high"),
-        "entropy, nats": words(lambda nats: fixed(nats).replace("-", "−"), "entropy"),
-        "in walls": words(_tenths, "wall_share"),
+    rows = panel.rows
+    columns = {
+        "method": list(rows["label"]),
+        "belief about": words(rows, state_name, "offset"),
+        f"energy score, {panel.unit}": words(rows, fixed, "energy_score"),
+        **{f"inside {at} %": means(rows, f"coverage_{at}", ".0f", " %", 100) for at in LEVELS},
+        "NEES (3)": words(rows, nees_words, "nees", "nees_low", "nees_high"),
+        "entropy, nats": [cell.replace("-", "−") for cell in words(rows, fixed, "entropy")],
+        "in walls": words(rows, _tenths, "wall_share"),
     }
-    return Table("calibration", of_rows(panel.rows, columns))
+    return Table("calibration", pd.DataFrame(columns))
 
 
 def nees_words(*ends: float) -> str:
@@ -238,18 +256,20 @@ def nees_words(*ends: float) -> str:
 
 def detection_table(panel: Panel) -> Table | None:
     """The AUROC of each method; None if no method gives a quality and was far off, not always."""
-    rows, far = panel.present, panel.far
+    rows, far = panel.present, f"e > {panel.thresholds.far:g} {panel.unit}"
     if rows["auroc"].isna().all():
         return None
-    columns: Columns = {
-        "method": "label",
-        "AUROC (95 %)": means("auroc"),
-        f"steps with {far}": words(_tenths, "far_steps"),
-        f"in how many {panel.world}s": words(
-            lambda k, n: "n/a" if math.isnan(k) else f"{k:.0f} of {n}", "far_worlds", "worlds"
-        ),
+
+    def of_worlds(k: float, n: int) -> str:
+        return "n/a" if math.isnan(k) else f"{k:.0f} of {n}"
+
+    columns = {
+        "method": list(rows["label"]),
+        "AUROC (95 %)": means(rows, "auroc"),
+        f"steps with {far}": words(rows, _tenths, "far_steps"),
+        f"in how many {panel.world}s": words(rows, of_worlds, "far_worlds", "worlds"),
     }
-    return Table("detection", of_rows(rows, columns), about=far)
+    return Table("detection", pd.DataFrame(columns), about=far)
 
 
 def failed_table(results: Results) -> Table | None:
@@ -265,38 +285,8 @@ def failed_table(results: Results) -> Table | None:
     return Table("failed", pd.DataFrame(lines, columns=["trial", "reason"])) if lines else None
 
 
-def _marks(relations: Iterable[str], aim: Score | None) -> list[str]:
-    """▼ smaller than the baseline's, ▲ larger: of shares the larger is better."""
-    if aim is not None:
-        relations = [{"better": "worse", "worse": "better"}.get(one, one) for one in relations]
-    return [_MARKED.get(one, "") for one in relations]
-
-
-def _lost(share: float, runs: int, low: float, high: float) -> str:
-    return f"{percent(share)} of {runs} ({100 * low:.0f} to {100 * high:.0f})"
-
-
-def _score_columns(score: Score) -> Columns:
-    """A score of whole runs, and how it compares with the baseline's."""
-    share = score.unit == "share"
-    scale, unit = (100, "percentage points") if share else (1, score.unit)
-    of = "" if share else f" of {score.words.partition(',')[0]}"
-    digits = {"share": 0, "m": 1, "steps": 1}.get(score.unit, 2)
-    digits = digits if score.digits is None else score.digits
-    mean = means(score.name, f".{digits}f", " %" * share, scale)
-    columns: Columns = {score.words: lambda rows: [c.replace("inf", "never") for c in mean(rows)]}
-    if not score.tested:
-        return columns
-    return {
-        **columns,
-        f"difference, {unit} (95 %)": apart(f"{score.name}_diff", f"+.{digits}f", scale=scale),
-        f"p{of}, Holm": words(dashed(p_value), f"{score.name}_p_holm"),
-    }
-
-
-_VARIANCES = {"var_x": ("var x", 1), "var_y": ("var y", 1), "var_cos": ("var cos θ", 3),
-    "var_sin": ("var sin θ", 3)}  # fmt: skip
-_PRINTED = ("error", "error_sd", "entropy", *_VARIANCES)
+_PRINTED = ("error", "error_sd", "entropy", "var_x", "var_y", "var_cos", "var_sin")
+_VARIANCES = {"var_x": "var x", "var_y": "var y", "var_cos": "var cos θ", "var_sin": "var sin θ"}
 TABLE_1 = {  # as printed (Taniguchi, Fukawa & Yamakawa 2024)
     "deq-mcl": (20.95, 17.66, 7.82, 419.92, 290.04, 0.09, 0.07),
     "mcl-smoother": (22.88, 20.01, 8.88, 977.39, 611.06, 0.14, 0.11),
@@ -308,26 +298,27 @@ TABLE_1 = {  # as printed (Taniguchi, Fukawa & Yamakawa 2024)
 def table_1(rows: pd.DataFrame, *, variances: bool = False) -> Table:
     """Our Table 1, of one panel's ``results_table``, with the paper's values beside ours."""
 
-    def printed(form: str) -> Writer:
-        def write(method: str, offset: int) -> str:
-            known = method in TABLE_1 and offset <= 0
-            numbers = dict(zip(_PRINTED, TABLE_1[method], strict=True)) if known else {}
-            return form.format_map(numbers) if known else ""
-
-        return words(write, "method", "offset")
+    def printed(form: str) -> list[str]:
+        return [
+            form.format_map(dict(zip(_PRINTED, TABLE_1[method], strict=True)))
+            if method in TABLE_1 and offset <= 0
+            else ""
+            for method, offset in zip(rows["method"], rows["offset"], strict=True)
+        ]
 
     baseline = short_name(rows["baseline"].iloc[0]) if len(rows) else ""
-    columns: dict[str, str | Writer] = {
-        "method": words(short_name, "method"),
-        "of": words(state_name, "offset"),
-        f"error - {baseline}'s, 95 %": apart("diff"),
-        "error (SD)": words(_mean_sd, "error", "error_sd"),
+    columns = {
+        "method": words(rows, short_name, "method"),
+        "of": words(rows, state_name, "offset"),
+        f"error - {baseline}'s, 95 %": differences(rows, "diff"),
+        "error (SD)": words(rows, _mean_sd, "error", "error_sd"),
         "paper": printed("{error:.2f} ({error_sd:.2f})"),
-        "entropy": words(fixed, "entropy"),
+        "entropy": words(rows, fixed, "entropy"),
         "paper's": printed("{entropy:.2f}"),
-        "in walls": words(_tenths, "wall_share"),
+        "in walls": words(rows, _tenths, "wall_share"),
     }
-    for name, (title, digits) in _VARIANCES.items() if variances else ():
-        columns[title] = words(partial(fixed, digits=digits), name)
+    for name, title in _VARIANCES.items() if variances else ():
+        digits = 1 if name in ("var_x", "var_y") else 3
+        columns[title] = [fixed(value, digits) for value in rows[name]]
         columns[f"paper's {title}"] = printed(f"{{{name}:g}}")
-    return Table("", of_rows(rows, columns))
+    return Table("", pd.DataFrame(columns))

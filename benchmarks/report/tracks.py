@@ -1,7 +1,6 @@
 """What a report says and draws of runs on a whole log: scores, differences, tracks, errors.
 
-``runs`` is a frame with a row for each run of a localizer: label, seed, track (None if it failed)
-and scores. Lengths are in m, angles in rad; errors are those of best clusters.
+``runs`` is a ``runs_frame``. Lengths are in m, angles in rad; errors are those of best clusters.
 """
 
 import math
@@ -21,7 +20,7 @@ from benchmarks.report.runs import (
     scores_by_localizer,
     worst_run,
 )
-from benchmarks.report.tables import Columns, Part, Table, Writer, means, nees_words, of_rows, words
+from benchmarks.report.tables import Part, Table, means, nees_words, words
 from benchmarks.report.verdict import rounded
 from benchmarks.setup.logs import LogScenario
 from benchmarks.setup.names import scenario
@@ -39,6 +38,7 @@ from deqmcl_gym.world.drawing import PALE, Drawing, View
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_TO_THE_END = "localized to the end"
 _CALIBRATION = [f"calibration_{name}" for name in CALIBRATION]
 
 
@@ -47,7 +47,7 @@ def tracked(panel: Panel) -> tuple[pd.DataFrame, Map] | None:
 
     None also where log and map are not there any more, or need somebody's code.
     """
-    records = panel.records_by_label
+    records = panel.records
     if any(record.track is None for finished in records.values() for record in finished):
         return None
     try:
@@ -80,74 +80,69 @@ def track_parts(panel: Panel) -> list[Part]:
     ]
 
 
-def _told(name: str, tell: Callable[[float], str]) -> Writer:
-    """Tell a score; metres that are infinite were never enough."""
-
-    def write(value: float) -> str:
-        if not math.isfinite(value):
-            return "n/a" if math.isnan(value) else "never"
-        return tell(value)
-
-    return words(write, name)
-
-
-def _count(rows: pd.DataFrame, name: str, runs: pd.Series) -> list[str]:
-    """Tell a share as a count of runs."""
-    shares = zip(rows[name], runs, strict=True)
-    return ["n/a" if math.isnan(share) else f"{round(share * n)} of {n}" for share, n in shares]
-
-
-def _degrees(angle: float) -> str:
-    return f"{math.degrees(angle):.2f}°"
-
-
-_TO_THE_END = "localized to the end"
-_METRES = "{:.3f} m".format
-_LOCALIZER: Columns = {"localizer": "label", "runs": "seeds"}
-_RESULTS: Columns = {
-    "within 1 m, 30°": _told("within_1m", percent),
-    "0.5 m, 10°": _told("within_05m", percent),
-    _TO_THE_END: lambda rows: _count(rows, "success_1m", rows["seeds"]),
-    # of a failed run it is not known
-    "lost": lambda rows: _count(rows, "lost", rows["seeds"] - rows["failed"]),
-    "position, median": _told("position_median", _METRES),
-    "95 %": _told("position_p95", _METRES),
-    "heading, median": _told("heading_median", _degrees),
-    "metres to localize": _told("metres_to_localize", "{:.1f} m".format),
-}
-_TIMED: Columns = {"ms per step": _told("ms_per_step", "{:.2f}".format)}
-_BELIEFS: Columns = {
-    **{f"inside {level} %": _told(f"coverage_{level}", percent) for level in LEVELS},
-    "NEES (3)": _told("nees", nees_words),
-    "log score": _told("log_score", "{:,.2f}".format),
-    "APE, rmse": _told("ape_rmse", _METRES),
-    "RPE": _told("rpe_rmse", _METRES),
-}
-_FITTING: Columns = {
-    "beams within 0.1 m": _told("agreement_01", percent),
-    "0.3 m": _told("agreement_03", percent),
-}
-_STAMPS: Columns = {
-    "position, median, at stamps": _told("position_median_stamps", _METRES),
-    "heading": _told("heading_median_stamps", _degrees),
-}
-
-
 def tables_of(runs: pd.DataFrame, without: Collection[str] = ()) -> list[Table]:
     """Return the scores as readable tables, without these columns; with no reference one."""
     tracks, rows = list(ended(runs)["track"]), scores_by_localizer(runs)
     if rows.empty:
         return []
+
+    def told(name: str, write: Callable[[float], str]) -> list[str]:
+        return words(rows, partial(_score_words, write), name)
+
+    def counts(name: str, of: pd.Series) -> list[str]:
+        shares = zip(rows[name], of, strict=True)
+        return ["n/a" if math.isnan(share) else f"{round(share * n)} of {n}" for share, n in shares]
+
+    metres = "{:.3f} m".format
+    first = {"localizer": list(rows["label"]), "runs": words(rows, str, "seeds")}
+    timed = {"ms per step": told("ms_per_step", "{:.2f}".format)}
+    fitting = {
+        "beams within 0.1 m": told("agreement_01", percent),
+        "0.3 m": told("agreement_03", percent),
+    }
     if not any(track.known.size for track in tracks):
-        return [Table("agreement", of_rows(rows, {**_LOCALIZER, **_FITTING, **_TIMED}))]
+        return [Table("agreement", pd.DataFrame(first | fitting | timed))]
+    results = {
+        **first,
+        "within 1 m, 30°": told("within_1m", percent),
+        "0.5 m, 10°": told("within_05m", percent),
+        _TO_THE_END: counts("success_1m", rows["seeds"]),
+        # of a failed run it is not known
+        "lost": counts("lost", rows["seeds"] - rows["failed"]),
+        "position, median": told("position_median", metres),
+        "95 %": told("position_p95", metres),
+        "heading, median": told("heading_median", _degrees),
+        "metres to localize": told("metres_to_localize", "{:.1f} m".format),
+        **timed,
+    }
+    beliefs = {
+        **first,
+        **{f"inside {level} %": told(f"coverage_{level}", percent) for level in LEVELS},
+        "NEES (3)": told("nees", nees_words),
+        "log score": told("log_score", "{:,.2f}".format),
+        "APE, rmse": told("ape_rmse", metres),
+        "RPE": told("rpe_rmse", metres),
+        **fitting,
+    }
     between = any(track.at_stamps.size < track.known.size for track in tracks)
-    results = {**_LOCALIZER, **_RESULTS, **_TIMED}
-    results = {name: column for name, column in results.items() if name not in without}
-    beliefs = {**_LOCALIZER, **_BELIEFS, **_FITTING, **(_STAMPS if between else {})}
+    if between:
+        beliefs["position, median, at stamps"] = told("position_median_stamps", metres)
+        beliefs["heading"] = told("heading_median_stamps", _degrees)
     return [
-        Table("accuracy", of_rows(rows, results)),
-        Table("beliefs", of_rows(rows, beliefs), about=between),
+        Table("accuracy", pd.DataFrame(results).drop(columns=[*without])),
+        Table("beliefs", pd.DataFrame(beliefs), about=between),
     ]
+
+
+def _score_words(write: Callable[[float], str], value: float) -> str:
+    """Tell a score; metres that are infinite were never enough."""
+    if not math.isfinite(value):
+        return "n/a" if math.isnan(value) else "never"
+    return write(value)
+
+
+def _degrees(angle: float) -> str:
+    return f"{math.degrees(angle):.2f}°"
 
 
 def accuracy(runs: pd.DataFrame) -> list[str]:
@@ -159,10 +154,7 @@ def accuracy(runs: pd.DataFrame) -> list[str]:
     rows = scores_by_localizer(runs[runs["label"].isin(known["label"])]).sort_values(
         "position_median"
     )
-    errors = ", ".join(
-        f"{label} {error:.3f} m"
-        for label, error in zip(rows["label"], rows["position_median"], strict=True)
-    )
+    errors = ", ".join(words(rows, "{} {:.3f} m".format, "label", "position_median"))
     worst = worst_run(known)
     said = f"Worst run: {_whose(worst, runs)}: {run_words(worst)}"
     farthest = max((run for _, run in known.iterrows()), key=_largest)
@@ -203,17 +195,31 @@ def _largest(run: pd.Series) -> float:
 
 def differences_table(panel: Panel) -> Table | None:
     """How methods differ from the baseline, and what it takes to show it; None of one method."""
-    scores = {"success_1m": ("localized to the end, percentage points", "+.0f", 100, "localized")}
-    scores["position_median"] = ("position error, median, m", "+.3f", 1, "position")
     rows = panel.present[~panel.present["is_baseline"]]
-    if rows.empty or not scores.keys() <= set(rows):
+    if rows.empty or not {"success_1m", "position_median"} <= set(rows):
         return None
-    columns: dict[str, str | Writer] = {"localizer": "label", "pairs": "paired_worlds"}
-    for name, (title, form, scale, what) in scores.items():
-        columns[title] = means(f"{name}_diff", form, scale=scale)
-        columns[f"p, Holm ({what})"] = words(p_value, f"{name}_p_holm")
-        columns[f"runs needed ({what})"] = partial(_needed, panel, name)
-    return Table("", of_rows(rows, columns))
+    columns = {"localizer": list(rows["label"]), "pairs": words(rows, str, "paired_worlds")}
+    for name, title, form, scale, what in (
+        ("success_1m", "localized to the end, percentage points", "+.0f", 100, "localized"),
+        ("position_median", "position error, median, m", "+.3f", 1, "position"),
+    ):
+        columns[title] = means(rows, f"{name}_diff", form, scale=scale)
+        columns[f"p, Holm ({what})"] = words(rows, p_value, f"{name}_p_holm")
+        needed = [_needed(panel, name, row) for _, row in rows.iterrows()]
+        columns[f"runs needed ({what})"] = needed
+    return Table("", pd.DataFrame(columns))
+
+
+def _needed(panel: Panel, score: str, row: pd.Series) -> str:
+    """How many runs would show a difference; – where it is shown, or there is none."""
+    runs = [panel.runs_of(row[one]) for one in ("label", "reference")]
+    pairs = paired_worlds(*(whole_runs(own, JOURNEY_SCORES[score]) for own in runs))
+    apart = pairs["apart"].to_numpy()
+    mean, sd = abs(float(apart.mean())) if apart.size else 0.0, sample_sd(apart)
+    low, high = row[f"{score}_diff_low"], row[f"{score}_diff_high"]
+    clear = (low > 0 or high < 0) and row[f"{score}_p_holm"] < ALPHA
+    needed = 0 if clear or not sd >= 0 or not mean else worlds_to_see(mean, sd, panel.tests)
+    return "–" if needed <= len(apart) else f"about {rounded(needed)}"
 
 
 def run_words(run: pd.Series) -> str:
@@ -236,21 +242,6 @@ def run_words(run: pd.Series) -> str:
         f"lost after {way:.1f} m, {elapsed:,.1f} s: never again within 1 m and 30°; {within}, "
         f"{most}."
     )
-
-
-def _needed(panel: Panel, score: str, rows: pd.DataFrame) -> list[str]:
-    """How many runs would show each difference; – where it is shown, or there is none."""
-    cells = []
-    for _, row in rows.iterrows():
-        runs = [panel.runs_of(row[one]) for one in ("label", "reference")]
-        pairs = paired_worlds(*(whole_runs(own, JOURNEY_SCORES[score]) for own in runs))
-        apart = pairs["apart"].to_numpy()
-        mean, sd = abs(float(apart.mean())) if apart.size else 0.0, sample_sd(apart)
-        low, high = row[f"{score}_diff_low"], row[f"{score}_diff_high"]
-        clear = (low > 0 or high < 0) and row[f"{score}_p_holm"] < ALPHA
-        needed = 0 if clear or not sd >= 0 or not mean else worlds_to_see(mean, sd, panel.tests)
-        cells.append("–" if needed <= len(apart) else f"about {rounded(needed)}")
-    return cells
 
 
 _SCALE = 1.0  # of a drawn map: 480 image pixels, about as many as the page shows

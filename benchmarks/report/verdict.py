@@ -32,9 +32,7 @@ def verdict_on(panel: Panel) -> str:
     if ranked["score"].isna().all():
         if not any(panel.records.values()):
             return "No trial is finished."
-        known = (
-            "position_median" in panel.present and panel.present["position_median"].notna().any()
-        )
+        known = "position_median" in panel.present.dropna(axis="columns", how="all")
         return "Whether runs end localized is not known." if known else "No error is known."
     winner = _winner(ranked)
     said = [_sentence(panel, ranked)]
@@ -63,20 +61,13 @@ def progress(results: Results) -> str:
     return f"{results.progress}{': this report is partial' if results.missing else ''}."
 
 
-def baseline_words(panels: Sequence[Panel], results: Results) -> str:
-    """Return what the methods are compared with, by its label if it has one only."""
-    names = {
-        label for p in panels for label in p.present.loc[~p.present["is_baseline"], "reference"]
-    }
-    return names.pop() if len(names) == 1 else short_name(results.baseline)
-
-
 def decided(panels: Sequence[Panel]) -> str:
     """Say how many comparisons are decided, and after how many worlds; "" if that was not asked."""
-    rows = pd.concat([p.present for p in panels]) if panels else pd.DataFrame({"decision": []})
-    rows = rows[rows["decision"].notna()]
     rule = next((panel.rule for panel in panels if panel.rule), None)
-    if rule is None or rows.empty:
+    if rule is None:
+        return ""
+    rows = pd.concat([panel.present for panel in panels]).dropna(subset="decision")
+    if rows.empty:
         return ""
     counts = rows["decision"].value_counts()
     kinds = ", ".join(f"{counts[kind]} {kind}" for kind in RELATIONS if kind in counts)
@@ -97,7 +88,11 @@ def _of_several(panels: Sequence[Panel], results: Results) -> str:
     known = [(p, r) for p in panels if not (r := p.ranked)["score"].isna().all()]
     if not known:
         return "No trial is finished."
-    n, baseline = len(known), baseline_words(panels, results)
+    references = {
+        label for p in panels for label in p.present.loc[~p.present["is_baseline"], "reference"]
+    }
+    baseline = references.pop() if len(references) == 1 else short_name(results.baseline)
+    n = len(known)
     if all(ranked["is_baseline"].all() for _, ranked in known):
         ends = sorted(known, key=lambda one: one[1]["order"].iloc[0])
         told = [f"{_brief(p, _winner(r))} in {p.where}" for p, r in (ends[0], ends[-1])]
@@ -124,7 +119,7 @@ def _of_several(panels: Sequence[Panel], results: Results) -> str:
 
 def plug_in_labels(panel: Panel) -> set[str]:
     """Return the methods whose localizer or agent is somebody's own."""
-    return {label for one, label in panel.labels.items() if is_plug_in(one.name, one.agent)}
+    return {label for label, one in panel.methods.items() if is_plug_in(one.name, one.agent)}
 
 
 def _plug_ins(panel: Panel, winner: Any) -> list[Any]:
@@ -231,7 +226,7 @@ def _on_a_log(panel: Panel) -> str:
             "the end separates no methods."
         )
     held = {}
-    for label, records in panel.records_by_label.items():
+    for label, records in panel.records.items():
         shares = [one.track.scores.get("coverage_95") for one in records if one.track is not None]
         if known := [share for share in shares if share is not None]:
             held[label] = sum(known) / len(known)
@@ -249,8 +244,8 @@ def _unfitted(panel: Panel) -> list[str]:
     """Methods with default assumptions beside others that are fitted to a part of the log."""
     waits = [
         label
-        for method, label in panel.labels.items()
+        for label, method in panel.methods.items()
         if method.name == "amcl" and "alpha1" not in method.params
     ]
     fitted = "scan.power" in panel.setting.assumed and "judged" in panel.setting.world
-    return waits[:1] if fitted and len(panel.labels) > len(waits) else []
+    return waits[:1] if fitted and len(panel.methods) > len(waits) else []

@@ -5,13 +5,11 @@ docs/speed.md says what is compared. It is of this repository, not of the packag
 """
 
 import argparse
-import csv
 import math
 import os
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cache, partial
 from importlib import import_module
 from importlib.util import find_spec
@@ -29,20 +27,19 @@ if __name__ == "__main__":
 
 import gymnasium as gym
 import numpy as np
-from tabulate import tabulate
+import pandas as pd
 from tqdm import tqdm
 
 import benchmarks
 from benchmarks.sweeps.design import Sweep
 from benchmarks.trials.scoring import Finished
-from benchmarks.trials.spec import Method
+from benchmarks.trials.spec import Method, Trial
 from benchmarks.trials.stage import Stage
 from deqmcl_gym import ENV_ID as ROOM
-from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.maps import Lidar, Map, PolygonMap
-from deqmcl_gym.numerics import Reals, Singles
+from deqmcl_gym.numerics import Singles
 from deqmcl_gym.world.config import PAPER_ROOM
-from localizers import GaussianPrior, GaussianUniform, OdometryMotion, Prior, RobotModel, make
+from localizers import make
 
 BEAMS, POSES = 16, 20_000
 N_10K = 10_000  # particles
@@ -54,14 +51,6 @@ RUNS = 3  # of a localizer on each world, as in ``plan-sensor``
 FAN: dict[str, Any] = {"lidar": {"beams": BEAMS}}
 
 
-class Job(NamedTuple):
-    """Work that can be done again and again: ``amount`` units a call, by a clock of seconds."""
-
-    call: Callable[[], object]
-    amount: float = 1.0
-    clock: Callable[[], float] = time.process_time
-
-
 class Effort(NamedTuple):
     """How often each job has its turn, the seconds that a turn takes at least, worlds of trials."""
 
@@ -70,38 +59,69 @@ class Effort(NamedTuple):
     worlds: int = 20
 
 
-@dataclass(frozen=True)
-class Ratio:
-    """A rate of ours, or with the unit µs/step a time, beside another's."""
+class Job(NamedTuple):
+    """Work that can be done again and again: ``amount`` units a call, by a clock of seconds."""
+
+    call: Callable[[], object]
+    amount: float = 1.0
+    clock: Callable[[], float] = time.process_time
+
+
+class Ratio(NamedTuple):
+    """A rate of ours, or with a unit of time a time, beside another's."""
 
     name: str
     unit: str
-    ours: Callable[[], Job]
-    other: Callable[[], Job]
+    sides: Callable[[Effort], Sequence[float]]  # measures ours and the other's
     package: str = ""  # that the other needs: the name of its module and that to install it by
 
-    def measured(self, effort: Effort) -> tuple[float, float, float]:
-        """Measure ours and the other's, and ours over the other's."""
-        ours, other = rates([self.ours(), self.other()], effort)
-        if self.unit == "µs/step":
-            ours, other = 1e6 / ours, 1e6 / other
-        return ours, other, ours / other
 
+def beside(
+    name: str, unit: str, ours: Callable[[], Job], other: Callable[[], Job], package: str = ""
+) -> Ratio:
+    """Return the ratio of two jobs: they take turns; the median of its turns is that of a job."""
 
-def rates(jobs: Sequence[Job], effort: Effort) -> list[float]:
-    """Return the units per second of each job: they take turns; the median of its turns."""
-    timers = [Timer(job.call, timer=job.clock) for job in jobs]
-    for timer in timers:
-        timer.timeit(1)  # may compile
-    calls = [max(1, round(n * effort.seconds / took)) for n, took in map(Timer.autorange, timers)]
-    turns = [
-        [
-            job.amount * n / timer.timeit(n)
-            for job, timer, n in zip(jobs, timers, calls, strict=True)
+    def sides(effort: Effort) -> list[float]:
+        jobs = ours(), other()
+        timers = [Timer(job.call, timer=job.clock) for job in jobs]
+        for timer in timers:
+            timer.timeit(1)  # may compile
+        calls = [max(1, round(n * effort.seconds / s)) for n, s in map(Timer.autorange, timers)]
+        each = list(zip(jobs, timers, calls, strict=True))
+        turns = [
+            [job.amount * n / timer.timeit(n) for job, timer, n in each]
+            for _ in range(effort.turns)
         ]
-        for _ in range(effort.turns)
-    ]
-    return [median(seen) for seen in zip(*turns, strict=True)]
+        rates = [median(seen) for seen in zip(*turns, strict=True)]
+        return [1e6 / rate for rate in rates] if unit == "µs/step" else rates
+
+    return Ratio(name, unit, sides, package)
+
+
+def trial_beside(name: str, localizer: str, scenario: str = "paper", lag: int = 20) -> Ratio:
+    """Return the CPU time of a trial as a sweep runs it, beside that of the localizer in it.
+
+    That is a sweep of many worlds less one of few, for each of the worlds that it lacks.
+    """
+
+    def swept(worlds: int) -> tuple[float, Sequence[Finished]]:
+        sweep = Sweep(
+            title=name, scenario=scenario, localizers=(Method(localizer),), baseline=localizer,
+            lag=lag, trials=worlds, filter_seeds=RUNS,
+        )  # fmt: skip
+        start = time.perf_counter()
+        results = benchmarks.sweep(sweep).run(jobs=1, progress=False).results
+        return time.perf_counter() - start, results.records
+
+    def sides(effort: Effort) -> list[float]:
+        with patch.object(time, "perf_counter", time.process_time):  # by which localizers are timed
+            swept(2)  # compiles
+            few, _ = swept(FEW_WORLDS)
+            many, records = swept(FEW_WORLDS + effort.worlds)
+        own = sum(one.seconds or math.nan for one in records if one.trial.trial >= FEW_WORLDS)
+        return [1e3 * seconds / (RUNS * effort.worlds) for seconds in (many - few, own)]
+
+    return Ratio(name, "ms/trial", sides)
 
 
 def free_poses(floor_plan: Map, n: int) -> Singles:
@@ -113,24 +133,23 @@ def free_poses(floor_plan: Map, n: int) -> Singles:
     return np.column_stack([free, rng.uniform(-math.pi, math.pi, n)]).astype(np.float32)
 
 
-def rays() -> Job:
-    """Return the job of ``Map.ranges`` all over the paper's room."""
+def rays(cast: Callable[[PolygonMap, Singles], object]) -> Job:
+    """Return the job of ranges all over the paper's room."""
     poses = free_poses(PAPER_ROOM, POSES)
-    return Job(lambda: PAPER_ROOM.ranges(poses, BEARINGS), POSES * BEAMS)
+    return Job(lambda: cast(PAPER_ROOM, poses), POSES * BEAMS)
 
 
-def numpy_rays() -> Job:
-    """Return the job of the NumPy baseline there."""
-    poses = np.ascontiguousarray(free_poses(PAPER_ROOM, POSES).T)
-    return Job(lambda: numpy_ranges(PAPER_ROOM, poses), POSES * BEAMS)
+def our_ranges(room: PolygonMap, poses: Singles) -> Singles:
+    """Return ranges at poses (n, 3), (n, BEAMS) px."""
+    return room.ranges(poses, BEARINGS)
 
 
 def numpy_ranges(room: PolygonMap, poses: Singles) -> Singles:
-    """Return ranges at poses (3, n), (BEAMS, n) px: every ray, every wall, in blocks for caches."""
-    out = np.empty((BEAMS, poses.shape[1]), np.float32)
-    for first in range(0, poses.shape[1], 16_384 // BEAMS):
+    """Return the same by NumPy: every ray, every wall, in blocks for caches."""
+    out = np.empty((BEAMS, len(poses)), np.float32)
+    for first in range(0, len(poses), 16_384 // BEAMS):
         block = slice(first, first + 16_384 // BEAMS)
-        x, y, heading = poses[:, block]
+        x, y, heading = np.ascontiguousarray(poses[block].T)
         dx, dy = np.cos(heading + BEARINGS[:, None]), np.sin(heading + BEARINGS[:, None])
         nearest = np.full(dx.shape, np.inf, np.float32)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -141,108 +160,42 @@ def numpy_ranges(room: PolygonMap, poses: Singles) -> Singles:
                 t[(t < 0) | (u < 0) | (u > 1)] = np.inf
                 np.fmin(nearest, t, out=nearest)  # parallel to the wall: NaN
         out[:, block] = nearest
-    return out
-
-
-class RecordedLap(NamedTuple):
-    """A lap as a localizer sees it: the ``first`` plan, (h, 2), then scan, action, plan by step."""
-
-    robot: RobotModel
-    prior: Prior
-    first: Reals
-    steps: Sequence[tuple[Any, ...]]
-
-    def following(
-        self, update: Callable[..., object], restart: Callable[[], object] = lambda: None
-    ) -> Job:
-        """Return the job of one step: ``restart()`` where a lap begins, ``update(*step)``."""
-        numbers = count()
-
-        def step() -> None:
-            t = next(numbers) % len(self.steps)
-            if t == 0:
-                restart()
-            update(*self.steps[t])
-
-        return Job(step)
+    return out.T
 
 
 @cache
-def recorded_lap() -> RecordedLap:
-    """Drive a lap of the paper's room without motion noise: it ends where it starts."""
-    room = RoomEnv(lidar=LIDAR, noise={"drive": 0.0, "turn": 0.0, "drift": 0.0}, ends_at_goal=False)
-    room.reset(seed=0)
-    scans = [room.step(action)[0] for action in room.plan]
-    plan = room.plan.astype(np.float64)
-    laps = np.tile(plan, (2 + PLANNED // len(plan), 1))
-    motion = OdometryMotion(drive=0.1, turn=0.1, drift=0.01)
-    beam = GaussianUniform(sigma=10.0)
-    robot = RobotModel(floor_plan=room.floor_plan, lidar=LIDAR, motion=motion, scan=beam)
-    steps = [(scan, plan[t], laps[t + 1 : t + 1 + PLANNED]) for t, scan in enumerate(scans)]
-    return RecordedLap(robot, GaussianPrior(mean=room.course.start), laps[:PLANNED], steps)
+def lap(scenario: str) -> tuple[Stage, list[tuple[Any, ...]]]:
+    """Drive a lap: scan, action and plan by step, of step 0 those of ``reset``.
+
+    The plan of ``guided`` is another one at every step, that of ``paper`` goes on and on, so that a
+    queue only shifts.
+    """
+    fan = {"lidar.beams": BEAMS, "lidar.field_of_view": LIDAR.field_of_view, "lidar.sigma": 10.0}
+    run: dict[str, Any] = {"localizer": "dead-reckoning", "params": {}, "lag": 0, "trial": 0}
+    run |= {"world": fan if scenario == "paper" else {}, "seed": 0}
+    stage = Stage.of(Trial(scenario=scenario, **run))
+    steps = [(moment.ranges, moment.action, moment.plan) for moment in stage.moments()]
+    if scenario == "paper":
+        laps = np.tile(np.array(steps[0][2]), (2, 1))
+        steps = [(*seen[:2], laps[t : t + PLANNED]) for t, seen in enumerate(steps)]
+    return stage, steps
 
 
-@cache
-def replanned_lap() -> RecordedLap:
-    """Drive a lap of scenario ``guided``, whose plan is another one at every step."""
-    (trial,) = benchmarks.sweep("guided", localizers=["dead-reckoning"], trials=1).sweep.distinct()
-    stage = Stage.of(trial)
-    first, *rest = stage.moments()
-    assert first.plan is not None, "a driver shows its plan"
-    steps = [(moment.ranges, moment.action, moment.plan) for moment in rest]
-    return RecordedLap(stage.robot, stage.prior(), first.plan, steps)
+def filter_steps(name: str, particles: int, scenario: str = "paper", **params: int) -> Job:
+    """Return the job of a step of one of our localizers on a lap, over and over, its queue full."""
+    stage, (first, *steps) = lap(scenario)
+    localizer = make(name, stage.robot, particles=particles, **params)
+    numbers = count()
 
+    def step() -> None:
+        laps, t = divmod(next(numbers), len(steps))
+        if t == 0 and (laps == 0 or scenario != "paper"):  # which ends where it starts
+            localizer.reset(stage.prior(), first[2], np.random.default_rng(1))
+        localizer.update(*steps[t])
 
-def filter_steps(name: str, particles: int, **params: int) -> Job:
-    """Return the job of a step of one of our localizers on the recorded lap, its queue full."""
-    lap = recorded_lap()
-    localizer = make(name, lap.robot, particles=particles, **params)
-    localizer.reset(lap.prior, lap.first, np.random.default_rng(1))
-    job = lap.following(localizer.update)
     for _ in range(params.get("lag", 0)):
-        job.call()
-    return job
-
-
-def replanned_steps(name: str, particles: int) -> Job:
-    """Return the job of a lap whose plan changes, over and over."""
-    lap = replanned_lap()
-    localizer = make(name, lap.robot, particles=particles)
-    return lap.following(
-        localizer.update,
-        lambda: localizer.reset(lap.prior, lap.first, np.random.default_rng(1)),
-    )
-
-
-@dataclass(frozen=True)
-class TrialRatio:
-    """The CPU time of a trial as a sweep runs it, beside that of the localizer in it."""
-
-    name: str
-    localizer: str
-    scenario: str = "paper"
-    unit = "ms/trial"
-    package = ""
-
-    def measured(self, effort: Effort) -> tuple[float, float, float]:
-        """Measure a sweep of many worlds less one of few, for each of the worlds that it lacks."""
-        with patch.object(time, "perf_counter", time.process_time):  # by which localizers are timed
-            self._swept(2)  # compiles
-            few, _ = self._swept(FEW_WORLDS)
-            many, records = self._swept(FEW_WORLDS + effort.worlds)
-        own = sum(one.seconds or math.nan for one in records if one.trial.trial >= FEW_WORLDS)
-        ours, other = (1e3 * seconds / (RUNS * effort.worlds) for seconds in (many - few, own))
-        return ours, other, ours / other
-
-    def _swept(self, worlds: int) -> tuple[float, Sequence[Finished]]:
-        lag = 20 if self.scenario == "paper" else 0
-        sweep = Sweep(
-            title=self.name, scenario=self.scenario, localizers=(Method(self.localizer),),
-            baseline=self.localizer, lag=lag, trials=worlds, filter_seeds=RUNS,
-        )  # fmt: skip
-        start = time.perf_counter()
-        results = benchmarks.sweep(sweep).run(jobs=1, progress=False).results
-        return time.perf_counter() - start, results.records
+        step()
+    return Job(step)
 
 
 def env_steps() -> Job:
@@ -365,27 +318,28 @@ def localize_steps(mode: str, size: int = 64) -> Job:
     return Job(lambda: envs.step(actions), size)
 
 
-def _ratios() -> Iterator[Ratio | TrialRatio]:
-    yield Ratio("rays_vs_numpy", "rays/s", rays, numpy_rays)
+def _ratios() -> Iterator[Ratio]:
+    ours, other = (partial(rays, ranges) for ranges in (our_ranges, numpy_ranges))
+    yield beside("rays_vs_numpy", "rays/s", ours, other)
     deq, other = (partial(filter_steps, name, N_10K) for name in ("deq-mcl", "mcl-map"))
-    yield Ratio("deq_vs_map_step", "µs/step", partial(deq, lag=20), other)
-    yield Ratio("deq_lag80_vs_lag10", "µs/step", partial(deq, lag=80), partial(deq, lag=10))
+    yield beside("deq_vs_map_step", "µs/step", partial(deq, lag=20), other)
+    yield beside("deq_lag80_vs_lag10", "µs/step", partial(deq, lag=80), partial(deq, lag=10))
     for size, n in (("1k", 1_000), ("10k", N_10K)):
         plan, hedged, other = (
-            partial(replanned_steps, method, particles)
+            partial(filter_steps, method, particles, "guided")
             for method, particles in (("mcl-plan", n), ("mcl-plan-hedged", 2 * n), ("mcl-map", n))
         )
-        yield Ratio(f"plan_vs_map_step{size}", "µs/step", plan, other)
-        yield Ratio(f"hedged_vs_map_step{size}", "µs/step", hedged, other)
+        yield beside(f"plan_vs_map_step{size}", "µs/step", plan, other)
+        yield beside(f"hedged_vs_map_step{size}", "µs/step", hedged, other)
     for method in ("mcl", "mcl-map", "deq-mcl"):
-        yield TrialRatio(f"trial_over_localizer_{method.replace('-', '_')}", method)
-    yield TrialRatio("trial_over_localizer_amcl", "amcl", "lost")
-    yield Ratio("room_vs_ir_sim", "steps/s", env_steps, ir_sim_steps, "irsim ir-sim")
-    yield Ratio("room_vs_navground", "steps/s", env_steps, navground_steps, "navground navground")
+        yield trial_beside(f"trial_over_localizer_{method.replace('-', '_')}", method)
+    yield trial_beside("trial_over_localizer_amcl", "amcl", "lost", lag=0)
+    yield beside("room_vs_ir_sim", "steps/s", env_steps, ir_sim_steps, "irsim ir-sim")
+    yield beside("room_vs_navground", "steps/s", env_steps, navground_steps, "navground navground")
     ours, other = (partial(vector_parts, whole=whole) for whole in (False, True))
-    yield Ratio("vector64_not_rays_or_driving", "µs/step", ours, other)
+    yield beside("vector64_not_rays_or_driving", "µs/step", ours, other)
     ours, other = (partial(localize_steps, mode) for mode in ("vector_entry_point", "sync"))
-    yield Ratio("localize64", "steps/s", ours, other)
+    yield beside("localize64", "steps/s", ours, other)
 
 
 RATIOS = tuple(_ratios())
@@ -401,7 +355,6 @@ def measure(words: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--out", type=Path, default=Path("results/speed"), metavar="DIR")
     options = parser.parse_args(words)
-    effort = QUICK if options.quick else FULL
     rows = []
     asked = [ratio for ratio in RATIOS if options.only in ratio.name]
     for ratio in tqdm(asked, disable=None, leave=False):
@@ -409,12 +362,12 @@ def measure(words: Sequence[str] | None = None) -> None:
         if module and find_spec(module) is None:
             print(f"{ratio.name} is left out: it needs {name}, so run pip install {name}.")
             continue
-        rows.append([ratio.name, *(f"{n:.6g}" for n in ratio.measured(effort)), ratio.unit])
+        ours, other = ratio.sides(QUICK if options.quick else FULL)
+        rows.append([ratio.name, *(f"{n:.6g}" for n in (ours, other, ours / other)), ratio.unit])
+    table = pd.DataFrame(rows, columns=["figure", "ours", "other", "ratio", "unit"])
     options.out.mkdir(parents=True, exist_ok=True)
-    with (options.out / "speed.csv").open("w", newline="", encoding="utf-8") as file:
-        written = csv.writer(file, lineterminator="\n")
-        written.writerows([["figure", "ours", "other", "ratio"], *(row[:-1] for row in rows)])
-    print(tabulate(rows, ["figure", "ours", "other", "ratio", "unit"]))
+    table.drop(columns="unit").to_csv(options.out / "speed.csv", index=False, lineterminator="\n")
+    print(table.to_string(index=False))
     print(f"Written to {options.out}: speed.csv.")
 
 

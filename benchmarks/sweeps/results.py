@@ -14,13 +14,8 @@ from benchmarks.sweeps.design import Sweep, by_cell
 from benchmarks.sweeps.manifest import Manifest, differences
 from benchmarks.sweeps.store import Store, named
 from benchmarks.sweeps.sweepfile import sweep_of
-from benchmarks.tables.comparison import (
-    decide,
-    decisions_table,
-    results_table,
-)
-from benchmarks.tables.frames import by_method, cell, scores_of_rows, trials_frame
-from benchmarks.tables.panels import MethodGroup, Panel, aim_of, groups, panels, trial_words
+from benchmarks.tables.comparison import decide, decisions_table, results_table
+from benchmarks.tables.panels import Panel, panels, trial_words
 from benchmarks.tables.signals import maps_table, plans_table
 from benchmarks.tables.stats import FIRST, Rule
 from benchmarks.tables.text import BASELINE
@@ -143,7 +138,8 @@ def rule_of(sweep: Sweep) -> Rule | None:
     """Return when comparisons of a sweep are decided; None if it runs all its worlds."""
     if sweep.until_decided is None:
         return None
-    family = sum(len(group.pairs(sweep.baseline)) for group in _groups(sweep))
+    baselines = [one for panel in _planned(sweep) for one in panel.baselines.items()]
+    family = sum(label != baseline for label, baseline in baselines)
     if family == 0:
         raise InputError(
             "--until-decided has nothing to decide, as no method has a baseline to be compared "
@@ -171,18 +167,16 @@ def due(
     rule = rule_of(sweep)
     if rule is None:
         return dict(trials)
-    cells = by_method(trials_frame(records, failures))
     worlds: dict[tuple[Setting, Method], int] = {}
-    for group in _groups(sweep):
-        rows = {method: cell(cells, group.setting, method) for method in group.methods}
-        aim = aim_of(score for own in rows.values() for score in scores_of_rows(own))
-        wanted = dict.fromkeys(group.methods, FIRST)
-        for pair in group.pairs(sweep.baseline):
-            ours, baseline = (rows[method] for method in pair)
-            needed = decide(ours, baseline, aim, rule).wanted
-            wanted |= {method: max(needed, wanted[method]) for method in pair}
-        for method, needed in wanted.items():
-            own = group.setting, method
+    for panel in _planned(sweep, records, failures):
+        wanted = dict.fromkeys(panel.methods, FIRST)
+        for pair in panel.baselines.items():
+            if pair[0] != pair[1]:
+                ours, reference = map(panel.runs_of, pair)
+                _, needed = decide(ours, reference, panel.aim, rule)
+                wanted |= {label: max(needed, wanted[label]) for label in pair}
+        for label, needed in wanted.items():
+            own = panel.setting, panel.methods[label]
             worlds[own] = max(needed, worlds.get(own, 0))
     return {
         key: trial
@@ -191,9 +185,12 @@ def due(
     }
 
 
-def _groups(sweep: Sweep) -> list[MethodGroup]:
+def _planned(
+    sweep: Sweep, records: Iterable[Finished] = (), failures: Iterable[Trial] = ()
+) -> list[Panel]:
+    """Return the panels of all that a sweep compares, of whatever trials there are."""
     cells = ((first.setting, first.method) for first in sweep.cells())
-    return groups(cells, sweep.labelled)
+    return panels(records, sweep.baseline, failures, labelled=sweep.labelled, planned=cells)
 
 
 def results_in(folder: Path | str) -> Results:

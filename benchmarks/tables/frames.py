@@ -6,13 +6,14 @@ series indexed by the latter two, of one method on one setting; named parts are 
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import fields
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from benchmarks.setup.overrides import jsonable
 from benchmarks.tables.stats import NOT_KNOWN, Interval, estimate, wilson
 from benchmarks.trials.scores import JOURNEY_SCORES, Score
 from benchmarks.trials.scoring import SCORE_NAMES, Finished
@@ -34,7 +35,8 @@ def trials_frame(records: Iterable[Finished], failures: Iterable[Trial] = ()) ->
     """Return a row per trial and offset; scores of whole runs at offset 0.
 
     Beside the columns of trials.csv there are ``way``, what the robot drove in m, and ``failed``: a
-    trial that failed is a row with the scores of a whole run in which nothing happened.
+    trial that failed is a row with the scores of a whole run in which nothing happened; it is of
+    the same setting as the records.
     """
     listed = list(records)
     whole = scores_in(listed)
@@ -48,13 +50,8 @@ def trials_frame(records: Iterable[Finished], failures: Iterable[Trial] = ()) ->
         for record in listed
         for score in record.scores
     ]
-    known = {
-        record.trial.setting: scores_in([record]) for record in listed if record.journey is not None
-    }
     rows += [
-        run_columns(trial)
-        | {"offset": 0, "failed": True}
-        | {one.name: one.failed for one in known.get(trial.setting, ())}
+        run_columns(trial) | {"offset": 0, "failed": True} | {one.name: one.failed for one in whole}
         for trial in failures
     ]
     names = [one.name for one in whole]
@@ -85,10 +82,8 @@ def csv_of(table: pd.DataFrame, without: Iterable[str] = ("panel", "label")) -> 
 
 def setting_columns(setting: Setting) -> dict[str, Any]:
     """Return a setting as the columns of a row."""
-    wrappers = [wrapper.json() for wrapper in setting.disturbance]
-    changes = map(as_json, (setting.world.json(), setting.assumed.json(), wrappers))
-    parts = (setting.scenario, *changes, setting.lag, setting.seed)
-    return dict(zip(SETTING, parts, strict=True))
+    parts = {name: jsonable(getattr(setting, name)) for name in SETTING}
+    return {name: v if isinstance(v, str | int) else as_json(v) for name, v in parts.items()}
 
 
 def method_columns(method: Method, name: str = "method", params: str = "params") -> dict[str, str]:
@@ -113,25 +108,9 @@ def as_json(value: Any) -> str:
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
 
-Cells = Mapping[tuple[Any, ...], pd.DataFrame]
-
-
-def by_method(trials: pd.DataFrame) -> Cells:
-    """Return the rows of each method on each setting, by their columns; see ``cell``."""
-    groups = trials.groupby([*SETTING, *METHOD], sort=False)
-    return {key: by_run(rows) for key, rows in groups}
-
-
 def by_run(rows: pd.DataFrame) -> pd.DataFrame:
     """Return rows by world and filter seed."""
     return rows.set_index([*RUN]).sort_index()
-
-
-def cell(cells: Cells, setting: Setting, method: Method) -> pd.DataFrame:
-    """Return the rows of a method on a setting, indexed by run; none if nothing has run."""
-    key = *setting_columns(setting).values(), *method_columns(method).values()
-    rows = cells.get(key)
-    return by_run(trials_frame([])) if rows is None else rows
 
 
 def scored(rows: pd.DataFrame, offset: int = 0) -> pd.DataFrame:
@@ -159,8 +138,10 @@ def whole_runs(rows: pd.DataFrame, score: Score) -> pd.Series:
 
 
 def restricted(rows: pd.DataFrame, score: Score, longest: pd.Series) -> pd.Series:
-    """Return metres of whole runs, each at most the longest way in its world (``longest_ways``)."""
+    """Return ``whole_runs``, metres at most the longest way in their world (``longest_ways``)."""
     runs = whole_runs(rows, score)
+    if not score.censored:
+        return runs
     most = longest.reindex(runs.index.get_level_values("trial")).fillna(0.0)
     return pd.Series(np.minimum(runs, most.to_numpy()))
 
@@ -175,12 +156,6 @@ def scores_in(records: Iterable[Finished]) -> list[Score]:
     """Return the scores of whole runs that any of these records has, in their order."""
     names = {name for record in records if record.journey for name in record.journey.scores}
     return [score for name, score in JOURNEY_SCORES.items() if name in names]
-
-
-def scores_of_rows(rows: pd.DataFrame) -> list[Score]:
-    """Return the scores of whole runs that any of these rows has, in their order."""
-    ended = rows[~rows["failed"]]
-    return [s for s in JOURNEY_SCORES.values() if s.name in ended and ended[s.name].notna().any()]
 
 
 def value_in(record: Finished, score: Score) -> float:
@@ -214,9 +189,10 @@ def share_curve(runs: pd.Series) -> pd.DataFrame:
     return pd.DataFrame({"metres": metres, "share": shares, "low": low, "high": high})
 
 
-def errors_by_offset(records: Sequence[Finished]) -> dict[int, Interval]:
-    """Return the error by offset, each over the same states, in the order of the offsets."""
+def errors_by_offset(records: Iterable[Finished]) -> pd.DataFrame:
+    """Return the error by offset, each over the same states: offset, mean, low, high."""
     rows = [(k, *record.trial.run, e) for record in records for k, e in record.profile.items()]
-    frame = by_run(pd.DataFrame(rows, columns=["offset", *RUN, "error"]))
-    errors = {k: frame.loc[frame["offset"] == k, "error"] for k in sorted({k for k, *_ in rows})}
-    return {k: estimate(by_world(own).to_numpy()) for k, own in errors.items()}
+    errors = by_run(pd.DataFrame(rows, columns=["offset", *RUN, "error"]))
+    each = errors.groupby("offset")["error"]
+    means = [(k, *estimate(by_world(own).to_numpy())) for k, own in each]
+    return pd.DataFrame(means, columns=["offset", *Interval._fields])

@@ -3,7 +3,8 @@
 import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -29,18 +30,18 @@ from benchmarks.trials.spec import Method, Setting, Trial
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """Methods that are compared with one another, and all that is known of them.
+    """Methods that are compared with one another, and all that is known of them, by label.
 
-    In frames a method is its ``label``, of which all labels of the results are the categories.
+    In frames a label is a category, of which all labels of the results are the categories.
     """
 
     number: int  # from 1, in the order of the results
     title: str  # what sets it apart from the other panels
     setting: Setting
     swept: Overrides  # value of each parameter that is swept in the setting
-    labels: dict[Method, str]  # what each method is called, in the order of the results
-    baselines: dict[Method, Method]  # what each method is compared with
-    records: dict[Method, list[Finished]]  # finished trials by method
+    methods: dict[str, Method]  # in the order of the results
+    baselines: dict[str, str]  # what each method is compared with
+    records: dict[str, list[Finished]]  # finished trials
     scores: list[Score]  # of whole runs, that any of them has
     runs: pd.DataFrame  # their ``trials_frame``, with failed trials, and label
     rule: Rule | None = None  # when comparisons are decided; None: all worlds are run
@@ -48,12 +49,10 @@ class Panel:
 
     def with_rows(self, results: pd.DataFrame) -> "Panel":
         """Return it with its rows of the table of all panels."""
-        rows = results[results["panel"] == self.number]
+        rows = results[results["panel"] == self.number].reset_index(drop=True)
         absent = [score for score in JOURNEY_SCORES.values() if score not in self.scores]
         rows = rows.drop(columns=[n for one in absent for n in score_columns(one)], errors="ignore")
-        rows = self.labelled(rows.reset_index(drop=True))
-        reference = pd.Categorical(rows["reference"], categories=rows["label"].cat.categories)
-        return replace(self, rows=rows.assign(reference=reference))
+        return replace(self, rows=self.labelled(rows))
 
     @property
     def thresholds(self) -> Thresholds:
@@ -66,24 +65,18 @@ class Panel:
         return self._first.unit
 
     @property
-    def far(self) -> str:
-        """What is far off: e > 50 px."""
-        return f"e > {self.thresholds.far:g} {self.unit}"
-
-    @property
     def aim(self) -> Score | None:
-        """The share of whole runs that it is about; None if it is about the error."""
-        return aim_of(self.scores)
+        """The share of whole runs that it is about; None if it is about the error.
+
+        Who was carried off is to be found again; who was lost, to be localized.
+        """
+        shares = [one for one in self.scores if one.tested and one.unit == "share"]
+        return shares[-1] if shares else None
 
     @property
     def where(self) -> str:
         """The scenario and what differs from it."""
         return self.title.removeprefix("scenario ")
-
-    @property
-    def agents(self) -> list[str]:
-        """Who drives, in a word each; none if that is the scenario's own agent only."""
-        return list(dict.fromkeys(short_name(one.agent.name) for one in self.labels if one.agent))
 
     @property
     def world(self) -> str:
@@ -97,19 +90,41 @@ class Panel:
         return int(self.present[names].notna().to_numpy().sum())
 
     @property
-    def records_by_label(self) -> dict[str, list[Finished]]:
-        """The finished trials of each method."""
-        return {label: self.records[method] for method, label in self.labels.items()}
-
-    @property
     def present(self) -> pd.DataFrame:
         """The rows about x[t]."""
         return self.rows[self.rows["offset"] == 0]
 
-    @property
+    @cached_property
     def ranked(self) -> pd.DataFrame:
-        """The rows about x[t], the best first; see ``judged``."""
-        return judged(self.present, self.aim)
+        """The rows about x[t] with what they are ranked by, and how they stand, the best first.
+
+        That is score, score_low, score_high, apart (from the baseline), apart_low, apart_high, p,
+        and relation: better, worse, equal, inconclusive, not compared or baseline; of a decided
+        sweep better, worse, equivalent or open.
+        """
+        rows, aim = self.present.copy(), self.aim
+        names = ("error", "diff", "p_holm")
+        if aim is not None:
+            names = (aim.name, f"{aim.name}_diff", f"{aim.name}_p_holm")
+        unknown = pd.Series(math.nan, rows.index)
+        for column, name in zip(("score", "apart"), names[:2], strict=True):
+            for end in ("", "_low", "_high"):
+                rows[f"{column}{end}"] = rows.get(f"{name}{end}", unknown).astype(float)
+        rows["p"] = rows.get(names[2], unknown)
+        clear = ((rows["apart_low"] > 0) | (rows["apart_high"] < 0)) & (rows["p"] < ALPHA)
+        relations = {
+            "baseline": rows["is_baseline"],
+            "decided": rows["decision"].notna(),
+            "not compared": rows["apart"].isna() | rows["apart_low"].isna(),
+            "equal": (rows["apart_low"] == 0) & (rows["apart_high"] == 0),
+            "better": clear & ((rows["apart"] < 0) == (aim is None)),
+            "worse": clear,
+        }
+        relation = np.select([*relations.values()], [*relations], "inconclusive")
+        rows["relation"] = np.where(relation == "decided", rows["decision"], relation)
+        rows["order"] = (1 if aim is None else -1) * rows["expected"].fillna(rows["score"])
+        rows["other"] = ~rows["is_baseline"]
+        return rows.sort_values(["order", "other"], na_position="last").drop(columns="other")
 
     def runs_of(self, label: str) -> pd.DataFrame:
         """The runs of a method, by world and filter seed."""
@@ -117,64 +132,21 @@ class Panel:
 
     def labelled(self, frame: pd.DataFrame) -> pd.DataFrame:
         """Return a frame whose labels have all labels of the results as categories."""
-        categories = self.runs["label"].cat.categories
-        return frame.assign(label=pd.Categorical(frame["label"], categories=categories))
+        return frame.astype({"label": self.runs["label"].dtype})
 
-    def columns(self, method: Method) -> dict[str, Any]:
+    def columns(self, label: str) -> dict[str, Any]:
         """Return the setting and one of its methods as the columns of a row."""
-        swept = {"swept": as_json(self.swept.json())}
-        named = {"panel": self.number, "label": self.labels.get(method, "")}
-        return setting_columns(self.setting) | swept | method_columns(method) | named
-
-    @property
-    def shared_params(self) -> dict[str, Any]:
-        """The parameters in which all methods that take them agree, and which no title names."""
-        params = [(method.name, method.values.json()) for method in self.labels]
-        shared = {}
-        for name in sorted({name for _, values in params for name in values} - {*self.swept}):
-            takers = {method for method, values in params if name in values}
-            # ... differs from every value: one that was not given it has the default
-            values = [values.get(name, ...) for method, values in params if method in takers]
-            if len(values) > 1 and all(value == values[0] for value in values):
-                shared[name] = values[0]
-        return shared
+        return {
+            **setting_columns(self.setting),
+            "swept": as_json(self.swept.json()),
+            **method_columns(self.methods[label]),
+            "panel": self.number,
+            "label": label,
+        }
 
     @property
     def _first(self) -> Finished:
         return next(iter(self.records.values()))[0]
-
-
-def judged(present: pd.DataFrame, aim: Score | None) -> pd.DataFrame:
-    """Return rows about x[t] with what they are ranked by, and how they stand, the best first.
-
-    That is score, score_low, score_high, apart (from the baseline), apart_low, apart_high, p, and
-    relation: better, worse, equal, inconclusive, not compared or baseline; of a decided sweep
-    better, worse, equivalent or open.
-    """
-    names = ("error", "diff", "") if aim is None else (aim.name, f"{aim.name}_diff", f"{aim.name}_")
-    rows = present.copy()
-    for column, name in zip(("score", "apart"), names[:2], strict=True):
-        for end in ("", "_low", "_high"):
-            known = rows.get(f"{name}{end}", pd.Series(math.nan, rows.index))
-            rows[f"{column}{end}"] = known.astype(float)
-    rows["p"] = rows.get(f"{names[2]}p_holm", pd.Series(math.nan, rows.index))
-    smaller = aim is None
-    clear = ((rows["apart_low"] > 0) | (rows["apart_high"] < 0)) & (rows["p"] < ALPHA)
-    ahead = (rows["apart"] < 0) == smaller
-    relations = {
-        "baseline": rows["is_baseline"],
-        "decided": rows["decision"].notna(),
-        "not compared": rows["apart"].isna() | rows["apart_low"].isna(),
-        "equal": (rows["apart_low"] == 0) & (rows["apart_high"] == 0),
-        "better": clear & ahead,
-        "worse": clear,
-    }
-    relation = np.select([*relations.values()], [*relations], "inconclusive")
-    rows["relation"] = np.where(relation == "decided", rows["decision"], relation)
-    order = rows["expected"].fillna(rows["score"])
-    rows["order"] = order if smaller else -order
-    rows["other"] = ~rows["is_baseline"]
-    return rows.sort_values(["order", "other"], na_position="last").drop(columns="other")
 
 
 def score_columns(score: Score) -> list[str]:
@@ -184,81 +156,70 @@ def score_columns(score: Score) -> list[str]:
     return names + (tested if score.tested else [])
 
 
-class MethodGroup(NamedTuple):
-    """What a panel is of: the methods of a setting at one value of each swept parameter."""
-
-    setting: Setting
-    swept: Overrides
-    methods: list[Method]
-
-    def pairs(self, baseline: str) -> list[tuple[Method, Method]]:
-        """Return each method that is compared, and what with; see ``baseline_of``."""
-        pairs = [(method, baseline_of(method, self.methods, baseline)) for method in self.methods]
-        return [(method, reference) for method, reference in pairs if method != reference]
-
-
-def groups(
-    cells: Iterable[tuple[Setting, Method]], labelled: Iterable[Method] = ()
-) -> list[MethodGroup]:
-    """Split methods of settings into what is compared, in their order.
-
-    A setting has a group for every value of the numbers of which one localizer, or one label, has
-    several; a method without such a parameter is in each of them.
-    """
-    called = {method: method for method in labelled}
-    settings: dict[Setting, dict[Method, None]] = {}
-    for setting, method in cells:
-        settings.setdefault(setting, {})[called.get(method, method)] = None
-    made = []
-    for setting, methods in settings.items():
-        named = list(dict.fromkeys(method.name for method in methods))
-        listed = sorted(methods, key=lambda method: named.index(method.name))
-        made += [
-            MethodGroup(setting, swept, [m for m in listed if agree(m.values, swept)])
-            for swept in _swept(listed)
-        ]
-    return made
-
-
 def panels(
     records: Iterable[Finished],
     baseline: str = BASELINE,
     failures: Iterable[Trial] = (),
     rule: Rule | None = None,
     labelled: Iterable[Method] = (),
+    planned: Iterable[tuple[Setting, Method]] = (),
 ) -> list[Panel]:
-    """Split finished trials into panels, in their order; see ``baseline_of`` and ``Panel.rule``."""
-    failed = list(failures)
-    ended: dict[tuple[Setting, Method], list[Finished]] = {}
+    """Split finished trials into what is compared, in their order; see ``baseline_of``.
+
+    A setting has a panel for every value of the numbers of which one localizer, or one label, has
+    several; a method without such a parameter is in each of them. Methods that are ``planned`` are
+    in their panels before a trial of them has ended.
+    """
+    failed, known = list(failures), {method: method for method in labelled}
+    settings: dict[Setting, dict[Method, list[Finished]]] = {}
+    for setting, method in planned:
+        settings.setdefault(setting, {})[known.get(method, method)] = []
     for record in records:
-        ended.setdefault((record.trial.setting, record.trial.method), []).append(record)
-    titles = _titles(list(dict.fromkeys(setting for setting, _ in ended)))
-    every = groups(ended, labelled)
-    names = [_labels(methods) for _, _, methods in every]
-    categories = list(dict.fromkeys(label for labels in names for label in labels.values()))
+        method = record.trial.method
+        ended = settings.setdefault(record.trial.setting, {})
+        ended.setdefault(known.get(method, method), []).append(record)
+    groups = [(setting, *group) for setting, ended in settings.items() for group in _groups(ended)]
+    labels = pd.CategoricalDtype(list(dict.fromkeys(one for *_, own in groups for one in own)))
+    titles = _titles([*settings])
     made = []
-    for number, ((setting, swept, methods), labels) in enumerate(zip(every, names, strict=True), 1):
-        finished = [record for method in methods for record in ended[setting, method]]
+    for number, (setting, swept, methods) in enumerate(groups, 1):
+        finished = {label: settings[setting][method] for label, method in methods.items()}
+        listed = [record for own in finished.values() for record in own]
+        called = {method: label for label, method in methods.items()}
         runs = trials_frame(
-            finished, [one for one in failed if one.setting == setting and one.method in labels]
+            listed, [one for one in failed if one.setting == setting and one.method in called]
         )
-        by_columns = {(*method_columns(one).values(),): label for one, label in labels.items()}
-        called = [by_columns[key] for key in zip(*(runs[name] for name in METHOD), strict=True)]
+        cells = {(*method_columns(method).values(),): label for method, label in called.items()}
+        told = [cells[cell] for cell in zip(*(runs[name] for name in METHOD), strict=True)]
         made.append(
             Panel(
                 number=number,
                 title=", ".join([titles[setting], *(f"{k} {v}" for k, v in swept.items())]),
                 setting=setting,
                 swept=swept,
-                labels=labels,
-                baselines={one: baseline_of(one, methods, baseline) for one in methods},
-                records={one: ended[setting, one] for one in methods},
-                scores=scores_in(finished),
-                runs=runs.assign(label=pd.Categorical(called, categories=categories)),
+                methods=methods,
+                baselines={
+                    label: called[baseline_of(method, called, baseline)]
+                    for label, method in methods.items()
+                },
+                records=finished,
+                scores=scores_in(listed),
+                runs=runs.assign(label=pd.Series(told, dtype=labels)),
                 rule=rule,
             )
         )
     return made
+
+
+def _groups(methods: Iterable[Method]) -> list[tuple[Overrides, dict[str, Method]]]:
+    """Split the methods of a setting by the values of swept parameters; methods by label."""
+    named = list(methods)
+    names = list(dict.fromkeys(method.name for method in named))
+    named.sort(key=lambda method: names.index(method.name))
+    return [
+        (swept, _labels([method for method in named if agree(method.values, swept)]))
+        for swept in _swept(named)
+    ]
 
 
 def baseline_of(method: Method, methods: Iterable[Method], name: str) -> Method:
@@ -286,25 +247,9 @@ def agree(some: Overrides, others: Overrides) -> bool:
     return all(spelt(some[name]) == spelt(others[name]) for name in some.keys() & others.keys())
 
 
-def aim_of(scores: Iterable[Score]) -> Score | None:
-    """Return the share of whole runs that these are about; None if they are about the error.
-
-    Who was carried off is to be found again; who was lost, to be localized.
-    """
-    shares = [one for one in scores if one.tested and one.unit == "share"]
-    return shares[-1] if shares else None
-
-
 def is_number(value: Any) -> bool:
     """Whether a value can stand on an axis."""
     return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def disturbance_words(wrapper: Overrides) -> str:
-    """Its kind, and what it was given."""
-    given = dict(wrapper)
-    kind = given.pop("kind", "disturbance")
-    return " ".join([kind, *(f"{name} {value}" for name, value in given.items())])
 
 
 def _swept(methods: Sequence[Method]) -> list[Overrides]:
@@ -329,20 +274,20 @@ def _swept(methods: Sequence[Method]) -> list[Overrides]:
     ]
 
 
-def _labels(methods: Sequence[Method]) -> dict[Method, str]:
+def _labels(methods: Sequence[Method]) -> dict[str, Method]:
     """Localizer, agent or both, as far as they tell methods apart, with what else does."""
     names = short_names({method.name for method in methods})
-    drivers = short_names({method.agent.name for method in methods if method.agent})
+    rivals = [method.agent for method in methods if method.agent]
+    drivers = short_names({agent.name for agent in rivals})
     several = len({method.agent for method in methods}) > 1
     labels = {}
     for method in methods:
         localizer = method.label or " ".join([names[method.name], *_variant(method, methods)])
         agent = "the scenario's agent"
         if method.agent:
-            rivals = [other.agent for other in methods if other.agent]
             agent = " ".join([drivers[method.agent.name], *_variant(method.agent, rivals)])
         both = f"{agent} with {localizer}" if len(names) > 1 else agent
-        labels[method] = both if several else localizer
+        labels[both if several else localizer] = method
     return labels
 
 
@@ -393,3 +338,10 @@ def _words(setting: Setting) -> list[str]:
     short = setting.world | {name: file_names(value) for name, value in named.items()}
     world = (f"{name} {value}" for name, value in short.items())
     return [*world, *assumed, *map(disturbance_words, setting.disturbance)]
+
+
+def disturbance_words(wrapper: Overrides) -> str:
+    """Its kind, and what it was given."""
+    given = dict(wrapper)
+    kind = given.pop("kind", "disturbance")
+    return " ".join([kind, *(f"{name} {value}" for name, value in given.items())])

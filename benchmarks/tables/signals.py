@@ -7,7 +7,7 @@ is that the belief is far off, the plan would collide from the true pose, or the
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,27 +22,14 @@ from deqmcl_gym.numerics import Bools, Floats, Indices
 RECENT = 20  # steps over which log-evidence is averaged, too
 WRONG = 0.1  # of the returns: if more contradict the map at the true pose, it is wrong here
 QUESTIONS = ("lost", "wrong", "wrong_localized", "which")  # docs/reports.md says of which steps
-_PLANS = (
-    "scenarios", *PANEL[1:], "signal", *ends("auroc"), "conflict_steps", "conflict_worlds",
-)  # fmt: skip
-_MAPS = (*PANEL, "question", "signal", *ends("auroc"), "steps", "worlds")
+_CONFLICTS, _STEPS = ("conflict_steps", "conflict_worlds"), ("steps", "worlds")
+_PLANS = ("scenarios", *PANEL[1:], "signal", *ends("auroc"), *_CONFLICTS)
+_MAPS = (*PANEL, "question", "signal", *ends("auroc"), *_STEPS)
 _RISING = ("short", "long", "repeated", "elsewhere")  # signals that are large in trouble
+_OTHERS = ("world", "run", "trouble", "off", "wrong")  # columns of a step beside the signals
 
 
-@dataclass(frozen=True, kw_only=True)
-class Auroc:
-    """AUROC of a number against whether a step is in trouble; NaN is not available."""
-
-    auroc: Interval = NOT_KNOWN  # with its interval over worlds
-    far_steps: float = math.nan  # share of steps in trouble, of those that have the number
-    far_worlds: float = math.nan  # worlds with such a step; NaN if no step has the number
-
-    def columns(self, steps: str, worlds: str) -> dict[str, Any]:
-        """Return it as the columns of a row."""
-        return ends("auroc", self.auroc) | {steps: self.far_steps, worlds: self.far_worlds}
-
-
-def auroc(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Auroc:
+def auroc(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Interval:
     """Return how well a number ranks steps; those in trouble should have the smaller ones.
 
     The interval is the 95 % percentile bootstrap over worlds: 10,000 resamples with a fixed seed;
@@ -50,19 +37,16 @@ def auroc(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Auroc:
     two worlds or more have steps in trouble, and two or more have others. Arrays are (N,), worlds
     numbered from 0.
     """
-    if not values.size:
-        return Auroc()
     far, others = (np.bincount(world[trouble == one], minlength=worlds) for one in (True, False))
-    wins = pairs_in_order(values, trouble, world, worlds)
-    pairs = far.sum() * others.sum()
-    found = Interval(float(wins.sum() / pairs) if pairs else math.nan)
-    if min((far > 0).sum(), (others > 0).sum()) >= 2:
-        drawn = multiplicities(worlds)
-        each = (drawn @ far) * (drawn @ others)  # pairs of each resample
-        # sums of halves below 2⁵³: exact, in whatever order they are added
-        resampled = ((drawn @ wins) * drawn).sum(axis=1)[each > 0] / each[each > 0]
-        found = Interval(found.mean, *map(float, np.quantile(resampled, QUANTILES)))
-    return Auroc(auroc=found, far_steps=float(trouble.mean()), far_worlds=float((far > 0).sum()))
+    wins, pairs = pairs_in_order(values, trouble, world, worlds), far.sum() * others.sum()
+    area = float(wins.sum() / pairs) if pairs else math.nan
+    if min((far > 0).sum(), (others > 0).sum()) < 2:
+        return Interval(area)
+    drawn = multiplicities(worlds)
+    each = (drawn @ far) * (drawn @ others)  # pairs of each resample
+    # sums of halves below 2⁵³: exact, in whatever order they are added
+    resampled = ((drawn @ wins) * drawn).sum(axis=1)[each > 0] / each[each > 0]
+    return Interval(area, *map(float, np.quantile(resampled, QUANTILES)))
 
 
 def pairs_in_order(values: Floats, trouble: Bools, world: Indices, worlds: int) -> Floats:
@@ -76,9 +60,9 @@ def pairs_in_order(values: Floats, trouble: Bools, world: Indices, worlds: int) 
     return wins
 
 
-def detection(records: Iterable[Finished]) -> Auroc:
-    """Return how well one method's quality tells at steps t ≥ 1 that e is far off."""
-    return _auroc(_steps(records, _rated), "quality")
+def detection(records: Iterable[Finished]) -> dict[str, float]:
+    """Return how well one method's quality tells at steps t ≥ 1 that e is far off, as columns."""
+    return _detected(_steps(records, _rated), "quality", ("far_steps", "far_worlds"))
 
 
 def plans_table(panels: Iterable[Panel]) -> pd.DataFrame:
@@ -92,16 +76,32 @@ def plans_table(panels: Iterable[Panel]) -> pd.DataFrame:
         groups.setdefault((replace(panel.setting, scenario=""), panel.swept), []).append(panel)
     rows = list[dict[str, Any]]()
     for group in groups.values():
-        scenarios = " ".join(panel.setting.scenario for panel in group)
-        for method in dict.fromkeys(method for panel in group for method in panel.labels):
-            label = next(panel.labels[method] for panel in group if method in panel.labels)
-            shared = group[0].columns(method) | {"scenarios": scenarios, "label": label}
-            own = [r for panel in group for r in panel.records.get(method, []) if r.plan]
-            rows += (
-                shared | {"signal": signal} | found.columns("conflict_steps", "conflict_worlds")
-                for signal, found in _of_plans(own).items()
-            )
+        shared = {
+            "scenarios": " ".join(panel.setting.scenario for panel in group),
+            "panel": group[0].number,
+        }
+        of = [(method, panel, label) for panel in group for label, method in panel.methods.items()]
+        for method in dict.fromkeys(method for method, *_ in of):
+            mine = [(panel, label) for other, panel, label in of if other == method]
+            records = [r for panel, label in mine for r in panel.records[label] if r.plan]
+            told = mine[0][0].columns(mine[0][1]) | shared
+            rows += [told | found for found in _of_plans(_steps(records, _plan))]
     return pd.DataFrame(rows, columns=[*_PLANS, "panel", "label"])
+
+
+def _of_plans(steps: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return a row for each signal; the trust of a lap is the lowest of its steps."""
+    frames = {str(name): steps for name in steps if name not in (*_OTHERS, "trusted")}
+    rows = [{"signal": name} | _detected(steps, name, _CONFLICTS) for name in frames]
+    if "trusted" in steps and steps["trusted"].notna().any():  # else of one that doubts no plan
+        both = steps[["trusted", "trouble"]]
+        laps = both.where(both.notna().all(axis=1)).groupby([steps["world"], steps["run"]])
+        least = laps.agg({"trusted": "min", "trouble": "max"}).reset_index("world")
+        rows += [
+            {"signal": name} | _detected(frame, "trusted", _CONFLICTS)
+            for name, frame in (("trusted", steps), ("trusted_lap", least))
+        ]
+    return rows
 
 
 def maps_table(panels: Iterable[Panel]) -> pd.DataFrame:
@@ -112,55 +112,47 @@ def maps_table(panels: Iterable[Panel]) -> pd.DataFrame:
     the natural order (small ``quality``, large ``short``); below ½ it says the opposite.
     """
     rows = [
-        panel.columns(method)
-        | {"question": question, "signal": signal}
-        | found.columns("steps", "worlds")
+        panel.columns(label) | found
         for panel in panels
-        for method, records in panel.records.items()
-        for (question, signal), found in _of_maps([r for r in records if r.against_map]).items()
+        for label, records in panel.records.items()
+        for found in _of_maps(_steps((r for r in records if r.against_map), _map))
     ]
     return pd.DataFrame(rows, columns=[*_MAPS, "panel", "label"])
 
 
-def _of_plans(records: list[Finished]) -> dict[str, Auroc]:
-    """Return AUROC by signal; the trust of a lap is the lowest of its steps."""
-    steps = _steps(records, _plan)
-    signals = {name: _auroc(steps, name) for name in _signals(steps) if name != "trusted"}
-    if "trusted" in steps and steps["trusted"].notna().any():  # else of one that doubts no plan
-        known = steps.dropna(subset=["trusted", "trouble"])
-        laps = known.groupby(["world", "run"], as_index=False)[["trusted", "trouble"]]
-        least = laps.agg({"trusted": "min", "trouble": "max"})
-        signals["trusted"] = _auroc(steps, "trusted")
-        signals["trusted_lap"] = _auroc(least, "trusted", int(steps["world"].max()) + 1)
-    return signals
-
-
-def _of_maps(records: list[Finished]) -> dict[tuple[str, str], Auroc]:
-    """Return AUROC by question and signal."""
-    steps = _steps(records, _map)
+def _of_maps(steps: pd.DataFrame) -> list[dict[str, Any]]:
+    """Return a row for each question and signal."""
     if steps.empty:
-        return {}
+        return []
     lost, wrong, there = steps["off"] > 0, steps["wrong"] > WRONG, steps["wrong"].notna()
     trouble = {"lost": lost, "wrong": wrong, "wrong_localized": wrong, "which": lost}
     asked = {"wrong_localized": steps["off"] == 0, "which": lost | wrong}
-    unknown = ~there | steps["off"].isna()
-    signals, worlds = _signals(steps), int(steps["world"].max()) + 1
     steps = steps.assign(**{name: -steps[name] for name in _RISING})
-    return {
-        (question, name): _auroc(
-            steps.assign(trouble=told)[asked.get(question, there)], name, worlds
-        )
-        for question in QUESTIONS
-        for told in [trouble[question].astype(float).mask(unknown)]
-        for name in signals
-    }
+    rows = []
+    for question in QUESTIONS:
+        known = asked.get(question, there) & there & steps["off"].notna()
+        told = steps.assign(trouble=trouble[question].astype(float).where(known))
+        rows += [
+            {"question": question, "signal": name} | _detected(told, name, _STEPS)
+            for name in map(str, steps)
+            if name not in _OTHERS
+        ]
+    return rows
 
 
-_STEP = ("world", "run", "trouble", "off", "wrong")  # columns of a step beside the signals
+def _detected(steps: pd.DataFrame, name: str, columns: tuple[str, str]) -> dict[str, float]:
+    """Return how well a column tells steps in trouble, of those where both are known, as columns.
 
-
-def _signals(steps: pd.DataFrame) -> list[str]:
-    return [str(name) for name in steps if name not in _STEP]
+    These are the AUROC with its interval, the share of steps in trouble, and in how many worlds;
+    NaN if there is no such step.
+    """
+    known = steps.dropna(subset=[name, "trouble"])
+    if known.empty:
+        return ends("auroc", NOT_KNOWN) | dict.fromkeys(columns, math.nan)
+    trouble, world = known["trouble"].to_numpy() > 0, known["world"].to_numpy()
+    area = auroc(known[name].to_numpy(), trouble, world, int(steps["world"].max()) + 1)
+    shares = float(trouble.mean()), float(np.unique(world[trouble]).size)
+    return ends("auroc", area) | dict(zip(columns, shares, strict=True))
 
 
 def _steps(
@@ -174,18 +166,7 @@ def _steps(
         .assign(world=worlds[one.trial.trial], run=run)
         for run, one in enumerate(listed)
     ]  # fmt: skip
-    return pd.concat(runs, ignore_index=True) if runs else pd.DataFrame(columns=[*_STEP])
-
-
-def _auroc(steps: pd.DataFrame, name: str, worlds: int | None = None) -> Auroc:
-    """Return how well a column tells steps in trouble, of those where both are known."""
-    known = steps.dropna(subset=[name, "trouble"])
-    return auroc(
-        known[name].to_numpy(),
-        known["trouble"].to_numpy() > 0,
-        known["world"].to_numpy(),
-        int(steps["world"].max()) + 1 if worlds is None else worlds,
-    )
+    return pd.concat(runs, ignore_index=True) if runs else pd.DataFrame(columns=[*_OTHERS])
 
 
 def _rated(record: Finished) -> dict[str, Any]:

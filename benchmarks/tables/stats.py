@@ -114,7 +114,11 @@ def wilcoxon(differences: Floats) -> float:
     positive = int(doubled[nonzero > 0].sum())
     if n <= _EXACT:
         least = min(positive, n * (n + 1) - positive)
-        return float(min(1.0, 2 * _subsets_by_sum(doubled)[: least + 1].sum() / 2**n))
+        subsets = np.zeros(doubled.sum() + 1, np.int64)  # how many have the sum 0, 1, …
+        subsets[0] = 1
+        for rank in doubled:
+            subsets[rank:] += subsets[:-rank].copy()
+        return float(min(1.0, 2 * subsets[: least + 1].sum() / 2**n))
     variance = n * (n + 1) * (2 * n + 1) / 24 - float((counts**3 - counts).sum()) / 48
     z = (positive / 2 - n * (n + 1) / 4) / math.sqrt(variance)
     return float(math.erfc(abs(z) / math.sqrt(2)))
@@ -158,12 +162,10 @@ def wilson(share: float, n: int) -> tuple[float, float]:
 
 def multiplicities(n: int) -> Floats:
     """How often each of n worlds is drawn in each of the 10,000 resamples, (10,000, n)."""
-    blocks = []
-    for drawn in _resamples(n):
-        of_resample = np.arange(len(drawn))[:, None] * n + drawn
-        counts = np.bincount(of_resample.ravel(), minlength=drawn.size)
-        blocks.append(counts.reshape(drawn.shape))
-    return np.concatenate(blocks).astype(np.float64)
+    drawn = np.concatenate(_resamples(n))
+    of_resample = np.arange(len(drawn))[:, None] * n + drawn
+    counts = np.bincount(of_resample.ravel(), minlength=drawn.size)
+    return counts.reshape(drawn.shape).astype(np.float64)
 
 
 def _middle(blocks: Sequence[Floats], ends: tuple[float, float]) -> tuple[float, float]:
@@ -177,15 +179,6 @@ def _resamples(n: int) -> list[NDArray[np.int32]]:
     rng = np.random.default_rng(0)
     shape = (_BLOCK, n)
     return [rng.integers(n, size=shape).astype(np.int32) for _ in range(_RESAMPLES // _BLOCK)]
-
-
-def _subsets_by_sum(numbers: NDArray[np.int64]) -> NDArray[np.int64]:
-    """How many subsets of at most 62 numbers have the sums 0, 1, … their total."""
-    ways = np.zeros(numbers.sum() + 1, np.int64)
-    ways[0] = 1
-    for number in numbers:
-        ways[number:] += ways[:-number].copy()
-    return ways
 
 
 POWER = 0.8
@@ -253,11 +246,9 @@ def ratio(apart: Floats, reference: Floats, alpha: float) -> Interval:
     if n < 2 or np.isnan(apart).any() or np.isnan(reference).any() or not reference.mean() > 0:
         return NOT_KNOWN
     d, b = float(apart.mean()), float(reference.mean())
-    if not (reach := _reach(n, alpha) / n) < math.inf:
-        return Interval(d / b, -math.inf, math.inf)
-    (dd, db), (_, bb) = np.cov(apart, reference)
+    reach, (dd, db, _, bb) = _reach(n, alpha) / n, np.cov(apart, reference).ravel().tolist()
     square, linear, constant = b * b - reach * bb, d * b - reach * db, d * d - reach * dd
-    if square <= 0:
+    if not square > 0:  # also where the reach is infinite
         return Interval(d / b, -math.inf, math.inf)
     half = math.sqrt(max(0.0, linear * linear - square * constant))  # d / b is one of the ratios
     return Interval(d / b, (linear - half) / square, (linear + half) / square)

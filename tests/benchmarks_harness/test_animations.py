@@ -3,6 +3,7 @@
 import io
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import PIL.Image
@@ -82,7 +83,8 @@ FORMS = ("systematic", "stratified")
 
 def shown(lap):
     """Resampler, world and filter seed of the trials of an animation, side by side."""
-    return [(dict(t.params)["resampler"], t.trial, t.filter_seed) for t in lap.trials]
+    trials = [run.trial for run in lap.runs.values()]
+    return [(dict(t.params)["resampler"], t.trial, t.filter_seed) for t in trials]
 
 
 def form(resampler, world, error, filter_seed=0):
@@ -111,8 +113,8 @@ def test_a_baseline_without_a_trial_on_the_world_is_not_named():
 
 
 def lap_of(*trials):
-    keys = tuple(map(key_of, trials))
-    return Animation(name="lap", title="", caption="", trials=trials, labels=("a", "b"), keys=keys)
+    runs = [SimpleNamespace(trial=trial, key=key_of(trial)) for trial in trials]
+    return Animation(name="lap", title="", caption="", runs=dict(zip("ab", runs, strict=True)))
 
 
 def test_an_animation_shows_the_whole_way_of_each_method_side_by_side():

@@ -37,8 +37,8 @@ def test_charts_of_a_panel_draw_its_numbers(panel):
     (axes,) = charts.offset_chart(panel).figure.axes
     offsets = {one.get_label(): one.get_xydata().tolist() for one in axes.lines}
     for row in panel.present.itertuples():
-        held = errors_by_offset(panel.records_by_label[row.label])
-        assert offsets[row.label] == [[k, one.mean] for k, one in held.items()]
+        held = errors_by_offset(panel.records[row.label])
+        assert offsets[row.label] == held[["offset", "mean"]].to_numpy().tolist()
 
 
 def test_a_label_looks_the_same_in_every_chart_and_others_have_another_look():

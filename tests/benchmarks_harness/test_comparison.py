@@ -105,8 +105,8 @@ def test_a_method_without_the_swept_parameter_is_in_each_panel_with_its_baseline
     told = results(swept(localizer="mcl-map") + trials("grid", [1.0] * 3), baseline="mcl-map")
     for panel, n, difference in zip(told.panels, (100, 300), (-7.0, -3.0), strict=True):
         assert panel.title == f"scenario paper, particles {n}"
-        assert list(panel.labels.values()) == ["mcl-map", "ekf", "grid"]
-        assert panel.baselines[method("ekf")] == method("mcl-map", particles=n)
+        assert list(panel.methods) == ["mcl-map", "ekf", "grid"]
+        assert panel.methods[panel.baselines["ekf"]] == method("mcl-map", particles=n)
         rows = told.table[told.table["panel"] == panel.number].set_index("label")
         assert rows.loc["ekf", "diff"] == difference
 
@@ -119,7 +119,7 @@ def test_methods_with_labels_are_compared_in_one_panel_with_the_first_or_the_one
     ]
     told = replace(results(swept(localizer="mcl-map"), baseline=baseline), labelled=labelled)
     (panel,) = told.panels
-    assert list(panel.labels.values()) == ["few", "many", "ekf"]
+    assert list(panel.methods) == ["few", "many", "ekf"]
     rows = told.table.set_index("label")
     assert dict(rows["diff"].dropna()) == {"many": -4.0, "ekf": -7.0}
 
@@ -130,7 +130,7 @@ def test_what_one_method_lacks_leaves_it_in_every_panel_and_infinity_is_a_number
         records += [finished("deq-mcl", 0, 1.0, params={"particles": 100, "beta": beta})]
     found = panels(records)
     assert [panel.title for panel in found] == [f"scenario paper, beta {b}" for b in (0.0, "inf")]
-    assert all(list(panel.labels.values()) == ["mcl", "deq-mcl"] for panel in found)
+    assert all(list(panel.methods) == ["mcl", "deq-mcl"] for panel in found)
     assert '"{""beta"":""inf"",""particles"":100}"' in results_csv(records)
 
 
@@ -160,7 +160,7 @@ def test_variants_of_a_localizer_are_side_by_side_with_names_of_their_own():
         for label, params in labels.items()
     ]
     for panel in panels(records):
-        assert list(panel.labels.values()) == list(labels)
+        assert list(panel.methods) == list(labels)
 
 
 @pytest.mark.parametrize(
@@ -172,7 +172,7 @@ def test_variants_of_a_localizer_are_side_by_side_with_names_of_their_own():
 )
 def test_plug_ins_are_called_by_their_class_where_that_tells_them_apart(names, labels):
     (panel,) = panels([finished(name, 0, 1.0) for name in names])
-    assert list(panel.labels.values()) == labels
+    assert list(panel.methods) == labels
 
 
 def test_results_csv_has_fixed_columns_unique_lines_and_nothing_of_the_machine():

@@ -216,8 +216,8 @@ def test_a_glance_at_settings_shows_shares_beside_errors():
 
 def test_lost_robots_are_shown_by_when_they_were_localized():
     best, median_one, worst = films_of(shown())
-    laps = [[(t.localizer, t.trial) for t in lap.trials] for lap in (best, median_one, worst)]
-    assert laps == [[("mcl-map", world), ("mcl-plan", world)] for world in (0, 1, 2)]
+    laps = [[run.key for run in lap.runs.values()] for lap in (best, median_one, worst)]
+    assert laps == [[f"mcl-map-{world}-0", f"mcl-plan-{world}-0"] for world in (0, 1, 2)]
     assert "metres to localize of mcl-plan 2.0" in best.caption
 
 

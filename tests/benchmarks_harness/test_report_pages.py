@@ -30,9 +30,7 @@ LAP = Animation(
     name="lap-1-best-0",
     title="Best",
     caption="World 0.",
-    trials=(),
-    labels=("mcl",),
-    keys=("mcl-0-0",),
+    runs={},
     webp=b"RIFFwebp",
     png=b"\x89PNG",
 )

@@ -10,7 +10,7 @@ import pytest
 import reference
 
 from benchmarks.studies import speed
-from benchmarks.studies.speed import RATIOS, Effort, Job, Ratio
+from benchmarks.studies.speed import RATIOS, Effort, Job, beside
 from deqmcl_gym.world.config import PAPER_ROOM
 
 DOCS = Path(__file__).parents[2] / "docs" / "speed.md"
@@ -23,7 +23,7 @@ def lasting(seconds):
 
 
 def test_the_command_writes_ours_over_the_others(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(speed, "RATIOS", [Ratio("a", "steps/s", lasting(0.5), lasting(0.25))])
+    monkeypatch.setattr(speed, "RATIOS", [beside("a", "steps/s", lasting(0.5), lasting(0.25))])
     speed.measure(["--quick", "--out", str(tmp_path / "new")])
     rows = list(csv.reader((tmp_path / "new" / "speed.csv").open()))
     assert rows == [["figure", "ours", "other", "ratio"], ["a", "2", "4", "0.5"]]
@@ -41,7 +41,7 @@ def test_ranges_in_numpy_are_exact_within_a_turn_that_float32_cannot_resolve():
         reference.ranges(PAPER_ROOM.walls, poses, speed.BEARINGS + turn)
         for turn in (-2e-6, 0, 2e-6)
     ]
-    seen = speed.numpy_ranges(PAPER_ROOM, np.ascontiguousarray(poses.T)).T
+    seen = speed.numpy_ranges(PAPER_ROOM, poses)
     slack = 5e-4  # px: a product, a quotient and differences of coordinates to 350
     assert (seen >= np.min(around, axis=0) - slack).all()
     assert (seen <= np.max(around, axis=0) + slack).all()
@@ -59,4 +59,4 @@ BOUNDS = {  # of ratios within one process, never a time; far from what we aim a
 def test_we_do_not_fall_far_behind(name):
     (ratio,) = (one for one in RATIOS if one.name == name)
     low, high = BOUNDS[name]
-    assert low < ratio.measured(Effort(9, seconds=0.05))[2] < high
+    assert low < np.divide(*ratio.sides(Effort(9, seconds=0.05))) < high
