@@ -7,6 +7,7 @@ import numpy as np
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.envs.wrappers import BeamDropout, Kidnap, PlanChange
 
+ROOM_ID = "deqmcl_gym:deqmcl_gym/Room-v0"
 STILL = {"drive": 0.0, "turn": 0.0, "drift": 0.0}  # no motion noise
 
 PAPER = {
@@ -39,6 +40,14 @@ WORLD = {
     "route": {"min_length": 15.0, "max_length": 60.0},
 }
 SMALL = {"wings": 1, "corridors": 1}
+
+
+def hall(scale=1) -> np.ndarray:
+    """Cells of 5 cm: a hall of 4.4 by 3.4 m with a pillar, around which the lap goes."""
+    cells = np.pad(np.zeros((66, 86), np.int8), 1, constant_values=100)
+    cells[28:40, 28:60] = 100
+    cells[55:, 75:] = -1
+    return np.kron(cells, np.ones((scale, scale), np.int8))
 
 
 def calm(**kwargs) -> RoomEnv:

@@ -12,8 +12,7 @@ import pytest
 from checked import has_nothing_to_say
 from drives import SQUARE, real
 from gymnasium.envs.registration import EnvSpec
-from room_cases import SMALL, WORLD, WRAPPED
-from room_trace import ROOM_ID
+from room_cases import ROOM_ID, SMALL, WORLD, WRAPPED
 from test_differences import PARTS, WORLDS
 
 from deqmcl_gym import logs
@@ -142,12 +141,3 @@ def test_the_same_seed_gives_the_same_episodes_and_the_next_one_differs(name):
     if "truth" in one.reset()[1] and one.unwrapped.spec.id != LOG and name != "mounts":
         truths = [said(one, seed=None)[-2][-1]["truth"] for _ in range(2)]
         assert (truths[0] != truths[1]).any()
-
-
-@pytest.mark.parametrize("name", ["localize", "track", "journeys", "dict"])
-def test_many_run_side_by_side_as_each_alone(name):
-    env = made(name)
-    envs = gym.make_vec(env.spec.id, 2, "sync", **env.spec.kwargs)
-    seen, _ = envs.reset(seed=4)
-    alone, _ = env.reset(seed=5)
-    np.testing.assert_equal(alone, {key: seen[key][1] for key in seen})

@@ -8,8 +8,7 @@ import pytest
 from generated import worlds
 from hypothesis import HealthCheck, assume, event, given, settings
 from hypothesis import strategies as st
-from room_cases import STILL
-from room_trace import ROOM_ID
+from room_cases import ROOM_ID, STILL
 
 from deqmcl_gym.envs.room import RoomEnv
 from deqmcl_gym.validation import InputError

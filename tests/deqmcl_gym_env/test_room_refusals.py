@@ -8,8 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from refusals import refused
-from room_cases import PAPER, SMALL, WORLD, WRAPPED, calm, drive
-from room_trace import ROOM_ID
+from room_cases import PAPER, ROOM_ID, SMALL, WORLD, WRAPPED, calm, drive
 
 from deqmcl_gym.envs.belief import BeliefObservation
 from deqmcl_gym.envs.room import RoomEnv
