@@ -11,7 +11,7 @@ import localizers
 from benchmarks.setup.names import SCENARIOS, scenario
 from benchmarks.setup.overrides import Named, Overrides
 from benchmarks.setup.priors import Uniform
-from benchmarks.sweeps.sweepfile import PAPER_METHODS, paper_sweep
+from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.trials.episode import moments
 from benchmarks.trials.stage import Stage
 from localizers import PoseBelief
@@ -136,18 +136,6 @@ def test_a_localizer_that_overwrites_all_it_was_given_changes_neither_world_nor_
     assert present.values["energy"] == pytest.approx(distance, rel=1e-12)
     again = replace(stage, trial=honest).trace()  # in its room
     assert np.array_equal(again.offsets[0].means, before.offsets[0].means)
-
-
-@pytest.mark.parametrize("name", BLINDLY_DRIVEN)
-def test_all_methods_of_a_trial_see_the_same_world(name):
-    worlds = {
-        trial.localizer: [
-            (moment.truth.tobytes(), moment.ranges.tobytes())
-            for moment in Stage.of(trial).moments()
-        ]
-        for trial in trials(fitting(PAPER_METHODS, name), name)
-    }
-    assert all(world == worlds["mcl"] for world in worlds.values())
 
 
 def test_different_trials_see_different_worlds_and_start_from_different_clouds():

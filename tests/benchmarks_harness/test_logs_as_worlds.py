@@ -24,7 +24,7 @@ from deqmcl_gym.logs import Log, Scanner, Trajectory
 from deqmcl_gym.logs.motion import dead_reckoned, increments_of
 from deqmcl_gym.logs.trajectory import referenced
 from deqmcl_gym.validation import InputError
-from localizers import OdometryMotion, PointsBelief, make
+from localizers import OdometryMotion, make
 from localizers.models.nav2_motion import (
     MOTION_MODELS,
     DifferentialMotion,
@@ -289,21 +289,6 @@ def played(env, localizer, prior, rng):
     return moments(env, make_agent("open-loop", None), localizer, lambda: prior, rng, seed=0)
 
 
-class Spy:
-    """Keeps all that it is given."""
-
-    def __init__(self):
-        self.given = []
-
-    def reset(self, prior, plan, rng):
-        self.given.append((plan,))
-        return PointsBelief(np.zeros((1, 3)))
-
-    def update(self, ranges, action, plan):
-        self.given.append((ranges, action, plan))
-        return PointsBelief(np.zeros((1, 3)))
-
-
 @pytest.fixture(scope="module")
 def lap():
     """A room, and the log of its lap."""
@@ -335,15 +320,3 @@ def test_a_replayed_lap_is_the_lap_but_for_the_rounding_of_its_odometry(lap, nam
         for mine, theirs in zip(one.belief.points(), other.belief.points(), strict=True):
             # an increment between two poses is off by 1e-13 px, below float32 of the particles
             np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-9)
-
-
-def test_a_localizer_is_given_arrays_that_do_not_depend_on_the_reference(lap):
-    _, log = lap
-    seen = []
-    for reference in (log.reference, log.reference + 100.0, None):
-        spy = Spy()
-        other = Log(log.scanner, log.times, log.odometry, log.ranges, reference, log.unit)
-        list(played(LogEnv(log=other), spy, None, np.random.default_rng(0)))
-        seen.append(spy.given)
-    np.testing.assert_equal(seen[1], seen[0])
-    np.testing.assert_equal(seen[2], seen[0])

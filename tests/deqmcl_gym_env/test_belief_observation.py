@@ -5,6 +5,7 @@ from functools import partial
 import gymnasium as gym
 import numpy as np
 import pytest
+from believing import Believes
 from room_cases import ROOM_ID
 
 import deqmcl_gym  # noqa: F401
@@ -52,21 +53,13 @@ def test_the_belief_is_that_of_the_localizer_run_by_hand(observation):
     assert (again[0] != again[1]).any()  # each episode draws anew
 
 
-class Known:
-    """Believes in a given belief, by default in two poses about ±π in heading."""
-
-    def __init__(self, belief=None):
-        self.belief = belief or PointsBelief([(0, 0, 3.0), (2, 0, -3.0)], [1, 3])
-
-    def reset(self, prior, plan, rng):
-        return self.belief
-
-    def update(self, ranges, action, plan):
-        return self.belief
+def about_half_a_turn():
+    """A belief in two weighted poses, about ±π in heading."""
+    return PointsBelief([(0, 0, 3.0), (2, 0, -3.0)], [1, 3])
 
 
 def test_moments_and_entropy_of_a_belief_computed_by_hand():
-    seen, _ = BeliefObservation(sharp(), Known(), PRIOR).reset(seed=0)
+    seen, _ = BeliefObservation(sharp(), Believes(about_half_a_turn()), PRIOR).reset(seed=0)
     a, b = 1 * np.exp(3.0j), 3 * np.exp(-3.0j)
     heading = np.angle(a + b)
     off = np.angle(np.exp(1j * (np.array([3.0, -3.0]) - heading)))
@@ -81,14 +74,14 @@ def test_moments_and_entropy_of_a_belief_computed_by_hand():
 
 
 def test_a_quality_is_shown_where_there_is_one():
-    (localizer := Known()).belief.quality = 0.25
-    env = BeliefObservation(sharp(), localizer, PRIOR)
+    (belief := about_half_a_turn()).quality = 0.25
+    env = BeliefObservation(sharp(), Believes(belief), PRIOR)
     assert env.reset(seed=0)[0]["quality"] == np.float32([0.25])
     assert env.observation_space["quality"] == gym.spaces.Box(0.0, 1.0, (1,))
 
 
 def test_clusters_particles_and_occupancy_of_a_belief_computed_by_hand():
-    apart = Known(PointsBelief([(10, 10, 0.0), (12, 10, 0.0), (300, 160, 1.0)], [2, 1, 1]))
+    apart = Believes(PointsBelief([(10, 10, 0.0), (12, 10, 0.0), (300, 160, 1.0)], [2, 1, 1]))
     env = BeliefObservation(sharp(), apart, PRIOR, particles=200, cell=100.0)
     seen, _ = env.reset(seed=0)
     np.testing.assert_allclose(seen["best"], (32 / 3, 10, 0), atol=1e-5)
@@ -109,13 +102,13 @@ def test_particles_are_drawn_from_weights_whatever_their_sum():
     for total in (1.0, 1.0 + 1e-6):
         belief = PointsBelief(poses)
         belief.points = lambda offset=0, w=0.5 * total: (poses, np.array([w, w]))
-        env = BeliefObservation(sharp(), Known(belief), PRIOR, particles=20)
+        env = BeliefObservation(sharp(), Believes(belief), PRIOR, particles=20)
         seen.append(env.reset(seed=0)[0]["particles"])
     np.testing.assert_array_equal(*seen)
 
 
 def test_a_single_cluster_has_a_second_without_a_share():
-    seen, _ = BeliefObservation(sharp(), Known(), PRIOR).reset(seed=0)
+    seen, _ = BeliefObservation(sharp(), Believes(about_half_a_turn()), PRIOR).reset(seed=0)
     assert (seen["best_share"], seen["second_share"]) == (1, 0)
     np.testing.assert_array_equal(seen["second"], seen["best"])
 

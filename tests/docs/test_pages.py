@@ -58,13 +58,6 @@ def test_the_commands_on_a_localizer_work_as_they_stand_one_after_the_other(
     assert NAMED in (results / "report.html").read_text()
 
 
-def test_the_table_of_ids_names_every_environment():
-    page = (ROOT / "docs" / "environment.md").read_text()
-    rows = re.findall(r"^\| (`\w+-v\d+`.*?) \|", page, re.MULTILINE)
-    named = [f"deqmcl_gym/{name}" for row in rows for name in re.findall(r"`(\S+)`", row)]
-    assert sorted(named) == sorted(name for name in gym.registry if name.startswith("deqmcl_gym/"))
-
-
 def test_the_command_that_writes_a_building_works(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     page = (ROOT / "docs" / "environment.md").read_text()
