@@ -126,7 +126,6 @@ def messages(log):
 
 
 def spacing(angles):
-    """The angle between beams that are evenly spaced."""
     return (angles[-1] - angles[0]) / max(len(angles) - 1, 1)
 
 

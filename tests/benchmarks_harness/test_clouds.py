@@ -40,7 +40,6 @@ def together(*beliefs, truth=TRUTH):
 
 
 def spread(poses, weights):
-    """Mean and variance of one cloud."""
     (row,) = belief_moments(together((poses, weights)))
     return row[:4], row[4:]
 
@@ -218,9 +217,7 @@ def test_lengths_of_any_size_scale_without_overflow_or_loss(size):
     ],
 )
 @pytest.mark.parametrize("length", [1.0, 0.01])
-def test_the_heading_error_is_the_shorter_way_round_however_short_the_mean_is(
-    estimated, true, apart, length
-):
+def test_the_heading_error_is_the_shorter_way_round_for_any_mean(estimated, true, apart, length):
     means = estimate(0, 0, estimated, length)
     error = scores.heading_error(means, np.array([[5.0, 5.0, true]]))
     assert error == pytest.approx([apart], abs=1e-12)  # a few roundings of numbers below 20

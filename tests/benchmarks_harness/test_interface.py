@@ -20,8 +20,6 @@ FEW = {"trials": 2, "params": {"particles": 20}, "lag": 4}
 
 
 class Still:
-    """A localizer that never moves."""
-
     def __init__(self, robot, *, particles=1):
         self.particles = particles
 

@@ -36,7 +36,6 @@ NEVER = math.inf
 
 
 def curve_of(runs):
-    """The curve of (world, metres) of each run."""
     frame = pd.DataFrame(runs, columns=["trial", "metres"])
     return share_curve(frame.set_index("trial")["metres"])
 

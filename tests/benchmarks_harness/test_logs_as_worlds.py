@@ -59,19 +59,17 @@ particles = 100
 
 @pytest.fixture(scope="module")
 def drive():
-    """A hall, and what a robot saw in it."""
     return recorded_in_a_hall(steps=60)
 
 
 @pytest.fixture
-def folder(drive, tmp_path, monkeypatch):
+def folder(drive, here):
     """A folder with sweep and scenario, their data below it; nobody stands in it."""
-    home = tmp_path / "home"
+    home = here / "home"
     (home / "data").mkdir(parents=True)
     write_lap(drive, home / "data")
     (home / "hall.toml").write_text(SCENARIO)
     (home / "sweep.toml").write_text(SWEEP)
-    monkeypatch.chdir(tmp_path)
     return home
 
 
@@ -158,9 +156,7 @@ BAD = [
 
 
 @pytest.mark.parametrize(("old", "new", "named"), BAD)
-def test_a_bad_world_is_refused_in_one_sentence_before_anything_is_written(
-    folder, refusal, old, new, named
-):
+def test_a_bad_world_is_refused_before_anything_is_written(folder, refusal, old, new, named):
     kept = [line for line in SWEEP.splitlines() if new or not line.startswith(old)]
     text = "\n".join(kept).replace(old, new)
     (folder / "sweep.toml").write_text(text)
@@ -210,7 +206,6 @@ def log_of(meant: np.ndarray, done: np.ndarray, every: int = 1, unit: str = "m")
 
 
 def halved(model):
-    """The least noise that is estimated from a log, if the model is that of an unknown robot."""
     noise = {name: value / 2 for name, value in vars(model).items() if name != "still"}
     return replace(model, **noise)
 
@@ -291,7 +286,6 @@ def played(env, localizer, prior, rng):
 
 @pytest.fixture(scope="module")
 def lap():
-    """A room, and the log of its lap."""
     env = RecordLog(gym.make("deqmcl_gym/Room-v0", preset="sharp", ends_at_goal=False))
     _, info = env.reset(seed=11)
     while info["planned_count"]:

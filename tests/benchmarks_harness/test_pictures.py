@@ -10,7 +10,7 @@ import pandas as pd
 import PIL.Image
 import pytest
 from fake_episode import FakeBelief
-from report_cases import THREE, changed, finished, panel_of, panels_of, trials
+from report_cases import THREE, changed, finished, panel_of, panels_of, trial_of, trials
 from test_journey_tables import run
 
 from benchmarks.execution.processes import Processes
@@ -21,7 +21,6 @@ from benchmarks.setup.overrides import Overrides
 from benchmarks.tables.frames import errors_by_offset
 from benchmarks.tables.stats import wilson
 from benchmarks.trials.episode import Step
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import key_of
 from deqmcl_gym.maps import PolygonMap
 from deqmcl_gym.world.drawing import View
@@ -123,7 +122,7 @@ def lap_of(*trials):
 
 
 def test_an_animation_shows_the_whole_way_of_each_method_side_by_side():
-    same = Trial(scenario="paper", localizer="mcl", params=(), lag=1, seed=0, trial=0)
+    same = trial_of("mcl", 0, lag=1)
     lap = lap_of(same, replace(same, localizer="dead-reckoning"))
     with Processes(1) as pool:
         drawn = pool.submit(films.filmed, lap).result()
@@ -133,9 +132,7 @@ def test_an_animation_shows_the_whole_way_of_each_method_side_by_side():
 
 
 def test_a_hedge_is_animated_beside_a_method_that_sees_no_plan():
-    same = Trial(
-        scenario="guided", localizer="mcl", params={"particles": 20}, lag=0, seed=0, trial=0
-    )
+    same = trial_of("mcl", 0, scenario="guided", params={"particles": 20}, lag=0)
     lap = lap_of(same, replace(same, localizer="mcl-plan-hedged"))
     assert films.filmed(lap).webp.startswith(b"RIFF")
 

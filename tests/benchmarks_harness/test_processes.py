@@ -36,7 +36,6 @@ def pool():
 
 
 def gone(pids):
-    """Whether all these processes end soon."""
     until = time.monotonic() + SOON
     while any(map(calls.alive, pids)) and time.monotonic() < until:
         time.sleep(0.02)

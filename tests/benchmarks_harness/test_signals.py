@@ -8,17 +8,15 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from fake_episode import TASK
-from report_cases import STEPS, changed, finished, lines_of, panel_of
+from report_cases import STEPS, changed, finished, lines_of, panel_of, trial_of
 
 from benchmarks.report.tables import detection_table
-from benchmarks.setup.overrides import Overrides
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.tables.panels import panels
 from benchmarks.tables.signals import QUESTIONS, WRONG, detection, maps_table, plans_table
 from benchmarks.trials.episode import Step
 from benchmarks.trials.map_signals import MAP_COLUMNS, SIGNALS, MapSignals
 from benchmarks.trials.scoring import ErrorCurve
-from benchmarks.trials.spec import Trial
 from benchmarks.trials.stage import Stage
 from benchmarks.trials.trace import PLAN_COLUMNS, plan_columns, plan_row
 from deqmcl_gym.maps import Lidar, PolygonMap
@@ -120,7 +118,6 @@ KINDS = {
 
 
 def reported(methods):
-    """Trials whose steps are of these kinds, or without a quality."""
     runs = [finished(name, world, 20.0) for name in methods for world in range(3)]
     return [
         rated(run, KINDS[name]) if (name := run.trial.localizer) in KINDS else run for run in runs
@@ -197,14 +194,12 @@ def test_a_lost_robot_is_off_though_the_map_is_right():
 
 
 def run(world, off, wrong, **signals):
-    """A trial with these steps."""
     columns = dict.fromkeys(SIGNALS, [0.5] * len(off)) | {"off": off, "wrong": wrong} | signals
     padded = {name: values + [None] * (STEPS - len(values)) for name, values in columns.items()}
     return changed(finished("mcl", world, 1.0), against_map=padded)
 
 
 def answers(records):
-    """Rows of maps.csv by question and signal."""
     return maps_table(panels(records)).set_index(["question", "signal"])
 
 
@@ -240,11 +235,7 @@ def test_the_trust_in_a_plan_is_a_signal_of_those_who_doubt_it():
 
 def test_only_a_trial_whose_world_differs_from_the_map_keeps_signals():
     def record_of(**world):
-        trial = Trial(
-            scenario="sharp", localizer="dead-reckoning", params={}, lag=0, seed=0, trial=0,
-            world=Overrides(world)
-        )  # fmt: skip
-        return Stage.of(trial).trace()
+        return Stage.of(trial_of("dead-reckoning", 0, scenario="sharp", lag=0, world=world)).trace()
 
     assert record_of().against_map is None
     trace = record_of(**{"clutter.number": 3})
@@ -286,13 +277,11 @@ def planned_run(world, conflict, feasible, *, scenario, evidence=None):
 
 
 def planned(record, columns):
-    """The same trial with these readings of plans at as many steps."""
     steps = len(columns["feasible"])
     return changed(record, plan=columns, steps_done=steps, curves={0: ErrorCurve(0, [1.0])})
 
 
 def signals(records):
-    """Rows of plans.csv by signal."""
     return plans_table(panels(records)).set_index("signal")
 
 

@@ -206,9 +206,7 @@ def test_a_folder_of_others_or_of_a_sweep_is_refused(tmp_path):
 
 @pytest.mark.parametrize("broken", ["fsync", "replace"])
 @pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left"), KeyboardInterrupt()])
-def test_a_write_that_fails_leaves_the_old_file_and_nothing_beside_it(
-    tmp_path, monkeypatch, broken, error
-):
+def test_a_write_that_fails_leaves_the_old_file_alone(tmp_path, monkeypatch, broken, error):
     target = tmp_path / "table.csv"
     write_text(target, "old\n")
 
@@ -225,9 +223,7 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_beside_it(
 
 
 @pytest.mark.parametrize("kind", [errno.EACCES, errno.EROFS, errno.ENOSPC])
-def test_a_folder_in_which_no_file_can_be_made_is_refused_with_the_reason(
-    tmp_path, monkeypatch, kind
-):
+def test_a_folder_in_which_no_file_can_be_made_is_refused(tmp_path, monkeypatch, kind):
     def fail(**_):
         raise OSError(kind, os.strerror(kind))
 

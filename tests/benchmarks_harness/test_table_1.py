@@ -39,7 +39,6 @@ PAPER = (4, 6, 9, 11, 13, 15)  # columns
 
 
 def lines(*records):
-    """Cells of each line of the table with variances."""
     return table_1(table_of(records), variances=True).frame.to_numpy().tolist()
 
 

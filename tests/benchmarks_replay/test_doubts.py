@@ -38,7 +38,6 @@ def mounted(log, ahead, left, turn):
 
 
 def wheeled(log, distance, turn, veer):
-    """The log with odometry of wrong wheels."""
     told = increments_of(log.odometry) / [distance, distance, turn]
     told[:, 2] -= veer * np.abs(told[:, 0])
     return replace(log, odometry=dead_reckoned(told, log.odometry[0]))
@@ -58,28 +57,23 @@ def wheeled(log, distance, turn, veer):
         (lambda log: wheeled(log, 1, 1, math.radians(5)), 0.0, ["veers 5."]),
     ],
 )
-def test_a_planted_fault_is_told_with_its_size_and_nothing_else(
-    rounds, tmp_path, monkeypatch, fault, late, words
-):
-    monkeypatch.chdir(tmp_path)
+def test_a_planted_fault_alone_is_told_with_its_size(rounds, here, fault, late, words):
     hall, log = rounds
-    write_lap((hall, fault(log)), tmp_path)
+    write_lap((hall, fault(log)), here)
     logs.Trajectory(log.times + late, log.reference).write("lap.tum")
     told = doubts_of(replay_of("lap.csv", "hall.yaml", reference="lap.tum").scenario)
     assert len(told) == bool(words), told
     assert [word for word in words if word not in told[0]] == []
 
 
-def test_a_reference_whose_stamps_are_no_records_tells_of_no_wheels(rounds, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    write_lap(rounds, tmp_path)
+def test_a_reference_whose_stamps_are_no_records_tells_of_no_wheels(rounds, here):
+    write_lap(rounds, here)
     logs.Trajectory(rounds[1].times[::5] + 0.1, rounds[1].reference[::5]).write("lap.tum")
     assert doubts_of(replay_of("lap.csv", "hall.yaml", reference="lap.tum").scenario) == []
 
 
-def test_score_tells_of_an_estimate_that_is_late(rounds, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    write_lap(rounds, tmp_path)
+def test_score_tells_of_an_estimate_that_is_late(rounds, here, capsys):
+    write_lap(rounds, here)
     logs.Trajectory(rounds[1].times + 0.5, rounds[1].reference).write("slam.tum")
     for by in (["--log", "lap.csv"], []):
         assert exit_code("score", "slam.tum", "--reference", "lap.tum", *by, "--out", "s") == 0
@@ -99,7 +93,6 @@ def wrong(lap):
 
 
 def residuals_of(floor_plan, log, poses=None):
-    """Those of a log's scans, by default from where they were taken."""
     at = log.reference if poses is None else poses
     return Residuals(floor_plan, log.scanner, at, log.ranges)
 
@@ -158,8 +151,7 @@ def test_scans_of_a_robot_that_is_lost_are_not_used(lap):
     assert residuals.places == []
 
 
-def test_replay_writes_the_picture_and_a_line_per_place(lap, wrong, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_replay_writes_the_picture_and_a_line_per_place(lap, wrong, here, capsys):
     _, log = lap
     wrong.save("wrong.yaml")
     logs.Trajectory(log.times, log.reference).write("lap.tum")
@@ -169,12 +161,12 @@ def test_replay_writes_the_picture_and_a_line_per_place(lap, wrong, tmp_path, mo
     words = ["replay", *log_and_map, *how, "--localizers", "mcl", "--particles", "1000"]
     assert exit_code(*words, "--residuals") == 0
     said = capsys.readouterr().out
-    kinds = [line["kind"] for line in lines(tmp_path / "o", "residuals.csv")]
+    kinds = [line["kind"] for line in lines(here / "o", "residuals.csv")]
     assert {HIT, THROUGH} == set(kinds), said
     places = f"{kinds.count(HIT)} place{'' if kinds.count(HIT) == 1 else 's'}"
     told = f"{places} hit in free space, {kinds.count(THROUGH)} seen through"
     assert told in said
-    assert (tmp_path / "o/residuals.png").read_bytes().startswith(b"\x89PNG")
-    assert "Where is the map wrong?" in (tmp_path / "o/report.html").read_text(encoding="utf-8")
+    assert (here / "o/residuals.png").read_bytes().startswith(b"\x89PNG")
+    assert "Where is the map wrong?" in (here / "o/report.html").read_text(encoding="utf-8")
     assert exit_code(*words) == 0  # without the option they go
-    assert not (tmp_path / "o/residuals.png").exists()
+    assert not (here / "o/residuals.png").exists()

@@ -40,7 +40,6 @@ class Broken:
 
 
 def of_motion(params):
-    """Settings of the motion model."""
     return {f"assumed.motion.{name}": value for name, value in params.items()}
 
 
@@ -82,7 +81,6 @@ def kept_at(errors, cloud=(0.0,), judged=0, interpolated=None):
 
 
 def record_of(errors, seed=0, localizer="mcl", **how):
-    """The record of such a run."""
     trial = Trial(scenario="replay", localizer=localizer, params=(), lag=0, seed=0, trial=seed)
     scores = {"offset": 0, **dict.fromkeys(SCORE_NAMES, float(np.mean(errors))), "lost": 0.0}
     journey, track = kept_at(errors, **how).kept()
@@ -105,7 +103,6 @@ def record_of(errors, seed=0, localizer="mcl", **how):
 
 
 def runs_of(*errors):
-    """Runs that are so far off at their records."""
     records = [record_of(own, seed) for seed, own in enumerate(errors)]
     return runs_frame({"mcl": records}, {"mcl": 0}, drive(len(errors[0])))
 
@@ -193,9 +190,7 @@ def test_the_tables_are_those_of_plain_loops(recorded, start, beside):
     assert "http" not in page.replace("http://www.w3.org", "")
 
 
-def test_more_runs_are_added_to_those_that_are_there_and_other_settings_are_refused(
-    recorded, capsys
-):
+def test_more_runs_are_added_to_those_there_and_other_settings_are_refused(recorded, capsys):
     words = (*KNOWN, "--localizers", "dead-reckoning", "--out", "o")
     assert replay(*words, "--seeds", "1") == 0
     before = stored(recorded / "o")["trials.jsonl"]
@@ -401,9 +396,7 @@ def test_a_localizer_has_its_own_parameters_before_the_number_of_particles():
         (["--localizers", "amcl", "--set", "params.amcl.laser_model_type=robot"], True),
     ],
 )
-def test_the_power_of_scans_is_fitted_only_where_a_localizer_uses_it(
-    recorded, monkeypatch, words, fits
-):
+def test_the_power_is_fitted_only_where_a_localizer_uses_it(recorded, monkeypatch, words, fits):
     fitted = []
     monkeypatch.setattr(
         "benchmarks.robots.replaying.with_fitted_power", lambda replay: fitted.append(1) or replay
@@ -462,9 +455,7 @@ def test_odometry_that_moves_sideways_is_told_unless_the_motion_model_knows_it(r
 TEMPLATE = "localizers.template:MyLocalizer"
 
 
-def test_a_notebook_replays_a_log_with_a_class_of_its_own_and_gets_the_tables_of_the_command(
-    recorded,
-):
+def test_a_notebook_replays_a_log_with_its_own_class_and_gets_the_commands_tables(recorded):
     class Mine(MyLocalizer):
         """A localizer of a notebook."""
 

@@ -51,7 +51,6 @@ def hall(scale=1) -> np.ndarray:
 
 
 def calm(**kwargs) -> RoomEnv:
-    """A RoomEnv without motion noise, begun with seed 0."""
     env = RoomEnv(noise=STILL, **kwargs)
     env.reset(seed=0)
     return env
@@ -67,7 +66,6 @@ WRAPPED = {
 
 
 def drive(env, actions) -> list[tuple]:
-    """What ``env.step`` says to each action."""
     return [env.step(np.asarray(action, np.float32)) for action in actions]
 
 
@@ -87,7 +85,6 @@ def poses_of(env, actions) -> np.ndarray:
 
 
 def wrapped(angles):
-    """Angles in [-π, π)."""
     return (np.asarray(angles) + math.pi) % (2 * math.pi) - math.pi
 
 

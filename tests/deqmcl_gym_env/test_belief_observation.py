@@ -54,7 +54,6 @@ def test_the_belief_is_that_of_the_localizer_run_by_hand(observation):
 
 
 def about_half_a_turn():
-    """A belief in two weighted poses, about ±π in heading."""
     return PointsBelief([(0, 0, 3.0), (2, 0, -3.0)], [1, 3])
 
 

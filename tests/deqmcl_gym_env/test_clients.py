@@ -48,7 +48,6 @@ def made(name, **kwargs):
 
 
 def driven(env, seed, steps=6):
-    """The infos and observations of some steps."""
     seen, info = env.reset(seed=seed)
     said = [(seen, info)]
     for _ in range(steps):

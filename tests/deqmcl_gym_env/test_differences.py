@@ -44,7 +44,6 @@ def begun(seed=0, **kwargs):
 
 
 def there(env):
-    """The map of what is there."""
     return env._begun.there.world.floor_plan
 
 

@@ -18,7 +18,6 @@ ROOM = {"outer": [[0, 0], [350, 0], [350, 300], [0, 300]]}
 
 
 def made(**world) -> RoomEnv | None:
-    """The environment, or None if it is refused as it should be."""
     try:
         env = RoomEnv(**world)
         env.reset(seed=0)

@@ -119,7 +119,6 @@ def test_a_mount_off_the_robot_is_refused():
 
 
 def driven(env, steps: int):
-    """Scans, poses and infos of the planned drive."""
     scan, info = env.reset(seed=4)
     said = [(scan, info)]
     for _ in range(steps):

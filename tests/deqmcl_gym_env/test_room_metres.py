@@ -18,14 +18,12 @@ ROUGH = {"drive": 0.3, "turn": 0.3}  # drift is per length, so it is left to the
 
 
 def metres(plan: dict) -> dict:
-    """The same floor plan, in metres."""
     outer = (np.array(plan["outer"]) * M).tolist()
     obstacles = [(np.array(one) * M).tolist() for one in plan.get("obstacles", ())]
     return {"outer": outer, "obstacles": obstacles, "unit": "m"}
 
 
 def assert_alike(px: dict, m: dict) -> None:
-    """What is said in px and in metres: lengths × 0.02, all else the same."""
     near = {"rtol": 0, "atol": CLOSE}
     np.testing.assert_allclose(m["truth"][..., :2] / M, px["truth"][..., :2], **near)
     turned = (m["truth"] - px["truth"])[..., 2]

@@ -92,7 +92,6 @@ HALL = {"outer": [[0, 0], [300, 0], [300, 300], [0, 300]]}
 
 
 def begun(**kwargs):
-    """A room with an episode begun."""
     RoomEnv(**kwargs).reset(seed=0)
 
 

@@ -126,7 +126,6 @@ def test_a_driver_plans_from_where_the_robot_was_carried_or_shows_what_was_plann
 
 
 def seen_from(pose, goal):
-    """Distance and bearing of a goal."""
     dx, dy = goal[0] - pose[0], goal[1] - pose[1]
     bearing = math.atan2(dy, dx) - pose[2]
     return [math.hypot(dx, dy), math.atan2(math.sin(bearing), math.cos(bearing))]
@@ -213,7 +212,6 @@ ROUTES = Routes(ROOM, radius=10.0, comfort=40.0)
 
 
 def points(seed, count):
-    """Places in free space, (count, 2)."""
     drawn = np.random.default_rng(seed).uniform((0, 0), (350, 300), (8 * count, 2))
     return drawn[ROOM.free(drawn, 15.0)][:count]
 

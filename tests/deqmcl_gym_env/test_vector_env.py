@@ -103,7 +103,6 @@ FORWARD = np.float32([5.0, 0.0])
 
 
 def rooms(number: int = 3, **kwargs) -> RoomVectorEnv:
-    """A native vector env, begun with seed 0."""
     env = gym.make_vec(ROOM_ID, num_envs=number, **kwargs)
     env.reset(seed=0)
     return env

@@ -99,9 +99,7 @@ def episode(env, seed: int = 5) -> tuple[np.ndarray, list]:
 
 
 @pytest.mark.parametrize("probability", [0.02, 0.5, 0.9])
-def test_beams_are_lost_with_the_probability_independently_of_neighbours_and_the_last_scan(
-    probability,
-):
+def test_beams_are_lost_with_the_probability_whatever_neighbours_or_scans_lose(probability):
     scans, _ = episode(BeamDropout(RoomEnv(ends_at_goal=False, **BEAMS), probability))
     lost = np.isposinf(scans)
     both = probability**2  # two of them are lost
@@ -149,9 +147,7 @@ def changed(step: int, actions, **kwargs) -> PlanChange:
 
 @pytest.mark.parametrize("count", [0, 3, 300])
 @pytest.mark.parametrize("horizon", [5, None])
-def test_the_new_plan_is_shown_after_its_step_and_not_before_and_the_episode_ends_with_it(
-    count, horizon
-):
+def test_the_new_plan_is_shown_after_its_step_and_the_episode_ends_with_it(count, horizon):
     new = np.tile(NEW, (100, 1))[:count]
     env = changed(3, new, horizon=horizon)
     old, rows = env.unwrapped.plan.copy(), horizon or 204

@@ -59,7 +59,6 @@ def test_an_example_whose_library_is_missing_says_what_to_install(name, monkeypa
 
 
 def run(script: str, *arguments: object) -> str:
-    """What a script prints, run as its page says."""
     ours = os.environ | {"PYTHONPATH": str(ROOT)}
     return python(EXAMPLES / script, *arguments, env=ours, timeout=None)
 
@@ -112,13 +111,12 @@ FEW = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("script", FEW)
-def test_ppo_trains_is_scored_and_draws_its_curves(script, tmp_path, monkeypatch):
+def test_ppo_trains_is_scored_and_draws_its_curves(script, here):
     pytest.importorskip("stable_baselines3")
-    monkeypatch.chdir(tmp_path)
     arguments, words = FEW[script]
     said = run(script, *arguments.split())
     assert [word for word in words if word not in said] == []
-    assert "<svg" in (tmp_path / "curve.svg").read_text()
+    assert "<svg" in (here / "curve.svg").read_text()
 
 
 @pytest.mark.slow
@@ -166,8 +164,7 @@ FEWER = (('sweep("paper")', 'sweep("paper", trials=2)'), ("trials=10", "trials=2
 
 
 @pytest.mark.filterwarnings("ignore:FigureCanvasAgg is non-interactive")
-def test_the_notebook_runs_and_deq_mcl_loses_world_1(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_the_notebook_runs_and_deq_mcl_loses_world_1(here):
     cells = json.loads(NOTEBOOK.read_text(encoding="utf-8"))["cells"]
     code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
     for many, few in FEWER:

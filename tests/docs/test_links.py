@@ -42,7 +42,6 @@ ELSEWHERE = re.compile(r"[a-z][a-z0-9+.-]*:", re.IGNORECASE)  # http:, https:, m
 
 
 def targets(text):
-    """Where the links and images of a Markdown text lead, code left out."""
     prose = CODE.sub("", FENCE.sub("", text))
     return [next(filter(None, found)) for found in TARGETS.findall(prose)]
 
@@ -61,7 +60,6 @@ def anchors(text):
 
 
 def broken(document):
-    """Links of a document that lead nowhere, with the reason."""
     text = document.read_text()
     for target in targets(text):
         if ELSEWHERE.match(target):
@@ -82,7 +80,6 @@ def test_every_link_and_image_leads_to_a_file_and_a_heading_that_are_there(docum
 
 
 def gone(document):
-    """Names of code in a document that are not where it says."""
     for found in NAMES.finditer(FENCE.sub("", document.read_text())):
         if dotted := found["dotted"]:
             if not there(dotted):
@@ -96,7 +93,6 @@ def gone(document):
 
 
 def there(dotted):
-    """Whether a dotted name is a module, or an attribute of one."""
     try:
         pkgutil.resolve_name(dotted)
     except (ImportError, AttributeError):
@@ -200,25 +196,7 @@ def test_every_table_of_the_pages_is_that_of_its_report():
     assert tables.main(["--check"]) == 0
 
 
-def test_parts_of_a_files_name_are_columns():
-    files = ["buildings/intel.csv", "buildings/freiburg-079-amcl.csv"]
-    told = {"file": r"(?P<building>intel|freiburg)[-0-9]*(?P<model>\w+)?"}
-    frame = tables.rows_of(files, "localizer in ('mcl', 'amcl')", **told)
-    assert frame[["localizer", "building", "model"]].to_numpy().tolist() == [
-        ["mcl", "intel", ""],
-        ["amcl", "freiburg", "amcl"],
-    ]
-
-
-def test_parameters_of_another_localizer_are_left_out():
-    _, rows = tables_of_code.parameters("cbgl", "-mcl-map")
-    assert {row[0] for row in rows} == {
-        "`poses`", "`matched`", "`modes`", "`spread`", "`spread_heading`",
-    }  # fmt: skip
-
-
 def rows(table):
-    """The cells of a table's rows, by the name in the first."""
     return {cells[0].strip("`"): cells[1:] for cells in table[1]}
 
 

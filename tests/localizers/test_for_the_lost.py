@@ -158,9 +158,7 @@ def test_a_route_is_new_that_does_not_go_on_as_the_one_before(last, plan, new):
 
 @pytest.mark.parametrize("name", FOR_THE_LOST)
 @pytest.mark.parametrize("share", [0.0, 0.5])
-def test_after_a_new_route_poses_are_drawn_by_it_and_otherwise_anywhere(
-    name, share, robot, prior, drive
-):
+def test_after_a_new_route_poses_are_drawn_by_it_else_anywhere(name, share, robot, prior, drive):
     straight = np.tile([5.0, 0.0, 0.0], (40, 1))  # 200 px: fits few poses in this room
     route = increments(drive[0])
     made = localizers.make(name, robot, particles=400, start_draws=20, plan_beta=10.0)

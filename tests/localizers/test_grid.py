@@ -67,7 +67,6 @@ def small() -> localizers.RobotModel:
 
 
 def split(position: float) -> list[tuple[int, float]]:
-    """The two cells around a position (in cells), and their linear shares."""
     below = math.floor(position)
     return [(below, 1 - (position - below)), (below + 1, position - below)]
 
@@ -229,7 +228,6 @@ def theirs(robot: localizers.RobotModel, prior, filters: int) -> np.ndarray:
 
 
 def worst_z(a: np.ndarray, b: np.ndarray) -> float:
-    """Largest Welch statistic over steps and columns."""
     error = np.sqrt(a.var(axis=0, ddof=1) / len(a) + b.var(axis=0, ddof=1) / len(b))
     return float(np.abs((a.mean(axis=0) - b.mean(axis=0)) / error).max())
 
@@ -249,9 +247,7 @@ def test_mcl_has_the_textbooks_means_over_many_filters(ours, robot, prior):
         ("motion", {"drift": 0.04}),
     ],
 )
-def test_a_textbook_filter_that_assumes_something_else_is_told_apart(
-    ours, robot, prior, part, change
-):
+def test_a_textbook_filter_of_other_assumptions_is_told_apart(ours, robot, prior, part, change):
     other = replace(robot, **{part: replace(getattr(robot, part), **change)})
     assert worst_z(ours, theirs(other, prior, 150)) > 5
 

@@ -60,9 +60,7 @@ def test_the_methods_do_differ_from_mcl_where_they_should(make, prior, drive, na
     assert not same(other, follow(make("mcl"), prior, drive), offsets=[offset])
 
 
-def test_an_ess_threshold_of_zero_never_resamples_so_weights_are_products_of_likelihoods(
-    robot, prior, drive
-):
+def test_never_resampled_weights_are_products_of_likelihoods(robot, prior, drive):
     never = localizers.make("mcl-smoother", robot, particles=60, lag=12, ess_threshold=0)
     last = follow(never, prior, drive)[-1]
     scan = LidarScan(floor_plan=robot.floor_plan, lidar=robot.lidar, beam=robot.scan)

@@ -24,7 +24,6 @@ MOTIONS = [
 
 
 def z(samples: np.ndarray, expected: float) -> float:
-    """(Mean - expected) in standard errors."""
     return (samples.mean() - expected) / (samples.std(ddof=1) / math.sqrt(samples.size))
 
 
@@ -188,9 +187,7 @@ def test_without_noise_a_pose_goes_where_the_odometry_does(model, case):
 
 @pytest.mark.parametrize("alpha2", [0.002, 0.02])
 @pytest.mark.parametrize("distance", [0.3, -1.0])
-def test_two_noises_stand_for_three_exactly_along_a_straight_drive_and_double_across(
-    distance, alpha2
-):
+def test_two_noises_stand_for_three_along_a_straight_drive_and_double_across(distance, alpha2):
     alphas = ALPHAS | {"alpha2": alpha2, "alpha4": 0.0}
     model, increment = DifferentialMotion(**alphas), (distance, 0.0, 0.0)
     # turns before and after are independent, and both of variance α2 ρ²
@@ -237,9 +234,7 @@ def test_the_noise_of_a_model_is_found_again_in_what_it_did(model):
 
 
 @pytest.mark.parametrize("model", [DifferentialMotion, OmniMotion])
-def test_odometry_that_loses_the_sign_of_some_drives_leaves_them_possible_and_the_turns_alone(
-    model,
-):
+def test_odometry_that_loses_some_signs_leaves_drives_possible_and_the_turns_alone(model):
     rng = np.random.default_rng(6)
     still = dict.fromkeys(["alpha1", "alpha2", "alpha3", "alpha4"], 0.001)
     meant, done = driven(model(**still), 4000, rng)

@@ -39,7 +39,6 @@ def drive() -> np.ndarray:
 
 
 def scans_at(poses: np.ndarray, place: tuple[float, float], rng) -> np.ndarray:
-    """Ranges from a lidar at ``place`` on the robot."""
     bearings = np.linspace(-math.pi, math.pi, BEAMS, endpoint=False)
     return HALL.ranges(mounted(poses, place), bearings) + rng.normal(0, SIGMA, (len(poses), BEAMS))
 

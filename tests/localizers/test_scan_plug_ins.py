@@ -65,9 +65,7 @@ def errors(trial):
 
 
 @pytest.mark.parametrize("name", ["mcl", "mcl-map-smoother", "deq-mcl-fresh", "mcl-plan-hedged"])
-def test_a_plug_in_that_is_the_built_in_model_gives_the_same_beliefs(
-    file, robot, prior, drive, name
-):
+def test_a_plug_in_like_the_built_in_model_gives_its_beliefs(file, robot, prior, drive, name):
     ours = replace(robot, scan=localizers.GaussianUniform(sigma=30.0))
     theirs = replace(robot, scan=ScanPlugIn(kind=str(file), params={"sigma": 30.0}))
     runs = [
@@ -142,10 +140,7 @@ def test_a_model_that_answers_amiss_fails_its_trial_in_a_sentence(tmp_path, answ
         ("gausian-uniform", ["did you mean 'gaussian-uniform'?", "or your own as file.py:NAME"]),
     ],
 )
-def test_what_is_no_scan_model_is_refused_before_anything_runs(
-    file, tmp_path, monkeypatch, kind, words
-):
-    monkeypatch.chdir(tmp_path)
+def test_what_is_no_scan_model_is_refused_at_once(file, here, kind, words):
     with refused(*words):
         Stage.of(replace(TRIAL, assumed={"scan.kind": kind})).check()
 
@@ -218,12 +213,11 @@ def test_each_law_is_broken_by_a_scan_model(tmp_path, law, code):
     assert law in failed
 
 
-def test_the_command_tries_a_plug_in_and_tells_of_each_law(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.py").write_text(ASKED.format(""))
+def test_the_command_tries_a_plug_in_and_tells_of_each_law(here, capsys):
+    (here / "mine.py").write_text(ASKED.format(""))
     assert main(["check", "mine.py:Model", "--scan"]) == 0
     assert "mine.py:Model keeps all laws of scan models." in capsys.readouterr().out
-    (tmp_path / "mine.py").write_text(ASKED.format("found[:] = 0"))
+    (here / "mine.py").write_text(ASKED.format("found[:] = 0"))
     assert main(["check", "mine.py:Model", "--scan"]) == 3
     assert "'the truth is likelier'" in capsys.readouterr().err
 

@@ -38,7 +38,6 @@ def lists(of, least=1, most=60):
 
 
 def pairs(most=60):
-    """Log-weights before, and log-likelihoods, of as many particles."""
     return st.integers(1, most).flatmap(lambda n: st.tuples(lists(LOG, n, n), lists(LOG, n, n)))
 
 
@@ -119,8 +118,6 @@ def test_the_points_of_a_gaussian_have_its_moments_also_where_it_has_no_width(me
 
 
 class Same:
-    """A generator whose numbers are all the same one."""
-
     def __init__(self, number: float) -> None:
         self.number = number
 
@@ -288,9 +285,7 @@ def assert_sound(belief) -> None:
 @quietly
 @pytest.mark.parametrize("name", ["mcl-map", "mcl-map-smoother", "deq-mcl"])
 @pytest.mark.parametrize("ess_threshold", [None, 0.5])
-def test_with_infinite_beta_and_all_colliding_the_weights_are_those_of_the_scan_alone(
-    steady, start, name, ess_threshold
-):
+def test_if_all_collide_the_weights_are_those_of_the_scan(steady, start, name, ess_threshold):
     params = {"particles": 50, "ess_threshold": ess_threshold}
     collapsed, uncharged = (
         updated(name, steady, start, [40.0], [-80.0, 0.0], beta=beta, **params) for beta in (INF, 0)
@@ -317,7 +312,7 @@ def test_a_scan_model_that_can_be_zero_collapses_and_is_counted(room, start):
 @pytest.mark.parametrize("pilots", [1, 16])
 @pytest.mark.parametrize("beta", [200.0, INF])
 @pytest.mark.parametrize("planned", [INTO_THE_WALL, np.tile([-25.0, 0.0], (6, 1))])
-def test_a_plan_into_the_wall_that_is_given_up_leaves_sound_weights(
+def test_a_plan_that_is_given_up_leaves_sound_weights(
     steady, start, planned, beta, pilots, ess_threshold
 ):
     # The queued future collides for all particles or many; then another plan is driven.

@@ -65,7 +65,6 @@ def by_tf(times, poses, parent="odom", base="base_footprint", topic="/tf"):
 
 
 def interleaved(times, poses):
-    """Each pose with a scan of its time."""
     pairs = zip(moving(times, poses), scanning(times), strict=True)
     return [message for pair in pairs for message in pair]
 
@@ -84,7 +83,6 @@ LOG = logs.Log(logs.Scanner(angles=(0.0,), max_range=5.0), TIMES, POSES, np.ones
 
 @pytest.fixture
 def heard(tmp_path):
-    """Read a bag of such messages: the log, and what was warned of."""
     made = itertools.count()
 
     def read(*messages, **asked):
@@ -194,7 +192,6 @@ READINGS = {  # what stands for no return, and what a log has for it
 
 
 def one_reading(path, reading):
-    """The second of three ranges in a log of this name, with limits 0.1 and 3."""
     ranges = (1.0, reading, 2.0)
     if path.suffix == ".csv":
         path.write_text(
@@ -326,9 +323,7 @@ def judged(times, poses):
     back=st.sampled_from([0.0, 1.5, 60.0, 1e6]),
     doubled=st.sets(st.integers(0, 39)),
 )
-def test_odometry_that_begins_anew_or_comes_twice_has_the_increments_that_the_robot_drove(
-    at, frame, back, doubled
-):
+def test_odometry_that_begins_anew_or_comes_twice_has_true_increments(at, frame, back, doubled):
     moved = composed(np.array([frame] * 41), POSES)
     sent = np.where(np.arange(41)[:, None] >= at, moved, POSES)
     stamps = TIMES - back * (np.arange(41) >= at)
@@ -504,7 +499,6 @@ def test_a_pose_out_of_order_or_without_a_stamp_and_a_covariance_that_is_none_ar
 
 
 def raw(times, poses):
-    """CARMEN lines without CARMEN's robot module."""
     lines = ["PARAM robot_frontlaser_offset 0.2 0 nohost 0"]
     for t, (x, y, heading) in zip(times, poses, strict=True):
         lines.append(f"ODOM {x} {y} {heading} 0 0 0 {t} host {t}")

@@ -106,9 +106,7 @@ def test_poses_that_are_not_on_the_map_see_nothing():
 
 @settings(max_examples=150)
 @given(grids(), SEEDS, st.floats(0.0, 3.0))
-def test_a_swept_disc_collides_if_a_solid_cell_or_the_edge_is_as_near_as_its_radius(
-    grid, seed, radius
-):
+def test_a_swept_disc_collides_if_a_solid_cell_or_edge_is_within_its_radius(grid, seed, radius):
     """The oracle looks at 400 places of a path, so that it overrates its distance by a little."""
     rng = np.random.default_rng(seed)
     starts = somewhere(grid, 30, rng, margin=1)

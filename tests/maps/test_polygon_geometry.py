@@ -10,11 +10,56 @@ from grid_cases import grids, office, somewhere
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from refusals import refused
-from sample_plans import PLANS, anywhere, awkward_poses, corners
 
 from deqmcl_gym.maps import GridMap, Lidar, Map, PolygonMap
-from deqmcl_gym.world.config import WORLDS
+from deqmcl_gym.world.config import PAPER_ROOM, WORLDS
 from deqmcl_gym.world.course import Course
+
+# A U-shaped hall with a C-shaped, a triangular and a tilted obstacle; orientations mixed.
+HALL = PolygonMap(
+    outer=[(0, 0), (400, 0), (400, 300), (250, 300), (230, 190), (150, 200), (150, 300), (0, 300)],
+    obstacles=[
+        [(60, 60), (120, 60), (120, 80), (80, 80), (80, 120), (120, 120), (120, 140), (60, 140)],
+        [(250, 50), (270, 120), (320, 70)],
+        [(170, 30), (210, 50), (190, 90), (150, 70)],
+    ],
+)
+
+
+def _forest() -> PolygonMap:
+    """A room with many obstacles: tilted squares, and upright ones that share their lines."""
+    rng = np.random.default_rng(0)
+    squares = []
+    for x, y in np.ndindex(8, 6):
+        turns = np.arange(4) * np.pi / 2 + (np.pi / 4 if (x + y) % 3 == 0 else rng.uniform(0, 1.5))
+        centre = 45 + 90 * np.array([x, y])
+        squares.append(centre + 14 * np.column_stack([np.cos(turns), np.sin(turns)]))
+    return PolygonMap([(0, 0), (720, 0), (720, 540), (0, 540)], [s.tolist() for s in squares])
+
+
+PLANS = {"room": PAPER_ROOM, "hall": HALL, "forest": _forest()}
+
+
+def corners(plan: PolygonMap) -> np.ndarray:
+    return np.vstack([plan.outer, *plan.obstacles])
+
+
+def anywhere(plan: PolygonMap, n: int, rng: np.random.Generator, margin: float = 0.0) -> np.ndarray:
+    """Uniform points in the plan's box and ``margin`` around it, (n, 2) px."""
+    x0, y0, x1, y1 = plan.bounds
+    return rng.uniform((x0 - margin, y0 - margin), (x1 + margin, y1 + margin), (n, 2))
+
+
+def awkward_poses(plan: PolygonMap, n: int, rng: np.random.Generator) -> np.ndarray:
+    """Poses (n, 3): a third heads exactly for a corner, a sixth runs parallel to the axes."""
+    points = anywhere(plan, n, rng)
+    headings = rng.uniform(-np.pi, np.pi, n)
+    target = rng.choice(corners(plan), n) - points
+    kind = rng.integers(0, 6, n)
+    headings = np.where(kind <= 1, np.arctan2(target[:, 1], target[:, 0]), headings)
+    headings = np.where(kind == 2, rng.integers(-2, 3, n) * np.pi / 2, headings)
+    return np.column_stack([points, headings])
+
 
 BAND = 1e-3  # px: coordinates of 700 px in float32, and a handful of operations on them
 
@@ -169,7 +214,7 @@ def poses_around(grid, n, rng) -> np.ndarray:
     kept_all=st.booleans(),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_both_count_the_steps_that_the_grid_says_collide(
+def test_both_count_the_steps_that_collide_on_the_grid(
     grid, n, steps, cells, radius, kept_all, seed
 ):
     rng, size = np.random.default_rng(seed), radius * grid.resolution
@@ -219,7 +264,6 @@ def is_range_of_a_pose_nearby(seen: float, plan: PolygonMap, pose: np.ndarray) -
 
 
 def violations(seen: np.ndarray, plan: PolygonMap, poses: np.ndarray) -> list[np.ndarray]:
-    """Poses whose range is not the exact one of any pose nearby."""
     suspects = np.flatnonzero(~(np.abs(seen - by_reference(plan, poses)[0]) <= HALF_PX))
     return [
         poses[i] for i in suspects if not is_range_of_a_pose_nearby(float(seen[i]), plan, poses[i])

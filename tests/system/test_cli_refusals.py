@@ -53,9 +53,7 @@ def here(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "named"), BAD, ids=[" ".join(map(str, case[0])) or "nothing" for case in BAD]
 )
-def test_a_bad_command_line_is_refused_in_one_sentence_and_nothing_is_written(
-    refusal, arguments, named
-):
+def test_a_bad_command_line_is_refused_and_nothing_is_written(refusal, arguments, named):
     refusal(arguments, *named)
     assert os.listdir() == []
 
@@ -64,9 +62,7 @@ def test_a_bad_command_line_is_refused_in_one_sentence_and_nothing_is_written(
     ("command", "out"),
     [("paper", "file"), ("run --localizer mcl", "file/below"), ("sweep quick", "file/far/below")],
 )
-def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(
-    tmp_path, refusal, command, out
-):
+def test_an_output_path_that_is_a_file_is_refused_and_kept(tmp_path, refusal, command, out):
     (tmp_path / "file").write_text("precious")
     refusal([*command.split(), "--out", tmp_path / out], "output folder", str(tmp_path / out))
     assert os.listdir() == ["file"]
@@ -74,7 +70,6 @@ def test_an_output_path_that_is_a_file_is_refused_and_the_file_kept(
 
 
 def points(*counts):
-    """Axes with so many values each."""
     return "".join(
         f"\n[[vary]]\nworld.noise.{name} = {list(range(count))}"
         for name, count in zip(("drive", "turn", "drift"), counts, strict=False)
@@ -103,9 +98,7 @@ BAD_SWEEPS = [  # what is added to the file, arguments, and what the sentence mu
     BAD_SWEEPS,
     ids=[(case[0][:50] or str(case[1])) for case in BAD_SWEEPS],
 )
-def test_a_sweep_that_cannot_be_run_is_refused_before_anything_is_written(
-    tmp_path, refusal, more, arguments, named
-):
+def test_a_sweep_that_cannot_be_run_is_refused_at_once(tmp_path, refusal, more, arguments, named):
     write_small(tmp_path, more=more)
     refusal(["sweep", "small.toml", "--out", "out", *arguments], *named)
     assert os.listdir() == ["small.toml"]
@@ -127,9 +120,7 @@ def test_dask_that_is_not_installed_is_said_with_the_pip_command(file, monkeypat
     refusal(["sweep", file, "--dask", "tcp://a:1"], "pip install 'deqmcl-gym[dask]'")
 
 
-def test_a_working_folder_that_is_gone_is_named_before_anything_is_run(
-    file, tmp_path, monkeypatch, refusal
-):
+def test_a_working_folder_that_is_gone_is_named(file, tmp_path, monkeypatch, refusal):
     gone, out = tmp_path / "gone", tmp_path / "out"
     gone.mkdir()
     monkeypatch.chdir(gone)
@@ -150,7 +141,6 @@ WRITERS = {
 
 @pytest.fixture(scope="module")
 def lap(tmp_path_factory):
-    """The folder of ``deqmcl run``."""
     out = tmp_path_factory.mktemp("lap")
     assert exit_code(*WRITERS["run"], "--out", out) == 0
     return out
@@ -158,8 +148,6 @@ def lap(tmp_path_factory):
 
 @pytest.fixture
 def refused(finished, refusal):
-    """Refuse an output folder by name and leave it as it is."""
-
     def of(command, out):
         before = files(Path(out))
         results = [finished] if command == "report" else []

@@ -24,10 +24,9 @@ FEW = ("--scenario", "room.toml", "--particles", "20", "--lag", "3")
 
 
 @pytest.fixture
-def room(tmp_path, monkeypatch):
+def room(here):
     assert len(ROOM.splitlines()) == 15
-    monkeypatch.chdir(tmp_path)
-    path = tmp_path / "room.toml"
+    path = here / "room.toml"
     path.write_text(ROOM)
     return path
 

@@ -69,15 +69,6 @@ def test_a_page_of_few_megabytes_has_the_whole_laps_of_best_and_worst_world(anim
         assert len(animation.frames) == 204 // 8 + 1 + 1  # and the whole way
 
 
-def test_missing_trials_are_counted(reported, tmp_path, capsys):
-    folder = shutil.copytree(reported, tmp_path / "partial")
-    lose(folder, 0, 1, 2)
-    assert exit_code("report", folder) == 0
-    expected = "9 of 12 trials finished, 3 missing: this report is partial."
-    assert capsys.readouterr().out.startswith(expected)
-    assert expected in (folder / "report.html").read_text(encoding="utf-8")
-
-
 def test_guided_worlds_of_different_length_are_swept_and_reported_together(tmp_path):
     more = '\n[[vary]]\nscenario = ["paper", "guided"]\n'
     out = tmp_path / "out"
@@ -157,7 +148,6 @@ BROKEN = "sweep_command:broken"
 
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
-    """Run a sweep of these localizers once; return its folder."""
     root, there = tmp_path_factory.mktemp("swept"), {}
 
     def run(*localizers, trials=2, seed=0, more="", fails=False):
@@ -174,9 +164,7 @@ def swept(tmp_path_factory):
     return run
 
 
-def test_a_report_for_a_paper_has_tables_and_bibtex_and_then_its_figures_too(
-    swept, tmp_path, capsys
-):
+def test_a_report_for_a_paper_has_tables_bibtex_and_figures(swept, tmp_path, capsys):
     folder, out = swept("mcl", "mcl-map"), tmp_path / "out"
     made = {"tables.tex", "references.bib"}
     for flag, more in (("--latex", set()), ("--pdf", {"figures"})):
@@ -197,7 +185,6 @@ def test_no_setting_of_matplotlib_that_a_user_has_changes_a_chart(swept, tmp_pat
 
 
 def pooled(out, *folders):
-    """Pool folders, the tables only; return their bytes by name."""
     assert report(*folders, "--out", out) == 0
     return tables(out)
 
@@ -217,9 +204,7 @@ def test_agents_that_drive_in_the_same_worlds_are_pooled_too(swept, tmp_path):
     assert pooled(tmp_path / "pooled", *apart) == tables(together)
 
 
-def test_folders_of_other_worlds_are_not_pooled_and_the_difference_is_said(
-    swept, tmp_path, refusal
-):
+def test_folders_of_other_worlds_are_not_pooled_which_is_said(swept, tmp_path, refusal):
     first, other = swept("mcl", "mcl-map"), swept("mcl", "mcl-map", seed=7)
     words = f"deqmcl: {other} is not comparable with {first} (seed was 0 and is 7): give"
     refusal(["report", first, other, "--out", tmp_path / "pooled"], words)
@@ -246,9 +231,7 @@ def test_folders_that_stopped_when_they_were_decided_are_not_pooled(swept, tmp_p
     refusal(["report", *folders, "--out", tmp_path / "pooled"], "until_decided", "fixed number")
 
 
-def test_folders_that_are_not_complete_or_without_an_own_output_are_not_pooled(
-    swept, tmp_path, refusal
-):
+def test_folders_not_complete_or_without_an_own_output_are_not_pooled(swept, tmp_path, refusal):
     first, other = swept("mcl", "mcl-map"), swept("mcl", "dead-reckoning")
     part = shutil.copytree(first, tmp_path / "part")
     lose(part, 0)

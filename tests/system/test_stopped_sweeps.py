@@ -44,7 +44,6 @@ class Running:
         )
 
     def pids(self):
-        """Its processes that live."""
         found = []
         for folder in Path("/proc").iterdir():
             try:

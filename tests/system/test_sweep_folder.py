@@ -20,9 +20,7 @@ from benchmarks.sweeps.sweepfile import sweep_named
 from benchmarks.trials import stage
 
 
-def test_only_a_trial_that_is_lost_or_damaged_is_run_again_and_the_tables_come_back(
-    file, finished, copy, ran, capsys
-):
+def test_only_a_lost_or_damaged_trial_is_run_again(file, finished, copy, ran, capsys):
     before = records(copy)
     lose(copy, 1)
     path = copy / "trials.jsonl"
@@ -122,7 +120,6 @@ params.particles = 15
 
 
 def written(folder):
-    """Write a project with a plug-in of each kind; return its sweep file."""
     for name, text in PROJECT.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text)
@@ -167,9 +164,7 @@ def test_failed_trials_are_said_kept_and_run_again_only_if_asked(tmp_path, capsy
     assert {line["method"] for line in lines(out)} == {"mcl", "dead-reckoning"}
 
 
-def test_a_disk_that_fills_up_is_said_in_one_line_and_the_sweep_goes_on_later(
-    file, finished, tmp_path, monkeypatch, capsys
-):
+def test_after_a_full_disk_a_sweep_goes_on(file, finished, tmp_path, monkeypatch, capsys):
     really, out = Store._append, tmp_path / "out"
 
     def fill_up(store, *parts):
@@ -234,7 +229,6 @@ FAULTS = {
 
 
 def looked_at(code, said, done):
-    """Whether it went well; if not, it was refused in one sentence."""
     assert code in (0, 2), (done, said)
     *notes, last = said.err.splitlines() or [""]
     notes += [last] if code == 0 and last else []
@@ -265,7 +259,7 @@ def faulty(file, finished, folder, dice, capsys):
 
 @pytest.mark.skipif(sys.platform != "linux", reason="makes pipes and links")
 @pytest.mark.parametrize(("seed", "cases"), [(0, 15), pytest.param(1, 300, marks=pytest.mark.slow)])
-def test_a_spoilt_folder_ends_in_the_same_tables_or_in_one_sentence(
+def test_a_spoilt_folder_ends_in_the_same_tables_or_a_sentence(
     file, finished, tmp_path, capsys, seed, cases
 ):
     dice = random.Random(seed)
@@ -287,7 +281,6 @@ class Mine:
 
 @pytest.fixture
 def mine(tmp_path):
-    """A plug-in, and a folder of results of it and of MCL on three worlds."""
     plug_in = tmp_path / "mine.py"
     plug_in.write_text(MINE.format(0.0))
     file = write_small(tmp_path, trials=3)
@@ -308,9 +301,7 @@ def verified(out):
     return json.loads((out / "manifest.json").read_text()).get("verified", [])
 
 
-def test_a_folder_whose_sample_agrees_goes_on_under_its_old_keys_with_missing_trials_only(
-    mine, capsys
-):
+def test_a_folder_whose_sample_agrees_goes_on_under_its_old_keys(mine, capsys):
     plug_in, file, out = mine
     before = records(out)
     edit(plug_in, 0.0)
