@@ -35,14 +35,10 @@ from benchmarks.trials.scores import GROUPS
 NEVER = math.inf
 
 
-def curve_of(runs):
-    frame = pd.DataFrame(runs, columns=["trial", "metres"])
-    return share_curve(frame.set_index("trial")["metres"])
-
-
 def test_the_curve_of_a_hand_made_case_counts_censored_runs_as_not_localized():
     # two runs on world 2: its half counts as half a world
-    curve = curve_of([(0, 1.0), (1, 3.0), (2, 2.0), (2, NEVER), (3, NEVER)])
+    worlds = pd.Index([0, 1, 2, 2, 3], name="trial")
+    curve = share_curve(pd.Series([1.0, 3.0, 2.0, NEVER, NEVER], worlds))
     assert list(curve["metres"]) == [0, 1, 2, 3]
     assert list(curve["share"]) == [0, 1 / 4, 1.5 / 4, 2.5 / 4]
     assert tuple(curve[["low", "high"]].iloc[-1]) == wilson(2.5 / 4, 4)

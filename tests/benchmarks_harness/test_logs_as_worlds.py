@@ -205,11 +205,6 @@ def log_of(meant: np.ndarray, done: np.ndarray, every: int = 1, unit: str = "m")
     return referenced(log, truth, max_gap=math.inf)
 
 
-def halved(model):
-    noise = {name: value / 2 for name, value in vars(model).items() if name != "still"}
-    return replace(model, **noise)
-
-
 NOISY = [  # above what is assumed anyway
     OdometryMotion(drive=0.3, turn=0.4, drift=0.25),
     OmniMotion(alpha1=0.5, alpha2=0.4, alpha3=0.3, alpha4=0.3, alpha5=0.4),
@@ -232,7 +227,9 @@ def test_noise_is_never_less_than_half_of_what_is_assumed_of_an_unknown_robot(ki
     meant = told(200)
     perfect = log_of(meant * ([50, 50, 1] if unit == "px" else 1), meant, unit=unit)
     perfect = log_of(perfect.increments, perfect.increments, unit=unit)
-    assert motion_noise(perfect, kind) == halved(unknown_motion(kind, unit))
+    model = unknown_motion(kind, unit)
+    half = {name: value / 2 for name, value in vars(model).items() if name != "still"}
+    assert motion_noise(perfect, kind) == replace(model, **half)
 
 
 @pytest.mark.parametrize("every", [2, 10])

@@ -16,11 +16,7 @@ import pytest
 
 from benchmarks.execution import ONE_THREAD, engines, sheltered
 from benchmarks.execution.engines import TRIES, Engine, Where, outcomes
-from benchmarks.execution.processes import (
-    Processes,
-    TimedOutError,
-    WorkerDiedError,
-)
+from benchmarks.execution.processes import Processes, TimedOutError, WorkerDiedError
 from benchmarks.sweeps.sweepfile import paper_sweep
 from benchmarks.trials.stage import Outcome
 
@@ -207,10 +203,10 @@ class Scripted:
         return future
 
 
-def run(scripts, keys="abc", slots=2, timeout=None):
+def run(scripts, timeout=None):
     executor = Scripted(scripts)
-    engine = Engine(submit=executor.submit, slots=slots, timeout=timeout)
-    return dict(outcomes([(key, f"trial {key}") for key in keys], engine)), executor
+    engine = Engine(submit=executor.submit, slots=2, timeout=timeout)
+    return dict(outcomes([(key, f"trial {key}") for key in "abc"], engine)), executor
 
 
 @pytest.mark.parametrize("losses", range(TRIES))

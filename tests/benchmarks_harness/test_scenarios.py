@@ -10,10 +10,7 @@ from refusals import refused
 from report_cases import TURNER
 
 from benchmarks.report.films import camera_of
-from benchmarks.setup.names import (
-    make_agent,
-    scenario,
-)
+from benchmarks.setup.names import make_agent, scenario
 from benchmarks.setup.priors import Places
 from benchmarks.setup.scenario import Thresholds
 from benchmarks.trials.spec import Trial

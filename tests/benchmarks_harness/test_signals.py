@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from fake_episode import TASK
-from report_cases import STEPS, changed, finished, lines_of, panel_of, trial_of
+from report_cases import STEPS, changed, finished, lines_of, panel_of, trial_of, trials
 
 from benchmarks.report.tables import detection_table
 from benchmarks.setup.scenario import Thresholds
@@ -117,16 +117,10 @@ KINDS = {
 }
 
 
-def reported(methods):
-    runs = [finished(name, world, 20.0) for name in methods for world in range(3)]
-    return [
-        rated(run, KINDS[name]) if (name := run.trial.localizer) in KINDS else run for run in runs
-    ]
-
-
 def test_the_table_says_the_auroc_and_of_how_many_steps():
-    records = reported(["rated", "never", "always", "blind"])
-    panel = panel_of(records)
+    far = [20.0] * 3
+    records = [rated(run, KINDS[name]) for name in KINDS for run in trials(name, far)]
+    panel = panel_of(records + trials("blind", far))
     table = detection_table(panel)
     assert list(table.frame)[2] == "steps with e > 50 px"
     assert lines_of(table) == [

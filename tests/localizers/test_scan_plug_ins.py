@@ -56,10 +56,6 @@ def file(tmp_path):
     return path
 
 
-def assuming(file, **more):
-    return replace(TRIAL, assumed={"scan.kind": f"{file}:Same", **more})
-
-
 def errors(trial):
     return [moment.belief.points()[0].tolist() for moment in Stage.of(trial).moments()][:20]
 
@@ -105,7 +101,8 @@ def test_a_scenario_and_a_sweep_find_it_from_their_own_folder(file, tmp_path):
 
 def test_its_code_and_the_files_it_ships_are_in_the_key_of_a_trial(file, tmp_path):
     (tmp_path / "room.toml").write_text('base = "guided"\nassumed.scan.kind = "mine.py"\n')
-    trials = assuming(file), replace(TRIAL, scenario=f"{tmp_path}/room.toml")
+    kind = replace(TRIAL, assumed={"scan.kind": f"{file}:Same"})
+    trials = kind, replace(TRIAL, scenario=f"{tmp_path}/room.toml")
     for trial in trials:
         assert f"{file}:Same" in guest_of(trial).split()
     before = [key_of(trial) for trial in trials]

@@ -37,8 +37,7 @@ def lists(of, least=1, most=60):
     return st.lists(of, min_size=least, max_size=most) | alike
 
 
-def pairs(most=60):
-    return st.integers(1, most).flatmap(lambda n: st.tuples(lists(LOG, n, n), lists(LOG, n, n)))
+PAIRS = st.integers(1, 60).flatmap(lambda n: st.tuples(lists(LOG, n, n), lists(LOG, n, n)))
 
 
 def shares_of(logs: list[float]) -> list[float]:
@@ -68,7 +67,7 @@ def test_weights_are_a_distribution_with_the_ratios_of_their_logarithms(logs):
     assert log_sum_exp(np.array(logs)) == log_sum == pytest.approx(total)
 
 
-@given(pairs(), st.booleans())
+@given(PAIRS, st.booleans())
 def test_evidence_of_any_size_makes_a_distribution_or_is_dropped_and_counted(given_logs, is_scan):
     before, factor = given_logs
     belief = cloud(before)

@@ -11,13 +11,7 @@ from hypothesis import strategies as st
 
 from deqmcl_gym import logs
 from deqmcl_gym.envs.log import spacing
-from deqmcl_gym.logs.motion import (
-    composed,
-    dead_reckoned,
-    increments_of,
-    relative,
-    sideways_of,
-)
+from deqmcl_gym.logs.motion import composed, dead_reckoned, increments_of, relative, sideways_of
 from deqmcl_gym.validation import InputError
 
 

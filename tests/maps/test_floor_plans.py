@@ -8,16 +8,7 @@ import pytest
 from refusals import refused
 
 from deqmcl_gym.maps import GridMap, Office, PolygonMap
-from deqmcl_gym.validation import (
-    InputError,
-    array,
-    digits,
-    in_words,
-    integer,
-    number,
-    one_of,
-    pose,
-)
+from deqmcl_gym.validation import InputError, array, digits, in_words, integer, number, one_of, pose
 from deqmcl_gym.world.config import WORLDS, offices_of
 
 OFFICE = Office(seed=3, wings=1)

@@ -31,10 +31,6 @@ def room(here):
     return path
 
 
-def few_of(command):
-    return command.replace(" --set params.particles=300", "").replace("worlds 40", "worlds 20")
-
-
 @pytest.mark.parametrize("page", [PAGE, REPORTS], ids=lambda page: page.stem)
 def test_the_commands_of_a_page_work_as_they_stand_one_after_the_other(room, capsys, page):
     Path("noisy.toml").write_text(NOISY)
@@ -43,7 +39,8 @@ def test_the_commands_of_a_page_work_as_they_stand_one_after_the_other(room, cap
     with without_report() as patched:
         patched.setattr("benchmarks.report.page.require_report", lambda: None)
         for command in commands.splitlines():
-            words = shlex.split(few_of(command))
+            short = command.replace(" --set params.particles=300", "")
+            words = shlex.split(short.replace("worlds 40", "worlds 20"))
             if words[0] != "deqmcl":
                 subprocess.run(command, shell=True, check=True)
                 continue

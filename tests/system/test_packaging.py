@@ -117,17 +117,13 @@ def run(locked, temporary, *arguments):
     return done.stdout
 
 
-def untouched(locked):
-    return not list(locked.rglob("__pycache__")) and not list((locked / "home").iterdir())
-
-
 @pytest.mark.slow
 def test_the_papers_run_works_without_a_folder_for_its_kernels(locked, tmp_path):
     paper = ("paper", "--trials", "1", "--particles", "10", "--out", tmp_path / "out")
     said = run(locked, tmp_path, COMMAND, *paper, "--jobs", "2")
     assert "figures/lap.webp" in said
     assert not list(tmp_path.rglob("*.nbc"))
-    assert untouched(locked)
+    assert [*locked.rglob("__pycache__"), *(locked / "home").iterdir()] == []
 
 
 # Every number of one trial of each localizer, by its exact bits.
