@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from following import STILL, wrapped
 
-from deqmcl_gym.maps import Lidar, PolygonMap
 from deqmcl_gym.validation import InputError
-from localizers import GaussianPrior, OdometryMotion, RobotModel, UniformPrior, make
-from localizers.checks import default_robot
+from localizers import OdometryMotion, UniformPrior, make
 from localizers.models import motion as kernels
 from localizers.models.nav2_motion import DifferentialMotion, OmniMotion, moved
 
@@ -89,23 +87,6 @@ def test_the_gaussian_of_a_kalman_filter_has_the_moments_of_a_uniform_prior(robo
     assert np.abs(poses.mean(axis=0)[:2] - (175, 150)).max() < 5 * 110 / 100
     drawn = prior.sample(10_000, np.random.default_rng(1))[:, :2]
     assert np.abs(poses.std(axis=0)[:2] / drawn.std(axis=0) - 1).max() < 10 / math.sqrt(20_000)
-
-
-@pytest.mark.parametrize("name", ["mcl", "deq-mcl", "ekf", "grid", "amcl"])
-def test_a_spread_of_10_px_by_default_is_refused_on_a_map_in_metres(name):
-    hall = PolygonMap(outer=[(0, 0), (9, 0), (9, 6), (0, 6)], unit="m")
-    localizer = make(name, RobotModel(floor_plan=hall, lidar=Lidar(max_range=9.0)))
-    plan, rng = np.zeros((0, 2)), np.random.default_rng(0)
-    with pytest.raises(InputError, match="give sd_position in m"):
-        localizer.reset(GaussianPrior(mean=(4.0, 3.0, 0.0)), plan, rng)
-    localizer.reset(GaussianPrior(mean=(4.0, 3.0, 0.0), sd_position=10.0), plan, rng)
-
-
-def test_a_spread_that_is_not_given_is_10_px_in_a_room():
-    assert GaussianPrior(mean=(1.0, 2.0, 0.0)) == GaussianPrior(mean=(1, 2, 0), sd_position=10.0)
-    robot = default_robot()
-    plan, rng = np.zeros((0, 2)), np.random.default_rng(0)
-    make("mcl", robot).reset(GaussianPrior(mean=(50.0, 50.0, 0.0)), plan, rng)
 
 
 ALPHAS = {"alpha1": 0.001, "alpha2": 0.002, "alpha3": 0.003, "alpha4": 0.0004}

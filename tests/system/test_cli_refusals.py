@@ -10,6 +10,7 @@ import pytest
 from deqmcl_command import exit_code, files
 from sweep_command import write_small
 
+pytestmark = pytest.mark.usefixtures("here")  # where the default of --out is, too
 RUN = ("run", "--localizer", "mcl", "--out", "out")
 MAP = ("new", "map", "--out", "out")
 
@@ -43,11 +44,6 @@ BAD = [  # arguments, and what the sentence must name
     ([*MAP, "--door", "0.85"], ["door", "0.85"]),
     (["report", "."], ["holds no manifest.json", "give the folder of a sweep or replay."]),
 ]
-
-
-@pytest.fixture(autouse=True)
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)  # so is the default of --out
 
 
 @pytest.mark.parametrize(
